@@ -1,0 +1,121 @@
+"""The range image: the one hub between geometry and sensing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True, eq=False)
+class RangeImage:
+    """What an aircraft sees of a ship: the range of every pixel, and how it slopes.
+
+    The pixel lattice is rolled about the line of sight by `roll`, so rows and columns are
+    not horizontal and vertical; `cross_range` gives the unrolled coordinates.
+
+    Attributes
+    ----------
+    down_range : (row, col) float64 ndarray
+        Down-range coordinate [m], 0 at the ship origin, growing away from the sensor; NaN
+        where the line of sight meets nothing. With a finite `slant_range` it is the exact
+        distance to the sensor less `slant_range` (wavefront curvature included); without
+        one it is the far-field coordinate -p.u.
+    gradient : (row, col, 2) float32 ndarray
+        Derivative of down-range along the image axes (column, row) [m/m] on the surface
+        that the pixel centre hits; NaN where `down_range` is.
+    pixel : float
+        Pixel side, measured at the range of the ship origin [m].
+    origin : (float, float)
+        Coordinates of the centre of pixel [0, 0] along the image axes (column, row) [m],
+        from the point where the line of sight through the ship origin meets the image.
+        Row 0 is the lowest one.
+    aspect, depression, roll : float
+        View angles [deg].
+    slant_range : float or None
+        Distance from the sensor to the ship origin [m]; None in the far field.
+    """
+
+    down_range: NDArray[np.float64]
+    gradient: NDArray[np.float32]
+    pixel: float
+    origin: tuple[float, float]
+    aspect: float
+    depression: float
+    roll: float
+    slant_range: float | None = None
+
+    @property
+    def hit(self) -> NDArray[np.bool_]:
+        """(row, col) bool ndarray: where the line of sight meets the ship."""
+        return ~np.isnan(self.down_range)
+
+    def cross_range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Horizontal and vertical coordinates of the pixel centres.
+
+        Returns
+        -------
+        horizontal, vertical : (row, col) float64 ndarray
+            Metres along `right` and `up` of the unrolled view, at the range of the ship
+            origin (angle times slant range, when that is finite).
+        """
+        rows, cols = self.down_range.shape
+        column = self.origin[0] + self.pixel * np.arange(cols)
+        row = self.origin[1] + self.pixel * np.arange(rows)[:, None]
+        cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
+        return column * cos - row * sin, column * sin + row * cos
+
+    def to_xarray(self) -> xr.Dataset:
+        """The image as an xarray data set with units, on its own (rolled) axes."""
+        import xarray as xr
+
+        rows, cols = self.down_range.shape
+        horizontal, vertical = self.cross_range()
+        image = ("row", "col")
+        metre = {"units": "m"}
+        return xr.Dataset(
+            {
+                "down_range": (
+                    image,
+                    self.down_range,
+                    metre | {"long_name": "down-range from the ship origin"},
+                ),
+                "gradient": (
+                    (*image, "axis"),
+                    self.gradient,
+                    {"units": "1", "long_name": "slope of down-range along the image axes"},
+                ),
+            },
+            coords={
+                "row": (
+                    "row",
+                    self.origin[1] + self.pixel * np.arange(rows),
+                    metre | {"long_name": "cross-range along the rows' axis"},
+                ),
+                "col": (
+                    "col",
+                    self.origin[0] + self.pixel * np.arange(cols),
+                    metre | {"long_name": "cross-range along the columns' axis"},
+                ),
+                "axis": ("axis", ["col", "row"]),
+                "horizontal": (
+                    image,
+                    horizontal,
+                    metre | {"long_name": "horizontal cross-range"},
+                ),
+                "vertical": (image, vertical, metre | {"long_name": "vertical cross-range"}),
+            },
+            attrs={
+                "aspect_deg": self.aspect,
+                "depression_deg": self.depression,
+                "roll_deg": self.roll,
+                "pixel_m": self.pixel,
+                # netCDF and zarr attributes have no None: infinity is the far field.
+                "slant_range_m": np.inf if self.slant_range is None else self.slant_range,
+            },
+        )
