@@ -65,8 +65,14 @@ class RangeImage:
             origin (angle times slant range, when that is finite).
         """
         rows, cols = self.down_range.shape
-        column = self.origin[0] + self.pixel * np.arange(cols)
-        row = self.origin[1] + self.pixel * np.arange(rows)[:, None]
+        return self.cross_range_at(np.arange(rows)[:, None], np.arange(cols))
+
+    def cross_range_at(
+        self, rows: NDArray[np.integer], cols: NDArray[np.integer]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Horizontal and vertical coordinates [m] of some pixel centres, as `cross_range`."""
+        column = self.origin[0] + self.pixel * cols
+        row = self.origin[1] + self.pixel * rows
         cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
         return column * cos - row * sin, column * sin + row * cos
 

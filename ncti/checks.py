@@ -1,0 +1,48 @@
+"""Refusing a number that cannot be meant, in one sentence."""
+
+from __future__ import annotations
+
+import math
+
+
+def require(
+    name: str,
+    value: float,
+    *,
+    positive: bool = False,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+) -> None:
+    """Raise unless `value` is a finite number in its range.
+
+    Parameters
+    ----------
+    name : str
+        The parameter as its caller wrote it.
+    value : float
+        What the caller gave.
+    positive : bool
+        Whether zero is refused along with everything below it.
+    minimum, maximum : float
+        Inclusive bounds.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, the value and what is allowed.
+    """
+    bounds = []
+    if positive:
+        bounds.append("above 0")
+    if minimum > -math.inf:
+        bounds.append(f"at least {minimum:g}")
+    if maximum < math.inf:
+        bounds.append(f"at most {maximum:g}")
+    allowed = "a finite number" + (" " + " and ".join(bounds) if bounds else "")
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    inside = minimum <= number <= maximum and not (positive and number <= 0)
+    if not (math.isfinite(number) and inside):
+        raise ValueError(f"{name} is {value!r}, but must be {allowed}")

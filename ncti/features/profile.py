@@ -1,0 +1,63 @@
+"""The range-profile vector: noise floor removed, peak normalised."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ncti.checks import require
+
+
+def profile_vector(
+    profile: ArrayLike,
+    *,
+    floor: ArrayLike | None = None,
+    edge: float = 0.08,
+) -> NDArray[np.float64]:
+    """Profiles as a classifier takes them.
+
+    Parameters
+    ----------
+    profile : (..., bin) array_like
+        Range profiles, noise floor included.
+    floor : (...) array_like, optional
+        Known noise floor, in the profile's units. Without it, the floor is the mean over both
+        edges of the window.
+    edge : float
+        Share of the bins, at each end of the window, that no ship reaches, in (0, 0.5].
+
+    Returns
+    -------
+    (..., bin) float64 ndarray
+        (profile - floor) / max(profile - floor): the peak is 1. A profile that nowhere rises
+        above its floor becomes zeros. Values below the floor stay negative, so that noise
+        averages out in an inner product.
+
+    Raises
+    ------
+    ValueError
+        If a profile is not finite or the share is out of range.
+
+    Notes
+    -----
+    Article, 'Classification Results Using Synthetic Range Profiles', normalises to the peak
+    and says nothing of the floor. Left in, a floor of thousands of IFOVs makes all profiles
+    alike; the median over bins is no estimate of it, since a ship seen from the bow fills most
+    of the window.
+    """
+    values = np.asarray(profile, dtype=np.float64)
+    if not np.isfinite(values).all():
+        raise ValueError("profile holds a value that is not finite, but must be all numbers")
+    if floor is None:
+        require("edge", edge, positive=True, maximum=0.5)
+        bins = values.shape[-1]
+        count = max(1, round(edge * bins))
+        outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
+        level = outer.mean(axis=-1, keepdims=True)
+    else:
+        level = np.asarray(floor, dtype=np.float64)[..., None]
+    above = values - level
+    peak = above.max(axis=-1, keepdims=True)
+    # Rounding leaves a flat profile a few ulp above its own floor: that is no peak.
+    flat = peak <= 1e-12 * np.abs(level)
+    return np.where(flat, 0.0, above / np.where(flat, 1.0, peak))

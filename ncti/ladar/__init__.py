@@ -1,0 +1,24 @@
+"""Laser radar: range extent, pulse, expected profile, sampled frames, receivers."""
+
+from ncti.ladar.budget import carrier_to_noise
+from ncti.ladar.expected import expected_profile
+from ncti.ladar.extent import RangeExtent, range_extent
+from ncti.ladar.frames import cumulative_average, sample_frames
+from ncti.ladar.moments import frame_moments, magnitude_covariance
+from ncti.ladar.pulse import noise_covariance, noise_floor, target_kernel
+from ncti.ladar.receivers import RECEIVERS
+
+__all__ = [
+    "RECEIVERS",
+    "RangeExtent",
+    "carrier_to_noise",
+    "cumulative_average",
+    "expected_profile",
+    "frame_moments",
+    "magnitude_covariance",
+    "noise_covariance",
+    "noise_floor",
+    "range_extent",
+    "sample_frames",
+    "target_kernel",
+]

@@ -1,0 +1,162 @@
+"""Sampled frames with speckle and shot noise, Equations A and B of the article."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require
+from ncti.ladar.extent import RangeExtent
+from ncti.ladar.moments import magnitude_covariance
+from ncti.ladar.pulse import (
+    low_rank_factor,
+    noise_covariance,
+    noise_factor,
+    noise_floor,
+    target_kernel,
+)
+from ncti.ladar.receivers import FALSE_ALARM, detect
+
+# From so many target-free IFOVs on, their sum is drawn as one Gaussian process: the sum of
+# 100 Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
+GAUSSIAN_FROM = 100
+
+
+def sample_frames(
+    extent: RangeExtent,
+    *,
+    pulse_width: float,
+    cnr: float,
+    frame_count: int,
+    rng: np.random.Generator,
+    target_free_ifovs: int = 0,
+    receiver: str = "full_profile",
+    false_alarm: float = FALSE_ALARM,
+) -> NDArray[np.float64]:
+    """Random frames: sums over IFOVs of the detector output, noise floor included.
+
+    Parameters
+    ----------
+    extent : RangeExtent
+        Range-extent fractions of the IFOVs on the target.
+    pulse_width : float
+        1/e^2 pulse width [s].
+    cnr : float
+        Carrier-to-noise power ratio (not decibels) of a filled IFOV at this range.
+    frame_count : int
+        Number of independent frames.
+    rng : numpy.random.Generator
+        Source of every random number.
+    target_free_ifovs : int
+        How many IFOVs without target each frame accumulates besides.
+    receiver, false_alarm
+        As in `ncti.ladar.receivers.detect`.
+
+    Returns
+    -------
+    (frame, bin) float64 ndarray
+        Amplitude, in the article's units (one target-free IFOV gives `noise_floor()`).
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+
+    Notes
+    -----
+    Article, Appendix 1, Equations A and B. Speckle and noise have unit variance in each
+    quadrature (<|w|^2> = 2), as Equation C takes it; the printed <w w*> = 1 would leave the
+    mean sqrt(2) below. Both are independent from IFOV to IFOV and frame to frame.
+
+    What a frame does not need is not drawn: speckle only on occupied bins, noise only in the
+    band that the filter passes, and the full-profile sum of `target_free_ifovs` IFOVs, from
+    GAUSSIAN_FROM on, as one Gaussian process with their exact mean and covariance.
+    """
+    require("cnr", cnr, minimum=0.0)
+    require("frame_count", frame_count, minimum=1)
+    require("target_free_ifovs", target_free_ifovs, minimum=0)
+    bins = extent.down_range.size
+    frames = np.zeros((frame_count, bins))
+    drawn = target_free_ifovs
+    if receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM:
+        factor = _floor_factor(pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=bins)
+        normals = rng.standard_normal((frame_count, len(factor)), dtype=np.float32)
+        frames += target_free_ifovs * noise_floor()
+        frames += math.sqrt(target_free_ifovs) * (normals @ factor)
+        drawn = 0
+    for amplitude in _waveforms(
+        extent,
+        pulse_width=pulse_width,
+        cnr=cnr,
+        frame_count=frame_count,
+        rng=rng,
+        target_free_ifovs=drawn,
+    ):
+        frames += detect(amplitude, receiver=receiver, false_alarm=false_alarm)
+    return frames
+
+
+def cumulative_average(
+    frames: NDArray[np.floating], frame_counts: Sequence[int]
+) -> NDArray[np.float64]:
+    """Averages over the first frames of a run, for several lengths of the run.
+
+    Parameters
+    ----------
+    frames : (frame, bin) ndarray
+        Frames in the order they were taken.
+    frame_counts : sequence of int
+        How many frames each average takes, from 1 to all.
+
+    Returns
+    -------
+    (frame_count, bin) float64 ndarray
+        Prefix averages: those of 4, 8, 16 and 32 frames share their first four.
+
+    Raises
+    ------
+    ValueError
+        If a count is below 1 or above the number of frames.
+
+    Notes
+    -----
+    Article, 'Laser Radar Range Signatures' and Figure 5 (cumulative averaging).
+    """
+    for count in frame_counts:
+        require("frame_count", count, minimum=1, maximum=len(frames))
+    return np.stack([np.mean(frames[:count], axis=0, dtype=np.float64) for count in frame_counts])
+
+
+def _waveforms(
+    extent: RangeExtent,
+    *,
+    pulse_width: float,
+    cnr: float,
+    frame_count: int,
+    rng: np.random.Generator,
+    target_free_ifovs: int,
+) -> Iterator[NDArray[np.float32]]:
+    """Detector output |l| (frame, bin) of one IFOV after the other."""
+    bins = extent.down_range.size
+    pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+    noise = noise_factor(**pulse, bin_count=bins)
+    kernel = target_kernel(**pulse, bin_count=bins).astype(np.float32)
+    empty = np.zeros((target_free_ifovs, bins))
+    for beta in np.concatenate([extent.density, empty]):
+        occupied = np.flatnonzero(beta)
+        speckle = np.sqrt(cnr * beta[occupied]).astype(np.float32)[:, None] * kernel[occupied]
+        factor = np.concatenate([speckle, noise])
+        quadratures = rng.standard_normal((2 * frame_count, len(factor)), dtype=np.float32)
+        field = quadratures @ factor
+        yield np.hypot(field[:frame_count], field[frame_count:])
+
+
+@lru_cache(maxsize=32)
+def _floor_factor(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
+    """Factor of the covariance of one target-free IFOV's output over range bins."""
+    noise = noise_covariance(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
+    return low_rank_factor(magnitude_covariance(noise), tolerance=1e-6)
