@@ -1,0 +1,20 @@
+"""Range images: what an aircraft's sensor sees of a ship."""
+
+from ncti.render.draw import range_image
+from ncti.render.engine import Engine, EngineError
+from ncti.render.engines import available_engines, choose_engine, engines, start_engine
+from ncti.render.image import RangeImage
+from ncti.render.view import ROLL, View
+
+__all__ = [
+    "ROLL",
+    "Engine",
+    "EngineError",
+    "RangeImage",
+    "View",
+    "available_engines",
+    "choose_engine",
+    "engines",
+    "range_image",
+    "start_engine",
+]

@@ -1,0 +1,138 @@
+"""pyrender's renderer and scene, set up to draw facet numbers.
+
+Importing this module imports OpenGL: `ncti.render.opengl.bind_platform` comes before.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyrender
+from numpy.typing import NDArray
+from OpenGL import GL
+from pyrender.shader_program import ShaderProgramCache
+
+from ncti.render.solid import KEPT, Solid
+
+SHADERS = Path(__file__).with_name("shaders")
+
+
+class Canvas:
+    """A context, a renderer and a scene, kept from image to image.
+
+    The scene holds the last ships drawn, with one of them visible; pyrender uploads a ship when it
+    joins the scene and frees it when it leaves.
+    """
+
+    def __init__(self, platform: str) -> None:
+        self._context = _make_context(platform)
+        self._camera = _MatrixCamera()
+        self._scene = pyrender.Scene(bg_color=np.zeros(4))
+        self._scene.add(self._camera)
+        self._renderer = _FacetRenderer()
+        self._nodes: OrderedDict[Solid, pyrender.Node] = OrderedDict()
+
+    def draw(
+        self, solid: Solid, clip: NDArray[np.float64], shape: tuple[int, int]
+    ) -> NDArray[np.float32]:
+        """The number of the facet behind each pixel, counted from 1; 0 where there is none.
+
+        Parameters
+        ----------
+        solid : Solid
+            The ship.
+        clip : (4, 4) float64 ndarray
+            From its vertices to clip coordinates.
+        shape : (int, int)
+            Rows and columns of the image, which fills the clip volume.
+
+        Returns
+        -------
+        (row * col,) float32 ndarray
+            Facet numbers, row 0 the lowest.
+        """
+        self._show(solid)
+        self._camera.matrix = clip
+        self._renderer.viewport_height, self._renderer.viewport_width = shape
+        flags = pyrender.RenderFlags.DEPTH_ONLY | pyrender.RenderFlags.OFFSCREEN
+        return self._renderer.render(self._scene, flags)
+
+    def _show(self, solid: Solid) -> None:
+        node = self._nodes.pop(solid, None)
+        if node is None:
+            primitive = pyrender.Primitive(positions=solid.vertices, indices=solid.faces)
+            node = self._scene.add(pyrender.Mesh([primitive]))
+        self._nodes[solid] = node
+        if len(self._nodes) > KEPT:
+            _, oldest = self._nodes.popitem(last=False)
+            self._scene.remove_node(oldest)
+        for other in self._nodes.values():
+            other.mesh.is_visible = other is node
+
+
+class _MatrixCamera(pyrender.Camera):
+    """A camera that stands at the ship origin with the whole way to clip coordinates in a matrix.
+
+    pyrender would multiply projection, view and model in the shader, in float32.
+    """
+
+    matrix: NDArray[np.float64]
+
+    def get_projection_matrix(
+        self, width: int | None = None, height: int | None = None
+    ) -> NDArray[np.float64]:
+        return self.matrix
+
+
+class _FacetRenderer(pyrender.Renderer):
+    """pyrender's renderer with a shader and a framebuffer of our own.
+
+    pyrender's own framebuffer has four samples a pixel, of which it then picks one that is not at
+    the centre, and a depth buffer of 24 bits.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(1, 1)
+        self._program_cache = ShaderProgramCache(shader_dir=str(SHADERS))
+
+    def _configure_main_framebuffer(self) -> None:
+        size = self.viewport_width, self.viewport_height
+        if size == self._main_fb_dims:
+            return
+        if self._main_fb is None:
+            self._main_cb, self._main_db = GL.glGenRenderbuffers(2)
+            self._main_fb = self._main_fb_ms = GL.glGenFramebuffers(1)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._main_fb)
+        for buffer, attachment, content in (
+            (self._main_cb, GL.GL_COLOR_ATTACHMENT0, GL.GL_R32F),
+            (self._main_db, GL.GL_DEPTH_ATTACHMENT, GL.GL_DEPTH_COMPONENT32F),
+        ):
+            GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
+            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, content, *size)
+            GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
+        self._main_fb_dims = size
+
+    def _read_main_framebuffer(self, scene: Any, flags: int) -> NDArray[np.float32]:
+        width, height = self._main_fb_dims
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
+        image = np.empty(height * width, dtype=np.float32)
+        GL.glReadPixels(0, 0, width, height, GL.GL_RED, GL.GL_FLOAT, image)
+        return image
+
+
+def _make_context(platform: str) -> Any:
+    """A current context; images have framebuffers of their own, so its surface has one pixel."""
+    if platform == "egl":
+        from pyrender.platforms.egl import EGLPlatform
+
+        context = EGLPlatform(1, 1)
+    else:
+        from pyrender.platforms.osmesa import OSMesaPlatform
+
+        context = OSMesaPlatform(1, 1)
+    context.init_context()
+    context.make_current()
+    return context

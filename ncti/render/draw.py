@@ -1,0 +1,101 @@
+"""From a mesh and a view to its range image."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import trimesh
+
+from ncti.render.engines import start_engine
+from ncti.render.image import RangeImage
+from ncti.render.solid import Solid, surface
+from ncti.render.view import ROLL, Lattice, View
+
+
+def range_image(
+    mesh: trimesh.Trimesh,
+    *,
+    aspect: float,
+    depression: float,
+    pixel: float = 0.25,
+    engine: str = "osmesa",
+    roll: float = ROLL,
+    slant_range: float | None = None,
+) -> RangeImage:
+    """What a sensor sees of a ship: range and slope of every pixel.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        Closed mesh with outward facets, in the ship frame [m]. All of it is drawn: a mesh that
+        reaches below the waterline shows what is there.
+    aspect : float
+        Bearing of the sensor from the ship [deg], 0 at the bow, growing to port.
+    depression : float
+        Angle of the line of sight below the horizontal [deg], 0 to 90.
+    pixel : float
+        Pixel side at the range of the ship origin [m].
+    engine : {"osmesa", "egl", "embree", "auto"}
+        What draws.
+    roll : float
+        Rotation of the pixel lattice about the line of sight [deg].
+    slant_range : float, optional
+        Distance from the sensor to the ship origin [m]; the far field when not given.
+
+    Returns
+    -------
+    RangeImage
+        The smallest image that covers the ship.
+
+    Raises
+    ------
+    ValueError
+        When a parameter is out of its range, or the mesh is empty or not finite.
+    EngineError
+        When the engine cannot run here.
+
+    Notes
+    -----
+    A pixel is a sample at its centre. The engine tells which facet it sees; range and slope are
+    those of the facet's plane there, in float64, perspective and wavefront curvature included.
+    """
+    view = View(
+        aspect=_within("aspect", aspect, -360.0, 360.0),
+        depression=_within("depression", depression, 0.0, 90.0),
+        roll=_within("roll", roll, -360.0, 360.0),
+        slant_range=None if slant_range is None else _positive("slant_range", slant_range),
+    )
+    solid = Solid.of(mesh)
+    points = (solid.vertices + solid.centre) @ view.axes.T
+    lattice = Lattice.around(points, view, _positive("pixel", pixel))
+
+    hit, facet = start_engine(engine).visible(solid, view, lattice)
+
+    down_range = np.full(lattice.shape, np.nan)
+    gradient = np.full((*lattice.shape, 2), np.nan, dtype=np.float32)
+    down_range.reshape(-1)[hit], gradient.reshape(-1, 2)[hit] = surface(
+        solid, view, lattice, points, hit, facet
+    )
+    return RangeImage(
+        down_range,
+        gradient,
+        pixel=lattice.pixel,
+        origin=lattice.origin,
+        aspect=view.aspect,
+        depression=view.depression,
+        roll=view.roll,
+        slant_range=view.slant_range,
+    )
+
+
+def _within(name: str, value: float, low: float, high: float) -> float:
+    if not low <= value <= high:
+        raise ValueError(f"{name} is {value} deg: it must be from {low:g} to {high:g} deg.")
+    return float(value)
+
+
+def _positive(name: str, value: float) -> float:
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name} is {value} m: it must be positive and finite.")
+    return float(value)

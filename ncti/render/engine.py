@@ -1,0 +1,38 @@
+"""What a rendering engine is."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.render.solid import Solid
+from ncti.render.view import Lattice, View
+
+
+class EngineError(RuntimeError):
+    """A rendering engine cannot run here."""
+
+
+class Engine(Protocol):
+    """What sees which facet of a ship lies behind each pixel centre.
+
+    That is all an engine is asked: the range and the slope of what is seen follow from the
+    facets in float64, once for all engines (`ncti.render.solid.surface`), so that no engine's
+    arithmetic is in them.
+    """
+
+    def visible(
+        self, solid: Solid, view: View, lattice: Lattice
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The pixels that see the ship, and the facet that each sees.
+
+        Returns
+        -------
+        pixel : (hit,) intp ndarray
+            Flat indices of pixels, ascending.
+        facet : (hit,) intp ndarray
+            Index into `solid.faces` of the facet nearest to the sensor there.
+        """
+        ...

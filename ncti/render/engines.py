@@ -1,0 +1,111 @@
+"""Which engines can run here, and the choice of one."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+
+from ncti.render.engine import Engine, EngineError
+from ncti.render.opengl import bound_platform
+
+
+@dataclass(frozen=True)
+class _Requirement:
+    """What an engine needs of the machine: for each library one of several files, from a package."""
+
+    libraries: tuple[tuple[str, ...], ...]
+    packages: str
+
+
+_REQUIREMENTS = {
+    "osmesa": _Requirement((("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),), "libosmesa6"),
+    "egl": _Requirement(
+        (("libEGL.so.1", "libEGL.so"), ("libOpenGL.so.0", "libGL.so.1", "libGL.so")),
+        "libegl1 libopengl0 libgl1-mesa-dri",
+    ),
+    "embree": _Requirement((), "embreex (from PyPI)"),
+}
+
+
+def engines() -> tuple[str, ...]:
+    """Names of all engines, in the order that "auto" prefers."""
+    return tuple(_REQUIREMENTS)
+
+
+@lru_cache
+def _present(name: str) -> bool:
+    def loads(library: str) -> bool:
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            return False
+        return True
+
+    return all(any(map(loads, files)) for files in _REQUIREMENTS[name].libraries)
+
+
+def available_engines() -> tuple[str, ...]:
+    """Names of the engines whose libraries this machine has, in the order that "auto" prefers.
+
+    Looks for the libraries only: neither pyrender nor OpenGL is imported.
+    """
+    return tuple(name for name in engines() if _present(name))
+
+
+def choose_engine(name: str) -> str:
+    """The engine that a name asks for.
+
+    Parameters
+    ----------
+    name : str
+        An engine, or "auto": the first available of osmesa, egl and embree; when this process
+        already draws with OpenGL, the engine it draws with.
+
+    Returns
+    -------
+    str
+        The engine's name.
+
+    Raises
+    ------
+    ValueError
+        When there is no engine of that name.
+    EngineError
+        When it cannot run here.
+    """
+    if name == "auto":
+        bound = bound_platform()
+        return bound if bound in available_engines() else available_engines()[0]
+    if name not in _REQUIREMENTS:
+        raise ValueError(f"engine is {name!r}: it must be auto, {', '.join(engines())}.")
+    if not _present(name):
+        others = " or ".join(available_engines())
+        raise EngineError(
+            f"render engine {name} cannot run here, because its libraries are missing: install "
+            f"them with `apt install {_REQUIREMENTS[name].packages}`, or use {others}."
+        )
+    return name
+
+
+def start_engine(name: str) -> Engine:
+    """The engine of a name, started on first use and kept for this process.
+
+    Raises
+    ------
+    ValueError, EngineError
+        As `choose_engine`; also when the libraries are there and cannot draw.
+    """
+    return _started(choose_engine(name), os.getpid())
+
+
+@lru_cache
+def _started(name: str, process: int) -> Engine:
+    if name == "embree":
+        from ncti.render.embree import EmbreeEngine
+
+        return EmbreeEngine()
+    from ncti.render.gl import PyrenderEngine
+
+    return PyrenderEngine(name)

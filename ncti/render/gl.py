@@ -1,0 +1,58 @@
+"""Visible facets by OpenGL: pyrender's depth pass, in software, on OSMesa or EGL."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.render.engine import EngineError
+from ncti.render.opengl import bind_platform
+from ncti.render.solid import Solid
+from ncti.render.view import Lattice, View, clip_matrix
+
+MAX_FACETS = 2**24
+"""Facets are numbered in a float32 colour, exact up to here."""
+
+
+def _open_canvas(platform: str) -> Any:
+    # Imports OpenGL, which binds it to the platform of this moment.
+    from ncti.render.canvas import Canvas
+
+    return Canvas(platform)
+
+
+class PyrenderEngine:
+    """pyrender on one OpenGL platform: one context, renderer and scene, kept.
+
+    An OpenGL context belongs to one thread. The engine has a thread of its own for it, so it may
+    be called from any; images are drawn one at a time.
+    """
+
+    def __init__(self, platform: str) -> None:
+        bind_platform(platform)
+        self._process = os.getpid()
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"render-{platform}")
+        try:
+            self._canvas = self._thread.submit(_open_canvas, platform).result()
+        except EngineError:
+            raise
+        except Exception as error:
+            raise EngineError(
+                f"render engine {platform} cannot start here ({error!r}): use another engine."
+            ) from error
+
+    def visible(
+        self, solid: Solid, view: View, lattice: Lattice
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The pixels that see the ship, and the facet that each sees."""
+        if len(solid.faces) >= MAX_FACETS:
+            raise ValueError(
+                f"mesh has {len(solid.faces)} facets: OpenGL engines take fewer than {MAX_FACETS}."
+            )
+        clip = clip_matrix(view, lattice, centre=solid.centre)
+        drawn = self._thread.submit(self._canvas.draw, solid, clip, lattice.shape).result()
+        pixel = np.flatnonzero(drawn)
+        return pixel, drawn[pixel].astype(np.intp) - 1

@@ -1,0 +1,97 @@
+"""Choosing PyOpenGL's platform, once in a process, and mending its OSMesa binding."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from typing import Any
+
+from ncti.render.engine import EngineError
+
+
+def bind_platform(name: str) -> None:
+    """Make PyOpenGL load its functions from OSMesa or from EGL; before pyrender is imported.
+
+    Parameters
+    ----------
+    name : {"osmesa", "egl"}
+        Platform.
+
+    Raises
+    ------
+    EngineError
+        When PyOpenGL was already bound to another platform in this process.
+    """
+    bound = bound_platform()
+    if bound not in (None, name):
+        raise EngineError(
+            f"render engine {name} cannot start, because this process already draws with {bound} "
+            f"and OpenGL has one platform a process: use {bound} or embree here, or another "
+            "process."
+        )
+    os.environ["PYOPENGL_PLATFORM"] = name
+    if name == "osmesa":
+        import OpenGL.osmesa
+        import OpenGL.platform
+        import OpenGL.raw.osmesa._types as types
+
+        mend_osmesa(OpenGL.osmesa, types.OSMesaContext, OpenGL.platform.PLATFORM.OSMesa)
+
+
+def bound_platform() -> str | None:
+    """The platform that PyOpenGL loads its functions from, None while it is not imported."""
+    platform = sys.modules.get("OpenGL.platform")
+    if platform is None:
+        return None
+    return type(platform.PLATFORM).__module__.rpartition(".")[2]
+
+
+def mend_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
+    """Add what pyrender needs of OSMesa and PyOpenGL lacks.
+
+    pyrender pins PyOpenGL 3.1.0, where the binding has no `OSMesaCreateContextAttribs`, without
+    which there is no OpenGL 3.3, none of its constants, and no hash of a context, by which pyrender
+    and PyOpenGL keep what belongs to one. Later versions have these, but there too two handles of
+    one context are not equal, so that pyrender would compile its shaders anew for every image.
+
+    Parameters
+    ----------
+    binding : module
+        `OpenGL.osmesa`.
+    context_type : type
+        `OSMesaContext`, a ctypes pointer.
+    library : ctypes.CDLL
+        The OSMesa library.
+    """
+    constants = {
+        "OSMESA_DEPTH_BITS": 0x30,
+        "OSMESA_STENCIL_BITS": 0x31,
+        "OSMESA_ACCUM_BITS": 0x32,
+        "OSMESA_PROFILE": 0x33,
+        "OSMESA_CORE_PROFILE": 0x34,
+        "OSMESA_COMPAT_PROFILE": 0x35,
+        "OSMESA_CONTEXT_MAJOR_VERSION": 0x36,
+        "OSMESA_CONTEXT_MINOR_VERSION": 0x37,
+    }
+    for name, value in constants.items():
+        if not hasattr(binding, name):
+            setattr(binding, name, value)
+    if not hasattr(binding, "OSMesaCreateContextAttribs"):
+        create = library.OSMesaCreateContextAttribs
+        create.restype = context_type
+        create.argtypes = [ctypes.POINTER(ctypes.c_int), context_type]
+
+        def create_context(attributes: Any, shared: Any) -> Any:
+            return create((ctypes.c_int * len(attributes))(*attributes), shared)
+
+        binding.OSMesaCreateContextAttribs = create_context
+
+    def address(context: Any) -> int | None:
+        return ctypes.cast(context, ctypes.c_void_p).value
+
+    def same(self: Any, other: Any) -> bool:
+        return isinstance(other, context_type) and address(self) == address(other)
+
+    context_type.__eq__ = same
+    context_type.__hash__ = lambda self: hash(address(self))

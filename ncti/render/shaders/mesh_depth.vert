@@ -1,0 +1,9 @@
+#version 330 core
+layout(location = 0) in vec3 position;
+
+uniform mat4 P;  // from the ship to clip coordinates: projection, view and model in one
+
+void main()
+{
+    gl_Position = P * vec4(position, 1.0);
+}

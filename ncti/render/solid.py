@@ -1,0 +1,149 @@
+"""A ship ready to be drawn: its facets as arrays, and the range of what a pixel sees of them."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from threading import Lock
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from ncti.render.view import Lattice, View
+
+KEPT = 8
+"""Ships kept ready, here and in each engine: the six of the study and two of the user's."""
+
+STEEPEST = 1e-6
+"""Smallest cosine of incidence told from edge-on: beyond it lies only the rounding of a normal."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """Facets of a closed mesh, with their planes.
+
+    Attributes
+    ----------
+    centre : (3,) float64 ndarray
+        Middle of the bounding box, in the ship frame [m].
+    vertices : (vertex, 3) float64 ndarray
+        Vertices relative to `centre` [m]: what an engine may round to float32.
+    faces : (facet, 3) int32 ndarray
+        Vertices of each facet, counter-clockwise from outside.
+    normals : (facet, 3) float64 ndarray
+        Outward unit normals; zero for a facet without area.
+    """
+
+    centre: NDArray[np.float64]
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    normals: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, mesh: trimesh.Trimesh) -> Solid:
+        """The solid of a mesh, made once for each content that the mesh has had.
+
+        Raises
+        ------
+        ValueError
+            When the mesh has no facets, or a vertex that is not finite.
+        """
+        key = hash(mesh)
+        with _lock:
+            solid = _kept.pop(key, None) or cls._prepare(mesh)
+            _kept[key] = solid
+            if len(_kept) > KEPT:
+                _kept.popitem(last=False)
+        return solid
+
+    @classmethod
+    def _prepare(cls, mesh: trimesh.Trimesh) -> Solid:
+        vertices = np.array(mesh.vertices, dtype=np.float64)
+        faces = np.array(mesh.faces, dtype=np.int32)
+        if len(faces) == 0:
+            raise ValueError("mesh has no facets: at least one is needed.")
+        if not np.isfinite(vertices).all():
+            raise ValueError("mesh has vertices that are not finite: all must be.")
+        centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        vertices -= centre
+        corner = vertices[faces]
+        normals = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        np.divide(normals, length, out=normals, where=length > 0)
+        for array in (centre, vertices, faces, normals):
+            array.flags.writeable = False
+        return cls(centre, vertices, faces, normals)
+
+
+_kept: OrderedDict[int, Solid] = OrderedDict()
+_lock = Lock()
+
+
+def surface(
+    solid: Solid,
+    view: View,
+    lattice: Lattice,
+    points: NDArray[np.float64],
+    pixel: NDArray[np.intp],
+    facet: NDArray[np.intp],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Down-range and its gradient where lines of sight meet facets, exactly.
+
+    Parameters
+    ----------
+    solid : Solid
+        The ship.
+    view : View
+        The view.
+    lattice : Lattice
+        The image.
+    points : (vertex, 3) float64 ndarray
+        The solid's vertices along the axes of the view [m], from the ship origin.
+    pixel : (hit,) intp ndarray
+        Flat index of each pixel that sees the ship.
+    facet : (hit,) intp ndarray
+        Which facet it sees.
+
+    Returns
+    -------
+    down_range : (hit,) float64 ndarray
+        Distance to the sensor less slant range [m]; in the far field, the coordinate along `away`.
+    gradient : (hit, 2) float64 ndarray
+        Its derivative along column and row [m/m].
+
+    Notes
+    -----
+    A facet's plane n.q = c and a line of sight q = (H w, V w, r), w = 1 + k r, meet at
+
+        r = (s - c) / a,   s = n_h H + n_v V,   a = -(n_r + k s),   grad r = w (n_h, n_v) / a,
+
+    where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that
+    faces the sensor. With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t,
+    so that
+
+        down-range = r + k w S / (1 + t),   gradient = t grad r + k w (H, V) / t,
+
+    which cancels nowhere, whatever R0. At the silhouette a pixel centre may lie a little outside
+    the facet it was given (a rasteriser's vertices are on a grid of 1/256 pixel); r is kept
+    within the facet's own extent, which on a steep facet matters.
+    """
+    k = view.curvature
+    corners = solid.faces[facet]
+    normal = solid.normals[facet] @ view.axes.T
+    r_corner = points[:, 2][corners]
+    h, v = lattice.centres(pixel)
+
+    n_h, n_v, n_r = normal.T
+    c = np.einsum("ij,ij->i", normal, points[corners[:, 0]])
+    s = n_h * h + n_v * v
+    a = np.maximum(-(n_r + k * s), STEEPEST)
+    r = np.clip((s - c) / a, r_corner.min(axis=1), r_corner.max(axis=1))
+
+    w = 1.0 + k * r
+    square = h**2 + v**2
+    t = np.sqrt(1.0 + k**2 * square)
+    position = np.stack([h, v], axis=1)
+    down_range = r + k * w * square / (1.0 + t)
+    gradient = (t * w / a)[:, None] * normal[:, :2] + (k * w / t)[:, None] * position
+    return down_range, gradient
