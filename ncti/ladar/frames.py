@@ -24,6 +24,7 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # From so many target-free IFOVs on, their sum is drawn as one Gaussian process: the sum of
 # 100 Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
+NORMALS_AT_ONCE = 4_000_000  # 16 MB
 
 
 def sample_frames(
@@ -75,28 +76,38 @@ def sample_frames(
     What a frame does not need is not drawn: speckle only on occupied bins, noise only in the
     band that the filter passes, and the full-profile sum of `target_free_ifovs` IFOVs, from
     GAUSSIAN_FROM on, as one Gaussian process with their exact mean and covariance.
+
+    Normals are drawn frame by frame, so that fewer frames from the same generator are the
+    first of more (to float32 rounding).
     """
     require("cnr", cnr, minimum=0.0)
     require("frame_count", frame_count, minimum=1)
     require("target_free_ifovs", target_free_ifovs, minimum=0)
     bins = extent.down_range.size
-    frames = np.zeros((frame_count, bins))
-    drawn = target_free_ifovs
-    if receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM:
-        factor = _floor_factor(pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=bins)
-        normals = rng.standard_normal((frame_count, len(factor)), dtype=np.float32)
-        frames += target_free_ifovs * noise_floor()
-        frames += math.sqrt(target_free_ifovs) * (normals @ factor)
-        drawn = 0
-    for amplitude in _waveforms(
+    as_sum = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
+    factors = _field_factors(
         extent,
         pulse_width=pulse_width,
         cnr=cnr,
-        frame_count=frame_count,
-        rng=rng,
-        target_free_ifovs=drawn,
-    ):
-        frames += detect(amplitude, receiver=receiver, false_alarm=false_alarm)
+        target_free_ifovs=0 if as_sum else target_free_ifovs,
+    )
+    if as_sum:
+        floor_factor = _floor_factor(
+            pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=bins
+        )
+    else:
+        floor_factor = np.zeros((0, bins), dtype=np.float32)
+    per_frame = len(floor_factor) + 2 * sum(len(factor) for factor in factors)
+    at_once = max(1, NORMALS_AT_ONCE // max(1, per_frame))
+    frames = np.empty((frame_count, bins))
+    for first in range(0, frame_count, at_once):
+        block = frames[first : first + at_once]
+        normals = rng.standard_normal((len(block), per_frame), dtype=np.float32)
+        floor_normals, normals = np.split(normals, [len(floor_factor)], axis=1)
+        block[:] = math.sqrt(target_free_ifovs) * (floor_normals @ floor_factor)
+        block += target_free_ifovs * noise_floor() if as_sum else 0.0
+        for amplitude in _waveforms(normals, factors):
+            block += detect(amplitude, receiver=receiver, false_alarm=false_alarm)
     return frames
 
 
@@ -131,28 +142,36 @@ def cumulative_average(
     return np.stack([np.mean(frames[:count], axis=0, dtype=np.float64) for count in frame_counts])
 
 
-def _waveforms(
-    extent: RangeExtent,
-    *,
-    pulse_width: float,
-    cnr: float,
-    frame_count: int,
-    rng: np.random.Generator,
-    target_free_ifovs: int,
-) -> Iterator[NDArray[np.float32]]:
-    """Detector output |l| (frame, bin) of one IFOV after the other."""
+def _field_factors(
+    extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int
+) -> list[NDArray[np.float32]]:
+    """Factor (rank, bin) of each IFOV's field: speckle on its occupied bins, then noise."""
     bins = extent.down_range.size
     pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
     noise = noise_factor(**pulse, bin_count=bins)
-    kernel = target_kernel(**pulse, bin_count=bins).astype(np.float32)
-    empty = np.zeros((target_free_ifovs, bins))
-    for beta in np.concatenate([extent.density, empty]):
+    kernel = target_kernel(**pulse, bin_count=bins)
+    factors = []
+    for beta in extent.density:
         occupied = np.flatnonzero(beta)
-        speckle = np.sqrt(cnr * beta[occupied]).astype(np.float32)[:, None] * kernel[occupied]
-        factor = np.concatenate([speckle, noise])
-        quadratures = rng.standard_normal((2 * frame_count, len(factor)), dtype=np.float32)
-        field = quadratures @ factor
-        yield np.hypot(field[:frame_count], field[frame_count:])
+        speckle = np.sqrt(cnr * beta[occupied])[:, None] * kernel[occupied]
+        factors.append(np.concatenate([speckle.astype(np.float32), noise]))
+    return factors + [noise] * target_free_ifovs
+
+
+def _waveforms(
+    normals: NDArray[np.float32], factors: list[NDArray[np.float32]]
+) -> Iterator[NDArray[np.float32]]:
+    """Detector output |l| (frame, bin) of one IFOV after the other."""
+    frame_count = len(normals)
+    start = 0
+    for factor in factors:
+        stop = start + 2 * len(factor)
+        field = normals[:, start:stop].reshape(2 * frame_count, len(factor)) @ factor
+        field *= field
+        power = field[0::2]
+        power += field[1::2]
+        yield np.sqrt(power)
+        start = stop
 
 
 @lru_cache(maxsize=32)
