@@ -63,14 +63,32 @@ class Canvas:
     def _show(self, solid: Solid) -> None:
         node = self._nodes.pop(solid, None)
         if node is None:
-            primitive = pyrender.Primitive(positions=solid.vertices, indices=solid.faces)
-            node = self._scene.add(pyrender.Mesh([primitive]))
+            node = self._scene.add(pyrender.Mesh([_numbered(solid)]))
         self._nodes[solid] = node
         if len(self._nodes) > KEPT:
             _, oldest = self._nodes.popitem(last=False)
             self._scene.remove_node(oldest)
         for other in self._nodes.values():
             other.mesh.is_visible = other is node
+
+
+def _numbered(solid: Solid) -> pyrender.Primitive:
+    """The facets, with vertices in such an order that vertex i is the last of facet i.
+
+    A `flat` output of the vertex shader is that of a facet's last vertex, so the number of that
+    vertex tells the facet; `gl_PrimitiveID` would too, and slows Mesa's software renderer by half.
+    Other corners use any copy of their vertex, and vertices that are nowhere last come at the end.
+    """
+    facets, last = len(solid.faces), solid.faces[:, 2]
+    copy = np.full(len(solid.vertices), -1)
+    copy[last] = np.arange(facets)
+    rest = np.flatnonzero(copy < 0)
+    copy[rest] = facets + np.arange(len(rest))
+    indices = copy[solid.faces]
+    indices[:, 2] = np.arange(facets)
+    return pyrender.Primitive(
+        positions=solid.vertices[np.concatenate([last, rest])], indices=indices
+    )
 
 
 class _MatrixCamera(pyrender.Camera):
@@ -94,9 +112,19 @@ class _FacetRenderer(pyrender.Renderer):
     the centre, and a depth buffer of 24 bits.
     """
 
+    _main_fb: Any
+    _main_fb_dims: tuple[int | None, int | None]
+
     def __init__(self) -> None:
         super().__init__(1, 1)
+        self._program: Any = None
         self._program_cache = ShaderProgramCache(shader_dir=str(SHADERS))
+
+    def _get_primitive_program(self, primitive: Any, flags: int, program_flags: int) -> Any:
+        # pyrender asks OpenGL for its limits on lights every time.
+        if self._program is None:
+            self._program = super()._get_primitive_program(primitive, flags, program_flags)
+        return self._program
 
     def _configure_main_framebuffer(self) -> None:
         size = self.viewport_width, self.viewport_height

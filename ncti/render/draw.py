@@ -67,7 +67,7 @@ def range_image(
         slant_range=None if slant_range is None else _positive("slant_range", slant_range),
     )
     solid = Solid.of(mesh)
-    points = (solid.vertices + solid.centre) @ view.axes.T
+    points = solid.along(view)
     lattice = Lattice.around(points, view, _positive("pixel", pixel))
 
     hit, facet = start_engine(engine).visible(solid, view, lattice)

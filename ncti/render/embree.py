@@ -25,17 +25,21 @@ class EmbreeEngine:
         self, solid: Solid, view: View, lattice: Lattice
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """The pixels that see the ship, and the facet that each sees."""
-        pixel = np.arange(lattice.rows * lattice.columns)
-        h, v = lattice.centres(pixel)
-        k, near = view.curvature, lattice.near
-        start = np.stack([h * (1 + k * near), v * (1 + k * near), np.full_like(h, near)], axis=1)
-        direction = np.stack([k * h, k * v, np.ones_like(h)], axis=1)
-        start = start @ view.axes - solid.centre
-        direction = direction @ view.axes
+        column, row, away = view.axes
+        k = view.curvature
+        h = lattice.origin[0] + lattice.pixel * np.arange(lattice.columns)
+        v = lattice.origin[1] + lattice.pixel * np.arange(lattice.rows)
+        across = h[:, None] * column + (v[:, None] * row)[:, None, :]
+        # From the near plane, so that float32 sees distances of the size of the ship only.
+        start = (1.0 + k * lattice.near) * across + (lattice.near * away - solid.centre)
+        direction = k * across + away if k > 0.0 else away
         with self._lock:
-            facet = self._scene(solid).run(start.astype(np.float32), direction.astype(np.float32))
-        hit = np.flatnonzero(facet >= 0)
-        return pixel[hit], facet[hit].astype(np.intp)
+            facet = self._scene(solid).run(
+                start.astype(np.float32).reshape(-1, 3),
+                direction.astype(np.float32).reshape(-1, 3),
+            )
+        pixel = np.flatnonzero(facet >= 0)
+        return pixel, facet[pixel].astype(np.intp)
 
     def _scene(self, solid: Solid) -> EmbreeScene:
         scene = self._scenes.pop(solid, None)

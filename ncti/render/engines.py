@@ -13,7 +13,7 @@ from ncti.render.opengl import bound_platform
 
 @dataclass(frozen=True)
 class _Requirement:
-    """What an engine needs of the machine: for each library one of several files, from a package."""
+    """What an engine needs: for each library one of several files, and the packages with them."""
 
     libraries: tuple[tuple[str, ...], ...]
     packages: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,11 +49,11 @@ class PyrenderEngine:
         self, solid: Solid, view: View, lattice: Lattice
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """The pixels that see the ship, and the facet that each sees."""
-        if len(solid.faces) >= MAX_FACETS:
+        if len(solid.faces) > MAX_FACETS:
             raise ValueError(
-                f"mesh has {len(solid.faces)} facets: OpenGL engines take fewer than {MAX_FACETS}."
+                f"mesh has {len(solid.faces)} facets: OpenGL engines take at most {MAX_FACETS}."
             )
         clip = clip_matrix(view, lattice, centre=solid.centre)
         drawn = self._thread.submit(self._canvas.draw, solid, clip, lattice.shape).result()
-        pixel = np.flatnonzero(drawn)
+        pixel = np.flatnonzero(drawn > 0)
         return pixel, drawn[pixel].astype(np.intp) - 1

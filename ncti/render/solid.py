@@ -33,12 +33,15 @@ class Solid:
         Vertices of each facet, counter-clockwise from outside.
     normals : (facet, 3) float64 ndarray
         Outward unit normals; zero for a facet without area.
+    offsets : (facet,) float64 ndarray
+        Distance of each facet's plane from the ship origin, along its normal [m].
     """
 
     centre: NDArray[np.float64]
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
     normals: NDArray[np.float64]
+    offsets: NDArray[np.float64]
 
     @classmethod
     def of(cls, mesh: trimesh.Trimesh) -> Solid:
@@ -71,9 +74,12 @@ class Solid:
         normals = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         np.divide(normals, length, out=normals, where=length > 0)
-        for array in (centre, vertices, faces, normals):
-            array.flags.writeable = False
-        return cls(centre, vertices, faces, normals)
+        offsets = np.einsum("ij,ij->i", normals, corner[:, 0] + centre)
+        return cls(centre, vertices, faces, normals, offsets)
+
+    def along(self, view: View) -> NDArray[np.float64]:
+        """(3, vertex) float64 ndarray: vertices along the axes of a view, from the ship origin."""
+        return view.axes @ self.vertices.T + (view.axes @ self.centre)[:, None]
 
 
 _kept: OrderedDict[int, Solid] = OrderedDict()
@@ -87,7 +93,7 @@ def surface(
     points: NDArray[np.float64],
     pixel: NDArray[np.intp],
     facet: NDArray[np.intp],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Down-range and its gradient where lines of sight meet facets, exactly.
 
     Parameters
@@ -98,8 +104,8 @@ def surface(
         The view.
     lattice : Lattice
         The image.
-    points : (vertex, 3) float64 ndarray
-        The solid's vertices along the axes of the view [m], from the ship origin.
+    points : (3, vertex) float64 ndarray
+        Coordinates of the solid's vertices along the axes of the view [m].
     pixel : (hit,) intp ndarray
         Flat index of each pixel that sees the ship.
     facet : (hit,) intp ndarray
@@ -109,7 +115,7 @@ def surface(
     -------
     down_range : (hit,) float64 ndarray
         Distance to the sensor less slant range [m]; in the far field, the coordinate along `away`.
-    gradient : (hit, 2) float64 ndarray
+    gradient : (hit, 2) float32 ndarray
         Its derivative along column and row [m/m].
 
     Notes
@@ -129,21 +135,28 @@ def surface(
     within the facet's own extent, which on a steep facet matters.
     """
     k = view.curvature
-    corners = solid.faces[facet]
-    normal = solid.normals[facet] @ view.axes.T
-    r_corner = points[:, 2][corners]
+    away = points[2]
+    n_h, n_v, n_r = view.axes @ solid.normals.take(facet, axis=0).T
     h, v = lattice.centres(pixel)
 
-    n_h, n_v, n_r = normal.T
-    c = np.einsum("ij,ij->i", normal, points[corners[:, 0]])
     s = n_h * h + n_v * v
     a = np.maximum(-(n_r + k * s), STEEPEST)
-    r = np.clip((s - c) / a, r_corner.min(axis=1), r_corner.max(axis=1))
+    r = (s - solid.offsets.take(facet)) / a
+    steep = np.flatnonzero(a < 0.1)
+    first, second, third = away[solid.faces.take(facet[steep], axis=0).T]
+    r[steep] = np.clip(
+        r[steep],
+        np.minimum(np.minimum(first, second), third),
+        np.maximum(np.maximum(first, second), third),
+    )
 
     w = 1.0 + k * r
-    square = h**2 + v**2
+    square = h * h + v * v
     t = np.sqrt(1.0 + k**2 * square)
-    position = np.stack([h, v], axis=1)
     down_range = r + k * w * square / (1.0 + t)
-    gradient = (t * w / a)[:, None] * normal[:, :2] + (k * w / t)[:, None] * position
+    slope = t * w / a
+    bend = k * w / t
+    gradient = np.empty((len(pixel), 2), dtype=np.float32)
+    gradient[:, 0] = slope * n_h + bend * h
+    gradient[:, 1] = slope * n_v + bend * v
     return down_range, gradient

@@ -100,8 +100,8 @@ class Lattice:
 
         Parameters
         ----------
-        points : (n, 3) float64 ndarray
-            Vertices along the axes of the view [m].
+        points : (3, n) float64 ndarray
+            Coordinates along the axes of the view [m].
         view : View
             The view.
         pixel : float
@@ -112,20 +112,22 @@ class Lattice:
         ValueError
             When the sensor is not clear of the ship, or the image would be too large.
         """
-        away = points[:, 2]
+        h, v, away = points
         nearest, farthest = float(away.min()), float(away.max())
         if view.slant_range is not None and view.slant_range <= -nearest:
             raise ValueError(
                 f"slant_range is {view.slant_range:g} m, and the ship reaches {-nearest:g} m "
                 "towards the sensor: the sensor must be beyond that."
             )
-        seen = points[:, :2] / (1.0 + view.curvature * away[:, None])
-        first = np.floor(seen.min(axis=0) / pixel)
-        last = np.ceil(seen.max(axis=0) / pixel)
-        columns, rows = np.maximum(last - first, 1.0)
-        if not max(columns, rows) <= MAX_SIDE:
+        w = 1.0 + view.curvature * away
+        (left, right), (bottom, top) = (
+            (math.floor(seen.min() / pixel), math.ceil(seen.max() / pixel))
+            for seen in (h / w, v / w)
+        )
+        columns, rows = max(right - left, 1), max(top - bottom, 1)
+        if max(columns, rows) > MAX_SIDE:
             raise ValueError(
-                f"pixel is {pixel:g} m, which makes an image of {columns:.0f} by {rows:.0f} "
+                f"pixel is {pixel:g} m, which makes an image of {columns} by {rows} "
                 f"pixels: neither side may exceed {MAX_SIDE}."
             )
         margin = 0.01 * (farthest - nearest) + pixel
@@ -133,7 +135,7 @@ class Lattice:
         if view.slant_range is not None:
             # Halfway to the sensor at most: the near plane stays in front of it.
             near = max(near, (nearest - view.slant_range) / 2)
-        return cls(pixel, int(first[0]), int(first[1]), int(columns), int(rows), near=near, far=far)
+        return cls(pixel, left, bottom, columns, rows, near=near, far=far)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -1,7 +1,9 @@
 #version 330 core
-out float facet;  // counted from 1; 0 is the background; exact up to 2^24
+flat in float vertex;
+
+out float facet;  // counted from 1, 0 being the background; exact up to 2^24
 
 void main()
 {
-    facet = float(gl_PrimitiveID + 1);
+    facet = vertex + 1.0;
 }

@@ -1,0 +1,58 @@
+"""Where the aircraft flies, and how steeply it then sees the ship."""
+
+from __future__ import annotations
+
+import math
+
+from ncti.checks import require
+
+EARTH_RADIUS = 6371e3  # m, mean
+
+
+def depression_angle(
+    slant_range: float, *, altitude: float, earth_radius: float = EARTH_RADIUS
+) -> float:
+    """Grazing angle at the ship of the line of sight from an aircraft.
+
+    Parameters
+    ----------
+    slant_range : float
+        Aircraft to ship [m].
+    altitude : float
+        Of the aircraft over the sea [m].
+    earth_radius : float
+        Of the sea's surface [m]; 1e12 and more is flat.
+
+    Returns
+    -------
+    float
+        Depression [deg], from 0 at the horizon to 90 overhead.
+
+    Raises
+    ------
+    ValueError
+        If a length is not positive, the aircraft is higher than the slant range, or the ship
+        is beyond the horizon.
+
+    Notes
+    -----
+    The law of cosines in the triangle of ship, aircraft and the Earth's centre:
+    sin d = (h / R) (1 + h / (2 Re)) - R / (2 Re). At 22,000 ft and 100 km it is 3.39 deg, and
+    3.84 deg over a flat sea. Refraction is left out.
+    """
+    require("slant_range", slant_range, positive=True)
+    require("altitude", altitude, positive=True)
+    require("earth_radius", earth_radius, positive=True)
+    sine = (altitude / slant_range) * (1 + altitude / (2 * earth_radius))
+    sine -= slant_range / (2 * earth_radius)
+    if sine > 1:
+        raise ValueError(
+            f"slant_range is {slant_range:g} m, but must be at least the altitude, {altitude:g} m"
+        )
+    if sine < 0:
+        horizon = math.sqrt(altitude * (2 * earth_radius + altitude))
+        raise ValueError(
+            f"slant_range is {slant_range:g} m, but must be at most the {horizon:.0f} m to the "
+            f"horizon from {altitude:g} m"
+        )
+    return math.degrees(math.asin(sine))
