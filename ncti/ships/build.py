@@ -1,0 +1,178 @@
+"""From a sheet to one watertight solid: place every component, add, cut, clip and check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from manifold3d import Manifold
+from numpy.typing import NDArray
+
+from ncti.ships import fittings, solids
+from ncti.ships.errors import ShipError
+from ncti.ships.sheets import Component, Part, Sheet
+
+HOUSE_SINK = 0.45  # bases go this far [m], at most, into a deck that may slope under them
+MOUNT_SINK = 0.15  # and mounts this far into their platform
+PART_SINK = 0.03  # and a template's parts into each other
+
+MAKERS: dict[str, Callable[..., Manifold]] = {
+    "box": solids.box,
+    "cyl": solids.cylinder,
+    "pole": solids.cylinder,
+    "sphere": solids.sphere,
+    "ellipsoid": solids.ellipsoid,
+    "beam": solids.beam,
+    "barrel": solids.barrel,
+    "trunnion": solids.trunnion,
+    "drum": solids.drum,
+    "plate": solids.plate,
+    "dish": solids.dish,
+    "mesh_dish": solids.mesh_dish,
+    "boat": solids.boat,
+    "prism": solids.prism,
+    "poly": solids.house,
+    "yard": solids.yard,
+    "lattice": solids.lattice,
+    "recess": solids.recess,
+    "step": solids.step,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A component's solid with all its copies, in sheet axes, to be added or cut away."""
+
+    name: str
+    solid: Manifold
+    cuts: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Ship:
+    """A built ship in ship axes.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64 ndarray
+        Corners [m].
+    faces : (m, 3) int32 ndarray
+        Facets, counter-clockwise from outside.
+    loa, beam : float
+        Length and beam of the hull itself [m], without what overhangs it.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    loa: float
+    beam: float
+
+
+def _made(part: Part, sink: float) -> Manifold:
+    sizes = dict(part.sizes)
+    if part.stands:
+        sizes.setdefault("sink", sink)
+    return MAKERS[part.prim](**sizes)
+
+
+def equipment(parts: tuple[Part, ...], *, azimuth: float, sink: float = MOUNT_SINK) -> Manifold:
+    """A template's instance about its mount axis, pointing to `azimuth` [deg, 90 to starboard]."""
+    made = [
+        _made(part, sink if part.at[2] == 0 else PART_SINK).translate(part.at) for part in parts
+    ]
+    cos, sin = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
+    # Columns: where u (ahead), v (to its right) and w (up) point in sheet axes.
+    turn = np.array([[-cos, sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, 0]])
+    return solids.union(made).transform(turn)
+
+
+def _windows(sheet: Sheet, component: Component) -> Manifold:
+    sizes = dict(component.sizes)
+    host = next(other for other in sheet.components if other.name == sizes["host"])
+    plan_keys = ("outline", "height", "top_scale", "front_rake")
+    plan = {key: host.sizes[key] for key in plan_keys if key in host.sizes}
+    foot = host.at[2]
+    del sizes["host"]
+    panes = fittings.windows(
+        solids.house_plan(**plan), plan["height"], sill=component.at[2] - foot, **sizes
+    )
+    return panes.translate((0, 0, foot - component.at[2]))
+
+
+def _single(sheet: Sheet, component: Component) -> Manifold:
+    """One copy of a component about its own origin."""
+    sizes: dict[str, Any] = dict(component.sizes)
+    match component.prim:
+        case "eq":
+            parts = sheet.templates[sizes.pop("template")]
+            return equipment(parts, **sizes)
+        case "bulwark":
+            return fittings.bulwark(sheet.hull, **sizes)
+        case "rail" | "net":
+            edge, inset = sizes.pop("edge", None), sizes.pop("inset", 0.1)
+            if edge is not None:
+                pitch = sizes["pitch"]
+                sizes["path"] = fittings.along_edge(sheet.hull, edge, inset=inset, pitch=pitch)
+            fence = fittings.rail if component.prim == "rail" else fittings.net
+            return fence(**sizes)
+        case "windows":
+            return _windows(sheet, component)
+    return _made(component, min(HOUSE_SINK, sizes.get("height", 0.0) / 4))
+
+
+def piece(sheet: Sheet, component: Component) -> Piece:
+    """The solid of one component with all its copies."""
+    one = _single(sheet, component)
+    copies = [one.translate(np.add(component.at, (*offset, 0.0))) for offset in component.offsets]
+    if component.mirror:
+        copies += [copy.mirror((0, 1, 0)) for copy in copies]
+    return Piece(component.name, solids.union(copies), component.cuts)
+
+
+def build(sheet: Sheet) -> Ship:
+    """Build a ship.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The ship, see `sheets.parse`.
+
+    Returns
+    -------
+    Ship
+        One watertight solid in ship axes, clipped at the waterline.
+
+    Raises
+    ------
+    ShipError
+        When a component floats: a part of it touches neither the hull nor what stands on it.
+    """
+    hull = sheet.hull.solid()
+    pieces = [piece(sheet, component) for component in sheet.components]
+    solid = solids.union([hull] + [p.solid for p in pieces if not p.cuts])
+    solid -= solids.union([p.solid for p in pieces if p.cuts])
+    solid = solid.trim_by_plane((0, 0, 1), 0)
+    solid = _one_body(sheet, solid, pieces)
+    mesh = solid.to_mesh64()
+    vertices = np.array(mesh.vert_properties[:, :3]) * [-1, -1, 1] + [sheet.hull.loa / 2, 0, 0]
+    faces = np.array(mesh.tri_verts, dtype=np.int32)
+    low, high = np.reshape(hull.bounding_box(), (2, 3))
+    loa, beam, _ = high - low
+    return Ship(vertices, faces, float(loa), float(beam))
+
+
+def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:
+    """The outer shell; cavities nobody can see are filled, and whatever floats is refused."""
+    shells = [shell for shell in solid.decompose() if shell.volume() > 0]
+    ship, *adrift = sorted(shells, key=Manifold.volume, reverse=True)
+    if adrift:
+        names = {
+            p.name for p in pieces for a in adrift if not p.cuts and not (p.solid ^ a).is_empty()
+        }
+        raise ShipError(
+            f"{sheet.name}: {', '.join(sorted(names))} would float in the air, "
+            "but every component must touch the hull or what stands on it."
+        )
+    return ship

@@ -1,0 +1,50 @@
+"""Built ships on disk: one file a digest, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+
+from ncti.ships.build import Ship
+
+
+def default_folder() -> Path:
+    """Where built ships are kept unless the caller says otherwise."""
+    return Path(platformdirs.user_cache_dir("ncti-sweep")) / "meshes"
+
+
+def read(path: Path) -> Ship | None:
+    """The ship in a file, bit for bit as it was written; None when it is absent or damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            ship = Ship(file["vertices"], file["faces"], float(file["loa"]), float(file["beam"]))
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
+        return None
+    whole = (ship.vertices.dtype, ship.faces.dtype) == (np.float64, np.int32)
+    return ship if whole and ship.vertices.ndim == ship.faces.ndim == 2 else None
+
+
+def write(path: Path, ship: Ship) -> None:
+    """Keep a ship; two processes may write the same one at once.
+
+    A folder that cannot be written costs a rebuild next time and nothing else.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                np.savez(
+                    file, vertices=ship.vertices, faces=ship.faces, loa=ship.loa, beam=ship.beam
+                )
+            os.replace(temporary, path)
+        except OSError:
+            os.unlink(temporary)
+            raise
+    except OSError:
+        return

@@ -1,0 +1,145 @@
+"""Fittings that follow something else: the deck edge, a path along it, or the face of a house."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from manifold3d import Manifold
+from numpy.typing import NDArray
+
+from ncti.ships.hull import Hull
+from ncti.ships.solids import Points, loft, tube, union
+
+
+def along_edge(hull: Hull, edge: tuple[float, float], *, inset: float, pitch: float) -> Points:
+    """(n, 3) path of points `pitch` [m] apart, `inset` [m] inboard of the starboard deck edge."""
+    start, end = edge
+    x = np.linspace(start, end, 1 + max(1, round((end - start) / pitch)))
+    half, deck = hull.deck_edge(x)
+    return np.column_stack([x, half - inset, deck])
+
+
+def _stretch(path: Points, pitch: float) -> Points:
+    """Nodes along a path about `pitch` apart, its corners among them."""
+    nodes = [path[:1]]
+    for before, after in pairwise(path):
+        count = max(1, round(float(np.linalg.norm(after - before)) / pitch))
+        nodes.append(before + np.linspace(0, 1, count + 1)[1:, None] * (after - before))
+    return np.concatenate(nodes)
+
+
+def _fence(
+    nodes: Points,
+    height: float,
+    *,
+    levels: NDArray[np.float64],
+    post: float,
+    bar: float,
+    sides: int,
+) -> Manifold:
+    up = np.array([0.0, 0.0, 1.0])
+    posts = [tube([node - 0.2 * up, node + height * up], post, sides=4) for node in nodes]
+    bars = [tube(nodes + level * height * up, bar, sides=sides) for level in levels]
+    return union(posts + bars)
+
+
+def rail(*, path: Points, height: float, pitch: float) -> Manifold:
+    """Life-lines: 40 mm stanchions and three 15 mm wires."""
+    nodes = _stretch(path, pitch)
+    levels = np.array([0.33, 0.66, 0.98])
+    return _fence(nodes, height, levels=levels, post=0.028, bar=0.01, sides=3)
+
+
+def net(*, path: Points, height: float, pitch: float) -> Manifold:
+    """Safety net raised on its frames, 10 to 20 % solid."""
+    nodes = _stretch(path, pitch)
+    levels = np.array([0.1, 0.4, 0.7, 0.98])
+    return _fence(nodes, height, levels=levels, post=0.05, bar=0.03, sides=4)
+
+
+def bulwark(
+    hull: Hull,
+    *,
+    edge: tuple[float, float],
+    end: float,
+    stem_top: float,
+    aft_top: float,
+    width: float,
+    flare: float,
+) -> Manifold:
+    """Plating above the deck edge of the bow, both sides.
+
+    Its top falls from `stem_top` to `aft_top` [m] over the stretch `edge`, then to the deck at
+    `end`. It leans outward by `flare` [deg], less and less towards the stem where both sides meet.
+    """
+    start, knuckle = edge
+    x = np.unique(np.concatenate([np.arange(start, end), [knuckle, end - 0.05]]))
+    half, deck = hull.deck_edge(x)
+    top = np.interp(x, [start, knuckle], [stem_top, aft_top])
+    after = x > knuckle
+    fade = (end - x[after]) / max(end - knuckle, 1e-9)
+    top[after] = deck[after] + fade * (aft_top - deck[after])
+    top = np.maximum(top, deck + 0.05)
+    lean = (top - deck) * np.tan(np.radians(flare)) * np.clip(x / 8.0, 0, 1)
+    outer = np.stack([half, half + lean], -1)
+    y = np.column_stack([outer, outer[:, ::-1] - width])
+    z = np.column_stack([deck - 0.2, top, top, deck - 0.2])
+    side = loft(np.stack([np.broadcast_to(x[:, None], y.shape), y, z], -1))
+    return side + side.mirror((0, 1, 0))
+
+
+def windows(
+    plan: tuple[Points, Points],
+    house_height: float,
+    *,
+    sill: float,
+    height: float,
+    width: float,
+    pitch: float,
+    depth: float,
+) -> Manifold:
+    """Room to cut away for panes in the front and sides of a house.
+
+    Parameters
+    ----------
+    plan : ((n, 2), (n, 2)) float64 ndarrays
+        Bottom and top polygon of the house, see `solids.house_plan` [m].
+    house_height : float
+        Height of the house [m].
+    sill, height, width, pitch, depth : float
+        Sill above the foot of the house, size, distance and depth of the panes [m].
+    """
+    bottom, top = plan
+    panes = []
+    levels = np.array([sill, sill + height]) / house_height
+    outline = [bottom + level * (top - bottom) for level in levels]
+    for corner in range(len(bottom)):
+        ends = np.array([[p[corner], np.roll(p, -1, axis=0)[corner]] for p in outline])
+        run = ends[0, 1] - ends[0, 0]
+        length = np.hypot(*run)
+        outward = np.array([run[1], -run[0]]) / length  # the polygon turns from x to y
+        if outward[0] > 0.1 or length < pitch:
+            continue
+        count = int(length / pitch)
+        for k in range(count):
+            middle = (k + 0.5) / count
+            share = middle + np.array([-0.5, 0.5]) * width / length
+            face = ends[:, :1] + share[None, :, None] * (ends[:, 1:] - ends[:, :1])
+            panes.append(_pane(face, outward, (sill, sill + height), depth))
+    return union(panes)
+
+
+def _pane(face: Points, outward: Points, z: tuple[float, float], depth: float) -> Manifold:
+    """Slab from `depth` inside a face, (bottom/top, left/right, 2), to 0.1 m outside it."""
+    rings = []
+    for reach in (-depth, 0.1):
+        plan = face + reach * outward
+        corners = [
+            (*plan[0, 0], z[0]),
+            (*plan[0, 1], z[0]),
+            (*plan[1, 1], z[1]),
+            (*plan[1, 0], z[1]),
+        ]
+        rings.append(corners)
+    return loft(rings)

@@ -1,0 +1,92 @@
+"""The hull above the waterline: faired lines through the stations of a sheet, lofted every metre.
+
+Sheet axes: x aft from the stem, y to starboard, z up from the waterline.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from manifold3d import Manifold
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
+
+from ncti.ships.solids import loft
+
+FLARE_POWER = 1.2  # half-breadth grows from the waterline to the deck as height to this power
+STEM_HEIGHT = 0.25  # the stem's face at its head [m]
+LEVELS = np.linspace(0, 1, 8)
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """Lines of a hull.
+
+    Attributes
+    ----------
+    loa : float
+        Length overall [m].
+    stations : (n, 4) float64 ndarray
+        Distance from the stem, height of the weather deck at side, half-breadth at the deck
+        and at the waterline [m]; the last is NaN where the section does not reach the water.
+    stem_foot : float
+        Distance from the stem's head to where it meets the water [m].
+    transom_foot, transom_head : (float, float)
+        Two points (x, z) [m] of the transom's plane.
+    """
+
+    loa: float
+    stations: NDArray[np.float64]
+    stem_foot: float
+    transom_foot: tuple[float, float]
+    transom_head: tuple[float, float]
+
+    @cached_property
+    def _deck(self) -> PchipInterpolator:
+        return PchipInterpolator(self.stations[:, 0], self.stations[:, 1:3])
+
+    @cached_property
+    def _waterline(self) -> PchipInterpolator:
+        x, half = self.stations[:, 0], self.stations[:, 3]
+        wet = ~np.isnan(half)
+        return PchipInterpolator(x[wet], half[wet])
+
+    def deck_edge(self, x: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Half-breadth and height of the weather deck at side [m].
+
+        Monotone cubics keep the fairing within the stations: no bulge exceeds the beam, and a
+        break of deck (two stations 0.1 m apart) stays a step.
+        """
+        edge = self._deck(np.clip(x, 0, self.loa))
+        return edge[..., 1], edge[..., 0]
+
+    def solid(self) -> Manifold:
+        """The hull from the waterline to the weather deck."""
+        every_metre = np.arange(0, self.loa)
+        given = self.stations[:, 0]
+        fresh = np.abs(every_metre[:, None] - given).min(axis=1) > 0.05
+        # Half a metre past the transom's head, for the transom's plane to cut.
+        x = np.sort(np.concatenate([every_metre[fresh], given, [self.loa + 0.5]]))
+        half_deck, deck = self.deck_edge(x)
+        wet = self.stations[~np.isnan(self.stations[:, 3]), 0]
+        half_water = self._waterline(np.clip(x, wet[0], wet[-1]))
+        dry = x < self.stem_foot
+        half_water[dry] = half_deck[0]
+        stem = (deck[0] - STEM_HEIGHT) * (1 - x / self.stem_foot)
+        foot = np.where(dry, stem, 0.0)
+
+        z = foot[:, None] + (deck - foot)[:, None] * LEVELS
+        flare = (half_deck - half_water)[:, None] * LEVELS**FLARE_POWER
+        half = half_water[:, None] + flare
+        # From the deck edge to starboard down, across the bottom and up the port side.
+        y = np.concatenate([half[:, ::-1], -half], axis=1)
+        z = np.concatenate([z[:, ::-1], z], axis=1)
+        rings = np.stack([np.broadcast_to(x[:, None], y.shape), y, z], axis=-1)
+
+        (foot_x, foot_z), (head_x, head_z) = self.transom_foot, self.transom_head
+        rise, run = head_z - foot_z, head_x - foot_x
+        forward = np.array([-rise, 0.0, run]) / np.hypot(rise, run)
+        offset = forward @ [head_x, 0.0, head_z]
+        return loft(rings).trim_by_plane(tuple(forward), offset)

@@ -1,0 +1,155 @@
+"""The door of the room: a name or a path in, a checked mesh out."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cache as memoised
+from importlib import metadata, resources
+from pathlib import Path
+
+import trimesh
+
+from ncti.ships import cache as store
+from ncti.ships import meshes, sheets
+from ncti.ships.build import build
+from ncti.ships.errors import ShipError
+
+NAMES = ("duncan", "horne", "spruance", "texas", "connole", "roberts")
+SHEET_SUFFIXES = (".yaml", ".yml")
+MESH_SUFFIXES = (".stl", ".obj", ".glb")
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Content of a sheet or mesh file."""
+
+    name: str
+    suffix: str
+    content: bytes
+
+    @property
+    def is_sheet(self) -> bool:
+        return self.suffix in SHEET_SUFFIXES
+
+    @property
+    def digest(self) -> str:
+        parts = [_builder(), self.suffix.encode(), self.content]
+        if self.is_sheet:
+            parts.append(_templates())
+        return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
+
+
+def names() -> tuple[str, ...]:
+    """The ships that come with the library."""
+    return NAMES
+
+
+def digest(name_or_path: str | Path) -> str:
+    """Content hash of a ship, without building it.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        As for `load`.
+
+    Returns
+    -------
+    str
+        SHA-256 of all that shapes the mesh: the sheet and the equipment templates, or the mesh
+        file; and the source of this package with the version of its solid modeller. Equal
+        digests mean equal meshes, bit for bit.
+
+    Raises
+    ------
+    ShipError
+        When there is no such ship or file.
+    """
+    return _find(name_or_path).digest
+
+
+def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimesh.Trimesh:
+    """A ship's mesh, watertight and wound outward.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        One of `names()`, or the path of a sheet (.yaml, .yml) or of a mesh in ship axes and
+        metres (.stl, .obj, .glb).
+    cache : str or Path, optional
+        Folder that keeps built ships; the user's cache folder by default.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        Ship axes [m]: x to the bow, y to port, z up, origin amidships on the waterline; only
+        what is above the waterline. `metadata` has `name`, `digest`, and `loa` and `beam` [m],
+        which for a sheet are those of the hull itself, without what overhangs it.
+
+    Raises
+    ------
+    ShipError
+        When there is no such ship or file, or the sheet or mesh is not fit to be used.
+    """
+    source = _find(name_or_path)
+    if source.is_sheet:
+        folder = store.default_folder() if cache is None else Path(cache)
+        path = folder / f"{source.digest}.npz"
+        ship = store.read(path)
+        if ship is None:
+            text, templates = _text(source), _templates().decode()
+            ship = build(sheets.parse(text, templates, where=source.name))
+            store.write(path, ship)
+        mesh = trimesh.Trimesh(ship.vertices, ship.faces, process=False)
+        loa, beam = ship.loa, ship.beam
+    else:
+        vertices, faces = meshes.read(source.content, source.suffix, where=f"mesh {source.name}")
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        loa, beam = (float(extent) for extent in mesh.extents[:2])
+    mesh.metadata.update(name=source.name, digest=source.digest, loa=loa, beam=beam)
+    return mesh
+
+
+def _find(name_or_path: str | Path) -> _Source:
+    known = ", ".join(NAMES)
+    kinds = ", ".join(SHEET_SUFFIXES + MESH_SUFFIXES)
+    if name_or_path in NAMES:
+        sheet = resources.files("ncti.ships") / "sheets" / f"{name_or_path}.yaml"
+        return _Source(str(name_or_path), ".yaml", sheet.read_bytes())
+    if not isinstance(name_or_path, str | Path):
+        raise ShipError(f"ship {name_or_path!r} must be one of {known}, or a path ({kinds}).")
+    path = Path(name_or_path)
+    suffix = path.suffix.lower()
+    if suffix not in SHEET_SUFFIXES + MESH_SUFFIXES:
+        raise ShipError(
+            f"unknown ship '{path}', known are {known}, or the path of a file ({kinds})."
+        )
+    try:
+        return _Source(path.stem, suffix, path.read_bytes())
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ShipError(f"ship file '{path}' cannot be read: {reason}.") from None
+
+
+def _text(source: _Source) -> str:
+    try:
+        return source.content.decode()
+    except UnicodeDecodeError:
+        raise ShipError(f"{source.name}: the sheet must be UTF-8 text.") from None
+
+
+@memoised
+def _templates() -> bytes:
+    return (resources.files("ncti.ships") / "sheets" / "templates.yaml").read_bytes()
+
+
+@memoised
+def _builder() -> bytes:
+    """What shapes a mesh besides its sheet: the code of this package and the solid modeller."""
+    modules = sorted(
+        (entry.name, entry.read_bytes())
+        for entry in resources.files("ncti.ships").iterdir()
+        if entry.name.endswith(".py")
+    )
+    modeller = metadata.version("manifold3d").encode()
+    return modeller + b"".join(hashlib.sha256(source).digest() for _, source in modules)

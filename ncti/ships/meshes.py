@@ -1,0 +1,102 @@
+"""A user's own mesh: an STL, OBJ or GLB in ship axes and metres, checked before it is let in."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import trimesh
+from manifold3d import Error, Manifold, Mesh64
+from numpy.typing import NDArray
+
+from ncti.ships.errors import ShipError
+from ncti.ships.solids import union
+
+SMALLEST, LARGEST = 1.0, 1000.0  # extent of anything that may pass for a ship in metres [m]
+
+
+def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Vertices [m] and facets of a mesh file: closed, wound outward, above the waterline.
+
+    Several geometries, each closed, are united; ones which only together are closed (a hull
+    split by material) are joined. What lies below the waterline is cut off and closed.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    suffix : str
+        Its kind: ".stl", ".obj" or ".glb".
+    where : str
+        What to call the mesh in messages.
+
+    Raises
+    ------
+    ShipError
+        When the file is corrupt, or its mesh is empty, not finite, not in metres, open, wound
+        inconsistently or inside out, or lies under water.
+    """
+    parts = _parts(data, suffix, where)
+    whole = _merged(trimesh.util.concatenate(parts))
+    if len(whole.faces) == 0:
+        raise ShipError(f"{where} is empty, but must have facets.")
+    if not np.isfinite(whole.vertices).all():
+        raise ShipError(f"{where} has vertices that are NaN or infinite, but all must be finite.")
+    extent = float(whole.extents.max())
+    if not SMALLEST <= extent <= LARGEST:
+        raise ShipError(
+            f"{where} is {extent:g} across in its own unit, but must be in metres, "
+            f"{SMALLEST:g} to {LARGEST:g} m."
+        )
+    if whole.vertices[:, 2].max() <= 0:
+        raise ShipError(f"{where} lies wholly under water, but only z > 0 m counts.")
+    parts = [_merged(part) for part in parts]
+    unite = len(parts) > 1 and all(part.is_watertight for part in parts)
+    for part in parts if unite else [whole]:
+        _check_closed(part, where)
+    if not unite and whole.vertices[:, 2].min() >= 0:
+        return np.array(whole.vertices, dtype=np.float64), np.array(whole.faces, dtype=np.int32)
+    solid = union([_solid(part, where) for part in (parts if unite else [whole])])
+    if whole.vertices[:, 2].min() < 0:
+        solid = solid.trim_by_plane((0, 0, 1), 0)
+    mesh = solid.to_mesh64()
+    return np.array(mesh.vert_properties[:, :3]), np.array(mesh.tri_verts, dtype=np.int32)
+
+
+def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:
+    kind = suffix.removeprefix(".")
+    try:
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
+        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+    except Exception as error:  # a parser meets a corrupt file in whichever way it likes
+        raise ShipError(f"{where} cannot be read as {kind.upper()}: {error!s:.80}.") from None
+    if not parts:
+        raise ShipError(f"{where} is empty, but must have facets.")
+    return parts
+
+
+def _merged(mesh: Any) -> trimesh.Trimesh:
+    """Equal corners made one, and facets without area by corners dropped."""
+    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    mesh.merge_vertices()
+    corners = np.sort(mesh.faces, axis=1)
+    mesh.update_faces((np.diff(corners, axis=1) > 0).all(axis=1))
+    return mesh
+
+
+def _check_closed(mesh: trimesh.Trimesh, where: str) -> None:
+    if not mesh.is_watertight:
+        raise ShipError(f"{where} is open, but must be a closed surface.")
+    if not mesh.is_winding_consistent:
+        raise ShipError(f"{where} has facets wound both ways, but all must face outward.")
+    if mesh.volume <= 0:
+        raise ShipError(f"{where} is inside out, but its facets must face outward.")
+
+
+def _solid(mesh: trimesh.Trimesh, where: str) -> Manifold:
+    faces = np.array(mesh.faces, dtype=np.uint64)
+    solid = Manifold(Mesh64(np.array(mesh.vertices, dtype=np.float64), faces))
+    if solid.status() != Error.NoError:
+        raise ShipError(f"{where} is not the surface of a solid, but must be one.")
+    return solid

@@ -1,0 +1,391 @@
+"""Closed solids in metres, each about its own origin: what ship sheets are made of.
+
+Every solid is a watertight `manifold3d.Manifold`. A component's axes are x aft, y to starboard
+and z up; a template's are u along the pointing axis, v to its right and w up. The functions
+do not mind which: the first axis is `length`, the second `width`, the third `height`.
+
+`sink` carries the base of a standing solid down into whatever bears it, so that the union joins
+them: solids which only touch stay apart.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from manifold3d import CrossSection, Manifold, Mesh64, OpType, triangulate
+from numpy.typing import ArrayLike, NDArray
+
+Points = NDArray[np.float64]
+
+
+def union(solids: list[Manifold]) -> Manifold:
+    """Boolean union of any number of solids."""
+    return Manifold.batch_boolean(solids, OpType.Add)
+
+
+def loft(
+    rings: ArrayLike, *, closed: bool = False, cap: NDArray[np.int64] | None = None
+) -> Manifold:
+    """Skin through a sequence of rings.
+
+    Parameters
+    ----------
+    rings : (n, m, 3) array_like
+        n rings of m corresponding vertices [m]; either sense of rotation.
+    closed : bool
+        Join the last ring to the first instead of capping both.
+    cap : (k, 3) int ndarray, optional
+        Triangles that fill a ring, in its sense of rotation; a fan from vertex 0 by default,
+        which suits rings that are star-shaped about it.
+
+    Returns
+    -------
+    Manifold
+        Closed solid, wound outward.
+    """
+    rings = np.asarray(rings, dtype=np.float64)
+    count, sides = rings.shape[:2]
+    index = np.arange(count * sides).reshape(count, sides)
+    below = index if closed else index[:-1]
+    above = np.roll(index, -1, axis=0)[: len(below)]
+    a, b = below, np.roll(below, -1, axis=1)
+    c, d = above, np.roll(above, -1, axis=1)
+    faces = [np.stack([a, b, d], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3)]
+    if not closed:
+        if cap is None:
+            k = np.arange(1, sides - 1)
+            cap = np.stack([np.zeros_like(k), k, k + 1], -1)
+        faces += [index[0][cap[:, ::-1]], index[-1][cap]]
+    triangles = np.concatenate(faces)
+    vertices = rings.reshape(-1, 3)
+    corners = vertices[triangles] - vertices[0]
+    if np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0:
+        triangles = triangles[:, ::-1]
+    return Manifold(Mesh64(vertices, np.ascontiguousarray(triangles, dtype=np.uint64)))
+
+
+def tube(path: ArrayLike, radius: ArrayLike, *, sides: int = 6, closed: bool = False) -> Manifold:
+    """Round bar along a polyline, mitred at its bends.
+
+    Parameters
+    ----------
+    path : (n, 3) array_like
+        Axis of the bar [m].
+    radius : float or (n,) array_like
+        Radius [m].
+    sides : int
+        Number of flats.
+    closed : bool
+        The path returns to its start: a hoop.
+    """
+    path = np.asarray(path, dtype=np.float64)
+    if closed:
+        tangent = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
+    else:
+        step = np.diff(path, axis=0)
+        step /= np.linalg.norm(step, axis=1, keepdims=True)
+        tangent = np.concatenate([step[:1], step[1:] + step[:-1], step[-1:]])
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    # One reference direction for the whole bar, the axis it follows least, keeps it from twisting.
+    reference = np.eye(3)[np.argmin(np.abs(tangent).max(axis=0))]
+    first = np.cross(tangent, reference)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(tangent, first)
+    angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
+    circle = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
+    reach = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(path))
+    return loft(path[:, None] + reach[:, None, None] * circle, closed=closed)
+
+
+def pitched(points: ArrayLike, elevation: float) -> Points:
+    """Rotate points about the second axis: the first axis is raised by `elevation` [deg]."""
+    cos, sin = np.cos(np.radians(elevation)), np.sin(np.radians(elevation))
+    return np.asarray(points, dtype=np.float64) @ [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]
+
+
+def _round_sides(radius: float) -> int:
+    return int(np.select([radius < 0.1, radius < 0.25, radius < 0.5], [8, 12, 16], 32))
+
+
+def _rectangle(length: float, width: float, height: float, shift: float = 0.0) -> Points:
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
+    plan = corners * [length, width] + [shift, 0]
+    return np.column_stack([plan, np.full(4, height)])
+
+
+def box(
+    *,
+    length: float,
+    width: float,
+    height: float,
+    top_length: float | None = None,
+    top_width: float | None = None,
+    top_shift: float = 0.0,
+    yaw: float = 0.0,
+    sink: float = 0.0,
+) -> Manifold:
+    """Box or frustum standing on its base; `yaw` [deg] turns it as an azimuth, 90 to starboard."""
+    top_length = length if top_length is None else top_length
+    top_width = width if top_width is None else top_width
+    under = -sink / height
+    rings = [
+        _rectangle(
+            length + t * (top_length - length),
+            width + t * (top_width - width),
+            t * height,
+            t * top_shift,
+        )
+        for t in (under, 1.0)
+    ]
+    cos, sin = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
+    return loft(np.array(rings) @ [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+
+
+def prism(
+    *,
+    length: float,
+    width: float,
+    height: float,
+    top_length: float,
+    top_width: float,
+    top_shift: float = 0.0,
+    shape: str = "box",
+    sink: float = 0.0,
+) -> Manifold:
+    """Tapered tower; `shape` "oval" gives it an elliptical section (a mack)."""
+    if shape == "box":
+        return box(
+            length=length,
+            width=width,
+            height=height,
+            top_length=top_length,
+            top_width=top_width,
+            top_shift=top_shift,
+            sink=sink,
+        )
+    angle = 2 * np.pi * np.arange(48) / 48
+    rings = [
+        np.column_stack(
+            [
+                (length + t * (top_length - length)) / 2 * np.cos(angle) + t * top_shift,
+                (width + t * (top_width - width)) / 2 * np.sin(angle),
+                np.full(48, t * height),
+            ]
+        )
+        for t in (-sink / height, 1.0)
+    ]
+    return loft(rings)
+
+
+def house_plan(
+    outline: Points, height: float, top_scale: float = 1.0, front_rake: float = 0.0
+) -> tuple[Points, Points]:
+    """Bottom and top polygon of a house.
+
+    The top shrinks by `top_scale` about the mean of the corners, and its foremost corners move
+    aft by height tan(`front_rake`) [deg]; a negative rake leans the front forward.
+    """
+    centre = outline.mean(axis=0)
+    top = centre + top_scale * (outline - centre)
+    foremost = outline[:, 0] < outline[:, 0].min() + 1e-6
+    top[foremost, 0] += height * np.tan(np.radians(front_rake))
+    return outline, top
+
+
+def house(
+    *,
+    outline: Points,
+    height: float,
+    top_scale: float = 1.0,
+    front_rake: float = 0.0,
+    sink: float = 0.0,
+) -> Manifold:
+    """House over a plan polygon, see `house_plan`."""
+    bottom, top = house_plan(outline, height, top_scale, front_rake)
+    foot = bottom - (top - bottom) * sink / height
+    rings = [np.column_stack([p, np.full(len(p), z)]) for p, z in ((foot, -sink), (top, height))]
+    return loft(rings, cap=np.asarray(triangulate([bottom]), dtype=np.int64))
+
+
+def cylinder(
+    *, radius: float, height: float, top_radius: float | None = None, sink: float = 0.0
+) -> Manifold:
+    """Upright cylinder, cone or tapered pole."""
+    top_radius = radius if top_radius is None else top_radius
+    solid = Manifold.cylinder(
+        height + sink, radius, top_radius, _round_sides(max(radius, top_radius))
+    )
+    return solid.translate((0, 0, -sink))
+
+
+def sphere(*, radius: float) -> Manifold:
+    """Sphere about its centre."""
+    return Manifold.sphere(radius, 48)
+
+
+def ellipsoid(*, length_radius: float, width_radius: float, height_radius: float) -> Manifold:
+    """Ellipsoid about its centre."""
+    return Manifold.sphere(1.0, 48).scale((length_radius, width_radius, height_radius))
+
+
+def yard(*, width: float, radius: float) -> Manifold:
+    """Level tube of full `width` athwart, about its middle."""
+    return tube([[0, -width / 2, 0], [0, width / 2, 0]], radius, sides=_round_sides(radius))
+
+
+def beam(*, length: float, width: float, height: float, elevation: float = 0.0) -> Manifold:
+    """Rectangular beam whose axis starts at the origin and rises at `elevation` [deg]."""
+    section = _rectangle(height, width, 0.0)[:, [2, 1, 0]]
+    far = section + np.array([length, 0, 0])
+    return loft(pitched(np.array([section, far]), elevation))
+
+
+def barrel(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
+    """Round bar whose axis starts at the origin and rises at `elevation` [deg]."""
+    path = pitched([[0.0, 0.0, 0.0], [length, 0.0, 0.0]], elevation)
+    return tube(path, radius, sides=max(12, _round_sides(radius)))
+
+
+def trunnion(*, length: float, radius: float) -> Manifold:
+    """Round bar from the origin along the second axis (a trunnion)."""
+    return tube([[0, 0, 0], [0, length, 0]], radius, sides=_round_sides(radius))
+
+
+def drum(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
+    """Round bar about its middle, its axis pointing forward and up by `elevation` [deg]."""
+    path = pitched([[-length / 2, 0.0, 0.0], [length / 2, 0.0, 0.0]], elevation)
+    return tube(path, radius, sides=max(24, _round_sides(radius)))
+
+
+def plate(*, width: float, height: float, thickness: float, tilt: float = 0.0) -> Manifold:
+    """Flat antenna about its centre, leaned back by `tilt` [deg]."""
+    face = _rectangle(height, width, 0.0)[:, [2, 1, 0]]
+    half = np.array([thickness / 2, 0, 0])
+    return loft(pitched(np.array([face - half, face + half]), tilt))
+
+
+def dish(*, radius: float, depth: float) -> Manifold:
+    """Paraboloid reflector 0.1 m thick facing the first axis; the origin is the rim's centre."""
+    across = np.linspace(0, radius, 7)
+    bowl = depth * ((across / radius) ** 2 - 1)
+    front = np.column_stack([across, bowl])
+    back = np.column_stack([across, bowl - 0.1])
+    profile = CrossSection([np.concatenate([back, front[::-1]])])
+    return Manifold.revolve(profile, 32).rotate((0, 90, 0))
+
+
+def mesh_dish(*, width: float, height: float, depth: float, tilt: float = 0.0) -> Manifold:
+    """Open-work reflector of curved bars; the origin is its vertex, `tilt` [deg] leans it back."""
+    half_width, half_height = width / 2, height / 2
+
+    def bowl(across: Points, up: Points) -> Points:
+        along = depth * ((across / half_width) ** 2 + (up / half_height) ** 2)
+        return pitched(np.column_stack([along, across, up]), tilt)
+
+    def reach(fraction: Points) -> Points:
+        return (1 - np.abs(fraction) ** 3) ** (1 / 3)  # a rectangle with well-rounded corners
+
+    angle = 2 * np.pi * np.arange(32) / 32
+    cos, sin = np.cos(angle), np.sin(angle)
+    rounding = (np.abs(cos) ** 3 + np.abs(sin) ** 3) ** (-1 / 3)
+    rim = bowl(half_width * rounding * cos, half_height * rounding * sin)
+    bars = [tube(rim, 0.06, closed=True)]
+    levels = np.linspace(-1, 1, 2 + round(height / 0.36))[1:-1]
+    bars += [
+        tube(
+            bowl(np.linspace(-1, 1, 9) * half_width * r, np.full(9, level * half_height)),
+            0.035,
+            sides=4,
+        )
+        for level, r in zip(levels, reach(levels), strict=True)
+    ]
+    ribs = np.linspace(-1, 1, 2 + round(width / 0.9))[1:-1]
+    bars += [
+        tube(
+            bowl(np.full(5, rib * half_width), np.linspace(-1, 1, 5) * half_height * r),
+            0.05,
+            sides=6,
+        )
+        for rib, r in zip(ribs, reach(ribs), strict=True)
+    ]
+    return union(bars)
+
+
+def lattice(
+    *,
+    length: float,
+    width: float,
+    height: float,
+    top_length: float,
+    top_width: float,
+    leg_radius: float,
+    brace_radius: float,
+    legs: int,
+    bays: int,
+    top_shift: float = 0.0,
+    sink: float = 0.0,
+) -> Manifold:
+    """Open mast of three or four legs with `bays` storeys of X braces and girths.
+
+    The legs run 0.1 m past the top, into the platform they carry.
+    """
+    base = _rectangle(length, width, 0.0)
+    top = _rectangle(top_length, top_width, height, top_shift)
+    if legs == 3:  # one leg forward, two aft
+        base = np.array([base[[0, 3]].mean(axis=0), base[1], base[2]])
+        top = np.array([top[[0, 3]].mean(axis=0), top[1], top[2]])
+    slope = (top - base) / height
+    bars = [
+        tube([foot - sink * s, head + 0.1 * s], leg_radius, sides=8)
+        for foot, head, s in zip(base, top, slope, strict=True)
+    ]
+    floors = base + (np.arange(bays + 1) * height / bays)[:, None, None] * slope
+    for lower, upper in pairwise(floors):
+        for leg in range(legs):
+            beside = (leg + 1) % legs
+            for ends in (
+                [lower[leg], upper[beside]],
+                [lower[beside], upper[leg]],
+                [upper[leg], upper[beside]],
+            ):
+                bars.append(tube(ends, brace_radius))
+    return union(bars)
+
+
+def boat(*, length: float, width: float, height: float) -> Manifold:
+    """Double-ended whaleboat standing on its keel."""
+    along = np.linspace(-1, 1, 13)
+    fullness = np.maximum(1 - along**4, 0.05)
+    angle = np.linspace(-np.pi, 0, 9)
+    sheer = height * (0.85 + 0.15 * along**2)
+    rings = np.stack(
+        [
+            np.broadcast_to(along[:, None] * length / 2, (13, 9)),
+            width / 2 * fullness[:, None] * np.cos(angle),
+            sheer[:, None] * (1 + np.sin(angle) * np.sqrt(fullness)[:, None]),
+        ],
+        axis=-1,
+    )
+    return loft(rings)
+
+
+def recess(*, length: float, width: float, height: float, face: str = "aft") -> Manifold:
+    """Room to cut away behind an opening on the side `face`, with 0.2 m of air before it.
+
+    `length` is fore-aft, `width` athwart; the origin is the middle of the sill.
+    """
+    air = 0.2
+    low, high = {
+        "aft": ((-length, -width / 2), (air, width / 2)),
+        "fore": ((-air, -width / 2), (length, width / 2)),
+        "starboard": ((-length / 2, -width), (length / 2, air)),
+        "port": ((-length / 2, -air), (length / 2, width)),
+    }[face]
+    size = (high[0] - low[0], high[1] - low[1], height)
+    return Manifold.cube(size).translate((*low, 0.0))
+
+
+def step(*, length: float, width: float, height: float) -> Manifold:
+    """Room to cut away aft of a break of deck, which leaves its face vertical."""
+    return Manifold.cube((length, width, height)).translate((0.0, -width / 2, 0.0))
