@@ -1,0 +1,331 @@
+"""The Adaptive Clustering Network against its rule written plainly, and what the rule implies."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from ncti.classify import AdaptiveClusteringNetwork
+
+
+@parametrize_with_checks([AdaptiveClusteringNetwork()])
+def test_it_is_a_scikit_learn_classifier(estimator, check):
+    check(estimator)
+
+
+def on_a_circle(*degrees: float) -> NDArray[np.float64]:
+    angle = np.radians(degrees)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def fit(X, y=None, **parameters) -> AdaptiveClusteringNetwork:
+    return AdaptiveClusteringNetwork(**parameters).fit(X, np.zeros(len(X)) if y is None else y)
+
+
+def profiles(rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """124 made-up profiles: scatterers of four ships, projected at 31 aspects, 250 bins."""
+    down_range = np.arange(250) - 125.0
+    place, height = rng.uniform(-70.0, 70.0, (4, 12)), rng.uniform(0.2, 1.0, (4, 12))
+    aspect = np.radians(np.arange(0, 91, 3))
+    centre = place[:, None, :] * np.cos(aspect)[:, None]
+    lobes = np.exp(-0.5 * ((down_range - centre[..., None]) / 6.0) ** 2)
+    profile = np.einsum("sk,sakr->sar", height, lobes)
+    profile /= profile.max(axis=-1, keepdims=True)
+    return profile.reshape(124, 250), np.repeat(np.arange(4), 31)
+
+
+def plain_network(X, vigilance, learning_rate, max_passes=100):
+    """The rule as the article prints it, every norm computed afresh."""
+    traces: list[NDArray[np.float64]] = []
+    assigned = [-1] * len(X)
+    for n_passes in range(1, max_passes + 1):
+        previous = list(assigned)
+        for i, x in enumerate(X):
+            rho = [x @ w / (np.linalg.norm(x) * np.linalg.norm(w)) for w in traces]
+            if rho and max(rho) > vigilance:
+                k = rho.index(max(rho))
+                traces[k] = traces[k] + (x - traces[k]) * learning_rate
+            else:
+                k = len(traces)
+                traces.append(x)
+            assigned[i] = k
+        if assigned == previous:
+            return np.array(traces), assigned, n_passes, True
+    return np.array(traces), assigned, max_passes, False
+
+
+def assert_agrees_with_plain_network(X, vigilance, learning_rate, max_passes):
+    traces, assigned, n_passes, converged = plain_network(X, vigilance, learning_rate, max_passes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        network = fit(X, vigilance=vigilance, learning_rate=learning_rate, max_passes=max_passes)
+    live, renumbered = np.unique(assigned, return_inverse=True)
+    assert (network.n_passes_, network.converged_) == (n_passes, converged)
+    np.testing.assert_array_equal(network.labels_, renumbered)
+    # A few hundred updates, each good to a few units in the last place.
+    np.testing.assert_allclose(network.categories_, traces[live], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("learning_rate", [0.1, 0.5])
+@pytest.mark.parametrize("vigilance", [0.8, 0.95, 0.99])
+def test_profiles_form_the_categories_of_the_plain_rule(vigilance, learning_rate):
+    X, _ = profiles(np.random.default_rng(7))
+    assert_agrees_with_plain_network(X, vigilance, learning_rate, 100)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_vectors_of_any_length_form_the_categories_of_the_plain_rule(seed):
+    rng = np.random.default_rng(seed)
+    X = rng.random((60, 5)) * 10.0 ** rng.uniform(-3.0, 3.0, (60, 1))
+    assert_agrees_with_plain_network(
+        X / X.max(), rng.choice([0.5, 0.9, 0.97]), rng.choice([0.05, 0.3, 1.0]), 30
+    )
+
+
+def test_the_first_vector_founds_the_first_category():
+    network = fit(on_a_circle(10, 80, 12), vigilance=0.9)
+    np.testing.assert_array_equal(network.labels_, [0, 1, 0])
+
+
+def test_a_vector_must_exceed_the_vigilance():
+    assert fit(np.eye(2), vigilance=0.0).n_categories_ == 2
+    assert fit(np.eye(2), vigilance=-1e-300).n_categories_ == 1
+
+
+def test_of_equal_matches_the_oldest_wins():
+    network = fit(np.eye(2), y=["north", "east"])
+    assert network.predict([[1.0, 1.0]]) == ["north"]
+
+
+def test_the_order_of_presentation_matters():
+    X = on_a_circle(0, 10, 20)
+    assert fit(X, vigilance=np.cos(np.radians(12))).n_categories_ == 2
+    assert fit(X[[1, 0, 2]], vigilance=np.cos(np.radians(12))).n_categories_ == 1
+
+
+def test_the_most_frequent_ship_names_the_category_and_the_first_wins_a_tie():
+    X = on_a_circle(0, 1, 2, 90, 91)
+    network = fit(X, y=["texas", "duncan", "texas", "roberts", "horne"], vigilance=0.9)
+    np.testing.assert_array_equal(network.category_labels_, ["texas", "horne"])
+
+
+def test_a_category_that_lost_its_vectors_does_not_answer():
+    # The first two found a category half-way between them; the others found neighbours on
+    # both sides and draw them closer, so that on the second pass each of the first two leaves.
+    X = on_a_circle(20, 39.8, 9.7, 19.5, 50.1, 40.4)
+    vigilance = np.cos(np.radians(20))
+    traces, assigned, *_ = plain_network(X, vigilance, 0.5)
+    assert len(traces) == 3
+    assert set(assigned) == {1, 2}
+    network = fit(X, vigilance=vigilance, learning_rate=0.5)
+    np.testing.assert_array_equal(network.labels_, [0, 1, 0, 0, 1, 1])
+    assert network.n_categories_ == len(network.categories_) == 2
+    np.testing.assert_allclose(network.categories_, traces[1:], rtol=1e-14)
+    # What is left of the lost category lies at 29.9 deg, where it would have answered.
+    category, _ = network.match(on_a_circle(29.0))
+    assert category == [0]
+
+
+def test_categories_still_changing_are_reported():
+    X, y = profiles(np.random.default_rng(1))
+    network = AdaptiveClusteringNetwork(max_passes=1)
+    with pytest.warns(ConvergenceWarning, match="pass 1"):
+        network.fit(X, y)
+    assert not network.converged_
+    assert network.n_passes_ == 1
+
+
+def test_fitting_again_gives_the_same_bits():
+    X, y = profiles(np.random.default_rng(2))
+    first, second = (AdaptiveClusteringNetwork().fit(X, y) for _ in range(2))
+    np.testing.assert_array_equal(first.categories_, second.categories_)
+    np.testing.assert_array_equal(first.labels_, second.labels_)
+
+
+# What the vigilance does ---------------------------------------------------------------------
+
+
+def test_the_number_of_categories_may_fall_as_the_vigilance_rises():
+    X = np.array([[1.0, 2.0, 2.0], [3.0, 3.0, 0.0], [3.0, 1.0, 0.0], [1.0, 0.0, 3.0]])
+    networks = [fit(X, vigilance=vigilance) for vigilance in (0.70, 0.72)]
+    assert all(network.converged_ for network in networks)
+    assert [network.n_categories_ for network in networks] == [3, 2]
+
+
+elements = st.floats(0.0, 1.0, allow_subnormal=False).map(lambda x: round(x, 3))
+vectors = st.tuples(st.integers(1, 12), st.integers(1, 6)).flatmap(
+    lambda shape: arrays(np.float64, shape, elements=elements)
+)
+rates = st.sampled_from([0.01, 0.1, 0.5, 1.0])
+
+
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@given(X=vectors.filter(lambda X: X.any()), rate=rates)
+def test_number_of_categories_at_both_ends_of_the_vigilance(X, rate):
+    X = X[X.any(axis=1)]
+    unit = X / np.linalg.norm(X, axis=1, keepdims=True)
+    cosines = unit @ unit.T
+    # Elements are thousandths, so that distinct directions differ by 1e-7 at least in angle:
+    # their cosines may still round to 1, and such sets are left out.
+    distinct = cosines < 1.0 - 1e-11
+    same = cosines > 1.0 - 1e-13
+    # All pairs agree better than the vigilance: a mean of such vectors agrees with them too.
+    lowest = cosines.min()
+    if lowest > 1e-9:
+        assert fit(X, vigilance=lowest - 1e-9, learning_rate=rate).n_categories_ == 1
+    assert fit(X, vigilance=-1.0, learning_rate=rate).n_categories_ == 1
+    # No two distinct directions do: nothing ever moves but along its own direction.
+    if np.all(distinct | same):
+        network = fit(X, vigilance=1.0, learning_rate=rate)
+        assert network.n_categories_ == len({tuple(row) for row in same})
+        assert network.converged_
+
+
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@given(X=vectors.filter(lambda X: X.any()), rate=rates, vigilance=st.floats(-1.0, 1.0))
+def test_categories_are_means_of_their_vectors(X, rate, vigilance):
+    network = fit(X, vigilance=vigilance, learning_rate=rate, max_passes=20)
+    assert 1 <= network.n_categories_ <= np.count_nonzero(X.any(axis=1))
+    assert set(network.labels_[X.any(axis=1)]) == set(range(network.n_categories_))
+    # A convex combination stays within the box of the vectors, hence its norm within theirs.
+    assert np.all(network.categories_ <= X.max(axis=0) * (1.0 + 1e-12))
+    assert np.all(network.categories_ >= X.min(axis=0) * (1.0 - 1e-12))
+
+
+# Scale and numbers off the usual road ----------------------------------------------------------
+
+
+@given(scale=st.integers(-400, 400), rows=st.integers(-400, 400))
+def test_powers_of_two_change_nothing(scale, rows):
+    X, y = profiles(np.random.default_rng(3))
+    X, y = X[::4, ::10], y[::4]
+    network = AdaptiveClusteringNetwork().fit(X, y)
+    scaled = AdaptiveClusteringNetwork().fit(X * 2.0**scale, y)
+    np.testing.assert_array_equal(scaled.labels_, network.labels_)
+    np.testing.assert_array_equal(scaled.categories_, network.categories_ * 2.0**scale)
+    stretched = X * np.where(np.arange(len(X)) % 2, 1.0, 2.0**rows)[:, None]
+    for mine, theirs in zip(network.match(stretched), network.match(X), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+@given(scale=st.floats(1e-150, 1e150))
+def test_matching_does_not_see_the_length(scale):
+    X, y = profiles(np.random.default_rng(4))
+    X, y = X[::4, ::10], y[::4]
+    network = AdaptiveClusteringNetwork().fit(X, y)
+    category, similarity = network.match(X)
+    scaled_category, scaled_similarity = network.match(X * scale)
+    np.testing.assert_array_equal(scaled_category, category)
+    np.testing.assert_allclose(scaled_similarity, similarity, rtol=1e-14)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("small", "large"),
+    [(1e-150, 1e150), (5e-324, 1e-310), (1e-300, 1e308), (5e-324, 1.7976931348623157e308)],
+)
+@pytest.mark.parametrize("rate", [0.1, 0.5, 1.0])
+def test_no_length_over_or_underflows(small, large, rate):
+    directions = np.tile([[1, 1, 0, 0], [0, 0, 1, 1]], (4, 1))
+    X = directions * np.repeat([small, large, large, small], 2)[:, None]
+    y = np.arange(8) % 2
+    network = fit(X, y, learning_rate=rate)
+    assert network.n_categories_ == 2
+    assert np.isfinite(network.categories_).all()
+    np.testing.assert_array_equal(network.predict(X), y)
+    np.testing.assert_array_equal(network.predict_learning(X), y)
+    np.testing.assert_allclose(network.match(X)[1], 1.0, rtol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+@given(
+    X=arrays(np.float64, (6, 3), elements=st.floats(allow_nan=False, allow_infinity=False)),
+    vigilance=st.floats(-1.0, 1.0),
+    rate=st.floats(1e-6, 1.0),
+)
+def test_any_finite_numbers_give_finite_categories(X, vigilance, rate):
+    X = np.concatenate([X, np.eye(3)])
+    network = fit(X, vigilance=vigilance, learning_rate=rate, max_passes=5)
+    assert np.isfinite(network.categories_).all()
+    category, similarity = network.match(X)
+    assert np.all((category >= 0) == X.any(axis=1))
+    assert np.all(np.abs(similarity) <= 1.0)
+
+
+def test_opposite_vectors_that_cancel_leave_no_nan():
+    X = np.array([[1.0, 2.0], [-1.0, -2.0], [2.0, -1.0]])
+    network = fit(X, vigilance=-1.0, learning_rate=0.5)
+    assert np.isfinite(network.categories_).all()
+
+
+def test_zero_vectors_take_no_part():
+    X, y = profiles(np.random.default_rng(5))
+    holes = np.insert(X, [0, 50, 124], 0.0, axis=0)
+    clean, holed = AdaptiveClusteringNetwork(), AdaptiveClusteringNetwork()
+    clean.fit(X, y)
+    holed.fit(holes, np.insert(y, [0, 50, 124], 0))
+    np.testing.assert_array_equal(holed.categories_, clean.categories_)
+    np.testing.assert_array_equal(holed.labels_[holes.any(axis=1)], clean.labels_)
+    np.testing.assert_array_equal(holed.labels_[~holes.any(axis=1)], -1)
+    for learning in (False, True):
+        category, similarity = holed.match(np.zeros((2, 250)), learning=learning)
+        np.testing.assert_array_equal(category, -1)
+        np.testing.assert_array_equal(similarity, 0.0)
+    assert np.all(np.isin(holed.predict(np.zeros((2, 250))), y))
+
+
+def test_what_cannot_be_learnt_is_refused():
+    with pytest.raises(ValueError, match="only zero vectors"):
+        fit(np.zeros((3, 2)))
+    with pytest.raises(ValueError, match="NaN"):
+        fit([[1.0, np.nan]])
+    with pytest.raises(ValueError, match="vigilance"):
+        fit(np.eye(2), vigilance=1.01)
+    with pytest.raises(ValueError, match="learning_rate"):
+        fit(np.eye(2), learning_rate=0.0)
+
+
+# The test phase --------------------------------------------------------------------------------
+
+
+def test_matching_is_the_largest_cosine():
+    X, y = profiles(np.random.default_rng(6))
+    network = AdaptiveClusteringNetwork().fit(X, y)
+    noisy = X + np.random.default_rng(0).normal(0.0, 0.1, X.shape)
+    norms = np.linalg.norm(noisy, axis=1)[:, None] * np.linalg.norm(network.categories_, axis=1)
+    cosines = noisy @ network.categories_.T / norms
+    category, similarity = network.match(noisy)
+    np.testing.assert_array_equal(category, cosines.argmax(axis=1))
+    np.testing.assert_allclose(similarity, cosines.max(axis=1), rtol=1e-12)
+    np.testing.assert_array_equal(network.predict(noisy), network.category_labels_[category])
+
+
+def test_learning_in_the_test_phase_follows_the_plain_rule_and_forgets_it():
+    X, y = profiles(np.random.default_rng(8))
+    network = AdaptiveClusteringNetwork(learning_rate=0.3).fit(X, y)
+    before = network.categories_.copy()
+    noisy = X + np.random.default_rng(1).normal(0.0, 0.3, X.shape)
+
+    traces, expected = list(before), []
+    for x in noisy:
+        rho = [x @ w / np.linalg.norm(x) / np.linalg.norm(w) for w in traces]
+        k = int(np.argmax(rho))
+        traces[k] = traces[k] + (x - traces[k]) * 0.3
+        expected.append(k)
+
+    for _ in range(2):
+        category, _ = network.match(noisy, learning=True)
+        np.testing.assert_array_equal(category, expected)
+        np.testing.assert_array_equal(
+            network.predict_learning(noisy), network.category_labels_[category]
+        )
+    np.testing.assert_array_equal(network.categories_, before)
+    assert np.any(category != network.match(noisy)[0]), "learning changes some answers here"

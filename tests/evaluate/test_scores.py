@@ -1,0 +1,148 @@
+"""Wilson intervals against scipy, aspect bins against the source's tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom, binomtest
+
+from ncti.evaluate import accuracy_by_aspect, aspect_bins, wilson_interval
+
+GRID = np.arange(0.0, 91.0, 3.0)
+
+
+@given(
+    trials=st.integers(1, 10_000), fraction=st.floats(0.0, 1.0), confidence=st.floats(0.01, 0.999)
+)
+def test_wilson_interval_is_scipys(trials, fraction, confidence):
+    successes = round(fraction * trials)
+    theirs = binomtest(successes, trials).proportion_ci(confidence, method="wilson")
+    low, high = wilson_interval(successes, trials, confidence=confidence)
+    np.testing.assert_allclose([low, high], [theirs.low, theirs.high], rtol=0, atol=1e-12)
+    assert 0.0 <= low <= successes / trials <= high <= 1.0
+
+
+def test_wilson_interval_of_arrays_broadcasts():
+    successes = np.arange(11)
+    low, high = wilson_interval(successes[:, None], [10, 20])
+    assert low.shape == high.shape == (11, 2)
+    assert (low[3, 1], high[3, 1]) == wilson_interval(3, 20)
+
+
+def test_wilson_interval_is_symmetric_and_reaches_the_ends():
+    successes = np.arange(41)
+    low, high = wilson_interval(successes, 40)
+    np.testing.assert_allclose(low, 1.0 - high[::-1], atol=1e-15)
+    assert low[0] == 0.0
+    assert high[-1] == 1.0
+
+
+def test_wilson_interval_without_trials_says_nothing():
+    assert wilson_interval(0, 0) == (0.0, 1.0)
+
+
+def test_wilson_interval_covers_the_truth_as_often_as_it_says():
+    # The exact coverage at 40 trials (a bin of 10 aspects and 4 ships), averaged over p.
+    successes = np.arange(41)
+    low, high = wilson_interval(successes, 40)
+    p = np.linspace(0.02, 0.98, 481)[:, None]
+    covered = (low <= p) & (p <= high)
+    assert np.mean(np.sum(covered * binom.pmf(successes, 40, p), axis=1)) == pytest.approx(
+        0.95, abs=0.01
+    )
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(-1, 3), (4, 3), (np.nan, 3), (0, np.inf)])
+def test_counts_that_are_none_are_refused(successes, trials):
+    with pytest.raises(ValueError, match="successes"):
+        wilson_interval(successes, trials)
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, np.nan])
+def test_confidence_must_be_a_probability(confidence):
+    with pytest.raises(ValueError, match="confidence"):
+        wilson_interval(1, 2, confidence=confidence)
+
+
+def test_the_sources_grid_gives_the_sources_bins():
+    labels, index = aspect_bins(GRID)
+    assert labels == ("0-27", "30-57", "60-90")
+    np.testing.assert_array_equal(np.bincount(index), [10, 10, 11])
+
+
+def test_bins_beyond_the_beam_mirror_those_ahead():
+    labels, index = aspect_bins(np.arange(0.0, 361.0, 3.0))
+    assert labels[:6] == ("0-27", "30-57", "60-90", "93-120", "123-150", "153-180")
+    assert labels[6:] == ("183-210", "213-240", "243-270", "273-300", "303-330", "333-360")
+    np.testing.assert_array_equal(np.bincount(index), [10, 10, 11] + 9 * [10])
+
+
+@given(st.lists(st.floats(0.0, 360.0), min_size=1, max_size=20, unique=True), st.data())
+def test_an_aspects_bin_does_not_depend_on_the_others(aspects, data):
+    chosen = data.draw(st.lists(st.sampled_from(aspects), min_size=1, unique=True))
+    _, index = aspect_bins(aspects)
+    _, alone = aspect_bins(chosen)
+    kept = index[[aspects.index(aspect) for aspect in chosen]]
+    np.testing.assert_array_equal(alone, np.unique(kept, return_inverse=True)[1])
+    order = np.argsort(aspects)
+    assert np.all(np.diff(index[order]) >= 0)
+
+
+def test_bins_are_named_after_the_aspects_they_hold():
+    assert aspect_bins([80.0, 10.0, 12.5])[0] == ("10-12.5", "80")
+    np.testing.assert_array_equal(aspect_bins([80.0, 10.0, 12.5])[1], [1, 0, 0])
+    assert aspect_bins([0, 10, 20, 40], edges=(0, 15, 45))[0] == ("0-10", "20-40")
+
+
+def test_an_edge_missed_by_rounding_is_the_edge():
+    just_below, just_above = np.nextafter(30.0, 0.0), np.nextafter(90.0, 91.0)
+    np.testing.assert_array_equal(aspect_bins([0.0, just_below, just_above])[1], [0, 1, 2])
+
+
+@pytest.mark.parametrize("aspects", [[], [[0.0]], [-1.0], [361.0], [np.nan]])
+def test_aspects_that_are_none_are_refused(aspects):
+    with pytest.raises(ValueError, match="aspects must"):
+        aspect_bins(aspects)
+
+
+@pytest.mark.parametrize("edges", [(0.0,), (0.0, 0.0), (30.0, 0.0), (-5.0, 5.0), (0.0, 400.0)])
+def test_edges_that_are_none_are_refused(edges):
+    with pytest.raises(ValueError, match="edges"):
+        aspect_bins([0.0], edges)
+
+
+def test_accuracy_is_counted_bin_by_bin():
+    rng = np.random.default_rng(0)
+    correct = rng.random((3, 4, 4, 31)) < 0.7  # pulse width, frame count, ship, aspect
+    score = accuracy_by_aspect(correct, GRID)
+    assert score.labels == ("0-27", "30-57", "60-90", "overall")
+    assert score.fraction.shape == score.ci_low.shape == score.n.shape == (3, 4, 4)
+    for bin_, inside in enumerate([GRID < 30, (GRID >= 30) & (GRID < 60), GRID >= 60, GRID >= 0]):
+        np.testing.assert_allclose(
+            score.fraction[..., bin_], correct[..., inside].mean(axis=(-2, -1)), rtol=1e-15
+        )
+        assert np.all(score.n[..., bin_] == 4 * inside.sum())
+    low, high = wilson_interval(np.rint(score.fraction * score.n), score.n)
+    np.testing.assert_array_equal(score.ci_low, low)
+    np.testing.assert_array_equal(score.ci_high, high)
+
+
+def test_overall_weighs_the_bins_by_their_aspects():
+    score = accuracy_by_aspect(np.tile(GRID < 60, (4, 1)), GRID)
+    np.testing.assert_allclose(score.fraction, [1.0, 1.0, 0.0, 20 / 31])
+    # The source's training row: 40, 37 and 19 right answers of 40, 40 and 44.
+    correct = np.zeros((4, 31), dtype=bool)
+    correct[:, :10] = correct[:3, 10:20] = correct[0, 10:17] = True
+    correct[0, 20:] = correct[1, 20:28] = True
+    percent = 100.0 * accuracy_by_aspect(correct, GRID).fraction
+    np.testing.assert_allclose(percent, [100, 93, 43, 77], atol=0.5)
+
+
+@pytest.mark.parametrize(
+    "correct", [np.ones((4, 31)), np.ones((4, 30), bool), np.ones(31, bool), np.ones((0, 31), bool)]
+)
+def test_answers_must_be_boolean_and_fit_the_aspects(correct):
+    with pytest.raises(ValueError, match="correct"):
+        accuracy_by_aspect(correct, GRID)
