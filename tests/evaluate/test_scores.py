@@ -134,7 +134,7 @@ def test_overall_weighs_the_bins_by_their_aspects():
     np.testing.assert_allclose(score.fraction, [1.0, 1.0, 0.0, 20 / 31])
     # The source's training row: 40, 37 and 19 right answers of 40, 40 and 44.
     correct = np.zeros((4, 31), dtype=bool)
-    correct[:, :10] = correct[:3, 10:20] = correct[0, 10:17] = True
+    correct[:, :10] = correct[:3, 10:20] = correct[3, 10:17] = True
     correct[0, 20:] = correct[1, 20:28] = True
     percent = 100.0 * accuracy_by_aspect(correct, GRID).fraction
     np.testing.assert_allclose(percent, [100, 93, 43, 77], atol=0.5)
