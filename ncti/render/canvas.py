@@ -13,6 +13,7 @@ import numpy as np
 import pyrender
 from numpy.typing import NDArray
 from OpenGL import GL
+from pyrender.platforms.osmesa import OSMesaPlatform
 from pyrender.shader_program import ShaderProgramCache
 
 from ncti.render.solid import KEPT, Solid
@@ -120,6 +121,9 @@ class _FacetRenderer(pyrender.Renderer):
         self._program: Any = None
         self._program_cache = ShaderProgramCache(shader_dir=str(SHADERS))
 
+    def __del__(self) -> None:
+        """Leave what is in the context to the context, which may not be this thread's."""
+
     def _get_primitive_program(self, primitive: Any, flags: int, program_flags: int) -> Any:
         # pyrender asks OpenGL for its limits on lights every time.
         if self._program is None:
@@ -144,7 +148,7 @@ class _FacetRenderer(pyrender.Renderer):
         self._main_fb_dims = size
 
     def _read_main_framebuffer(self, scene: Any, flags: int) -> NDArray[np.float32]:
-        width, height = self._main_fb_dims
+        width, height = self.viewport_width, self.viewport_height
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
         image = np.empty(height * width, dtype=np.float32)
         GL.glReadPixels(0, 0, width, height, GL.GL_RED, GL.GL_FLOAT, image)
@@ -153,14 +157,24 @@ class _FacetRenderer(pyrender.Renderer):
 
 def _make_context(platform: str) -> Any:
     """A current context; images have framebuffers of their own, so its surface has one pixel."""
-    if platform == "egl":
-        from pyrender.platforms.egl import EGLPlatform
-
-        context = EGLPlatform(1, 1)
-    else:
-        from pyrender.platforms.osmesa import OSMesaPlatform
-
-        context = OSMesaPlatform(1, 1)
+    context = OSMesaPlatform(1, 1) if platform == "osmesa" else _software_egl()
     context.init_context()
     context.make_current()
+    # It ends with the process: pyrender would destroy it in whichever thread collects it.
+    context.delete_context = lambda: None
     return context
+
+
+def _software_egl() -> Any:
+    """EGL on Mesa's software device where it is listed: the image must not depend on the machine.
+
+    Without it, the default device; which differs at silhouettes at most.
+    """
+    from pyrender.platforms import egl
+
+    extensions = 0x3055  # EGL_EXTENSIONS
+    for device in egl.query_devices():
+        known = egl._eglQueryDeviceStringEXT(device._display, extensions) or b""
+        if b"EGL_MESA_device_software" in known:
+            return egl.EGLPlatform(1, 1, device=device)
+    return egl.EGLPlatform(1, 1)

@@ -6,6 +6,7 @@ import ctypes
 import os
 from dataclasses import dataclass
 from functools import lru_cache
+from threading import Lock
 
 from ncti.render.engine import Engine, EngineError
 from ncti.render.opengl import bound_platform
@@ -97,11 +98,19 @@ def start_engine(name: str) -> Engine:
     ValueError, EngineError
         As `choose_engine`; also when the libraries are there and cannot draw.
     """
-    return _started(choose_engine(name), os.getpid())
+    name = choose_engine(name)
+    key = os.getpid(), name  # An engine does not survive a fork.
+    with _lock:
+        if key not in _running:
+            _running[key] = _start(name)
+        return _running[key]
 
 
-@lru_cache
-def _started(name: str, process: int) -> Engine:
+_running: dict[tuple[int, str], Engine] = {}
+_lock = Lock()
+
+
+def _start(name: str) -> Engine:
     if name == "embree":
         from ncti.render.embree import EmbreeEngine
 

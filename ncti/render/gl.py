@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -34,15 +33,13 @@ class PyrenderEngine:
 
     def __init__(self, platform: str) -> None:
         bind_platform(platform)
-        self._process = os.getpid()
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"render-{platform}")
         try:
             self._canvas = self._thread.submit(_open_canvas, platform).result()
-        except EngineError:
-            raise
         except Exception as error:
             raise EngineError(
-                f"render engine {platform} cannot start here ({error!r}): use another engine."
+                f"render engine {platform} has its libraries but cannot start here ({error!r}): "
+                "use embree, or another engine in another process."
             ) from error
 
     def visible(

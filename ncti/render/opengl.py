@@ -9,6 +9,9 @@ from typing import Any
 
 from ncti.render.engine import EngineError
 
+_process: int | None = None
+"""The process that was bound."""
+
 
 def bind_platform(name: str) -> None:
     """Make PyOpenGL load its functions from OSMesa or from EGL; before pyrender is imported.
@@ -21,8 +24,16 @@ def bind_platform(name: str) -> None:
     Raises
     ------
     EngineError
-        When PyOpenGL was already bound to another platform in this process.
+        When PyOpenGL is already bound to another platform in this process, or was bound before
+        this process was forked.
     """
+    global _process
+    if _process not in (None, os.getpid()):
+        raise EngineError(
+            f"render engine {name} cannot run in a process forked from one that draws with OpenGL, "
+            "whose threads are not there: start processes by spawn or forkserver, or use embree."
+        )
+    _process = os.getpid()
     bound = bound_platform()
     if bound not in (None, name):
         raise EngineError(

@@ -15,8 +15,9 @@ from ncti.render.view import Lattice, View
 KEPT = 8
 """Ships kept ready, here and in each engine: the six of the study and two of the user's."""
 
-STEEPEST = 1e-6
-"""Smallest cosine of incidence told from edge-on: beyond it lies only the rounding of a normal."""
+STEEPEST = 1e-4
+"""Smallest cosine of incidence told from edge-on. A facet so steep is narrower than a rasteriser's
+grid, and seen by chance; the bound keeps its slope finite."""
 
 
 @dataclass(frozen=True, eq=False)
