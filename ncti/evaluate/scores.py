@@ -158,8 +158,9 @@ def accuracy_by_aspect(
         Whether each answer was right, e.g. with leading axes pulse width and frame count.
     aspects : (aspect,) array_like
         Aspects [deg].
-    answered : array_like of bool, broadcast to `correct`
-        Which answers count; the others, of views that could not be had, are left out.
+    answered : array_like of bool, default=True
+        Which answers count, broadcast to `correct`; the others, of views that could not be
+        had, are left out.
     edges : tuple of float
         See `aspect_bins`.
     confidence : float, default=0.95
@@ -184,7 +185,7 @@ def accuracy_by_aspect(
     right = np.asarray(correct)
     if right.dtype != np.bool_:
         raise ValueError(f"correct must be boolean, got {right.dtype}.")
-    if right.ndim < 2 or right.shape[-1] != len(index) or right.shape[-2] == 0:
+    if right.ndim < 2 or right.shape[-1] != len(index):
         raise ValueError(
             f"correct must have the axes (..., ship, aspect) with {len(index)} aspects, "
             f"got shape {right.shape}."

@@ -140,9 +140,24 @@ def test_overall_weighs_the_bins_by_their_aspects():
     np.testing.assert_allclose(percent, [100, 93, 43, 77], atol=0.5)
 
 
-@pytest.mark.parametrize(
-    "correct", [np.ones((4, 31)), np.ones((4, 30), bool), np.ones(31, bool), np.ones((0, 31), bool)]
-)
+def test_what_has_no_answer_is_not_counted():
+    rng = np.random.default_rng(0)
+    correct, answered = rng.random((2, 3, 4, 31)) < 0.6
+    answered[1, :, :10] = False
+    answered[2] = False
+    score = accuracy_by_aspect(correct, GRID, answered=answered)
+    right = [np.mean(given[there]) for given, there in zip(correct[:2], answered, strict=False)]
+    np.testing.assert_allclose(score.fraction[:, -1], [*right, np.nan])
+    np.testing.assert_array_equal(score.n[:, -1], answered.sum(axis=(-2, -1)))
+    assert np.isnan(score.fraction[1, 0])
+    assert (score.n[1, 0], score.ci_low[1, 0], score.ci_high[1, 0]) == (0, 0.0, 1.0)
+    # What stands in the place of a missing answer makes no difference.
+    np.testing.assert_array_equal(
+        accuracy_by_aspect(correct | ~answered, GRID, answered=answered).fraction, score.fraction
+    )
+
+
+@pytest.mark.parametrize("correct", [np.ones((4, 31)), np.ones((4, 30), bool), np.ones(31, bool)])
 def test_answers_must_be_boolean_and_fit_the_aspects(correct):
     with pytest.raises(ValueError, match="correct"):
         accuracy_by_aspect(correct, GRID)
