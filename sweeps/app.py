@@ -1,0 +1,129 @@
+"""The command `ncti-sweep`: Hydra's command line, and what it exits with."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import hydra
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra._internal.utils import get_args_parser
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from sweeps.errors import ConfigurationError, SweepIncomplete
+from sweeps.prepare import prepare
+from sweeps.run import run_sweep
+from sweeps.schema import register
+
+ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
+
+
+def conf_folder() -> Path:
+    """Folder of the configuration: inside the installed package, or at the repository root."""
+    package = Path(__file__).resolve().parent
+    inside = package / "conf"
+    return inside if inside.is_dir() else package.parent / "conf"
+
+
+def main() -> None:
+    """Run the command line; exits with 0 done, 1 some cells failed, 2 wrong configuration."""
+    register()
+    # Hydra then raises what went wrong, instead of printing it and ending the process.
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        check_jobs(sys.argv[1:])
+        hydra.main(version_base="1.3", config_path=str(conf_folder()), config_name="config")(_job)()
+    except (ConfigurationError, HydraException, OmegaConfBaseException) as error:
+        print(f"ncti-sweep: {explain(error)}", file=sys.stderr)
+        sys.exit(WRONG)
+    except SweepIncomplete as error:
+        print(f"ncti-sweep: {error}", file=sys.stderr)
+        sys.exit(SOME_FAILED)
+    except KeyboardInterrupt:
+        print("ncti-sweep: interrupted; the same command goes on from here", file=sys.stderr)
+        sys.exit(130)
+    sys.exit(ALL_DONE)
+
+
+def check_jobs(arguments: list[str]) -> None:
+    """Prepare every job that a command line asks for, so that a wrong one stops them all.
+
+    Parameters
+    ----------
+    arguments : list of str
+        The command line without the program's name.
+
+    Raises
+    ------
+    ConfigurationError, HydraException, OmegaConfBaseException
+        For the first job whose configuration is wrong. Nothing is written.
+
+    Notes
+    -----
+    A command line that runs no job, or takes its configuration from elsewhere, is left to
+    Hydra; each job is checked again when it starts.
+    """
+    options = get_args_parser().parse_args(arguments)
+    asks = (options.help, options.hydra_help, options.cfg, options.info)
+    elsewhere = (options.config_path, options.config_name, options.config_dir)
+    if any(asks) or any(elsewhere) or options.shell_completion:
+        return
+    jobs = [options.overrides]
+    if options.multirun:
+        parsed = OverridesParser.create().parse_overrides(options.overrides)
+        if any(override.key_or_group == "hydra/sweeper" for override in parsed):
+            return
+        jobs = [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
+    stores: set[str] = set()
+    with hydra.initialize_config_dir(str(conf_folder()), version_base="1.3"):
+        for overrides in jobs:
+            kept = [item for item in overrides if not item.lstrip("+~").startswith("hydra")]
+            composed = hydra.compose("config", overrides=kept)
+            store = OmegaConf.to_container(composed, resolve=False)["store"]  # type: ignore[call-overload, index]
+            if store in stores:
+                raise ConfigurationError(
+                    f"store is {store!r} for several jobs, but each must have its own: leave it "
+                    "out, or put ${hydra:job.num} into it"
+                )
+            if store is not None:
+                stores.add(store)
+            if "${hydra:" in str(store):
+                composed.store = None  # known only once Hydra runs the job
+            prepare(composed)
+
+
+def _job(composed: DictConfig) -> None:
+    """One job of Hydra's: one sweep with its own store."""
+    prepared = prepare(composed)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    run_sweep(prepared, Path(prepared.config.store or folder / "sweep.zarr"))
+
+
+def explain(error: Exception) -> str:
+    """One sentence for what Hydra and OmegaConf say in several lines."""
+    text = str(error)
+    if isinstance(error, ConfigurationError):
+        return text
+    key = re.search(r"full_key: (\S+)", text)
+    if key and re.search(r"Key '.*' (is )?not in", text):
+        parent = key[1].rpartition(".")[0]
+        return (
+            f"{key[1]} is no key of the configuration; "
+            + (f"`ncti-sweep --cfg job --package {parent}`" if parent else "`ncti-sweep --cfg job`")
+            + " prints those there are"
+        )
+    value = re.search(r"Value '(.*)' of type .* could not be converted to (\w+)", text)
+    if key and value:
+        return f"{key[1]} is {value[1]!r}, but must be of type {value[2].lower()}"
+    lines = (line.strip() for line in text.splitlines() if "object_type=" not in line)
+    return " ".join(" ".join(lines).split())
+
+
+if __name__ == "__main__":
+    main()

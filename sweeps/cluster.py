@@ -1,0 +1,105 @@
+"""Who runs the tasks: worker processes of a dask cluster, or this process itself."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from sweeps.schema import ClusterConfig
+
+Outcome = tuple[tuple[Any, ...], Any, Exception | None]
+
+
+class Executor(Protocol):
+    """Runs a function over argument tuples."""
+
+    def run(
+        self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]
+    ) -> Iterator[Outcome]:
+        """Yield (arguments, result, exception) of every task, in the order they finish."""
+
+
+class InlineExecutor:
+    """Tasks one after the other in this process."""
+
+    def run(
+        self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]
+    ) -> Iterator[Outcome]:
+        """See `Executor.run`."""
+        for task in tasks:
+            try:
+                yield task, function(*task), None
+            except Exception as error:
+                yield task, None, error
+
+
+class DaskExecutor:
+    """Tasks on the workers of a dask cluster."""
+
+    def __init__(self, client: Any) -> None:
+        self.client = client
+
+    def run(
+        self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]
+    ) -> Iterator[Outcome]:
+        """See `Executor.run`."""
+        from distributed import as_completed
+
+        futures = {self.client.submit(function, *task, pure=False): task for task in tasks}
+        for future in as_completed(list(futures)):
+            task = futures.pop(future)
+            error = future.exception()
+            yield task, None if error else future.result(), error
+            future.release()
+
+
+@contextmanager
+def executor(config: ClusterConfig, *, tasks: int) -> Iterator[Executor]:
+    """Start the workers that a configuration asks for, and end them afterwards.
+
+    Parameters
+    ----------
+    config : ClusterConfig
+        Kind of cluster and number of workers; by default one a core.
+    tasks : int
+        How many tasks there will be: no more workers than that are started.
+
+    Yields
+    ------
+    Executor
+        Workers have one thread each, since a renderer belongs to its thread, and listen on
+        the loopback interface only.
+    """
+    if config.kind == "inline":
+        yield InlineExecutor()
+        return
+    import dask
+    from distributed import Client, LocalCluster
+
+    # Failures come back with their tasks; the rest of dask's talk is of no use here.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+
+    workers = max(1, min(config.workers or len(os.sched_getaffinity(0)), tasks))
+    # Numerical libraries get one thread a worker: the workers are the parallelism, and results
+    # must not depend on how a product is split.
+    one_thread = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR")}
+    settings = {
+        "distributed.nanny.pre-spawn-environ": one_thread,
+        "distributed.comm.timeouts.connect": "60s",
+        "distributed.admin.large-graph-warning-threshold": "1GB",
+    }
+    with (
+        dask.config.set(settings),
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield DaskExecutor(client)

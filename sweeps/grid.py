@@ -1,0 +1,159 @@
+"""The grid of a sweep: axes expanded from what the user wrote, and checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from sweeps.errors import ConfigurationError
+
+T = TypeVar("T", str, float)
+
+MAX_AXIS = 100_000  # longer axes are a slip of the step, not a plan
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Every value of every axis, in the units of the configuration.
+
+    Attributes
+    ----------
+    ship : tuple of str
+        Names or paths.
+    aspect : tuple of float
+        Aspect angles [deg].
+    pulse_width : tuple of float
+        1/e^2 pulse widths [ns].
+    frame_count : tuple of int
+        Frames averaged.
+    range : tuple of float
+        Slant ranges [km].
+    vigilance : tuple of float
+        Vigilance in training.
+    """
+
+    ship: tuple[str, ...]
+    aspect: tuple[float, ...]
+    pulse_width: tuple[float, ...]
+    frame_count: tuple[int, ...]
+    range: tuple[float, ...]
+    vigilance: tuple[float, ...]
+
+
+def ship_axis(key: str, spec: Any) -> tuple[str, ...]:
+    """Ships of a grid: one name or path, or a list of them, each at most once."""
+    names = [spec] if isinstance(spec, str) else spec
+    if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
+        raise ConfigurationError(f"{key} is {spec!r}, but must be a ship, or a list of ships")
+    return _distinct(key, [str(name) for name in names])
+
+
+def number_axis(
+    key: str,
+    spec: Any,
+    *,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    below: float = math.inf,
+    positive: bool = False,
+) -> tuple[float, ...]:
+    """Values of a numeric axis.
+
+    Parameters
+    ----------
+    key : str
+        The configuration key, for messages.
+    spec : number, list of numbers, or mapping with start, stop and step
+        What the user wrote. `stop` is included when a step lands on it.
+    minimum, maximum : float
+        Inclusive bounds.
+    below : float
+        Exclusive upper bound.
+    positive : bool
+        Whether 0 is refused too.
+
+    Returns
+    -------
+    tuple of float
+        Distinct values, in the order given.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the key, the value and what is allowed.
+    """
+    allowed = _allowed(minimum=minimum, maximum=maximum, below=below, positive=positive)
+    listed = _steps(key, spec) if isinstance(spec, Mapping) else spec
+    if isinstance(listed, str) or not isinstance(listed, Sequence):
+        listed = [listed]
+    values = []
+    for value in listed:
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        inside = (
+            is_number
+            and math.isfinite(value)
+            and minimum <= value <= maximum
+            and value < below
+            and not (positive and value <= 0)
+        )
+        if not inside:
+            raise ConfigurationError(f"{key} has {value!r}, but every value must be {allowed}")
+        values.append(float(value))
+    return _distinct(key, values)
+
+
+def count_axis(
+    key: str, spec: Any, *, minimum: int = 1, maximum: float = math.inf
+) -> tuple[int, ...]:
+    """Values of an axis of whole numbers; see `number_axis`."""
+    values = number_axis(key, spec, minimum=minimum, maximum=maximum)
+    for value in values:
+        if value != int(value):
+            raise ConfigurationError(f"{key} has {value!r}, but every value must be a whole number")
+    return tuple(int(value) for value in values)
+
+
+def _steps(key: str, spec: Mapping[str, Any]) -> list[float]:
+    if set(spec) != {"start", "stop", "step"}:
+        raise ConfigurationError(
+            f"{key} has the keys {', '.join(map(str, spec)) or '(none)'}, but must have start, "
+            "stop and step, or be a list"
+        )
+    (start,) = number_axis(f"{key}.start", spec["start"])
+    (stop,) = number_axis(f"{key}.stop", spec["stop"])
+    (step,) = number_axis(f"{key}.step", spec["step"], positive=True)
+    count = math.floor((stop - start) / step * (1 + 1e-12) + 1e-9) + 1
+    if count < 1:
+        raise ConfigurationError(
+            f"{key} runs from {start:g} to {stop:g}, but stop must not be below start"
+        )
+    if count > MAX_AXIS:
+        raise ConfigurationError(
+            f"{key}.step is {step:g}, but must leave at most {MAX_AXIS} values"
+        )
+    # Rounded, so that 0.1 steps give 0.3 and not 0.30000000000000004.
+    return [float(value) for value in np.round(start + step * np.arange(count), 12)]
+
+
+def _distinct(key: str, values: list[T]) -> tuple[T, ...]:
+    if not values:
+        raise ConfigurationError(f"{key} is empty, but must hold at least one value")
+    for value in values:
+        if values.count(value) > 1:
+            raise ConfigurationError(f"{key} has {value!r} more than once, but values must differ")
+    return tuple(values)
+
+
+def _allowed(*, minimum: float, maximum: float, below: float, positive: bool) -> str:
+    bounds = ["above 0"] if positive else []
+    if minimum > -math.inf:
+        bounds.append(f"at least {minimum:g}")
+    if maximum < math.inf:
+        bounds.append(f"at most {maximum:g}")
+    if below < math.inf:
+        bounds.append(f"below {below:g}")
+    return "a finite number" + (" " + " and ".join(bounds) if bounds else "")

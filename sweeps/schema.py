@@ -1,0 +1,186 @@
+"""What a configuration may hold, and the checks it passes before any work starts.
+
+The YAML files of `conf/` extend these dataclasses through Hydra's ConfigStore, so that a key
+that does not exist, or a word where a number is meant, is refused while the configuration is
+composed. Ranges are checked in `__post_init__`, which runs when `SweepConfig` is made from the
+composed configuration. Below that, no code sees a DictConfig.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from ncti.ladar import RECEIVERS
+from ncti.render import ROLL, engines
+from sweeps.errors import ConfigurationError
+from sweeps.grid import Grid, count_axis, number_axis, ship_axis
+
+
+@dataclass
+class GridConfig:
+    """Axes: each one value, a list, or (for numbers) a mapping of start, stop and step."""
+
+    ship: Any = MISSING
+    aspect: Any = MISSING
+    pulse_width: Any = MISSING
+    frame_count: Any = MISSING
+    range: Any = MISSING
+    vigilance: Any = MISSING
+
+    def expand(self) -> Grid:
+        """Every value of every axis, checked."""
+        return Grid(
+            ship=ship_axis("grid.ship", self.ship),
+            aspect=number_axis("grid.aspect", self.aspect, minimum=0, below=360),
+            pulse_width=number_axis("grid.pulse_width", self.pulse_width, minimum=1, maximum=1000),
+            frame_count=count_axis("grid.frame_count", self.frame_count, maximum=10_000),
+            range=number_axis("grid.range", self.range, minimum=1, maximum=1000),
+            vigilance=number_axis("grid.vigilance", self.vigilance, minimum=0, maximum=1),
+        )
+
+
+@dataclass
+class SceneConfig:
+    """Where the aircraft is: one depression for every range, or one altitude."""
+
+    geometry: str = "fixed"
+    depression: float = 3.84
+    altitude: float = 6705.6
+    earth_radius: float = 6371e3
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        _one_of("scene.geometry", self.geometry, ("fixed", "altitude"))
+        _between("scene.depression", self.depression, 0, 90)
+        _between("scene.altitude", self.altitude, 1, 50e3)
+        _between("scene.earth_radius", self.earth_radius, 1e6, 1e12)
+
+
+@dataclass
+class RenderConfig:
+    """How range images are drawn."""
+
+    engine: str = "auto"
+    pixel: float = 0.25
+    roll: float = ROLL
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        _one_of("render.engine", self.engine, ("auto", *engines()))
+        _between("render.pixel", self.pixel, 0.01, 5)
+        _between("render.roll", self.roll, -180, 180)
+
+
+@dataclass
+class LadarConfig:
+    """The laser radar: its beam, its receiver, its noise."""
+
+    ifov: float = 150.0
+    bin_width: float = 1.0
+    window: float = 250.0
+    spread: float = 0.5
+    reflectance: str = "projected_area"
+    cnr: float = 32.0
+    cnr_range: float = 100.0
+    extinction: float = 0.0
+    target_free_ifovs: Any = 4000
+    receiver: str = "full_profile"
+    false_alarm: float = 1e-6
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        _between("ladar.ifov", self.ifov, 1, 100e3)
+        _between("ladar.bin_width", self.bin_width, 0.05, 50)
+        _between("ladar.window", self.window, 20, 5000)
+        if self.window < 10 * self.bin_width:
+            raise ConfigurationError(
+                f"ladar.window is {self.window:g} m, but must hold at least 10 bins of "
+                f"ladar.bin_width {self.bin_width:g} m"
+            )
+        _between("ladar.spread", self.spread, 0, 1)
+        _one_of("ladar.reflectance", self.reflectance, ("projected_area", "lambertian"))
+        _between("ladar.cnr", self.cnr, -100, 100)
+        _between("ladar.cnr_range", self.cnr_range, 1, 1000)
+        _between("ladar.extinction", self.extinction, 0, 10)
+        _one_of("ladar.receiver", self.receiver, RECEIVERS)
+        _between("ladar.false_alarm", self.false_alarm, 1e-12, 0.5)
+        self.floor_axis()
+
+    def floor_axis(self) -> tuple[int, ...]:
+        """Every value of `target_free_ifovs`, checked."""
+        return count_axis(
+            "ladar.target_free_ifovs", self.target_free_ifovs, minimum=0, maximum=10**7
+        )
+
+
+@dataclass
+class ClassifierConfig:
+    """The Adaptive Clustering Network."""
+
+    name: str = "acn"
+    learning_rate: float = 0.1
+    max_passes: int = 200
+    learn_in_test: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        _one_of("classifier.name", self.name, ("acn",))
+        _between("classifier.learning_rate", self.learning_rate, 1e-6, 1)
+        _between("classifier.max_passes", self.max_passes, 1, 1_000_000)
+
+
+@dataclass
+class ClusterConfig:
+    """Who does the work."""
+
+    kind: str = "local"
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        _one_of("cluster.kind", self.kind, ("local", "inline"))
+        if self.workers is not None:
+            _between("cluster.workers", self.workers, 1, 4096)
+
+
+@dataclass
+class SweepConfig:
+    """Everything a sweep is told."""
+
+    grid: GridConfig = field(default_factory=GridConfig)
+    scene: SceneConfig = field(default_factory=SceneConfig)
+    render: RenderConfig = field(default_factory=RenderConfig)
+    ladar: LadarConfig = field(default_factory=LadarConfig)
+    classifier: ClassifierConfig = field(default_factory=ClassifierConfig)
+    cluster: ClusterConfig = field(default_factory=ClusterConfig)
+    seed: int = 0
+    store: str | None = None
+    cache: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check what several groups decide together."""
+        _between("seed", self.seed, 0, 2**63)
+        for key in ("store", "cache"):
+            if getattr(self, key) == "":
+                raise ConfigurationError(f"{key} is empty, but must be a path")
+        self.grid.expand()
+
+
+def register() -> None:
+    """Make the schema known to Hydra under the name that `conf/config.yaml` extends."""
+    ConfigStore.instance().store(name="sweep_schema", node=SweepConfig)
+
+
+def _between(key: str, value: float, low: float, high: float) -> None:
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ConfigurationError(f"{key} is {value!r}, but must be from {low:g} to {high:g}")
+
+
+def _one_of(key: str, value: str, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        raise ConfigurationError(f"{key} is {value!r}, but must be one of {', '.join(allowed)}")

@@ -1,0 +1,264 @@
+"""The stages of a sweep as plain functions of plain parameters; no dask, no zarr."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+import ncti.ships
+from ncti.ladar import (
+    RangeExtent,
+    carrier_to_noise,
+    cumulative_average,
+    expected_profile,
+    range_extent,
+    sample_frames,
+)
+from ncti.render import RangeImage, range_image
+from ncti.render.flight import depression_angle
+from sweeps.cache import Arrays, StageCache
+from sweeps.schema import LadarConfig, RenderConfig, SceneConfig, SweepConfig
+from sweeps.seeds import cell_rng
+
+# Raise a stage's version when its results change: its kept results are then made anew.
+EXTENT_VERSION = 1
+PROFILE_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Ship:
+    """A ship of the grid.
+
+    Attributes
+    ----------
+    label : str
+        Its value on the `ship` axis.
+    source : str
+        Name, or path of a sheet or mesh, that `ncti.ships.load` takes.
+    digest : str
+        Hash of what its mesh is made from.
+    """
+
+    label: str
+    source: str
+    digest: str
+
+
+@dataclass(frozen=True)
+class ViewPlan:
+    """What all views of a sweep have in common, in the units of the configuration."""
+
+    pulse_width: tuple[float, ...]
+    frame_count: tuple[int, ...]
+    range: tuple[float, ...]
+    target_free_ifovs: tuple[int, ...]
+    scene: SceneConfig
+    render: RenderConfig
+    ladar: LadarConfig
+    seed: int
+    cache: Path
+
+    @classmethod
+    def of(cls, config: SweepConfig, *, engine: str, cache: Path) -> ViewPlan:
+        """The plan of a checked configuration, with the engine that will draw."""
+        grid = config.grid.expand()
+        return cls(
+            pulse_width=grid.pulse_width,
+            frame_count=grid.frame_count,
+            range=grid.range,
+            target_free_ifovs=config.ladar.floor_axis(),
+            scene=config.scene,
+            render=replace(config.render, engine=engine),
+            ladar=config.ladar,
+            seed=config.seed,
+            cache=cache,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ViewProfiles:
+    """Range profiles of one ship at one aspect.
+
+    Attributes
+    ----------
+    expected : (pulse_width, range, target_free_ifovs, bin) float32 ndarray
+        Equation C.
+    averaged : (pulse_width, frame_count, range, target_free_ifovs, bin) float32 ndarray
+        Averages of sampled frames.
+    """
+
+    expected: NDArray[np.float32]
+    averaged: NDArray[np.float32]
+
+
+def bin_centres(ladar: LadarConfig) -> NDArray[np.float64]:
+    """Down-range bins [m] of every profile of a sweep."""
+    count = round(ladar.window / ladar.bin_width)
+    return ladar.bin_width * (np.arange(count, dtype=np.float64) - (count - 1) / 2)
+
+
+def depression_at(slant_range: float, scene: SceneConfig) -> float:
+    """Depression [deg] at a slant range [km]."""
+    if scene.geometry == "fixed":
+        return scene.depression
+    return depression_angle(
+        slant_range * 1e3, altitude=scene.altitude, earth_radius=scene.earth_radius
+    )
+
+
+@lru_cache(maxsize=16)
+def load_ship(source: str, digest: str, cache: Path) -> trimesh.Trimesh:
+    """Mesh of a ship, kept for this process; the digest keeps an edited file apart."""
+    return ncti.ships.load(source, cache=cache / "meshes")
+
+
+def ship_reach(ship: Ship, cache: Path) -> float:
+    """Largest distance of a ship's surface from its origin [m]; builds the ship if need be."""
+    mesh = load_ship(ship.source, ship.digest, cache)
+    return float(np.linalg.norm(mesh.vertices, axis=1).max())
+
+
+def view_profiles(ship: Ship, aspect: float, plan: ViewPlan) -> ViewProfiles:
+    """Everything the range channel measures of a ship at one aspect [deg]."""
+    view = _View(ship, aspect, plan)
+    cells = [
+        [[view.profiles(t, r, g) for g in plan.target_free_ifovs] for r in plan.range]
+        for t in plan.pulse_width
+    ]
+    expected = np.array([[[cell["expected"] for cell in row] for row in rows] for rows in cells])
+    averaged = np.array([[[cell["averaged"] for cell in row] for row in rows] for rows in cells])
+    return ViewProfiles(expected, np.moveaxis(averaged, 3, 1))
+
+
+@dataclass(frozen=True)
+class _View:
+    """One ship at one aspect.
+
+    An image is drawn once a depression, and only when an extent that needs it is not at hand;
+    an extent is binned once a range, and only when a profile needs it; and so on.
+    """
+
+    ship: Ship
+    aspect: float
+    plan: ViewPlan
+    images: dict[float, RangeImage] = field(default_factory=dict)
+    extents: dict[float, RangeExtent] = field(default_factory=dict)
+
+    def profiles(self, pulse_width: float, slant_range: float, target_free_ifovs: int) -> Arrays:
+        """Expected profile and averages of one pulse width [ns] at one range [km]."""
+        ladar = self.plan.ladar
+        return StageCache(self.plan.cache).fetch(
+            "range_profile",
+            PROFILE_VERSION,
+            {
+                "extent": [EXTENT_VERSION, self._extent_inputs(slant_range)],
+                "ship": self.ship.label,
+                "pulse_width": pulse_width,
+                "frame_count": self.plan.frame_count,
+                "target_free_ifovs": target_free_ifovs,
+                "cnr": [ladar.cnr, ladar.cnr_range, ladar.extinction],
+                "receiver": [ladar.receiver, ladar.false_alarm],
+                "seed": self.plan.seed,
+            },
+            partial(self._make_profiles, pulse_width, slant_range, target_free_ifovs),
+        )
+
+    def _make_profiles(
+        self, pulse_width: float, slant_range: float, target_free_ifovs: int
+    ) -> Arrays:
+        ladar = self.plan.ladar
+        signal: dict[str, Any] = {
+            "pulse_width": pulse_width * 1e-9,
+            "cnr": carrier_to_noise(
+                slant_range * 1e3,
+                reference=10 ** (ladar.cnr / 10),
+                reference_range=ladar.cnr_range * 1e3,
+                extinction=ladar.extinction * 1e-3,
+            ),
+            "target_free_ifovs": target_free_ifovs,
+            "receiver": ladar.receiver,
+            "false_alarm": ladar.false_alarm,
+        }
+        extent = self._extent(slant_range)
+        rng = cell_rng(
+            self.plan.seed,
+            stage="range_profile",
+            ship=self.ship.label,
+            aspect=self.aspect,
+            pulse_width=pulse_width,
+            range=slant_range,
+            target_free_ifovs=target_free_ifovs,
+        )
+        frames = sample_frames(extent, frame_count=max(self.plan.frame_count), rng=rng, **signal)
+        return {
+            "expected": expected_profile(extent, **signal).astype(np.float32),
+            "averaged": cumulative_average(frames, self.plan.frame_count).astype(np.float32),
+        }
+
+    def _extent_inputs(self, slant_range: float) -> dict[str, Any]:
+        """All that the range extent depends on."""
+        ladar = self.plan.ladar
+        return {
+            "ship": self.ship.digest,
+            "aspect": self.aspect,
+            "depression": depression_at(slant_range, self.plan.scene),
+            "render": asdict(self.plan.render),
+            "range": slant_range,
+            "ifov": ladar.ifov,
+            "bins": [ladar.bin_width, ladar.window],
+            "spread": ladar.spread,
+            "reflectance": ladar.reflectance,
+        }
+
+    def _extent(self, slant_range: float) -> RangeExtent:
+        if slant_range not in self.extents:
+            ladar = self.plan.ladar
+            kept = StageCache(self.plan.cache).fetch(
+                "range_extent",
+                EXTENT_VERSION,
+                self._extent_inputs(slant_range),
+                partial(self._make_extent, slant_range),
+            )
+            self.extents[slant_range] = RangeExtent(
+                **kept,
+                bin_width=ladar.bin_width,
+                ifov=ladar.ifov * 1e-6,
+                slant_range=slant_range * 1e3,
+            )
+        return self.extents[slant_range]
+
+    def _make_extent(self, slant_range: float) -> Arrays:
+        ladar = self.plan.ladar
+        extent = range_extent(
+            self._image(depression_at(slant_range, self.plan.scene)),
+            slant_range=slant_range * 1e3,
+            ifov=ladar.ifov * 1e-6,
+            bin_width=ladar.bin_width,
+            window=ladar.window,
+            spread=ladar.spread,
+            reflectance=ladar.reflectance,
+        )
+        return {
+            "fraction": extent.fraction,
+            "down_range": extent.down_range,
+            "cell": extent.cell,
+        }
+
+    def _image(self, depression: float) -> RangeImage:
+        if depression not in self.images:
+            render = self.plan.render
+            self.images[depression] = range_image(
+                load_ship(self.ship.source, self.ship.digest, self.plan.cache),
+                aspect=self.aspect,
+                depression=depression,
+                pixel=render.pixel,
+                roll=render.roll,
+                engine=render.engine,
+            )
+        return self.images[depression]
