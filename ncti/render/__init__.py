@@ -1,8 +1,8 @@
 """Range images: what an aircraft's sensor sees of a ship."""
 
+from ncti.render.choice import available_engines, choose_engine, engines, start_engine
 from ncti.render.draw import range_image
 from ncti.render.engine import Engine, EngineError
-from ncti.render.engines import available_engines, choose_engine, engines, start_engine
 from ncti.render.image import RangeImage
 from ncti.render.view import ROLL, View
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import trimesh
 
-from ncti.render.engines import start_engine
+from ncti.render.choice import start_engine
 from ncti.render.image import RangeImage
 from ncti.render.solid import Solid, surface
 from ncti.render.view import ROLL, Lattice, View

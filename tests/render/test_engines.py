@@ -1,0 +1,225 @@
+"""Engines: the choice among them, what they refuse, and that they draw the same image."""
+
+import subprocess
+import sys
+import textwrap
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import trimesh
+
+from ncti.render import (
+    EngineError,
+    available_engines,
+    choice,
+    choose_engine,
+    engines,
+    range_image,
+    start_engine,
+)
+
+ASPECTS = (0.0, 12.7, 37.3, 90.0, 141.9, 203.0)
+
+
+def needs(*names):
+    missing = [name for name in names if name not in available_engines()]
+    return pytest.mark.skipif(bool(missing), reason=f"no {' and no '.join(missing)} library here")
+
+
+def run(script, *, timeout=120):
+    """Output of a script in a process of its own, where OpenGL is bound to nothing yet."""
+    ran = subprocess.run(
+        [sys.executable, "-c", PRELUDE + textwrap.dedent(script)],
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+    )
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout.strip()
+
+
+PRELUDE = """
+import sys
+import numpy as np, trimesh
+from ncti.render import *
+ball = trimesh.creation.icosphere(3, radius=8)
+hull = trimesh.creation.box((60, 9, 5))
+mast = trimesh.creation.cylinder(0.3, 20, sections=12).apply_translation((5, 0, 10))
+ship = trimesh.util.concatenate([ball, hull, mast])
+view = {"aspect": 33.0, "depression": 7.0}
+"""
+
+
+@pytest.fixture
+def present(monkeypatch):
+    """Sets which engines' libraries seem to be there, on a process not yet bound to a platform."""
+
+    def these(*names):
+        monkeypatch.setattr(choice, "_present", names.__contains__)
+        monkeypatch.setattr(choice, "bound_platform", lambda: None)
+
+    return these
+
+
+@pytest.mark.parametrize(
+    ("there", "chosen"),
+    [
+        (("osmesa", "egl", "embree"), "osmesa"),
+        (("egl", "embree"), "egl"),
+        (("embree",), "embree"),
+    ],
+)
+def test_auto_takes_the_first_that_is_there(present, there, chosen):
+    present(*there)
+    assert available_engines() == there
+    assert choose_engine("auto") == chosen
+    for name in there:
+        assert choose_engine(name) == name
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "words"),
+    [
+        ("osmesa", ("egl", "embree"), ["osmesa", "apt install libosmesa6", "egl or embree"]),
+        ("egl", ("osmesa", "embree"), ["egl", "libegl1", "libgl1-mesa-dri", "osmesa or embree"]),
+        ("osmesa", ("embree",), ["libosmesa6", "or use embree"]),
+    ],
+)
+def test_a_missing_engine_is_named_with_its_package_and_the_others(present, name, there, words):
+    present(*there)
+    box = trimesh.creation.box((4, 2, 1))
+    with pytest.raises(EngineError) as refusal:
+        range_image(box, aspect=0, depression=0, engine=name)
+    message = str(refusal.value)
+    assert all(word in message for word in words)
+    assert "\n" not in message
+
+
+def test_an_unknown_engine_is_a_wrong_value():
+    with pytest.raises(ValueError, match="it must be auto, osmesa, egl, embree"):
+        choose_engine("povray")
+    assert engines() == ("osmesa", "egl", "embree")
+
+
+def test_probing_looks_for_the_libraries(monkeypatch):
+    monkeypatch.setattr(choice.ctypes, "CDLL", lambda file: (_ for _ in ()).throw(OSError(file)))
+    choice._present.cache_clear()
+    try:
+        assert available_engines() == ("embree",)
+    finally:
+        choice._present.cache_clear()
+
+
+def test_asking_what_is_available_imports_no_opengl():
+    assert (
+        run("""
+        available_engines()
+        print([name for name in ("OpenGL", "pyrender") if name in sys.modules])
+    """)
+        == "[]"
+    )
+
+
+@needs("osmesa", "egl")
+@pytest.mark.parametrize("first", ["osmesa", "egl"])
+def test_one_opengl_platform_a_process(first):
+    second = {"osmesa": "egl", "egl": "osmesa"}[first]
+    said = run(f"""
+        range_image(ship, engine="{first}", **view)
+        assert choose_engine("auto") == "{first}"
+        try:
+            range_image(ship, engine="{second}", **view)
+        except EngineError as error:
+            print(error)
+        range_image(ship, engine="{first}", **view)
+        range_image(ship, engine="embree", **view)
+    """)
+    assert said.startswith(f"render engine {second} cannot start")
+    assert f"use {first} or embree" in said
+
+
+@needs("osmesa")
+def test_a_user_of_pyrender_elsewhere_in_the_process_is_told():
+    """PyOpenGL imported without a platform binds to the display server's."""
+    said = run("""
+        import os
+        os.environ.pop("PYOPENGL_PLATFORM", None)
+        import OpenGL.platform
+        try:
+            range_image(ship, **view)
+        except EngineError as error:
+            print(error)
+    """)
+    assert said.startswith("render engine osmesa cannot start")
+
+
+@needs("egl")
+def test_a_driver_that_cannot_start_is_an_engine_error():
+    said = run("""
+        import ncti.render.gl as gl
+        def fail(platform): raise AssertionError("no display")
+        gl._open_canvas = fail
+        try:
+            range_image(ship, engine="egl", **view)
+        except EngineError as error:
+            print(error)
+    """)
+    assert said.startswith("render engine egl has its libraries but cannot start here")
+    assert "use embree" in said
+
+
+@needs("osmesa", "egl")
+def test_egl_and_osmesa_draw_the_same_image_bit_for_bit(tmp_path):
+    for engine in ("osmesa", "egl"):
+        run(f"""
+            images = [
+                range_image(ship, aspect=a, depression=5.5, slant_range=r, engine="{engine}")
+                for a in {ASPECTS} for r in (None, 4e3)
+            ]
+            np.savez(r"{tmp_path / engine}.npz",
+                     *[i.down_range for i in images], *[i.gradient for i in images])
+        """)
+    one, other = (np.load(tmp_path / f"{engine}.npz") for engine in ("osmesa", "egl"))
+    assert len(one.files) == 4 * len(ASPECTS)
+    for name in one.files:
+        assert one[name].tobytes() == other[name].tobytes()
+
+
+def test_an_engine_is_started_once():
+    with ThreadPoolExecutor(4) as pool:
+        assert len({id(e) for e in pool.map(start_engine, ["auto"] * 8)}) == 1
+
+
+@pytest.mark.parametrize("engine", [choose_engine("auto"), "embree"])
+def test_threads_share_an_engine(engine):
+    """Four threads at once get what one gets alone: an OpenGL context would crash."""
+    ship = trimesh.creation.icosphere(3, radius=20)
+
+    def draw(aspect):
+        return range_image(ship, aspect=aspect, depression=5, engine=engine).down_range
+
+    alone = list(map(draw, ASPECTS))
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(draw, ASPECTS * 5))
+    for expected, image in zip(alone * 5, together, strict=True):
+        assert np.array_equal(image, expected, equal_nan=True)
+
+
+@needs("osmesa")
+def test_a_forked_process_is_refused_instead_of_hanging():
+    said = run("""
+        import os
+        range_image(ship, **view)
+        if os.fork() == 0:
+            try:
+                range_image(ship, **view)
+            except EngineError as error:
+                range_image(ship, engine="embree", **view)
+                print(error, flush=True)
+            os._exit(0)
+        os.wait()
+        range_image(ship, **view)
+    """)
+    assert "forked" in said
+    assert "use embree" in said
