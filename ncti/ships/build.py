@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from manifold3d import Manifold
+from manifold3d import Error, Manifold
 from numpy.typing import NDArray
 
 from ncti.ships import fittings, solids
 from ncti.ships.errors import ShipError
+from ncti.ships.lofting import union
 from ncti.ships.sheets import Component, Part, Sheet
 
 HOUSE_SINK = 0.45  # bases go this far [m], at most, into a deck that may slope under them
 MOUNT_SINK = 0.15  # and mounts this far into their platform
+SLIVER = 1e-4  # surfaces move by less than this [m] to rid bar crossings of slivers
 PART_SINK = 0.03  # and a template's parts into each other
 
 MAKERS: dict[str, Callable[..., Manifold]] = {
@@ -85,7 +87,7 @@ def equipment(parts: tuple[Part, ...], *, azimuth: float, sink: float = MOUNT_SI
     cos, sin = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
     # Columns: where u (ahead), v (to its right) and w (up) point in sheet axes.
     turn = np.array([[-cos, sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, 0]])
-    return solids.union(made).transform(turn)
+    return union(made).transform(turn)
 
 
 def _windows(sheet: Sheet, component: Component) -> Manifold:
@@ -125,10 +127,15 @@ def _single(sheet: Sheet, component: Component) -> Manifold:
 def piece(sheet: Sheet, component: Component) -> Piece:
     """The solid of one component with all its copies."""
     one = _single(sheet, component)
-    copies = [one.translate(np.add(component.at, (*offset, 0.0))) for offset in component.offsets]
+    if one.status() != Error.NoError or one.volume() <= 0:
+        raise ShipError(
+            f"{sheet.name}: component '{component.name}' is not a solid with these sizes, "
+            "but must enclose a volume."
+        )
+    copies = [one.translate(np.add(component.at, (*shift, 0.0))) for shift in component.offsets]
     if component.mirror:
         copies += [copy.mirror((0, 1, 0)) for copy in copies]
-    return Piece(component.name, solids.union(copies), component.cuts)
+    return Piece(component.name, union(copies), component.cuts)
 
 
 def build(sheet: Sheet) -> Ship:
@@ -151,16 +158,15 @@ def build(sheet: Sheet) -> Ship:
     """
     hull = sheet.hull.solid()
     pieces = [piece(sheet, component) for component in sheet.components]
-    solid = solids.union([hull] + [p.solid for p in pieces if not p.cuts])
-    solid -= solids.union([p.solid for p in pieces if p.cuts])
-    solid = solid.trim_by_plane((0, 0, 1), 0)
-    solid = _one_body(sheet, solid, pieces)
-    mesh = solid.to_mesh64()
+    solid = union([hull] + [p.solid for p in pieces if not p.cuts])
+    solid -= union([p.solid for p in pieces if p.cuts])
+    if solid.bounding_box()[2] < 0:
+        solid = solid.trim_by_plane((0, 0, 1), 0)
+    mesh = _one_body(sheet, solid, pieces).as_original().simplify(SLIVER).to_mesh64()
     vertices = np.array(mesh.vert_properties[:, :3]) * [-1, -1, 1] + [sheet.hull.loa / 2, 0, 0]
-    faces = np.array(mesh.tri_verts, dtype=np.int32)
     low, high = np.reshape(hull.bounding_box(), (2, 3))
     loa, beam, _ = high - low
-    return Ship(vertices, faces, float(loa), float(beam))
+    return Ship(vertices, np.array(mesh.tri_verts, dtype=np.int32), float(loa), float(beam))
 
 
 def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:

@@ -9,7 +9,7 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 
 from ncti.ships.hull import Hull
-from ncti.ships.solids import Points, loft, tube, union
+from ncti.ships.lofting import Points, loft, tube, union
 
 
 def along_edge(hull: Hull, edge: tuple[float, float], *, inset: float, pitch: float) -> Points:
@@ -74,7 +74,7 @@ def bulwark(
     `end`. It leans outward by `flare` [deg], less and less towards the stem where both sides meet.
     """
     start, knuckle = edge
-    x = np.unique(np.concatenate([np.arange(start, end), [knuckle, end - 0.05]]))
+    x = np.unique(np.concatenate([np.arange(start, end, 0.5), [knuckle, end - 0.05]]))
     half, deck = hull.deck_edge(x)
     top = np.interp(x, [start, knuckle], [stem_top, aft_top])
     after = x > knuckle

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from manifold3d import Manifold
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
-from ncti.ships.solids import loft
+from ncti.ships.lofting import loft
 
 FLARE_POWER = 1.2  # half-breadth grows from the waterline to the deck as height to this power
 STEM_HEIGHT = 0.25  # the stem's face at its head [m]
@@ -33,15 +34,17 @@ class Hull:
         and at the waterline [m]; the last is NaN where the section does not reach the water.
     stem_foot : float
         Distance from the stem's head to where it meets the water [m].
-    transom_foot, transom_head : (float, float)
-        Two points (x, z) [m] of the transom's plane.
+    transom_head : float
+        Height of the transom's upper edge, which is the aftermost point [m].
+    transom_angle : float
+        Angle between the transom and the vertical [deg]; its foot is further forward.
     """
 
     loa: float
     stations: NDArray[np.float64]
     stem_foot: float
-    transom_foot: tuple[float, float]
-    transom_head: tuple[float, float]
+    transom_head: float
+    transom_angle: float
 
     @cached_property
     def _deck(self) -> PchipInterpolator:
@@ -62,6 +65,20 @@ class Hull:
         edge = self._deck(np.clip(x, 0, self.loa))
         return edge[..., 1], edge[..., 0]
 
+    def _flare_head(self, x: NDArray[np.float64], deck: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height [m] at which a section reaches its breadth at the deck.
+
+        It is the deck, but over the last 20 m before a break of deck it comes down to the
+        lower deck, so that the side runs on through the break without a jog.
+        """
+        head = deck.copy()
+        for before, after in pairwise(self.stations):
+            drop = before[1] - after[1]
+            if after[0] - before[0] < 0.2 and drop > 0.3:
+                ahead = before[0] + 1e-9 - x
+                head -= drop * np.where(ahead >= 0, np.clip(1 - ahead / 20, 0, 1), 0)
+        return head
+
     def solid(self) -> Manifold:
         """The hull from the waterline to the weather deck."""
         every_metre = np.arange(0, self.loa)
@@ -77,16 +94,16 @@ class Hull:
         stem = (deck[0] - STEM_HEIGHT) * (1 - x / self.stem_foot)
         foot = np.where(dry, stem, 0.0)
 
-        z = foot[:, None] + (deck - foot)[:, None] * LEVELS
-        flare = (half_deck - half_water)[:, None] * LEVELS**FLARE_POWER
-        half = half_water[:, None] + flare
+        height = (deck - foot)[:, None] * LEVELS
+        share = np.minimum(height / (self._flare_head(x, deck) - foot)[:, None], 1)
+        half = half_water[:, None] + (half_deck - half_water)[:, None] * share**FLARE_POWER
+        z = foot[:, None] + height
         # From the deck edge to starboard down, across the bottom and up the port side.
         y = np.concatenate([half[:, ::-1], -half], axis=1)
         z = np.concatenate([z[:, ::-1], z], axis=1)
         rings = np.stack([np.broadcast_to(x[:, None], y.shape), y, z], axis=-1)
 
-        (foot_x, foot_z), (head_x, head_z) = self.transom_foot, self.transom_head
-        rise, run = head_z - foot_z, head_x - foot_x
-        forward = np.array([-rise, 0.0, run]) / np.hypot(rise, run)
-        offset = forward @ [head_x, 0.0, head_z]
+        lean = np.radians(self.transom_angle)
+        forward = np.array([-np.cos(lean), 0.0, np.sin(lean)])
+        offset = float(forward @ [self.loa, 0.0, self.transom_head])
         return loft(rings).trim_by_plane(tuple(forward), offset)

@@ -11,7 +11,7 @@ from manifold3d import Error, Manifold, Mesh64
 from numpy.typing import NDArray
 
 from ncti.ships.errors import ShipError
-from ncti.ships.solids import union
+from ncti.ships.lofting import union
 
 SMALLEST, LARGEST = 1.0, 1000.0  # extent of anything that may pass for a ship in metres [m]
 

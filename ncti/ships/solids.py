@@ -13,95 +13,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from manifold3d import CrossSection, Manifold, Mesh64, OpType, triangulate
-from numpy.typing import ArrayLike, NDArray
+from manifold3d import CrossSection, Manifold, triangulate
 
-Points = NDArray[np.float64]
-
-
-def union(solids: list[Manifold]) -> Manifold:
-    """Boolean union of any number of solids."""
-    return Manifold.batch_boolean(solids, OpType.Add)
-
-
-def loft(
-    rings: ArrayLike, *, closed: bool = False, cap: NDArray[np.int64] | None = None
-) -> Manifold:
-    """Skin through a sequence of rings.
-
-    Parameters
-    ----------
-    rings : (n, m, 3) array_like
-        n rings of m corresponding vertices [m]; either sense of rotation.
-    closed : bool
-        Join the last ring to the first instead of capping both.
-    cap : (k, 3) int ndarray, optional
-        Triangles that fill a ring, in its sense of rotation; a fan from vertex 0 by default,
-        which suits rings that are star-shaped about it.
-
-    Returns
-    -------
-    Manifold
-        Closed solid, wound outward.
-    """
-    rings = np.asarray(rings, dtype=np.float64)
-    count, sides = rings.shape[:2]
-    index = np.arange(count * sides).reshape(count, sides)
-    below = index if closed else index[:-1]
-    above = np.roll(index, -1, axis=0)[: len(below)]
-    a, b = below, np.roll(below, -1, axis=1)
-    c, d = above, np.roll(above, -1, axis=1)
-    faces = [np.stack([a, b, d], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3)]
-    if not closed:
-        if cap is None:
-            k = np.arange(1, sides - 1)
-            cap = np.stack([np.zeros_like(k), k, k + 1], -1)
-        faces += [index[0][cap[:, ::-1]], index[-1][cap]]
-    triangles = np.concatenate(faces)
-    vertices = rings.reshape(-1, 3)
-    corners = vertices[triangles] - vertices[0]
-    if np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0:
-        triangles = triangles[:, ::-1]
-    return Manifold(Mesh64(vertices, np.ascontiguousarray(triangles, dtype=np.uint64)))
-
-
-def tube(path: ArrayLike, radius: ArrayLike, *, sides: int = 6, closed: bool = False) -> Manifold:
-    """Round bar along a polyline, mitred at its bends.
-
-    Parameters
-    ----------
-    path : (n, 3) array_like
-        Axis of the bar [m].
-    radius : float or (n,) array_like
-        Radius [m].
-    sides : int
-        Number of flats.
-    closed : bool
-        The path returns to its start: a hoop.
-    """
-    path = np.asarray(path, dtype=np.float64)
-    if closed:
-        tangent = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
-    else:
-        step = np.diff(path, axis=0)
-        step /= np.linalg.norm(step, axis=1, keepdims=True)
-        tangent = np.concatenate([step[:1], step[1:] + step[:-1], step[-1:]])
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    # One reference direction for the whole bar, the axis it follows least, keeps it from twisting.
-    reference = np.eye(3)[np.argmin(np.abs(tangent).max(axis=0))]
-    first = np.cross(tangent, reference)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(tangent, first)
-    angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-    circle = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
-    reach = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(path))
-    return loft(path[:, None] + reach[:, None, None] * circle, closed=closed)
-
-
-def pitched(points: ArrayLike, elevation: float) -> Points:
-    """Rotate points about the second axis: the first axis is raised by `elevation` [deg]."""
-    cos, sin = np.cos(np.radians(elevation)), np.sin(np.radians(elevation))
-    return np.asarray(points, dtype=np.float64) @ [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]
+from ncti.ships.lofting import Points, loft, pitched, tube, union
 
 
 def _round_sides(radius: float) -> int:
@@ -231,7 +145,7 @@ def ellipsoid(*, length_radius: float, width_radius: float, height_radius: float
 
 def yard(*, width: float, radius: float) -> Manifold:
     """Level tube of full `width` athwart, about its middle."""
-    return tube([[0, -width / 2, 0], [0, width / 2, 0]], radius, sides=_round_sides(radius))
+    return tube([[0.0, -width / 2, 0.0], [0.0, width / 2, 0.0]], radius, sides=_round_sides(radius))
 
 
 def beam(*, length: float, width: float, height: float, elevation: float = 0.0) -> Manifold:
@@ -249,7 +163,7 @@ def barrel(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
 
 def trunnion(*, length: float, radius: float) -> Manifold:
     """Round bar from the origin along the second axis (a trunnion)."""
-    return tube([[0, 0, 0], [0, length, 0]], radius, sides=_round_sides(radius))
+    return tube([[0.0, 0.0, 0.0], [0.0, length, 0.0]], radius, sides=_round_sides(radius))
 
 
 def drum(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
@@ -272,7 +186,8 @@ def dish(*, radius: float, depth: float) -> Manifold:
     front = np.column_stack([across, bowl])
     back = np.column_stack([across, bowl - 0.1])
     profile = CrossSection([np.concatenate([back, front[::-1]])])
-    return Manifold.revolve(profile, 32).rotate((0, 90, 0))
+    # Half a step about the axis: no corner in a plane of symmetry, where boxes have their faces.
+    return Manifold.revolve(profile, 32).rotate((0, 0, 180 / 32)).rotate((0, 90, 0))
 
 
 def mesh_dish(*, width: float, height: float, depth: float, tilt: float = 0.0) -> Manifold:

@@ -1,0 +1,112 @@
+"""What one value of a sheet may be. Each check returns the value, ready for use, or refuses it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from manifold3d import CrossSection
+from numpy.typing import NDArray
+
+Check = Callable[[Any], Any]
+
+
+class Refused(Exception):
+    """The value is not allowed; the message says what is."""
+
+
+def number(value: Any, low: float = -1000.0, high: float = 1000.0) -> float:
+    """A finite number within bounds."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not low <= value <= high:
+        raise Refused(f"a number between {low:g} and {high:g}")
+    return float(value)
+
+
+size = partial(number, low=0.001, high=500.0)  # [m]
+spacing = partial(number, low=0.2, high=100.0)  # [m]
+angle = partial(number, low=-360.0, high=360.0)  # [deg]
+slope = partial(number, low=-80.0, high=80.0)  # [deg]
+
+
+def count(value: Any, low: int = 1, high: int = 100) -> int:
+    """A whole number within bounds."""
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise Refused(f"a whole number between {low} and {high}")
+    return value
+
+
+def flag(value: Any) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise Refused("true or false")
+    return value
+
+
+def text(value: Any) -> str:
+    """Some text."""
+    if not isinstance(value, str) or not value:
+        raise Refused("a text")
+    return value
+
+
+def one_of(*names: str) -> Check:
+    """One of a few words."""
+
+    def check(value: Any) -> Any:
+        if value not in names:
+            raise Refused(" or ".join(names))
+        return value
+
+    return check
+
+
+def pair(value: Any) -> tuple[float, float]:
+    """Two numbers."""
+    if not isinstance(value, list) or len(value) != 2:
+        raise Refused("a list of two numbers")
+    return number(value[0]), number(value[1])
+
+
+def span(value: Any) -> tuple[float, float]:
+    """Two numbers, the greater last."""
+    first, last = pair(value)
+    if first >= last:
+        raise Refused("a list of two growing numbers")
+    return first, last
+
+
+def points(value: Any, *, columns: int, rows: int) -> NDArray[np.float64]:
+    """A list of at least so many points."""
+    is_table = isinstance(value, list) and len(value) >= rows
+    if not is_table or any(not isinstance(row, list) or len(row) != columns for row in value):
+        raise Refused(f"a list of at least {rows} lists of {columns} numbers")
+    return np.array([[number(coordinate) for coordinate in row] for row in value])
+
+
+def path(value: Any) -> NDArray[np.float64]:
+    """Points in space that lead on."""
+    nodes = points(value, columns=3, rows=2)
+    step = np.diff(nodes, axis=0)
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    if length.min() < 0.01 or (np.sum((step / length)[1:] * (step / length)[:-1], 1) < -0.9).any():
+        raise Refused("a path that neither rests nor turns back")
+    return nodes
+
+
+def polygon(value: Any) -> NDArray[np.float64]:
+    """Corners that enclose an area; returned turning from the first axis to the second."""
+    corners = points(value, columns=2, rows=3)
+    ahead = np.roll(corners, -1, axis=0)
+    area = float(np.sum(corners[:, 0] * ahead[:, 1] - corners[:, 1] * ahead[:, 0]) / 2)
+    corners = corners if area > 0 else corners[::-1]
+    repeats = len(np.unique(corners, axis=0)) < len(corners)
+    covered = CrossSection(
+        [corners]
+    ).area()  # unlike the sum above where the outline crosses itself
+    if repeats or abs(area) < 1e-3 or not math.isclose(covered, abs(area), rel_tol=1e-6):
+        raise Refused("a polygon that encloses an area and does not cross itself")
+    return corners

@@ -1,0 +1,107 @@
+"""The keys and primitives of ship sheets; `sheets/README.md` explains them."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple
+
+from ncti.ships import checks
+
+
+class Key(NamedTuple):
+    """What a key of a sheet is called in `solids` and `fittings`, and how it is checked."""
+
+    parameter: str
+    check: checks.Check
+
+
+KEYS = {
+    "l": Key("length", checks.size),
+    "len": Key("length", checks.size),
+    "w": Key("width", checks.size),
+    "h": Key("height", checks.size),
+    "t": Key("thickness", checks.size),
+    "lt": Key("top_length", checks.size),
+    "wt": Key("top_width", checks.size),
+    "dx": Key("top_shift", checks.number),
+    "r": Key("radius", checks.size),
+    "r_top": Key("top_radius", checks.size),
+    "ru": Key("length_radius", checks.size),
+    "rv": Key("width_radius", checks.size),
+    "rw": Key("height_radius", checks.size),
+    "depth": Key("depth", checks.size),
+    "leg_r": Key("leg_radius", checks.size),
+    "brace_r": Key("brace_radius", checks.size),
+    "legs": Key("legs", partial(checks.count, low=3, high=4)),
+    "bays": Key("bays", checks.count),
+    "yaw": Key("yaw", checks.angle),
+    "el": Key("elevation", checks.slope),
+    "tilt": Key("tilt", checks.slope),
+    "front_rake": Key("front_rake", checks.slope),
+    "top_scale": Key("top_scale", partial(checks.number, low=0.01, high=10.0)),
+    "shape": Key("shape", checks.one_of("box", "oval")),
+    "face": Key("face", checks.one_of("aft", "fore", "starboard", "port")),
+    "pts": Key("outline", checks.polygon),
+    "path": Key("path", checks.path),
+    "edge": Key("edge", checks.span),
+    "inset": Key("inset", checks.number),
+    "pitch": Key("pitch", checks.spacing),
+    "z_stem": Key("stem_top", checks.number),
+    "z_aft": Key("aft_top", checks.number),
+    "x_end": Key("end", checks.number),
+    "flare": Key("flare", checks.slope),
+    "house": Key("host", checks.text),
+    "sink": Key("sink", partial(checks.number, low=0.0, high=5.0)),
+    "type": Key("template", checks.text),
+    "az": Key("azimuth", checks.angle),
+}
+
+
+class Primitive(NamedTuple):
+    """Keys a primitive needs and may have; `place` are those of x, y, z which position it."""
+
+    needs: frozenset[str]
+    may: frozenset[str] = frozenset()
+    place: str = "xyz"
+    stands: bool = False  # on something, into which its base is sunk
+    cuts: bool = False  # takes material away
+
+    def describe(self) -> str:
+        """The keys, for a message."""
+        return ", ".join([*self.place, *sorted(self.needs)])
+
+
+def _primitive(needs: str, may: str = "", **flags: Any) -> Primitive:
+    return Primitive(frozenset(needs.split()), frozenset(may.split()), **flags)
+
+
+PARTS = {  # of a template or a ship
+    "box": _primitive("l w h", "lt wt dx yaw sink", stands=True),
+    "cyl": _primitive("r h", "r_top sink", stands=True),
+    "pole": _primitive("r h", "r_top sink", stands=True),
+    "sphere": _primitive("r"),
+    "ellipsoid": _primitive("ru rv rw"),
+    "beam": _primitive("len w h", "el"),
+    "barrel": _primitive("len r", "el"),
+    "trunnion": _primitive("len r"),
+    "drum": _primitive("len r", "el"),
+    "plate": _primitive("w h t", "tilt"),
+    "dish": _primitive("r depth"),
+    "mesh_dish": _primitive("w h depth", "tilt"),
+    "boat": _primitive("l w h"),
+}
+PRIMITIVES = PARTS | {  # of a ship only
+    "prism": _primitive("l w h lt wt", "dx shape sink", stands=True),
+    "poly": _primitive("pts h", "top_scale front_rake sink", place="z", stands=True),
+    "yard": _primitive("w r"),
+    "lattice": _primitive("l w h lt wt legs bays leg_r brace_r", "dx sink", stands=True),
+    "eq": _primitive("type az", "sink", stands=True),
+    "bulwark": _primitive("edge x_end z_stem z_aft w flare", place=""),
+    "rail": _primitive("h pitch", "path edge inset", place=""),
+    "net": _primitive("h pitch", "path edge inset", place=""),
+    "recess": _primitive("l w h face", cuts=True),
+    "step": _primitive("l w h", cuts=True),
+    "windows": _primitive("house h w pitch depth", place="z", cuts=True),
+}
+REMARKS = frozenset({"name", "prim", "src", "unc", "note", "ir", "fitted"})
+COPIES = frozenset({"mirror", "repeat", "n", "dx_n"})
