@@ -33,7 +33,9 @@ def test_engines_agree(ship, view):
     assert (difference > 0.01).mean() <= 1e-3
     assert (drawn.hit != cast.hit).sum() <= 1e-3 * both.sum()
     slopes = np.abs(drawn.gradient - cast.gradient)[both].max(axis=-1)
-    assert (slopes > 1e-3).mean() <= 2e-3
+    # Of a pixel between two facets of one surface either may be told: at grazing incidence several
+    # facets share a pixel, each with borders that snap to its 1/256.
+    assert (slopes > 1e-3).mean() <= 0.01
 
 
 @pytest.mark.parametrize("view", [VIEWS[1], VIEWS[3]], ids=str)
@@ -54,18 +56,18 @@ def test_distances_are_those_of_rays(ship, view):
     distance = np.linalg.norm(points - sensor, axis=1) - image.slant_range
     difference = np.abs(image.down_range[image.hit][rays] - distance)
     assert np.median(difference) <= 1e-4
-    assert (difference > 0.01).mean() <= 2e-3
-    # The gradient is the tilt of the facet: rebuild its normal from it.
+    assert (difference > 0.01).mean() <= 5e-3
+    # The gradient, from the facet's normal: distance along d to a plane is (n.p) / (n.d).
     gradient = image.gradient[image.hit][rays]
     column, row, _ = View(view["aspect"], view["depression"]).axes
-    normal = ship.face_normals[facets]
-    across = normal - (normal * directions[rays]).sum(axis=1)[:, None] * directions[rays]
-    slope = across / -(normal * directions[rays]).sum(axis=1)[:, None]
+    d, normal = directions[rays], ship.face_normals[facets]
+    reach = np.linalg.norm(horizontal * right + vertical * up - sensor, axis=1)[rays]
     for component, axis in ((0, column), (1, row)):
-        error = np.abs(slope @ axis - gradient[:, component])
-        # Second order in the angle off the axis, and the spread of directions over the ship.
-        allowed = 0.05 * (1 + np.linalg.norm(gradient, axis=1) ** 2)
-        assert (error > allowed).mean() <= 2e-3
+        turned = axis - d * (d @ axis)[:, None]
+        slope = -(distance + image.slant_range) / reach
+        slope *= (normal * turned).sum(axis=1) / (normal * d).sum(axis=1)
+        error = np.abs(gradient[:, component] - slope)
+        assert (error > 1e-4 * (1 + np.abs(slope))).mean() <= 0.01
 
 
 def test_port_and_starboard_mirror(ship):
@@ -79,4 +81,4 @@ def test_port_and_starboard_mirror(ship):
     assert port.down_range.shape == starboard.down_range.shape
     reflected = starboard.down_range[:, ::-1]
     same = np.isclose(port.down_range, reflected, rtol=0, atol=1e-6, equal_nan=True)
-    assert (~same).sum() <= 1e-3 * port.hit.sum() + 5
+    assert (~same).sum() <= 3e-3 * port.hit.sum()
