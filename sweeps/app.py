@@ -36,6 +36,7 @@ def main() -> None:
     register()
     # Hydra then raises what went wrong, instead of printing it and ending the process.
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    sys.argv[1:] = replace_axes(sys.argv[1:])
     try:
         check_jobs(sys.argv[1:])
         hydra.main(version_base="1.3", config_path=str(conf_folder()), config_name="config")(_job)()
@@ -49,6 +50,20 @@ def main() -> None:
         print("ncti-sweep: interrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
     sys.exit(ALL_DONE)
+
+
+def replace_axes(arguments: list[str]) -> list[str]:
+    """Let an axis of the command line replace the configured one, whatever its form.
+
+    OmegaConf merges a mapping into a mapping and refuses to put a list in its place, so a grid
+    axis is emptied before it is set: `grid.aspect=[0,45]` becomes `++grid.aspect=null
+    grid.aspect=[0,45]` (with `++`, since a multirun keeps one override of each spelling).
+    """
+    replaced = []
+    for argument in arguments:
+        axis = re.match(r"(grid\.\w+)=", argument)
+        replaced += [f"++{axis[1]}=null", argument] if axis else [argument]
+    return replaced
 
 
 def check_jobs(arguments: list[str]) -> None:
@@ -84,7 +99,10 @@ def check_jobs(arguments: list[str]) -> None:
     with hydra.initialize_config_dir(str(conf_folder()), version_base="1.3"):
         for overrides in jobs:
             kept = [item for item in overrides if not item.lstrip("+~").startswith("hydra")]
-            composed = hydra.compose("config", overrides=kept)
+            try:
+                composed = hydra.compose("config", overrides=kept)
+            except ValueError as error:  # Hydra's answer to an override without a key
+                raise ConfigurationError(f"{' '.join(overrides)}: {error}") from error
             store = OmegaConf.to_container(composed, resolve=False)["store"]  # type: ignore[call-overload, index]
             if store in stores:
                 raise ConfigurationError(
@@ -107,22 +125,29 @@ def _job(composed: DictConfig) -> None:
 
 def explain(error: Exception) -> str:
     """One sentence for what Hydra and OmegaConf say in several lines."""
-    text = str(error)
     if isinstance(error, ConfigurationError):
-        return text
+        return str(error)
+    chain: list[str] = []
+    cause: BaseException | None = error
+    while cause is not None:
+        chain.append(str(cause))
+        cause = cause.__cause__
+    text = "\n".join(chain)
     key = re.search(r"full_key: (\S+)", text)
     if key and re.search(r"Key '.*' (is )?not in", text):
         parent = key[1].rpartition(".")[0]
-        return (
-            f"{key[1]} is no key of the configuration; "
-            + (f"`ncti-sweep --cfg job --package {parent}`" if parent else "`ncti-sweep --cfg job`")
-            + " prints those there are"
-        )
+        shown = f"ncti-sweep --cfg job --package {parent}" if parent else "ncti-sweep --cfg job"
+        return f"{key[1]} is no key of the configuration; `{shown}` prints those there are"
     value = re.search(r"Value '(.*)' of type .* could not be converted to (\w+)", text)
     if key and value:
         return f"{key[1]} is {value[1]!r}, but must be of type {value[2].lower()}"
-    lines = (line.strip() for line in text.splitlines() if "object_type=" not in line)
-    return " ".join(" ".join(lines).split())
+    group = re.search(
+        r"Could not find '(.+)/(.+)'.*?Available options in .*?:(.*?)\n\S", text, re.S
+    )
+    if group:
+        options = ", ".join(group[3].split())
+        return f"{group[1]} is {group[2]!r}, but must be one of {options}"
+    return " ".join(text.split())
 
 
 if __name__ == "__main__":

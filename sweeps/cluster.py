@@ -98,6 +98,8 @@ def executor(config: ClusterConfig, *, tasks: int) -> Iterator[Executor]:
             threads_per_worker=1,
             host="127.0.0.1",
             dashboard_address=None,
+            # dask serves its health pages on a fixed port otherwise
+            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,

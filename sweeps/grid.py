@@ -123,6 +123,9 @@ def _steps(key: str, spec: Mapping[str, Any]) -> list[float]:
             f"{key} has the keys {', '.join(map(str, spec)) or '(none)'}, but must have start, "
             "stop and step, or be a list"
         )
+    for name, value in spec.items():
+        if not isinstance(value, int | float):
+            raise ConfigurationError(f"{key}.{name} is {value!r}, but must be a number")
     (start,) = number_axis(f"{key}.start", spec["start"])
     (stop,) = number_axis(f"{key}.stop", spec["stop"])
     (step,) = number_axis(f"{key}.step", spec["step"], positive=True)

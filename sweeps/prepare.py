@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
+from typing import get_type_hints
 
 from omegaconf import DictConfig, OmegaConf
 from platformdirs import user_cache_path
@@ -59,6 +60,7 @@ def prepare(composed: DictConfig) -> Prepared:
     missing = sorted(OmegaConf.missing_keys(composed))
     if missing:
         raise ConfigurationError(f"{missing[0]} is not given, but must be")
+    _known(composed, SweepConfig, "")
     config = OmegaConf.to_object(composed)
     assert isinstance(config, SweepConfig)
     cache = Path(config.cache) if config.cache else user_cache_path("ncti-sweep")
@@ -75,6 +77,19 @@ def prepare(composed: DictConfig) -> Prepared:
     except EngineError as error:
         raise ConfigurationError(f"render.engine is {config.render.engine!r}: {error}") from error
     return Prepared(config, _ships(config.grid.expand().ship, cache), engine, cache)
+
+
+def _known(node: DictConfig, schema: type, parent: str) -> None:
+    """Refuse keys that the schema lacks; Hydra itself lets `+key=value` through."""
+    fields = get_type_hints(schema)
+    for name in map(str, node):
+        if name not in fields:
+            owner = parent.rstrip(".") or "the configuration"
+            raise ConfigurationError(
+                f"{parent}{name} is no key of the configuration; {owner} has {', '.join(fields)}"
+            )
+        if is_dataclass(fields[name]):
+            _known(node[name], fields[name], f"{parent}{name}.")
 
 
 def check_folder(key: str, path: Path) -> None:

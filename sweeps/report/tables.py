@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -13,6 +14,7 @@ import yaml
 Row = dict[str, Any]
 
 
+@lru_cache
 def source_figures() -> dict[str, Any]:
     """Figures of the article."""
     text = files("sweeps.report").joinpath("source_figures.yaml").read_text(encoding="utf-8")
