@@ -36,10 +36,10 @@ def bind_platform(name: str) -> None:
     _process = os.getpid()
     bound = bound_platform()
     if bound not in (None, name):
+        usable = f"{bound} or embree" if bound in ("osmesa", "egl") else "embree"
         raise EngineError(
-            f"render engine {name} cannot start, because this process already draws with {bound} "
-            f"and OpenGL has one platform a process: use {bound} or embree here, or another "
-            "process."
+            f"render engine {name} cannot start, because OpenGL is already bound to {bound} in "
+            f"this process and can be bound once: use {usable} here, or another process."
         )
     os.environ["PYOPENGL_PLATFORM"] = name
     if name == "osmesa":

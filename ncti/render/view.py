@@ -130,7 +130,7 @@ class Lattice:
                 f"pixel is {pixel:g} m, which makes an image of {columns} by {rows} "
                 f"pixels: neither side may exceed {MAX_SIDE}."
             )
-        margin = 0.01 * (farthest - nearest) + pixel
+        margin = 0.01 * float(np.ptp(points, axis=1).max())
         near, far = nearest - margin, farthest + margin
         if view.slant_range is not None:
             # Halfway to the sensor at most: the near plane stays in front of it.

@@ -73,7 +73,8 @@ for module in (OpenGL.osmesa, OpenGL.raw.osmesa.mesa):
     for name in [n for n in vars(module) if "Attribs" in n or "PROFILE" in n or "VERSION" in n
                  or n.endswith("_BITS")]:
         delattr(module, name)
-del OpenGL._opaque._opaque_pointer.__hash__
+if "__hash__" in vars(OpenGL._opaque._opaque_pointer):
+    del OpenGL._opaque._opaque_pointer.__hash__
 assert not hasattr(OpenGL.osmesa, "OSMesaCreateContextAttribs")
 assert not hasattr(OpenGL.osmesa, "OSMESA_DEPTH_BITS")
 import trimesh

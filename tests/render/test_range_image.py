@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from traced_box import plane_down_range, trace
 
 from ncti.render import ROLL, View, choose_engine, range_image
+from ncti.render.solid import Solid, surface
+from ncti.render.view import Lattice
 
 OPENGL = choose_engine("auto")
 ENGINES = sorted({OPENGL, "embree"})
@@ -153,6 +155,24 @@ def test_sphere(engine):
     lattice_error = 5 * 0.5 * np.sqrt(rim) * image.pixel**2
     area = image.hit.sum() * image.pixel**2
     assert abs(area - np.pi * radius**2) < lattice_error + 2 * np.pi * radius * sagitta * 2
+
+
+def test_a_pixel_beside_a_steep_facet_stays_within_its_range():
+    """A rasteriser may give a pixel to a facet whose border is half a snap away; on a wall seen at
+    0.06 deg the plane there is half a metre before or behind the wall."""
+    wall = box((-5, -1, 0), (5, 1, 4))
+    view = View(aspect=90.0 - 0.06, depression=0.0, roll=0.0)
+    solid = Solid.of(wall)
+    points = solid.along(view)
+    bow = np.flatnonzero(solid.normals @ [1, 0, 0] > 0.9)
+    edge = points[0, solid.faces[bow[0]]]
+    for off in (-5e-4, 5e-4):
+        # One pixel, centred a half millimetre off the wall's edge.
+        lattice = Lattice(2 * (edge.max() + off), 0, 0, 1, 1, near=-9, far=9)
+        down_range, gradient = surface(solid, view, lattice, points, np.zeros(1, int), bow[:1])
+        away = points[2, solid.faces[bow[0]]]
+        assert away.min() <= down_range[0] <= away.max()
+        assert abs(gradient[0, 0]) == pytest.approx(1 / np.tan(np.radians(0.06)), rel=1e-6)
 
 
 @every_engine
