@@ -77,7 +77,7 @@ def _numbered(solid: Solid) -> pyrender.Primitive:
     """The facets, with vertices in such an order that vertex i is the last of facet i.
 
     A `flat` output of the vertex shader is that of a facet's last vertex, so the number of that
-    vertex tells the facet; `gl_PrimitiveID` would too, and slows Mesa's software renderer by a third.
+    vertex tells the facet; `gl_PrimitiveID` would too, and is slower in Mesa by a third.
     Other corners use any copy of their vertex, and vertices that are nowhere last come at the end.
     """
     facets, last = len(solid.faces), solid.faces[:, 2]
