@@ -17,8 +17,8 @@ from ncti.ships.sheets import Component, Part, Sheet
 
 HOUSE_SINK = 0.45  # bases go this far [m], at most, into a deck that may slope under them
 MOUNT_SINK = 0.15  # and mounts this far into their platform
-SLIVER = 1e-4  # surfaces move by less than this [m] to rid bar crossings of slivers
 PART_SINK = 0.03  # and a template's parts into each other
+SLIVER = 1e-4  # surfaces may move by this [m] to rid crossings of bars of slivers
 
 MAKERS: dict[str, Callable[..., Manifold]] = {
     "box": solids.box,
@@ -92,15 +92,12 @@ def equipment(parts: tuple[Part, ...], *, azimuth: float, sink: float = MOUNT_SI
 
 def _windows(sheet: Sheet, component: Component) -> Manifold:
     sizes = dict(component.sizes)
-    host = next(other for other in sheet.components if other.name == sizes["host"])
-    plan_keys = ("outline", "height", "top_scale", "front_rake")
-    plan = {key: host.sizes[key] for key in plan_keys if key in host.sizes}
-    foot = host.at[2]
-    del sizes["host"]
-    panes = fittings.windows(
-        solids.house_plan(**plan), plan["height"], sill=component.at[2] - foot, **sizes
-    )
-    return panes.translate((0, 0, foot - component.at[2]))
+    name = sizes.pop("host")
+    host = next(other for other in sheet.components if other.name == name)
+    shape = ("outline", "height", "top_scale", "front_rake")
+    plan = solids.house_plan(**{key: host.sizes[key] for key in shape if key in host.sizes})
+    sill = component.at[2] - host.at[2]
+    return fittings.windows(plan, host.sizes["height"], sill=sill, **sizes)
 
 
 def _single(sheet: Sheet, component: Component) -> Manifold:

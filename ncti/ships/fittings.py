@@ -99,7 +99,7 @@ def windows(
     pitch: float,
     depth: float,
 ) -> Manifold:
-    """Room to cut away for panes in the front and sides of a house.
+    """Room to cut away for panes in the front and sides of a house, sills at z = 0.
 
     Parameters
     ----------
@@ -126,20 +126,14 @@ def windows(
             middle = (k + 0.5) / count
             share = middle + np.array([-0.5, 0.5]) * width / length
             face = ends[:, :1] + share[None, :, None] * (ends[:, 1:] - ends[:, :1])
-            panes.append(_pane(face, outward, (sill, sill + height), depth))
+            panes.append(_pane(face, outward, height, depth))
     return union(panes)
 
 
-def _pane(face: Points, outward: Points, z: tuple[float, float], depth: float) -> Manifold:
+def _pane(face: Points, outward: Points, height: float, depth: float) -> Manifold:
     """Slab from `depth` inside a face, (bottom/top, left/right, 2), to 0.1 m outside it."""
     rings = []
     for reach in (-depth, 0.1):
-        plan = face + reach * outward
-        corners = [
-            (*plan[0, 0], z[0]),
-            (*plan[0, 1], z[0]),
-            (*plan[1, 1], z[1]),
-            (*plan[1, 0], z[1]),
-        ]
-        rings.append(corners)
+        (left, right), (top_left, top_right) = face + reach * outward
+        rings.append([(*left, 0), (*right, 0), (*top_right, height), (*top_left, height)])
     return loft(rings)

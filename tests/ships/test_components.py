@@ -1,0 +1,149 @@
+"""Every component of every sheet is in its mesh, at its place and with its size.
+
+The evidence of a component is the room which it alone accounts for: what it adds outside all
+others, or what it alone cuts away. A mesh that has the component holds that room filled (or
+empty); a mesh built without it has it the other way round, which is also tested.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+import yaml
+from manifold3d import Manifold
+from shipyard import packaged_sheet, packaged_text, solid_of
+
+from ncti import ships
+from ncti.ships.build import Piece, piece
+from ncti.ships.lofting import union
+
+# Surfaces may move by 0.1 mm when slivers go: 2 % of the volume of a wire 10 mm in radius.
+MISSING = 0.05
+
+
+@cache
+def pieces(name: str) -> tuple[Piece, ...]:
+    """The hull first, then every component."""
+    sheet = packaged_sheet(name)
+    hull = Piece("hull", sheet.hull.solid(), cuts=False)
+    return (hull, *(piece(sheet, component) for component in sheet.components))
+
+
+def bounds(solid: Manifold) -> np.ndarray:
+    return np.reshape(solid.bounding_box(), (2, 3))
+
+
+def meets(a: Manifold, b: Manifold) -> bool:
+    (low_a, high_a), (low_b, high_b) = bounds(a), bounds(b)
+    return bool((low_a <= high_b).all() and (low_b <= high_a).all())
+
+
+@cache
+def evidence(name: str, index: int) -> Manifold:
+    """Room which only this component fills, or only it cuts away."""
+    own = pieces(name)[index]
+    near = [p for i, p in enumerate(pieces(name)) if i != index and meets(p.solid, own.solid)]
+    added = union([p.solid for p in near if not p.cuts])
+    cut = union([p.solid for p in near if p.cuts])
+    alone = (own.solid ^ added) - cut if own.cuts else own.solid - added - cut
+    return alone.trim_by_plane((0, 0, 1), 0)
+
+
+def missing(name: str, index: int, ship: list[Manifold]) -> float:
+    """Share of a component's evidence that a ship, in slabs in sheet axes, does not bear out."""
+    room = evidence(name, index)
+    filled = sum((room ^ slab).volume() for slab in ship if meets(room, slab)) / room.volume()
+    return filled if pieces(name)[index].cuts else 1 - filled
+
+
+@pytest.fixture(scope="session")
+def slabs(ship):
+    """A ship in sheet axes, cut every 15 m so that looking into one part of it is quick."""
+
+    @cache
+    def cut(name: str) -> list[Manifold]:
+        mesh = ship(name)
+        length = mesh.metadata["loa"]
+        whole = solid_of(mesh).rotate((0, 0, 180)).translate((length / 2, 0, 0))
+        slab = Manifold.cube((15, 40, 60)).translate((0, -20, 0))
+        return [whole ^ slab.translate((x, 0, 0)) for x in np.arange(-1.0, length, 15.0)]
+
+    return cut
+
+
+CASES = [
+    pytest.param(name, index, id=f"{name}-{index}-{component.name}")
+    for name in ships.names()
+    for index, component in enumerate(packaged_sheet(name).components, start=1)
+]
+
+
+@pytest.mark.parametrize(("name", "index"), CASES)
+def test_component_is_in_the_mesh(slabs, name, index) -> None:
+    # A litre, a shoebox or less of it in the open, or it might as well not be there.
+    assert evidence(name, index).volume() > 1e-3
+    assert missing(name, index, slabs(name)) < MISSING
+
+
+@pytest.mark.parametrize("name", ships.names())
+def test_hull_is_in_the_mesh(slabs, name) -> None:
+    assert missing(name, 0, slabs(name)) < 1e-3
+
+
+@pytest.mark.parametrize("name", ships.names())
+def test_dropped_component_is_missed(name) -> None:
+    """Every eleventh component, and every cut, is left out in turn: the check says so."""
+    all_pieces = pieces(name)
+    dropped = [i for i, p in enumerate(all_pieces) if i and (i % 11 == 0 or p.cuts)]
+    for index in dropped:
+        rest = [p for i, p in enumerate(all_pieces) if i != index]
+        without = union([p.solid for p in rest if not p.cuts])
+        without -= union([p.solid for p in rest if p.cuts])
+        assert missing(name, index, [without]) > 0.99, all_pieces[index].name
+
+
+def listed(name: str) -> list[dict]:
+    """Lines of a sheet as they stand in the file."""
+    lines = yaml.safe_load(packaged_text(name))["components"]
+    return [line for line in lines if line.get("fitted", True)]
+
+
+@pytest.mark.parametrize("name", ships.names())
+def test_components_stand_where_their_lines_say(name) -> None:
+    """Read anew from the file: every copy's footprint, and the height it reaches."""
+    for line, built in zip(listed(name), pieces(name)[1:], strict=True):
+        if not {"x", "y", "z"} <= line.keys():
+            continue
+        places = [(line["x"] + k * line.get("dx_n", 0), line["y"]) for k in range(line.get("n", 1))]
+        places += line.get("repeat", [])
+        if line.get("mirror"):
+            places += [(x, -y) for x, y in places]
+        for x, y in places:
+            side = max(line["l"], line["w"]) if line["prim"] == "lattice" else 0.7
+            column = Manifold.cube((side, side, 200), True).translate((x, y, 0))
+            assert not (built.solid ^ column).is_empty(), line["name"]
+        low, high = bounds(built.solid)
+        if line["prim"] in ("box", "cyl", "pole", "prism"):
+            assert high[2] == pytest.approx(line["z"] + line["h"], abs=1e-9), line["name"]
+            assert line["z"] - 0.46 <= low[2] <= line["z"], line["name"]
+        if line["prim"] == "box" and len(places) == 1 and "yaw" not in line:
+            spread = (high - low)[:2]
+            wanted = [max(line["l"], line.get("lt", 0)), max(line["w"], line.get("wt", 0))]
+            # A sunken frustum's foot is a little larger than its footprint.
+            np.testing.assert_allclose(spread, wanted, rtol=0.05)
+
+
+@pytest.mark.parametrize("name", ships.names())
+def test_houses_span_their_outlines(name) -> None:
+    for line, built in zip(listed(name), pieces(name)[1:], strict=True):
+        if line["prim"] == "poly" and "top_scale" not in line and "front_rake" not in line:
+            np.testing.assert_allclose(bounds(built.solid)[:, :2], np.sort(line["pts"], 0)[[0, -1]])
+
+
+@pytest.mark.parametrize("name", ships.names())
+def test_every_line_keeps_its_provenance(name) -> None:
+    for line in listed(name):
+        assert set(line["src"]) <= set("PMGE+/"), line["name"]
+        assert line["unc"] > 0, line["name"]

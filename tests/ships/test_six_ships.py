@@ -1,0 +1,183 @@
+"""The six ships as solids: closed, outward, whole, detailed, of the right size and way round."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from manifold3d import Manifold
+from shipyard import packaged_text, solid_of
+from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+from ncti import ships
+
+
+@pytest.fixture(params=ships.names())
+def name(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def is_solid_at(mesh: trimesh.Trimesh, point: tuple[float, float, float]) -> bool:
+    probe = Manifold.cube((0.1, 0.1, 0.1), True).translate(point)
+    return (solid_of(mesh) ^ probe).volume() > 0
+
+
+def stern_ranges(mesh: trimesh.Trimesh, *, depression: float = 3.84, pixel: float = 0.12):
+    """Ranges [m] of what is seen from astern, from the nearest point on: rays, no renderer."""
+    d = np.radians(depression)
+    toward = np.array([-np.cos(d), 0, np.sin(d)])
+    right, up = np.array([0, -1.0, 0]), np.array([np.sin(d), 0, np.cos(d)])
+    across, above = mesh.vertices @ right, mesh.vertices @ up
+    grid = np.meshgrid(
+        np.arange(across.min(), across.max(), pixel), np.arange(above.min(), above.max(), pixel)
+    )
+    origins = grid[0].reshape(-1, 1) * right + grid[1].reshape(-1, 1) * up + 300 * toward
+    directions = np.broadcast_to(-toward, origins.shape)
+    hits, *_ = RayMeshIntersector(mesh).intersects_location(
+        origins, directions, multiple_hits=False
+    )
+    ranges = -(hits @ toward)
+    return ranges - ranges.min()
+
+
+def test_names() -> None:
+    assert ships.names() == ("duncan", "horne", "spruance", "texas", "connole", "roberts")
+
+
+def test_is_one_closed_solid_wound_outward(ship, name) -> None:
+    mesh = ship(name)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.volume > 0
+    assert mesh.body_count == 1
+
+
+def test_survives_merging_equal_corners(ship, name) -> None:
+    """No two corners coincide, not even in single precision, which graphics and STL use."""
+    mesh = ship(name)
+    merged = trimesh.Trimesh(mesh.vertices.astype(np.float32), mesh.faces, process=True)
+    assert merged.is_watertight
+    assert len(merged.vertices) == len(mesh.vertices)
+
+
+def test_lies_on_the_waterline_and_nothing_is_below(ship, name) -> None:
+    mesh = ship(name)
+    assert mesh.vertices[:, 2].min() == 0
+    flat = (mesh.triangles[:, :, 2] == 0).all(axis=1)
+    assert (mesh.face_normals[flat, 2] < -0.999).all()
+    assert mesh.area_faces[flat].sum() > 0.5 * np.prod(mesh.extents[:2])
+
+
+def test_length_and_beam_are_those_of_the_sheet(ship, name) -> None:
+    """0.1 m is the project's tolerance; nothing overhangs the hull, so both measures agree."""
+    mesh, principal = ship(name), yaml.safe_load(packaged_text(name))["principal"]
+    for length in (mesh.extents[0], mesh.metadata["loa"]):
+        assert length == pytest.approx(principal["LOA"], abs=0.1)
+    for beam in (mesh.extents[1], mesh.metadata["beam"]):
+        assert beam == pytest.approx(principal["beam_max"], abs=0.1)
+    assert mesh.bounds[1, 0] == pytest.approx(-mesh.bounds[0, 0], abs=1e-6)
+    assert mesh.bounds[1, 2] == pytest.approx(principal["mast_top_z"], abs=0.6)
+
+
+def test_has_many_facets_that_all_say_something(ship, name) -> None:
+    """At least 15,000 facets, and nine in ten of them survive a merge of all that is flat.
+
+    A vertex goes when doing so moves the surface by less than 0.1 mm: in a plane, that is
+    every vertex not on an outline. The control, the same ship with every facet quartered,
+    falls back to the count it came from.
+    """
+    mesh = ship(name)
+    assert len(mesh.faces) >= 15_000
+    needed = solid_of(mesh).simplify(1e-4).num_tri()
+    assert needed >= 15_000
+    assert needed >= 0.9 * len(mesh.faces)
+
+
+def test_quartering_every_facet_adds_none_that_say_something(ship) -> None:
+    mesh = ship("connole")
+    quartered = solid_of(mesh.subdivide()).as_original().simplify(1e-4).num_tri()
+    assert quartered <= 1.05 * len(mesh.faces)
+
+
+def test_bow_is_at_plus_x_and_narrow(ship, name) -> None:
+    solid, half = solid_of(ship(name)), ship(name).extents[0] / 2
+
+    def breadth(x: float) -> float:
+        low, high = np.reshape(
+            (solid ^ Manifold.cube((0.1, 40, 60), True).translate((x, 0, 0))).bounding_box(), (2, 3)
+        )
+        return high[1] - low[1]
+
+    assert breadth(half - 1.0) < 4.0 < breadth(1.0 - half)
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "aft", "port", "up"),
+    [
+        ("spruance", "forward funnel to port", 74.5, 3.9, 16.0),
+        ("spruance", "after funnel to starboard", 103.2, -4.1, 18.0),
+        ("spruance", "forward exhaust to port", 72.0, 3.8, 21.0),
+        ("horne", "Phalanx to starboard", 108.2, -6.3, 12.5),
+        ("duncan", "vent house B to starboard", 64.9, -1.1, 12.0),
+        ("duncan", "helicopter control to port", 108.5, 2.2, 11.0),
+        ("roberts", "stern capstan to port", 136.2, 1.8, 4.0),
+    ],
+)
+def test_port_is_port(ship, name, what, aft, port, up) -> None:
+    mesh = ship(name)
+    x = mesh.metadata["loa"] / 2 - aft
+    assert is_solid_at(mesh, (x, port, up)), what
+    assert not is_solid_at(mesh, (x, -port, up)), what
+
+
+@pytest.mark.parametrize(("name", "angle"), [("duncan", 11), ("roberts", 45), ("spruance", 10)])
+def test_transom_leans_as_stated(ship, name, angle) -> None:
+    """Its facets are one plane at the sheet's angle, and make up nearly all of the stern."""
+    mesh = ship(name)
+    outward = -np.array([np.cos(np.radians(angle)), 0, np.sin(np.radians(angle))])
+    stern = mesh.triangles_center[:, 0] < 4 - mesh.extents[0] / 2
+    facing = stern & (mesh.face_normals @ outward > np.cos(np.radians(0.1)))
+    corners = mesh.triangles[facing].reshape(-1, 3)
+    assert np.ptp(corners @ outward) < 1e-3  # slivers go by moving surfaces 0.1 mm at most
+    assert corners[:, 0].min() == pytest.approx(-mesh.metadata["loa"] / 2, abs=0.01)
+    # What faces aft at the stern within 60 degrees of the horizon is the transom.
+    aft = stern & (mesh.face_normals[:, 0] < -0.5) & (mesh.triangles_center[:, 2] < 3.5)
+    assert mesh.area_faces[facing & aft].sum() > 0.9 * mesh.area_faces[aft].sum() > 20.0
+
+
+@pytest.mark.parametrize(
+    ("name", "distance"), [("duncan", 26.5), ("roberts", 29), ("spruance", 56.5), ("horne", 45)]
+)
+def test_hangar_is_the_tallest_peak_from_astern(ship, name, distance) -> None:
+    """Distances measured on rough models of the same sheets, half a bin and half a metre off."""
+    ranges = stern_ranges(ship(name))
+    share = np.bincount(np.floor(ranges).astype(int)) / len(ranges)
+    assert np.argmax(share) + 0.5 == pytest.approx(distance, abs=1.0)
+    assert share.max() > 0.12
+
+
+def test_texas_has_no_hangar_and_connole_has_a_mack(ship) -> None:
+    texas = np.floor(stern_ranges(ship("texas"))).astype(int)
+    assert np.argmax(np.bincount(texas)) <= 1  # the transom
+    connole = np.bincount(np.floor(stern_ranges(ship("connole"))).astype(int))
+    first, second, third = np.argsort(connole)[::-1][:3]
+    assert {first, second} == {62, 0}  # mack and transom
+    assert third == 36  # hangar
+
+
+def test_rebuilt_ship_is_the_same_bit_for_bit(ship, name, tmp_path: Path) -> None:
+    again, mesh = ships.load(name, cache=tmp_path), ship(name)
+    np.testing.assert_array_equal(again.vertices, mesh.vertices)
+    np.testing.assert_array_equal(again.faces, mesh.faces)
+    assert again.metadata == mesh.metadata
+
+
+def test_digests_differ_and_are_sha256(ship) -> None:
+    digests = {ships.digest(name) for name in ships.names()}
+    assert len(digests) == 6
+    assert {len(digest) for digest in digests} == {hashlib.sha256().digest_size * 2}
+    assert ship("duncan").metadata["digest"] == ships.digest("duncan")

@@ -1,0 +1,187 @@
+"""A user's own STL, OBJ or GLB: what is let in, what becomes of it, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ncti import ships
+
+KINDS = ("stl", "obj", "glb")
+
+
+def block(*, length=100.0, width=14.0, height=20.0, at=(0.0, 0.0, 10.0)) -> trimesh.Trimesh:
+    box = trimesh.creation.box((length, width, height))
+    box.apply_translation(at)
+    return box
+
+
+def saved(geometry: trimesh.Trimesh | trimesh.Scene, path: Path) -> Path:
+    geometry.export(path)
+    return path
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(ships.ShipError) as caught:
+        ships.load(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.endswith(".")
+    return message
+
+
+@pytest.fixture(params=KINDS)
+def kind(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def test_closed_mesh_comes_in_as_it_is(kind, tmp_path) -> None:
+    mesh = ships.load(saved(block(), tmp_path / f"hulk.{kind}"))
+    assert mesh.is_volume
+    assert mesh.volume == pytest.approx(100 * 14 * 20)
+    np.testing.assert_allclose(mesh.bounds, [[-50, -7, 0], [50, 7, 20]])
+    assert mesh.metadata["name"] == "hulk"
+    assert mesh.metadata["loa"] == pytest.approx(100)
+    assert mesh.metadata["beam"] == pytest.approx(14)
+
+
+def test_path_may_be_text_and_its_suffix_upper_case(tmp_path) -> None:
+    path = saved(block(), tmp_path / "hulk.stl").rename(tmp_path / "HULK.STL")
+    assert ships.load(str(path)).is_volume
+
+
+@pytest.mark.parametrize("name", ["horne", "connole"])
+def test_packaged_ship_survives_a_round_trip(ship, name, kind, tmp_path) -> None:
+    """STL and GLB are single precision: 4 um at 70 m."""
+    mesh = ship(name)
+    again = ships.load(saved(mesh, tmp_path / f"{name}.{kind}"))
+    assert again.is_volume
+    np.testing.assert_allclose(again.bounds, mesh.bounds, atol=1e-5)
+    assert again.volume == pytest.approx(mesh.volume, rel=1e-5)
+
+
+def test_what_is_below_the_waterline_is_cut_off_and_closed(kind, tmp_path) -> None:
+    mesh = ships.load(saved(block(at=(0, 0, 4)), tmp_path / f"hulk.{kind}"))
+    assert mesh.is_volume
+    assert mesh.bounds[0, 2] == 0
+    assert mesh.volume == pytest.approx(100 * 14 * 14)
+
+
+def test_several_closed_geometries_are_united(tmp_path) -> None:
+    house = block(length=20, width=10, height=10, at=(0, 0, 24))  # 1 m of it inside the hull
+    mesh = ships.load(saved(trimesh.Scene([block(), house]), tmp_path / "hulk.glb"))
+    assert mesh.is_volume
+    assert mesh.body_count == 1
+    assert mesh.volume == pytest.approx(100 * 14 * 20 + 20 * 10 * 9)
+
+
+def test_geometries_closed_only_together_are_joined(tmp_path) -> None:
+    whole = block()
+    halves = whole.submesh([np.arange(6), np.arange(6, 12)], append=False, repair=False)
+    mesh = ships.load(saved(trimesh.Scene(halves), tmp_path / "hulk.glb"))
+    assert mesh.is_volume
+    assert mesh.volume == pytest.approx(whole.volume)
+
+
+def test_scene_transforms_are_obeyed(tmp_path) -> None:
+    scene = trimesh.Scene()
+    scene.add_geometry(block(), transform=trimesh.transformations.translation_matrix((5, 0, 1)))
+    mesh = ships.load(saved(scene, tmp_path / "hulk.glb"))
+    np.testing.assert_allclose(mesh.bounds, [[-45, -7, 1], [55, 7, 21]])
+
+
+def test_open_mesh_is_refused(kind, tmp_path) -> None:
+    lid_off = block()
+    lid_off.update_faces(np.arange(12) > 0)
+    assert "is open" in refusal(saved(lid_off, tmp_path / f"hulk.{kind}"))
+
+
+def test_inverted_mesh_is_refused(kind, tmp_path) -> None:
+    inside_out = block()
+    inside_out.invert()
+    assert "inside out" in refusal(saved(inside_out, tmp_path / f"hulk.{kind}"))
+
+
+def test_mixed_winding_is_refused(kind, tmp_path) -> None:
+    mesh = block()
+    faces = np.array(mesh.faces)
+    faces[0] = faces[0, ::-1]
+    mixed = trimesh.Trimesh(mesh.vertices, faces, process=False)
+    assert "wound both ways" in refusal(saved(mixed, tmp_path / f"hulk.{kind}"))
+
+
+def test_millimetres_are_refused(kind, tmp_path) -> None:
+    message = refusal(saved(block().apply_scale(1000), tmp_path / f"hulk.{kind}"))
+    assert "must be in metres, 1 to 1000 m" in message
+    assert "100000" in message
+
+
+def test_kilometres_are_refused(kind, tmp_path) -> None:
+    assert "in metres" in refusal(saved(block().apply_scale(0.001), tmp_path / f"hulk.{kind}"))
+
+
+def test_mesh_under_water_is_refused(kind, tmp_path) -> None:
+    assert "under water" in refusal(saved(block(at=(0, 0, -10)), tmp_path / f"hulk.{kind}"))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("kind", ["stl", "glb"])
+def test_vertices_that_are_not_finite_are_refused(bad, kind, tmp_path) -> None:
+    mesh = block()
+    vertices = np.array(mesh.vertices)
+    vertices[3, 1] = bad
+    broken = trimesh.Trimesh(vertices, mesh.faces, process=False)
+    assert "NaN or infinite" in refusal(saved(broken, tmp_path / f"hulk.{kind}"))
+
+
+def test_obj_with_a_nan_is_refused(tmp_path) -> None:
+    path = saved(block(), tmp_path / "hulk.obj")
+    lines = path.read_text().splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("v "))
+    lines[first] = "v nan 0 0"
+    path.write_text("\n".join(lines))
+    assert "NaN or infinite" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"solid nothing\nendsolid nothing\n", b"# only a comment\n"]
+)
+def test_file_without_facets_is_refused(content, kind, tmp_path) -> None:
+    path = tmp_path / f"hulk.{kind}"
+    path.write_bytes(content)
+    refusal(path)
+
+
+def test_point_cloud_is_refused(tmp_path) -> None:
+    cloud = trimesh.PointCloud(np.random.default_rng(0).random((50, 3)))
+    assert "empty" in refusal(saved(trimesh.Scene(cloud), tmp_path / "hulk.glb"))
+
+
+def test_truncated_file_is_refused(kind, tmp_path) -> None:
+    path = saved(block(), tmp_path / f"hulk.{kind}")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    refusal(path)
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(content=st.binary(max_size=400), kind=st.sampled_from(KINDS))
+def test_any_bytes_are_refused_in_one_sentence(content, kind, tmp_path) -> None:
+    path = tmp_path / f"noise.{kind}"
+    path.write_bytes(content)
+    refusal(path)
+
+
+def test_digest_is_that_of_the_content(tmp_path) -> None:
+    first = saved(block(), tmp_path / "a.stl")
+    same = tmp_path / "b.stl"
+    same.write_bytes(first.read_bytes())
+    other = saved(block(length=101), tmp_path / "c.stl")
+    assert ships.digest(first) == ships.digest(same) != ships.digest(other)
+    assert ships.load(first).metadata["digest"] == ships.digest(first)
