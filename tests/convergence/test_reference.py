@@ -1,0 +1,166 @@
+"""The sampling-free reference against closed forms, booleans of solids, and random rays."""
+
+from __future__ import annotations
+
+import closed_forms
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+from reference import reference_range_extent
+from scipy.stats import chi2
+
+import ncti.ships
+
+EDGES = np.arange(-100.0, 101.0)
+
+# The clipper works on a grid of 1e-8 m, each bin within outlines of some 100 m; twice for the
+# difference of two unions.
+GRID_AREA = 1e-8 * 100.0 * 2.0
+
+
+def sheet(
+    corners: list[tuple[float, float, float]], *, aspect: float, depression: float
+) -> trimesh.Trimesh:
+    """A convex polygon of (right, up, away) coordinates, seen counter-clockwise."""
+    vertices = np.array(corners) @ closed_forms.axes_of(aspect, depression)
+    fan = [(0, k, k + 1) for k in range(1, len(corners) - 1)]
+    return trimesh.Trimesh(vertices, fan, process=False)
+
+
+def rectangle(left, right, bottom, top, away, slope=(0.0, 0.0), **view) -> trimesh.Trimesh:
+    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+    return sheet([(h, v, away + slope[0] * h + slope[1] * v) for h, v in corners], **view)
+
+
+VIEW = {"aspect": 33.0, "depression": 12.0}
+
+
+@pytest.mark.parametrize("aspect", [0.0, 17.3, 45.0, 90.0, 211.0])
+@pytest.mark.parametrize("depression", [0.0, 3.84, 37.0, 90.0])
+def test_box(aspect, depression):
+    extents, centre = (120.0, 14.0, 9.0), (3.1, -1.2, 4.3)
+    mesh = trimesh.creation.box(extents)
+    mesh.apply_translation(centre)
+    expected = closed_forms.box(extents, centre, aspect=aspect, depression=depression, edges=EDGES)
+    found = reference_range_extent(mesh, aspect=aspect, depression=depression, bin_edges=EDGES)
+    np.testing.assert_allclose(found.area[0], expected, rtol=0.0, atol=GRID_AREA)
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (2.7, 0.0), (-1.3, 0.4), (15.0, -0.2)])
+def test_tilted_plate_in_every_cell(slope):
+    """A plate's range grows linearly over it, so a bin is a strip and a cell cuts it short."""
+    plate = rectangle(-4.0, 3.0, -2.0, 1.0, 0.3, slope, **VIEW)
+    found = reference_range_extent(plate, **VIEW, bin_edges=EDGES, side=2.5)
+    for cell, area in zip(found.cell, found.area, strict=True):
+        (left, bottom), (right, top) = cell * 2.5, (cell + 1) * 2.5
+        left, right = max(left, -4.0), min(right, 3.0)
+        bottom, top = max(bottom, -2.0), min(top, 1.0)
+        spans = np.abs(slope) * [right - left, top - bottom]
+        middle = 0.3 + 0.5 * (slope[0] * (left + right) + slope[1] * (bottom + top))
+        expected = closed_forms.parallelogram(
+            middle - spans.sum() / 2, *spans, (right - left) * (top - bottom), EDGES
+        )
+        np.testing.assert_allclose(area, expected, rtol=0.0, atol=GRID_AREA)
+    assert len(found.cell) == 4 * 2
+    assert found.area.sum() == pytest.approx(21.0, abs=GRID_AREA)
+
+
+def test_sphere_is_approached_as_its_facets_shrink():
+    """Facets of side h lie h^2 below a sphere: halving them leaves a quarter of the error."""
+    edges = np.arange(-11.0, 2.0)
+    expected = closed_forms.sphere(10.0, edges)
+    errors = []
+    for subdivisions in (3, 4, 5):
+        mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=10.0)
+        found = reference_range_extent(mesh, **VIEW, bin_edges=edges)
+        errors.append(np.abs(found.area[0] - expected).sum())
+    ratios = np.divide(errors[:-1], errors[1:])
+    assert np.all((ratios > 3.5) & (ratios < 4.5)), ratios
+
+
+def test_what_is_nearer_hides_what_is_farther():
+    far = rectangle(-6.0, 6.0, -4.0, 4.0, 5.5, **VIEW)
+    near = rectangle(-1.0, 2.0, -5.0, 1.0, -3.5, **VIEW)
+    for order in ([far, near], [near, far]):
+        scene = trimesh.util.concatenate(order)
+        found = reference_range_extent(scene, **VIEW, bin_edges=EDGES)
+        assert found.area[0, 96] == pytest.approx(18.0, abs=GRID_AREA)
+        assert found.area[0, 105] == pytest.approx(96.0 - 15.0, abs=GRID_AREA)
+
+
+def test_what_lies_before_the_first_edge_still_hides():
+    far = rectangle(-6.0, 6.0, -4.0, 4.0, 5.5, **VIEW)
+    near = rectangle(-1.0, 2.0, -5.0, 1.0, -3.5, **VIEW)
+    found = reference_range_extent(
+        trimesh.util.concatenate([near, far]), **VIEW, bin_edges=np.arange(0.0, 10.0)
+    )
+    assert found.area.sum() == pytest.approx(81.0, abs=GRID_AREA)
+
+
+def test_facets_turned_away_are_not_seen():
+    away = rectangle(-1.0, 1.0, -1.0, 1.0, 0.5, **VIEW)
+    away.invert()
+    assert reference_range_extent(away, **VIEW, bin_edges=EDGES).area.sum() == 0.0
+
+
+def test_a_mesh_beyond_the_bins_is_refused():
+    with pytest.raises(ValueError, match="bin_edges"):
+        reference_range_extent(trimesh.creation.box((9, 9, 9)), **VIEW, bin_edges=np.arange(3.0))
+
+
+def boxes_at_odds() -> list[trimesh.Trimesh]:
+    rng = np.random.default_rng(5)
+    solids = []
+    for _ in range(12):
+        turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
+        turn[:3, 3] = rng.uniform(-12.0, 12.0, 3)
+        solids.append(trimesh.creation.box(rng.uniform(2.0, 15.0, 3), turn))
+    return solids
+
+
+@pytest.mark.parametrize("aspect", [10.0, 123.0])
+def test_solids_that_intersect_look_like_their_union(aspect):
+    """A pile of boxes and its boolean union share no facet, but show the same."""
+    solids = boxes_at_odds()
+    view = {"aspect": aspect, "depression": 20.0, "bin_edges": EDGES, "side": 5.0}
+    pile = reference_range_extent(trimesh.util.concatenate(solids), **view)
+    union = reference_range_extent(trimesh.boolean.union(solids, engine="manifold"), **view)
+    seen = union.area.sum(axis=1) > GRID_AREA
+    np.testing.assert_array_equal(pile.cell[pile.area.sum(axis=1) > GRID_AREA], union.cell[seen])
+    # The union's vertices are themselves rounded, to 1e-6 of its size at worst.
+    np.testing.assert_allclose(
+        pile.area[pile.area.sum(axis=1) > GRID_AREA], union.area[seen], rtol=0.0, atol=1e-4
+    )
+
+
+def test_ship_under_random_rays():
+    """Rays that fall at random hit each bin with the probability of its visible area.
+
+    150,000 rays; bins that expect fewer than 25 are pooled. The chi-square of the counts is
+    refused at a level of 1e-4.
+    """
+    mesh, view = ncti.ships.load("roberts"), {"aspect": 33.0, "depression": 6.7}
+    right, up, away = closed_forms.axes_of(**view)
+    h, v, r = (np.asarray(mesh.vertices) @ axis for axis in (right, up, away))
+    rng = np.random.default_rng(11)
+    count = 150_000
+    points = rng.uniform([h.min(), v.min()], [h.max(), v.max()], (count, 2))
+    start = points @ np.stack([right, up]) + (r.min() - 1.0) * away
+    facet = mesh.ray.intersects_first(start, np.broadcast_to(away, start.shape))
+    start, facet = start[facet >= 0], facet[facet >= 0]
+    corner, normal = mesh.triangles[facet, 0], mesh.face_normals[facet]
+    depth = np.einsum("ij,ij->i", corner - start, normal) / (normal @ away) + (r.min() - 1.0)
+
+    area = reference_range_extent(mesh, **view, bin_edges=EDGES).area[0]
+    expected = area * count / (np.ptp(h) * np.ptp(v))
+    assert chi_square_tail(np.histogram(depth, EDGES)[0], expected, count) > 1e-4
+
+
+def chi_square_tail(counts: NDArray, expected: NDArray, total: int) -> float:
+    """Probability of counts further from expectation than these; the misses are a class too."""
+    few = expected < 25.0
+    observed = np.append(counts[~few], [counts[few].sum(), total - counts.sum()])
+    expected = np.append(expected[~few], [expected[few].sum(), total - expected.sum()])
+    distance = ((observed - expected) ** 2 / np.maximum(expected, 1.0)).sum()
+    return float(chi2.sf(distance, len(expected) - 1))
