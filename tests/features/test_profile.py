@@ -1,0 +1,60 @@
+"""Profile vectors: floor removed, peak one, whatever the scale."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from ncti.features import profile_vector
+
+values = st.floats(-1e6, 1e6, allow_nan=False)
+
+
+def bumps(bins=250):
+    r = np.arange(bins)
+    return 4000 + 300 * np.exp(-(((r - 110) / 8) ** 2)) + 120 * np.exp(-(((r - 160) / 5) ** 2))
+
+
+def test_floor_goes_and_the_peak_is_one():
+    vector = profile_vector(bumps())
+    assert vector.max() == 1
+    assert np.abs(vector[:20]).max() < 1e-9
+    np.testing.assert_allclose(vector, profile_vector(bumps(), floor=4000), atol=1e-9)
+
+
+@given(arrays(float, (3, 50), elements=values), st.floats(0.01, 100), st.floats(-1e5, 1e5))
+def test_neither_gain_nor_floor_matters(profile, gain, floor):
+    plain, moved = profile_vector(profile), profile_vector(gain * profile + floor)
+    assert np.isfinite(moved).all()
+    # Adding a floor rounds at 2e-16 of the largest value; the peak above the floor scales that.
+    peak = (profile - profile[:, [0, 1, 2, 3, -4, -3, -2, -1]].mean(axis=1, keepdims=True)).max(1)
+    clear = peak > 1e-6 * (np.abs(profile).max() + abs(floor) / gain)
+    np.testing.assert_allclose(plain[clear], moved[clear], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("flat", [0.0, 4000.1, 1e300, 5e-324])
+def test_a_profile_without_a_peak_is_zero(flat):
+    np.testing.assert_array_equal(profile_vector(np.full(250, flat)), np.zeros(250))
+
+
+def test_edges_and_not_the_median_find_the_floor_of_a_long_ship():
+    profile = np.full(250, 100.0)
+    profile[36:214] += 50.0  # 178 of 250 bins, a ship seen from the bow
+    vector = profile_vector(profile)
+    assert vector[:20].tolist() == [0.0] * 20
+    assert vector[100] == 1.0
+
+
+def test_bad_input_is_named():
+    with pytest.raises(ValueError, match="not finite"):
+        profile_vector([1.0, np.nan, 2.0])
+    with pytest.raises(ValueError, match=r"edge is 0\.7"):
+        profile_vector(np.ones(10), edge=0.7)
+
+
+def test_input_is_left_alone():
+    profile = bumps()
+    before = profile.copy()
+    profile_vector(profile)
+    np.testing.assert_array_equal(profile, before)

@@ -1,0 +1,156 @@
+"""Range extent: closed forms, conservation, symmetry, and the refusals."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plates import hit_area, plane
+
+from ncti.ladar import range_extent
+from ncti.ladar.extent import _bin_boxes
+
+
+def plain_boxes(group, start, stop, area, group_count, bin_count):
+    """The definition: the overlap of every box with every bin, one at a time."""
+    out = np.zeros((group_count, bin_count))
+    for g, a, b, w in zip(group, start, stop, area, strict=True):
+        lo, hi = np.arange(bin_count), np.arange(bin_count) + 1
+        overlap = np.clip(np.minimum(hi, b) - np.maximum(lo, a), 0, None)
+        out[g] += w * overlap / (b - a)
+    return out
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.3, 1.0, 7.0, 19.0]))
+def test_binning_is_the_overlap_of_every_box_with_every_bin(seed, widest):
+    rng = np.random.default_rng(seed)
+    group = rng.integers(0, 3, 50)
+    start = rng.uniform(0, 20 - widest, 50)
+    stop = start + rng.uniform(0.002, widest, 50)
+    area = rng.uniform(0.1, 2, 50)
+    ours = _bin_boxes(group, start, stop, area, group_count=3, bin_count=20)
+    # Ramps have slopes up to 1/0.002 at edges up to 20: products of 1e4, rounded at 1e-16 each.
+    np.testing.assert_allclose(
+        ours, plain_boxes(group, start, stop, area, 3, 20), atol=50 * 1e4 * 2e-16 * 10
+    )
+
+
+def test_a_point_falls_whole_into_its_bin():
+    at = np.array([0.0, 0.5, 3.999, 7.5])
+    ours = _bin_boxes(np.zeros(4, int), at, at, np.ones(4), group_count=1, bin_count=8)
+    # A point is 1/1000 of a bin wide, so the one at 3.999 stays inside its bin.
+    np.testing.assert_allclose(ours[0], [2, 0, 0, 1, 0, 0, 0, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("ifov", [20e-6, 150e-6, 1e-3])
+@pytest.mark.parametrize("bin_width", [0.25, 1.0, 3.7])
+@pytest.mark.parametrize("spread", [0.0, 0.5, 1.0])
+def test_area_is_conserved(ifov, bin_width, spread):
+    image = plane(width=83.0, height=17.0, slope=(0.9, 4.0))
+    extent = range_extent(image, slant_range=1e5, ifov=ifov, bin_width=bin_width, spread=spread)
+    total = extent.fraction.sum() * (ifov * 1e5) ** 2
+    assert total == pytest.approx(hit_area(image), rel=1e-8)
+
+
+@pytest.mark.parametrize("ifov", [50e-6, 150e-6])
+def test_a_tilted_plate_fills_its_bins_evenly(ifov):
+    # r = 2 h: 40 m of plate span 80 m of range, so a bin sees 0.5 m x 12 m of it. The wavefront
+    # curvature of 10,000 km is 20 um.
+    extent = range_extent(
+        plane(width=40, height=12, slope=(2.0, 0.0)), slant_range=1e7, ifov=ifov / 100
+    )
+    inside = np.abs(extent.down_range) < 38
+    area = extent.fraction.sum(axis=0) * (ifov * 1e5) ** 2
+    # 6 m^2 are 96 pixels of a rolled lattice, whose count in a strip errs by about one in a row
+    np.testing.assert_allclose(area[inside], 6.0, rtol=0.05)
+    assert area[inside].mean() == pytest.approx(6.0, rel=2e-3)
+    assert np.all(area[np.abs(extent.down_range) > 42] == 0)
+
+
+def test_a_face_square_to_the_line_of_sight_is_one_bin():
+    extent = range_extent(plane(width=30, height=30, offset=7.3), slant_range=1e7, ifov=150e-8)
+    assert np.flatnonzero(extent.fraction.sum(axis=0)).tolist() == [132]
+    assert extent.down_range[132] == 7.5
+
+
+def test_a_filled_ifov_has_fraction_one():
+    extent = range_extent(plane(width=90, height=90), slant_range=1e5)
+    inner = np.abs(extent.cell + 0.5).max(axis=1) < 2
+    assert inner.sum() == 16
+    # 3600 pixels a cell, those cut by its edge counted whole or not at all: about 4 x 60 x 0.29
+    np.testing.assert_allclose(extent.fraction[inner].sum(axis=1), 1.0, atol=0.01)
+
+
+def test_wavefront_curvature_is_the_sagitta():
+    # The plate's ends are s = 60 m off the line of sight: s^2 / 2 R0 = 0.45 m at 4 km.
+    flat = plane(width=120, height=2, offset=0.01)
+    near = range_extent(flat, slant_range=4e3, ifov=1e-3, bin_width=0.05)
+    seen = near.down_range[near.fraction.sum(axis=0) > 0]
+    assert seen.min() == pytest.approx(0.025, abs=1e-6)
+    assert seen.max() == pytest.approx(0.01 + 60**2 / 8e3, abs=0.05)
+
+
+def test_an_image_of_the_same_range_is_taken_as_it_is():
+    image = plane(width=120, height=2, offset=0.01, slant_range=4e3)
+    extent = range_extent(image, slant_range=4e3, ifov=1e-3, bin_width=0.05)
+    assert np.count_nonzero(extent.fraction.sum(axis=0)) == 1
+
+
+def test_mirrored_ship_gives_mirrored_ifovs():
+    # A lattice without roll is its own mirror image.
+    right = range_extent(plane(width=50, height=9, slope=(1.5, 0), roll=0.0), slant_range=1e5)
+    left = range_extent(plane(width=50, height=9, slope=(-1.5, 0), roll=0.0), slant_range=1e5)
+    mirrored = np.lexsort((-left.cell[:, 0], left.cell[:, 1]))
+    np.testing.assert_allclose(left.fraction[mirrored], right.fraction, atol=1e-9)
+
+
+def test_point_sampling_leaves_the_comb_that_spreading_fills():
+    # A deck at 3.84 deg: a 0.25 m row is 3.7 m of range, so point samples of rows along the
+    # waterline leave two bins of three empty; spread over the whole row none is.
+    slope = 1 / np.tan(np.radians(3.84))
+    deck = plane(width=20, height=3, slope=(0.0, slope), roll=0.0)
+    for spread, empty in ((0.0, True), (1.0, False)):
+        profile = range_extent(deck, slant_range=1e8, ifov=150e-9, spread=spread).fraction.sum(0)
+        middle = profile[115:135]
+        assert (middle == 0).any() == empty
+
+
+def test_lambertian_return_has_the_cosine_of_incidence():
+    image = plane(width=20, height=20, slope=(0.75, 1.0))
+    bright = range_extent(image, slant_range=1e5)
+    dim = range_extent(image, slant_range=1e5, reflectance="lambertian")
+    np.testing.assert_allclose(
+        dim.fraction, bright.fraction / np.sqrt(1 + 0.75**2 + 1), rtol=1e-6, atol=1e-12
+    )
+
+
+def test_density_is_free_of_the_bin():
+    image = plane(width=40, height=12, slope=(2.0, 0.0))
+    coarse = range_extent(image, slant_range=1e5, bin_width=2.0)
+    fine = range_extent(image, slant_range=1e5, bin_width=1.0)
+    paired = fine.density.reshape(len(fine.cell), -1, 2).mean(axis=2)
+    np.testing.assert_allclose(paired, coarse.density, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"slant_range": -1.0}, "slant_range"),
+        ({"slant_range": np.nan}, "slant_range"),
+        ({"ifov": 0.0}, "ifov"),
+        ({"ifov": 1e-9}, "ifov"),
+        ({"bin_width": np.inf}, "bin_width"),
+        ({"window": 40.0}, "window"),
+        ({"spread": -0.1}, "spread"),
+        ({"reflectance": "shiny"}, "reflectance"),
+    ],
+)
+def test_bad_parameters_are_named(parameters, named):
+    image = plane(width=40, height=12, slope=(2.0, 0.0))
+    with pytest.raises(ValueError, match=named):
+        range_extent(image, **{"slant_range": 1e5} | parameters)
+
+
+def test_an_image_of_another_range_is_refused():
+    with pytest.raises(ValueError, match="4000"):
+        range_extent(plane(width=9, height=9, slant_range=4e3), slant_range=5e3)

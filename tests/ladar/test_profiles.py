@@ -1,0 +1,183 @@
+"""Expected profiles and sampled frames against the closed forms of the model."""
+
+import numpy as np
+import pytest
+from plates import plane
+from scipy import stats
+
+from ncti.ladar import (
+    carrier_to_noise,
+    cumulative_average,
+    expected_profile,
+    frame_moments,
+    noise_floor,
+    range_extent,
+    sample_frames,
+)
+from ncti.ladar.frames import GAUSSIAN_FROM
+from ncti.ladar.pulse import SPEED_OF_LIGHT
+
+CNR = 10**3.2
+
+
+@pytest.fixture(scope="module")
+def stepped():
+    """Two plates and a slope: a handful of IFOVs with empty, sharp and extended returns."""
+    return {
+        width: range_extent(
+            plane(width=38, height=14, slope=(1.7, 0.4), offset=3.0),
+            slant_range=1e5,
+            bin_width=width,
+            window=160.0,
+        )
+        for width in (0.5, 1.0)
+    }
+
+
+def test_equation_c_for_one_bin():
+    """A face square to the line of sight, filling its IFOVs, in Equation C as printed."""
+    extent = range_extent(plane(width=30, height=30, offset=0.5), slant_range=1e8, ifov=150e-9)
+    (bin_index,) = np.flatnonzero(extent.fraction.sum(axis=0))
+    profile = expected_profile(extent, pulse_width=30e-9, cnr=CNR)
+    n_z = SPEED_OF_LIGHT * 30e-9 / np.sqrt(2)
+    n = np.arange(profile.size) - bin_index
+    b = np.sqrt(np.pi**3 / 2**5)
+    by_hand = sum(
+        np.sqrt(np.pi / 2 * CNR * f * np.exp(-8 * n**2 / n_z**2) / n_z + b)
+        for f in extent.fraction[:, bin_index]
+    )
+    np.testing.assert_allclose(profile, by_hand, rtol=1e-12)
+
+
+def test_without_signal_only_the_floor_remains(stepped):
+    extent = stepped[1.0]
+    floor = (len(extent.cell) + 700) * noise_floor()
+    profile = expected_profile(extent, pulse_width=30e-9, cnr=0.0, target_free_ifovs=700)
+    np.testing.assert_allclose(profile, floor, rtol=1e-12)
+
+
+@pytest.mark.parametrize("target_free_ifovs", [0, 5, 4000])
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+def test_mean_of_the_exact_moments_is_equation_c(stepped, pulse_width, target_free_ifovs):
+    parameters = {"pulse_width": pulse_width, "cnr": CNR, "target_free_ifovs": target_free_ifovs}
+    mean, _ = frame_moments(stepped[1.0], **parameters)
+    np.testing.assert_allclose(mean, expected_profile(stepped[1.0], **parameters), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("pulse_width", "tolerance"), [(10e-9, 0.06), (30e-9, 2e-3), (50e-9, 1e-3)]
+)
+def test_profile_is_free_of_the_bin(pulse_width, tolerance):
+    # Halving the bin moves each return by a quarter of a bin, up or down. For an extended
+    # return only the curvature of the kernel is left, O((dR / N_z dR)^2), besides the ends of
+    # the extent, where sqrt(A + B) bends most; both shrink with the pulse.
+    image = plane(width=60, height=60, slope=(1.0, 0.3), pixel=0.125)
+    profiles = {
+        width: expected_profile(
+            range_extent(image, slant_range=1e8, ifov=150e-9, bin_width=width),
+            pulse_width=pulse_width,
+            cnr=CNR,
+        )
+        for width in (0.5, 1.0)
+    }
+    centres = profiles[0.5].reshape(-1, 2).mean(axis=1)
+    assert np.abs(centres - profiles[1.0]).sum() < tolerance * profiles[1.0].sum()
+    # The floor does not know the bin at all: both ends of the window.
+    assert profiles[0.5][0] == pytest.approx(profiles[1.0][0], rel=1e-12)
+
+
+SAMPLES = 4000
+LEVEL = 1e-3  # of each test below, over all its bins or pairs of bins (Bonferroni)
+
+
+@pytest.mark.parametrize("bin_width", [0.5, 1.0])
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+@pytest.mark.parametrize("target_free_ifovs", [0, 4000])
+def test_sampled_moments_are_the_closed_forms(stepped, bin_width, pulse_width, target_free_ifovs):
+    """4,000 frames; z-tests of every mean, variance and three lags of covariance at 1e-3."""
+    extent = stepped[bin_width]
+    parameters = {"pulse_width": pulse_width, "cnr": CNR, "target_free_ifovs": target_free_ifovs}
+    mean, covariance = frame_moments(extent, **parameters)
+    frames = sample_frames(
+        extent, frame_count=SAMPLES, rng=np.random.default_rng(20260), **parameters
+    )
+    deviation = frames - mean
+    sigma = np.sqrt(np.diagonal(covariance))
+
+    z_mean = deviation.mean(axis=0) / (sigma / np.sqrt(SAMPLES))
+    assert np.abs(z_mean).max() < stats.norm.isf(LEVEL / 2 / z_mean.size)
+
+    for lag in (0, 1, 2, 5):
+        product = deviation[:, : frames.shape[1] - lag] * deviation[:, lag:]
+        # the standard error from the samples themselves: no normality is assumed
+        error = product.std(axis=0) / np.sqrt(SAMPLES)
+        z = (product.mean(axis=0) - np.diagonal(covariance, lag)) / error
+        assert np.abs(z).max() < stats.norm.isf(LEVEL / 2 / z.size)
+
+
+def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, monkeypatch):
+    """The short cut against the plain computation: moments, and a KS test at level 1e-3."""
+    parameters = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": 120}
+    shortcut = sample_frames(
+        stepped[1.0], frame_count=400, rng=np.random.default_rng(5), **parameters
+    )
+    monkeypatch.setattr("ncti.ladar.frames.GAUSSIAN_FROM", 10**9)
+    plain = sample_frames(stepped[1.0], frame_count=400, rng=np.random.default_rng(6), **parameters)
+    assert parameters["target_free_ifovs"] >= GAUSSIAN_FROM
+    for bin_index in (0, 60, 85, 100):
+        assert stats.ks_2samp(shortcut[:, bin_index], plain[:, bin_index]).pvalue > 1e-3 / 4
+
+
+def test_fewer_frames_are_the_first_of_more(stepped):
+    parameters = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": 4000}
+    few, many = (
+        sample_frames(stepped[1.0], frame_count=count, rng=np.random.default_rng(1), **parameters)
+        for count in (4, 32)
+    )
+    # Products of float32, summed in another order; the floor of 4,000 is float64.
+    np.testing.assert_allclose(few, many[:4], rtol=1e-5)
+
+
+def test_drawing_in_blocks_changes_nothing(stepped, monkeypatch):
+    parameters = {"pulse_width": 30e-9, "cnr": CNR, "frame_count": 9}
+    whole = sample_frames(stepped[1.0], rng=np.random.default_rng(1), **parameters)
+    monkeypatch.setattr("ncti.ladar.frames.NORMALS_AT_ONCE", 5000)
+    blocks = sample_frames(stepped[1.0], rng=np.random.default_rng(1), **parameters)
+    np.testing.assert_allclose(blocks, whole, rtol=1e-4)
+
+
+def test_cumulative_averages_are_prefixes():
+    frames = np.random.default_rng(0).random((8, 5))
+    averages = cumulative_average(frames, (1, 4, 8))
+    np.testing.assert_allclose(averages[0], frames[0])
+    np.testing.assert_allclose(averages[1], frames[:4].mean(axis=0))
+    np.testing.assert_allclose(averages[2], frames.mean(axis=0))
+    with pytest.raises(ValueError, match="frame_count is 9"):
+        cumulative_average(frames, (4, 9))
+
+
+def test_carrier_to_noise_of_a_filled_beam():
+    assert carrier_to_noise(1e5) == pytest.approx(10**3.2)
+    assert carrier_to_noise(50e3) == pytest.approx(4 * 10**3.2)
+    # 0.1 dB/km one way over 50 km less, both ways: 10 dB
+    assert carrier_to_noise(50e3, extinction=1e-4) == pytest.approx(40 * 10**3.2)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"pulse_width": 0.0}, "pulse_width"),
+        ({"cnr": -1.0}, "cnr"),
+        ({"cnr": np.nan}, "cnr"),
+        ({"target_free_ifovs": -1}, "target_free_ifovs"),
+        ({"receiver": "ear"}, "receiver"),
+    ],
+)
+def test_bad_parameters_are_named(stepped, parameters, named):
+    good = {"pulse_width": 30e-9, "cnr": CNR}
+    with pytest.raises(ValueError, match=named):
+        expected_profile(stepped[1.0], **good | parameters)
+    with pytest.raises(ValueError, match=named):
+        sample_frames(
+            stepped[1.0], frame_count=2, rng=np.random.default_rng(0), **good | parameters
+        )

@@ -1,0 +1,66 @@
+"""First- and peak-pulse receivers beside the full profile."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plates import plane
+from scipy import stats
+
+from ncti.ladar import expected_profile, range_extent, sample_frames
+from ncti.ladar.receivers import detect
+
+CNR = 10**3.2
+
+
+def one_ifov(extent):
+    return replace(extent, fraction=extent.fraction[:1], cell=extent.cell[:1])
+
+
+def test_each_receiver_keeps_what_its_name_says():
+    waveform = np.array([[0.5, 9.0, 2.0, 30.0, 1.0], [0.1, 0.2, 0.3, 0.2, 0.1]])
+    kept = {name: detect(waveform, receiver=name) for name in ("first_pulse", "peak_pulse")}
+    np.testing.assert_array_equal(kept["first_pulse"], [[0, 9.0, 0, 0, 0], [0, 0, 0, 0, 0]])
+    np.testing.assert_array_equal(kept["peak_pulse"], [[0, 0, 0, 30.0, 0], [0, 0, 0.3, 0, 0]])
+    np.testing.assert_array_equal(detect(waveform, receiver="full_profile"), waveform)
+
+
+def test_false_alarm_rate_of_the_first_pulse_threshold():
+    """Noise of one IFOV in one bin: a binomial test of 1 % over 60,000 frames at 1e-3."""
+    extent = one_ifov(range_extent(plane(width=4, height=4), slant_range=1e5, window=40.0))
+    frames = sample_frames(
+        extent, pulse_width=10e-9, cnr=0.0, frame_count=60_000, rng=np.random.default_rng(3)
+    )
+    alarms = np.count_nonzero(detect(frames[:, [10]], receiver="first_pulse", false_alarm=0.01))
+    assert stats.binomtest(alarms, 60_000, 0.01).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("receiver", ["first_pulse", "peak_pulse"])
+def test_a_face_square_on_is_one_spike_for_each_ifov(receiver):
+    extent = range_extent(plane(width=30, height=30, offset=0.5), slant_range=1e8, ifov=150e-9)
+    profile = expected_profile(extent, pulse_width=30e-9, cnr=CNR, receiver=receiver)
+    assert np.count_nonzero(profile) == 1
+    assert abs(int(np.argmax(profile)) - 125) <= 6
+
+
+def test_first_pulse_is_never_behind_the_peak():
+    extent = one_ifov(
+        range_extent(plane(width=30, height=30, slope=(1.5, 0.0)), slant_range=1e5, window=120.0)
+    )
+    first, peak = (
+        np.argmax(
+            sample_frames(
+                extent,
+                pulse_width=30e-9,
+                cnr=CNR,
+                frame_count=200,
+                rng=np.random.default_rng(8),
+                receiver=receiver,
+            )
+            > 0,
+            axis=1,
+        )
+        for receiver in ("first_pulse", "peak_pulse")
+    )
+    assert np.all(first <= peak)
+    assert np.any(first < peak)

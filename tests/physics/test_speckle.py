@@ -1,0 +1,121 @@
+"""Statistics of speckle and shot noise that any coherent receiver must show."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from ncti.ladar import RangeExtent, noise_floor, sample_frames
+from ncti.ladar.moments import magnitude_covariance
+from ncti.ladar.pulse import low_rank_factor, noise_covariance
+
+FRAMES = 20_000
+LEVEL = 1e-3
+FACE = 32  # the bin that holds the target
+
+
+def filled_ifov(count: int = 1) -> RangeExtent:
+    """IFOVs filled by a face square to the line of sight."""
+    fraction = np.zeros((count, 64))
+    fraction[:, FACE] = 1.0
+    cell = np.stack([np.arange(count), np.zeros(count, int)], axis=1)
+    return RangeExtent(fraction, np.arange(64) - 31.5, 1.0, cell, 150e-6, 1e5)
+
+
+def draw(count: int = 1, *, cnr: float = 1e3, frames: int = FRAMES, seed: int = 1) -> np.ndarray:
+    return sample_frames(
+        filled_ifov(count),
+        pulse_width=30e-9,
+        cnr=cnr,
+        frame_count=frames,
+        rng=np.random.default_rng(seed),
+    )
+
+
+@pytest.mark.parametrize("bin_index", [FACE, FACE + 3, 2])
+def test_amplitude_of_one_ifov_is_rayleigh(bin_index):
+    """Kolmogorov-Smirnov over 20,000 frames at 1e-3, on target, its flank, and noise."""
+    amplitude = draw()[:, bin_index]
+    # Its mean is Equation C: sigma sqrt(pi / 2).
+    n_z = 299_792_458.0 * 30e-9 / math.sqrt(2)
+    a = (math.pi / 2) * 1e3 * math.exp(-8 * (bin_index - FACE) ** 2 / n_z**2) / n_z
+    sigma = math.sqrt((a + noise_floor() ** 2) * 2 / math.pi)
+    assert stats.kstest(amplitude, stats.rayleigh(scale=sigma).cdf).pvalue > LEVEL
+
+
+def test_intensity_contrast_is_one():
+    intensity = draw()[:, FACE] ** 2
+    contrast = intensity.std() / intensity.mean()
+    # Exponential intensity: the sample contrast has variance 1/N (delta method, moments n!).
+    assert abs(contrast - 1) < stats.norm.isf(LEVEL / 2) / math.sqrt(FRAMES)
+
+
+@pytest.mark.parametrize("average", [4, 8, 16, 32])
+def test_averaging_reduces_the_variance_as_one_over_n(average):
+    amplitude = draw(frames=1000 * average, seed=average)[:, FACE]
+    single = amplitude.var()
+    averaged = amplitude.reshape(-1, average).mean(axis=1).var()
+    # A variance of 1,000 near-normal averages errs by sqrt(2/1000) of itself.
+    z = (averaged * average / single - 1) / math.sqrt(2 / 1000)
+    assert abs(z) < stats.norm.isf(LEVEL / 2)
+
+
+def test_ifovs_are_independent():
+    amplitude = draw(9)[:, FACE]
+    one = draw(1, seed=2)[:, FACE]
+    # Nine independent IFOVs: nine times the mean and the variance of one.
+    error = math.hypot(amplitude.std(), 9 * one.std()) / math.sqrt(FRAMES)
+    assert abs(amplitude.mean() - 9 * one.mean()) < stats.norm.isf(LEVEL / 2) * error
+    # The variance of a Rayleigh sample errs by sqrt((kurtosis - 1) / N) = sqrt(2.245 / N).
+    ratio = amplitude.var() / (9 * one.var())
+    assert abs(ratio - 1) < stats.norm.isf(LEVEL / 2) * 2 * math.sqrt(2.245 / FRAMES)
+
+
+def test_frames_are_independent():
+    amplitude = draw()[:, FACE]
+    lagged = np.corrcoef(amplitude[:-1], amplitude[1:])[0, 1]
+    assert abs(lagged) < stats.norm.isf(LEVEL / 2) / math.sqrt(FRAMES)
+
+
+def test_magnitude_covariance_has_its_limits():
+    field = np.array([[2.0, 0.0, 2.0], [0.0, 3.0, 0.0], [2.0, 0.0, 2.0]])
+    covariance = magnitude_covariance(field)
+    rayleigh = 2 - math.pi / 2
+    np.testing.assert_allclose(np.diagonal(covariance), rayleigh * np.diagonal(field))
+    assert covariance[0, 1] == 0
+    assert covariance[0, 2] == pytest.approx(2 * rayleigh)
+
+
+def test_magnitude_covariance_series_meets_the_integrals():
+    """Across m = 0.01, where the series hands over, neither value nor slope jumps."""
+    rho = np.sqrt(np.linspace(0.0099, 0.0101, 201))
+    values = np.array([magnitude_covariance(np.array([[1, r], [r, 1]]))[0, 1] for r in rho])
+    # Next term of the series: (pi/2) 25/16384 m^4, 2.4e-11 at m = 0.01.
+    steps = np.diff(values)
+    assert np.abs(np.diff(steps)).max() < 1e-10
+
+
+def test_magnitude_covariance_against_a_plain_draw():
+    """A million pairs, z-test of the covariance at 1e-3, three correlations."""
+    rng = np.random.default_rng(4)
+    for rho in (0.05, 0.5, 0.95):
+        field = np.array([[1.0, rho], [rho, 1.0]])
+        quadratures = rng.standard_normal((2, 1_000_000, 2)) @ np.linalg.cholesky(field).T
+        magnitude = np.hypot(*quadratures)
+        product = np.prod(magnitude - math.sqrt(math.pi / 2), axis=1)
+        z = (product.mean() - magnitude_covariance(field)[0, 1]) / (product.std() / 1000)
+        assert abs(z) < stats.norm.isf(LEVEL / 2 / 3)
+
+
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+def test_band_limit_loses_nothing(pulse_width):
+    """The low-rank noise against the whole covariance, and the rank it saves."""
+    covariance = noise_covariance(pulse_width=pulse_width, bin_width=1.0, bin_count=250)
+    factor = low_rank_factor(covariance, tolerance=1e-6).astype(float)
+    # What is dropped: at most 250 eigenvalues of 1e-6 of the largest; the rest is float32.
+    largest = np.linalg.eigvalsh(covariance)[-1]
+    assert np.abs(factor.T @ factor - covariance).max() < 1e-6 * largest + 1e-6
+    n_t = 299_792_458.0 * pulse_width / 2
+    predicted = 500 * math.sqrt(2 * math.log(1e6)) / (math.pi * n_t)
+    assert len(factor) == pytest.approx(min(250, predicted), rel=0.05)
