@@ -61,8 +61,8 @@ def choose_engine(name: str) -> str:
     Parameters
     ----------
     name : str
-        An engine, or "auto": the first available of osmesa, egl and embree; when this process
-        already draws with OpenGL, the engine it draws with.
+        An engine, or "auto": the first of osmesa, egl and embree that is available, and that is
+        not ruled out by OpenGL being bound to another platform in this process.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def choose_engine(name: str) -> str:
     """
     if name == "auto":
         bound = bound_platform()
-        return bound if bound in available_engines() else available_engines()[0]
+        return next(n for n in available_engines() if n == "embree" or bound in (None, n))
     if name not in _REQUIREMENTS:
         raise ValueError(f"engine is {name!r}: it must be auto, {', '.join(engines())}.")
     if not _present(name):

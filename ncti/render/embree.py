@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from threading import Lock
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ncti.render.solid import KEPT, Solid
+from ncti.render.solid import Solid
 from ncti.render.view import Lattice, View
 
 
@@ -18,7 +18,8 @@ class EmbreeEngine:
     """Embree, one ray through each pixel centre."""
 
     def __init__(self) -> None:
-        self._scenes: OrderedDict[Solid, EmbreeScene] = OrderedDict()
+        # A scene lasts as long as its solid is kept.
+        self._scenes: WeakKeyDictionary[Solid, EmbreeScene] = WeakKeyDictionary()
         self._lock = Lock()
 
     def visible(
@@ -42,11 +43,8 @@ class EmbreeEngine:
         return pixel, facet[pixel].astype(np.intp)
 
     def _scene(self, solid: Solid) -> EmbreeScene:
-        scene = self._scenes.pop(solid, None)
+        scene = self._scenes.get(solid)
         if scene is None:
-            scene = EmbreeScene(robust=True)
+            scene = self._scenes[solid] = EmbreeScene(robust=True)
             TriangleMesh(scene, solid.vertices.astype(np.float32), solid.faces)
-        self._scenes[solid] = scene
-        if len(self._scenes) > KEPT:
-            self._scenes.popitem(last=False)
         return scene

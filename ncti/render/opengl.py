@@ -33,7 +33,6 @@ def bind_platform(name: str) -> None:
             f"render engine {name} cannot run in a process forked from one that draws with OpenGL, "
             "whose threads are not there: start processes by spawn or forkserver, or use embree."
         )
-    _process = os.getpid()
     bound = bound_platform()
     if bound not in (None, name):
         usable = f"{bound} or embree" if bound in ("osmesa", "egl") else "embree"
@@ -41,6 +40,7 @@ def bind_platform(name: str) -> None:
             f"render engine {name} cannot start, because OpenGL is already bound to {bound} in "
             f"this process and can be bound once: use {usable} here, or another process."
         )
+    _process = os.getpid()
     os.environ["PYOPENGL_PLATFORM"] = name
     if name == "osmesa":
         import OpenGL.osmesa
