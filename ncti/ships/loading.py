@@ -113,11 +113,11 @@ def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimes
 def _find(name_or_path: str | Path) -> _Source:
     known = ", ".join(NAMES)
     kinds = ", ".join(SHEET_SUFFIXES + MESH_SUFFIXES)
+    if not isinstance(name_or_path, str | Path):
+        raise ShipError(f"ship {name_or_path!r} must be one of {known}, or a path ({kinds}).")
     if name_or_path in NAMES:
         sheet = resources.files("ncti.ships") / "sheets" / f"{name_or_path}.yaml"
         return _Source(str(name_or_path), ".yaml", sheet.read_bytes())
-    if not isinstance(name_or_path, str | Path):
-        raise ShipError(f"ship {name_or_path!r} must be one of {known}, or a path ({kinds}).")
     path = Path(name_or_path)
     suffix = path.suffix.lower()
     if suffix not in SHEET_SUFFIXES + MESH_SUFFIXES:

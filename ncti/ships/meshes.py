@@ -38,11 +38,11 @@ def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], 
         inconsistently or inside out, or lies under water.
     """
     parts = _parts(data, suffix, where)
+    if not all(np.isfinite(part.vertices).all() for part in parts):
+        raise ShipError(f"{where} has vertices that are NaN or infinite, but all must be finite.")
     whole = _merged(trimesh.util.concatenate(parts))
     if len(whole.faces) == 0:
         raise ShipError(f"{where} is empty, but must have facets.")
-    if not np.isfinite(whole.vertices).all():
-        raise ShipError(f"{where} has vertices that are NaN or infinite, but all must be finite.")
     extent = float(whole.extents.max())
     if not SMALLEST <= extent <= LARGEST:
         raise ShipError(

@@ -45,7 +45,6 @@ class Component(Part):
     """A named part of a ship with its copies: plan offsets [m], and their mirror image or not."""
 
     name: str
-    source: str
     offsets: tuple[tuple[float, float], ...]
     mirror: bool
 
@@ -55,7 +54,6 @@ class Sheet:
     """A ship as its sheet describes it, in sheet axes."""
 
     name: str
-    beam: float
     hull: Hull
     components: tuple[Component, ...]
     templates: Mapping[str, tuple[Part, ...]]
@@ -123,6 +121,7 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
     entry = _mapping(where, given, frozenset({"name", "prim", "src"}))
     name = _value(where, "name", entry["name"], checks.text)
     where = f"{where} '{name}'"
+    _value(where, "src", entry["src"], checks.text)
     prim = _prim(where, entry["prim"], PRIMITIVES)
     place = PRIMITIVES[prim].place
     for key in place:
@@ -151,7 +150,6 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
         at=(x, y, z),
         sizes=sizes,
         name=name,
-        source=_value(where, "src", entry["src"], checks.text),
         offsets=tuple(offsets),
         mirror=_value(where, "mirror", entry.get("mirror", False), checks.flag),
     )
@@ -159,7 +157,7 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
     return component if fitted else None
 
 
-def _hull(where: str, sheet: Mapping[str, Any]) -> tuple[Hull, float]:
+def _hull(where: str, sheet: Mapping[str, Any]) -> Hull:
     needs = frozenset(
         {"LOA", "beam_max", "stem_at_wl_x", "transom_head", "transom_angle_from_vertical"}
     )
@@ -190,7 +188,7 @@ def _hull(where: str, sheet: Mapping[str, Any]) -> tuple[Hull, float]:
         raise ShipError(
             f"{place}: 'stem_at_wl_x' is {stem_foot:g}, but must be less than LOA, {loa:g}."
         )
-    return Hull(loa, stations, stem_foot, head_z, angle), beam
+    return Hull(loa, stations, stem_foot, head_z, angle)
 
 
 def _stations(where: str, given: Any) -> np.ndarray:
@@ -250,7 +248,7 @@ def parse(text: str, templates: str, *, where: str) -> Sheet:
     _mapping(where, sheet, needs)
     known = _templates("templates", _document("templates", templates))
     known |= _templates(where, sheet.get("templates", {}))
-    hull, beam = _hull(where, sheet)
+    hull = _hull(where, sheet)
     if not isinstance(sheet["components"], list):
         raise ShipError(f"{where}: 'components' must be a list.")
     listed = [_component(f"{where}: component", entry, known) for entry in sheet["components"]]
@@ -263,4 +261,4 @@ def parse(text: str, templates: str, *, where: str) -> Sheet:
                 f"{where}: component '{component.name}': 'house' is {host!r}, but must be the name "
                 f"of a poly: {', '.join(sorted(houses)) or 'there is none'}."
             )
-    return Sheet(_value(where, "name", sheet["name"], checks.text), beam, hull, components, known)
+    return Sheet(_value(where, "name", sheet["name"], checks.text), hull, components, known)

@@ -1,0 +1,151 @@
+"""The cache gives back every bit and never stands in the way; what is no ship is refused."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from shipyard import barge
+
+from ncti import ships
+from ncti.ships import cache as store
+from ncti.ships import loading
+
+
+@pytest.fixture
+def sheet(tmp_path: Path) -> Path:
+    path = tmp_path / "barge.yaml"
+    path.write_text(yaml.safe_dump(barge()))
+    return path
+
+
+@pytest.fixture
+def never_built(monkeypatch: pytest.MonkeyPatch):
+    """From now on, building fails."""
+
+    def forbid() -> None:
+        def build(sheet):
+            raise AssertionError("built again")
+
+        monkeypatch.setattr(loading, "build", build)
+
+    return forbid
+
+
+def assert_same(first, second) -> None:
+    np.testing.assert_array_equal(first.vertices, second.vertices)
+    np.testing.assert_array_equal(first.faces, second.faces)
+    assert first.vertices.dtype == second.vertices.dtype == np.float64
+    assert first.metadata == second.metadata
+
+
+def test_second_load_reads_the_first_one_back(sheet, tmp_path, never_built) -> None:
+    fresh = ships.load(sheet, cache=tmp_path / "kept")
+    never_built()
+    assert_same(ships.load(sheet, cache=str(tmp_path / "kept")), fresh)
+
+
+def test_default_folder_is_the_users_cache(sheet, tmp_path, never_built, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    fresh = ships.load(sheet)
+    never_built()
+    assert_same(ships.load(sheet), fresh)
+    assert list((tmp_path / "home").rglob("*.npz"))
+
+
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_damaged_file_is_built_again(sheet, tmp_path, data) -> None:
+    """Cut short, overwritten anywhere, emptied: what comes back is the ship all the same."""
+    path = tmp_path / f"{ships.digest(sheet)}.npz"
+    path.unlink(missing_ok=True)
+    fresh = ships.load(sheet, cache=tmp_path)
+    whole = path.read_bytes()
+    at = data.draw(st.integers(0, len(whole)))
+    junk = data.draw(st.binary(max_size=200))
+    keep_tail = data.draw(st.booleans())
+    path.write_bytes(whole[:at] + junk + (whole[at + len(junk) :] if keep_tail else b""))
+    assert_same(ships.load(sheet, cache=tmp_path), fresh)
+    assert_same(ships.load(sheet, cache=tmp_path), fresh)
+
+
+def test_file_of_another_kind_is_built_again(sheet, tmp_path) -> None:
+    fresh = ships.load(sheet, cache=tmp_path)
+    path = tmp_path / f"{ships.digest(sheet)}.npz"
+    np.savez(path, vertices=np.zeros(3), faces=np.zeros((1, 3)), loa="long", beam=1.0)
+    assert_same(ships.load(sheet, cache=tmp_path), fresh)
+    np.save(path.with_suffix(".npy"), np.zeros(3))
+    path.with_suffix(".npy").replace(path)
+    assert_same(ships.load(sheet, cache=tmp_path), fresh)
+
+
+def test_folder_that_cannot_be_written_is_no_obstacle(sheet, tmp_path) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    assert ships.load(sheet, cache=tmp_path / "file").is_volume
+    assert ships.load(sheet, cache=tmp_path / "file" / "deeper").is_volume
+
+
+def test_writers_at_once_leave_one_whole_file(sheet, tmp_path) -> None:
+    meshes = []
+    threads = [
+        threading.Thread(target=lambda: meshes.append(ships.load(sheet, cache=tmp_path / "kept")))
+        for _ in range(6)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for mesh in meshes:
+        assert_same(mesh, meshes[0])
+    (kept,) = (tmp_path / "kept").iterdir()
+    assert store.read(kept) is not None
+
+
+def test_digest_follows_the_sheet_and_builds_nothing(sheet, never_built) -> None:
+    never_built()
+    before = ships.digest(sheet)
+    assert ships.digest(str(sheet)) == before
+    sheet.write_text(sheet.read_text() + "# another word\n")
+    assert ships.digest(sheet) != before
+
+
+def test_digest_follows_templates_and_builder(sheet, monkeypatch) -> None:
+    before = ships.digest(sheet)
+    monkeypatch.setattr(loading, "_templates", lambda: b"{}")
+    other_templates = ships.digest(sheet)
+    monkeypatch.setattr(loading, "_builder", lambda: b"another")
+    assert len({before, other_templates, ships.digest(sheet)}) == 3
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("titanic", "unknown ship 'titanic', known are duncan, horne, spruance, texas"),
+        ("Duncan", "unknown ship 'Duncan'"),
+        ("", "unknown ship"),
+        ("hull.step", r"\(.yaml, .yml, .stl, .obj, .glb\)"),
+        ("nowhere.stl", "cannot be read: No such file"),
+        ("nul\0.stl", "cannot be read"),
+        (None, "ship None must be one of"),
+        (7, "ship 7 must be one of"),
+        (["duncan"], "must be one of"),
+    ],
+)
+def test_what_is_no_ship_is_refused(value, message) -> None:
+    for door in (ships.load, ships.digest):
+        with pytest.raises(ships.ShipError, match=message) as caught:
+            door(value)
+        assert str(caught.value).endswith(".")
+
+
+def test_folder_is_no_ship(tmp_path) -> None:
+    (tmp_path / "fleet.stl").mkdir()
+    with pytest.raises(ships.ShipError, match="cannot be read"):
+        ships.load(tmp_path / "fleet.stl")
