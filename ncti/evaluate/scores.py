@@ -84,8 +84,8 @@ def wilson_interval(
     spread = z * np.sqrt(z**2 / 4.0 + k * failures / np.maximum(n, 1.0))
     low = (k + z**2 / 2.0 - spread) / (n + z**2)
     high = (k + z**2 / 2.0 + spread) / (n + z**2)
-    # At the ends the roots are 0 and 1 exactly; rounding would leave 1e-17 beside them.
-    return np.where(k == 0.0, 0.0, low), np.where(failures == 0.0, 1.0, high)
+    # Without failures the upper root is 1 exactly, but for rounding; the lower one is exact.
+    return low, np.where(failures == 0.0, 1.0, high)
 
 
 def aspect_bins(
