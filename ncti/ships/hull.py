@@ -92,7 +92,7 @@ class Hull:
         dry = x < self.stem_foot
         half_water[dry] = half_deck[0]
         stem = (deck[0] - STEM_HEIGHT) * (1 - x / self.stem_foot)
-        foot = np.where(dry, stem, 0.0)
+        foot = np.where(dry, np.minimum(stem, deck - STEM_HEIGHT), 0.0)
 
         height = (deck - foot)[:, None] * LEVELS
         share = np.minimum(height / (self._flare_head(x, deck) - foot)[:, None], 1)

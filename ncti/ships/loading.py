@@ -57,8 +57,8 @@ def digest(name_or_path: str | Path) -> str:
     -------
     str
         SHA-256 of all that shapes the mesh: the sheet and the equipment templates, or the mesh
-        file; and the source of this package with the version of its solid modeller. Equal
-        digests mean equal meshes, bit for bit.
+        file; and the source of this package with the version of its solid modeller. On one
+        machine and installation, equal digests mean equal meshes, bit for bit.
 
     Raises
     ------

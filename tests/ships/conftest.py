@@ -1,4 +1,4 @@
-"""The six ships, built once a session."""
+"""The six ships, built once a test run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ncti import ships
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cache folder of this session alone."""
+    """A cache folder of this test run alone."""
     return tmp_path_factory.mktemp("meshes")
 
 

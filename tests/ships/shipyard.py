@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import resources
 from typing import Any
 
@@ -16,6 +17,7 @@ def packaged_text(name: str) -> str:
     return (resources.files("ncti.ships") / "sheets" / f"{name}.yaml").read_text()
 
 
+@cache
 def packaged_sheet(name: str) -> sheets.Sheet:
     return sheets.parse(packaged_text(name), packaged_text("templates"), where=name)
 

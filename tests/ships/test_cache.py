@@ -59,7 +59,7 @@ def test_default_folder_is_the_users_cache(sheet, tmp_path, never_built, monkeyp
 
 
 @settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
 def test_damaged_file_is_built_again(sheet, tmp_path, data) -> None:

@@ -214,7 +214,7 @@ VALUES = st.one_of(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(path=st.sampled_from(PATHS), value=VALUES)
 def test_any_value_anywhere_gives_a_solid_or_one_sentence(path, value) -> None:
     document = copy.deepcopy(barge())
