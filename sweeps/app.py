@@ -104,15 +104,15 @@ def check_jobs(arguments: list[str]) -> None:
             except ValueError as error:  # Hydra's answer to an override without a key
                 raise ConfigurationError(f"{' '.join(overrides)}: {error}") from error
             store = OmegaConf.to_container(composed, resolve=False)["store"]  # type: ignore[call-overload, index]
-            if store in stores:
-                raise ConfigurationError(
-                    f"store is {store!r} for several jobs, but each must have its own: leave it "
-                    "out, or put ${hydra:job.num} into it"
-                )
-            if store is not None:
-                stores.add(store)
-            if "${hydra:" in str(store):
+            if store is not None and "${hydra:" in store:
                 composed.store = None  # known only once Hydra runs the job
+            elif store is not None:
+                if store in stores:
+                    raise ConfigurationError(
+                        f"store is {store!r} for several jobs, but each must have its own: leave "
+                        "it out, or put ${hydra:job.num} into it"
+                    )
+                stores.add(store)
             prepare(composed)
 
 

@@ -11,7 +11,7 @@ variable, `whole` of them, are cut at every value, and the others are not cut.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -135,7 +135,7 @@ class Axes:
         """Those names that are dimensions."""
         return tuple(name for name in names if name != FLOOR or len(self.values[FLOOR]) > 1)
 
-    def coordinates(self, dims: set[str]) -> dict[str, Any]:
+    def coordinates(self, dims: set[Hashable]) -> dict[str, Any]:
         """Coordinates of some dimensions, with units; a single noise floor is a scalar one."""
         coords: dict[str, Any] = {}
         for name, attrs in AXES.items():
@@ -150,22 +150,24 @@ class Axes:
 
     def templates(self) -> dict[str, xr.Dataset]:
         """Data sets of unwritten arrays, by group."""
-        variables: dict[str, dict[str, Any]] = {}
+        variables: dict[str, dict[str, xr.Variable]] = {}
         for variable in VARIABLES:
             dims = self.dims(variable.dims)
             shape = tuple(len(self.values[dim]) for dim in dims)
             lead = len(self.dims(variable.dims[: variable.whole]))
-            unwritten = da.full(
-                shape, variable.fill, dtype=variable.dtype, chunks=(1,) * lead + shape[lead:]
-            )
+            chunks = (1,) * lead + shape[lead:]
+            unwritten = da.full(shape, variable.fill, dtype=variable.dtype, chunks=chunks)
             attrs: dict[str, Any] = {"units": "1", "long_name": variable.long_name}
             if variable.group == STATUS:
                 attrs["flag_values"] = [MISSING, FAILED, DONE]
                 attrs["flag_meanings"] = "missing failed done"
-            variables.setdefault(variable.group, {})[variable.name] = (dims, unwritten, attrs)
+            # An unwritten chunk reads as its fill value, which xarray would leave at 0.
+            encoding = {"chunks": chunks, "fill_value": variable.fill}
+            array = xr.Variable(dims, unwritten, attrs, encoding)
+            variables.setdefault(variable.group, {})[variable.name] = array
         return {
             group: xr.Dataset(
-                arrays, self.coordinates({dim for dims, _, _ in arrays.values() for dim in dims})
+                arrays, self.coordinates({dim for array in arrays.values() for dim in array.dims})
             )
             for group, arrays in variables.items()
         }

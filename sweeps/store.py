@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
@@ -19,6 +20,7 @@ import numpy as np
 import xarray as xr
 import zarr
 from numpy.typing import NDArray
+from zarr.errors import ZarrUserWarning
 
 from sweeps.errors import ConfigurationError
 from sweeps.layout import ACN, DONE, FAILED, PROFILES, STATUS, TABLES, Axes
@@ -82,15 +84,10 @@ def create(path: Path, config: SweepConfig, ships: tuple[Ship, ...], engine: str
         return
     path.parent.mkdir(parents=True, exist_ok=True)
     for group, template in Axes.of(config, ships).templates().items():
-        encoding = {
-            name: {"chunks": variable.data.chunksize}
-            for name, variable in template.data_vars.items()
-        }
-        template.to_zarr(
-            path, group=group, mode="a", compute=False, encoding=encoding, consolidated=False
-        )
+        template.to_zarr(path, group=group, mode="a", compute=False, consolidated=False)
     # Last, so that a store whose making was cut short is never taken for a begun sweep.
     zarr.open_group(path, mode="r+").attrs.update(attributes)
+    _consolidate(path)
 
 
 def provenance(config: SweepConfig, ships: tuple[Ship, ...], engine: str) -> dict[str, Any]:
@@ -172,11 +169,23 @@ def mark_cell(path: Path, cell: tuple[int, ...], state: int) -> None:
 def write_tables(path: Path, tables: xr.Dataset) -> None:
     """Write the tables, in place of any that are there."""
     tables.to_zarr(path, group=TABLES, mode="w", consolidated=False)
+    _consolidate(path)
 
 
 def read_group(path: Path, group: str) -> xr.Dataset:
     """A group of a store, as its users open it."""
-    return xr.open_zarr(path, group=group, consolidated=False)
+    return xr.open_zarr(path, group=group)
+
+
+def _consolidate(path: Path) -> None:
+    """Gather the metadata, so that `xr.open_zarr` finds it in one file, in any group."""
+    groups = [PROFILES, ACN, STATUS, TABLES]
+    with warnings.catch_warnings():
+        # Consolidated metadata is an extension of the zarr 3 format, as xarray writes it too.
+        warnings.simplefilter("ignore", ZarrUserWarning)
+        for group in (name for name in groups if (path / name).is_dir()):
+            zarr.consolidate_metadata(path, path=group)
+        zarr.consolidate_metadata(path)
 
 
 def _attributes(path: Path) -> dict[str, Any]:

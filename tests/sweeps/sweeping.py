@@ -1,0 +1,41 @@
+"""Running the command line in this process or as its users do."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+# One small sweep that has every axis with more than one value, but the range.
+TINY = [
+    "grid.ship=[duncan,spruance]",
+    "grid.aspect=[0,45,90]",
+    "grid.pulse_width=[30,50]",
+    "grid.frame_count=[2,4]",
+    "grid.vigilance=[0.9,0.95]",
+    "render.pixel=0.5",
+    "render.engine=embree",
+]
+
+
+def command(*overrides, folder: Path, cache: Path | None = None, timeout: float = 300):
+    """`ncti-sweep` as its users run it, in a folder of its own."""
+    arguments = [sys.executable, "-m", "sweeps.app", *overrides]
+    if cache is not None:
+        arguments.append(f"cache={cache}")
+    return subprocess.run(
+        arguments,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        env=os.environ | {"COLUMNS": "120"},
+    )
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, by its relative path."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
