@@ -1,0 +1,28 @@
+# `make sweep` and `make test` need nothing but make and Python; they set up the rest.
+.PHONY: sweep smoke test benchmark lint format setup
+
+BIN := .venv/bin
+
+sweep: setup        ## the source's whole experiment; further overrides in ARGS
+	$(BIN)/ncti-sweep +experiment=paper $(ARGS)
+
+smoke: setup        ## the same in seconds
+	$(BIN)/ncti-sweep +experiment=smoke $(ARGS)
+
+test: setup lint    ## lint, format, types, then every test, the smoke sweep among them
+	$(BIN)/pytest -q $(ARGS)
+
+benchmark: setup    ## run time, memory, and error against run time
+	$(BIN)/python -m sweeps.benchmark $(ARGS)
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+setup:
+	@tools/setup.sh
