@@ -1,0 +1,55 @@
+"""Every notebook runs on a store of its own making, and draws something in every panel."""
+
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
+
+KEEP_FIGURES = "%matplotlib inline\n%config InlineBackend.close_figures = False"
+
+LOOK_AT_FIGURES = """
+import matplotlib.pyplot, numpy
+
+_figures = matplotlib.pyplot.get_fignums()
+assert _figures, "no figure"
+for _number in _figures:
+    for _axes in matplotlib.pyplot.figure(_number).axes:
+        _curves = [numpy.asarray(_line.get_ydata(), dtype=float) for _line in _axes.lines]
+        _drawn = [_curve[numpy.isfinite(_curve)] for _curve in _curves]
+        _where = f"figure {_number}, {_axes.get_title()!r}"
+        assert any(len(set(_curve)) > 1 for _curve in _drawn), f"{_where}: nothing drawn"
+        assert _axes.get_xlabel(), f"{_where}: no label on its axis"
+"""
+
+
+def run(notebook, folder):
+    NotebookClient(
+        notebook, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+    ).execute()
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_runs_and_every_panel_shows_something(path, smoke_store, tmp_path, monkeypatch):
+    monkeypatch.setenv("NCTI_STORE", str(smoke_store))
+    notebook = nbformat.read(path, as_version=4)
+    new_cell = nbformat.v4.new_code_cell
+    notebook.cells = [new_cell(KEEP_FIGURES), *notebook.cells, new_cell(LOOK_AT_FIGURES)]
+    run(notebook, tmp_path)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_says_what_is_missing(path, tmp_path, monkeypatch):
+    monkeypatch.setenv("NCTI_STORE", str(tmp_path / "absent.zarr"))
+    notebook = nbformat.read(path, as_version=4)
+    with pytest.raises(Exception, match="run a sweep first, or set NCTI_STORE"):
+        run(notebook, tmp_path)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_is_committed_without_outputs(path):
+    for cell in nbformat.read(path, as_version=4).cells:
+        assert not cell.get("outputs")
+        assert cell.get("execution_count") is None
