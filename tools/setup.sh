@@ -49,8 +49,13 @@ if [ ! -x .venv/bin/python ]; then
     fi
 fi
 
-if [ ! -x .venv/bin/uv ]; then
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check "uv>=0.5"
+uv=.venv/bin/uv
+if [ ! -x "$uv" ]; then
+    uv=$(command -v uv) || {
+        .venv/bin/python -m pip --version >/dev/null 2>&1 || .venv/bin/python -m ensurepip -q
+        .venv/bin/python -m pip install --quiet --disable-pip-version-check "uv>=0.5"
+        uv=.venv/bin/uv
+    }
 fi
 # --inexact keeps pip and uv itself, which are not the project's dependencies.
-.venv/bin/uv sync --quiet --locked --inexact --python .venv/bin/python
+"$uv" sync --quiet --compile-bytecode --locked --inexact --python .venv/bin/python

@@ -59,5 +59,5 @@ def profile_vector(
     above = values - level
     peak = above.max(axis=-1, keepdims=True)
     # Rounding leaves a flat profile a few ulp above its own floor: that is no peak.
-    flat = peak <= 1e-12 * np.abs(level)
+    flat = peak <= 1e-12 * np.abs(values).max(axis=-1, keepdims=True)
     return np.where(flat, 0.0, above / np.where(flat, 1.0, peak))
