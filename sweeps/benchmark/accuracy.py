@@ -106,10 +106,10 @@ def measure(
         COLUMNS,
         rows,
         [
-            "ms a view: range image and range extent. Median (lowest–highest) over views. Error: "
-            "sum of absolute differences over the sum,",
-            f"all of the ship in 1 m bins, from the image with {reference[0]:g} m pixels, rolled "
-            "and spread; that one's own error is not in it.",
+            "ms a view: range image and range extent. Median (lowest–highest) over views.",
+            "Error: sum of absolute differences over the sum, all of the ship in 1 m bins, from "
+            f"the rolled and spread image with {reference[0]:g} m pixels, whose own error is not "
+            "in it.",
         ],
     )
 

@@ -38,10 +38,10 @@ METHODS: dict[str, tuple[str, Method]] = {
 
 COLUMNS = (
     Column("method", "method"),
-    Column("wall_ms", "ms a view", ".1f"),
-    Column("cpu_ms", "of processor", ".1f"),
-    Column("ratio", "x embree", ".2f"),
-    Column("pixels", "pixels on ship", "d"),
+    Column("wall_ms", "ms a view", ".3g"),
+    Column("cpu_ms", "of processor", ".3g"),
+    Column("ratio", "x embree", ".3g"),
+    Column("pixels", "pixels", "d"),
     Column("absent", "absent because"),
 )
 

@@ -24,7 +24,7 @@ from ncti.features import profile_vector
 from sweeps import store
 from sweeps.layout import FLOOR, PROFILES, TABLES
 from sweeps.report.portraits import Portrait, portrait
-from sweeps.report.tables import Row, accuracy_rows
+from sweeps.report.tables import Row, accuracy_rows, source_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -256,7 +256,10 @@ def draw_tables(tables: xr.Dataset) -> Figure:
         axes.set_title(title, fontsize=10)
     every[0].set_ylabel("percent correct")
     every[0].legend(frameon=False, loc="lower right", fontsize=8)
-    panels.supxlabel("frames averaged; expected: the training profiles", fontsize=9)
+    below = ["frames averaged; expected: the training profiles"]
+    if any(row["source_percent"] is not None for row in rows):
+        below.append(source_figures()["table4_percent_correct"]["note"])
+    panels.supxlabel("\n".join(below), fontsize=8)
     pulse_width, vigilance = here.pulse_width.item(), here.vigilance.item()
     panels.suptitle(
         f"Ships identified by the ACN, {pulse_width:g} ns, vigilance {vigilance:g}", fontsize=11
