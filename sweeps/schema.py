@@ -67,12 +67,14 @@ class RenderConfig:
 
     engine: str = "auto"
     pixel: float = 0.25
+    samples: int = 20_000
     roll: float = ROLL
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         _one_of("render.engine", self.engine, ("auto", *engines()))
         _between("render.pixel", self.pixel, 0.01, 5)
+        _between("render.samples", self.samples, 0, 10**7)
         _between("render.roll", self.roll, -180, 180)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -29,6 +30,8 @@ from sweeps.seeds import cell_rng
 # Raise a stage's version when its results change: its kept results are then made anew.
 EXTENT_VERSION = 1
 PROFILE_VERSION = 1
+
+FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
 
 
 @dataclass(frozen=True)
@@ -251,14 +254,27 @@ class _View:
         }
 
     def _image(self, depression: float) -> RangeImage:
+        """The range image at the configured pixel, or a finer one where that has few samples.
+
+        Ends of ships are small: at one pixel for all, they would err several times more than
+        broadsides, and it is the ends that tell ships apart.
+        """
         if depression not in self.images:
             render = self.plan.render
-            self.images[depression] = range_image(
-                load_ship(self.ship.source, self.ship.digest, self.plan.cache),
-                aspect=self.aspect,
-                depression=depression,
-                pixel=render.pixel,
-                roll=render.roll,
-                engine=render.engine,
-            )
+            image = self._draw(depression, render.pixel)
+            samples = int(image.hit.sum())
+            if 0 < samples < render.samples:
+                finer = max(math.sqrt(samples / render.samples), FINEST)
+                image = self._draw(depression, render.pixel * finer)
+            self.images[depression] = image
         return self.images[depression]
+
+    def _draw(self, depression: float, pixel: float) -> RangeImage:
+        return range_image(
+            load_ship(self.ship.source, self.ship.digest, self.plan.cache),
+            aspect=self.aspect,
+            depression=depression,
+            pixel=pixel,
+            roll=self.plan.render.roll,
+            engine=self.plan.render.engine,
+        )
