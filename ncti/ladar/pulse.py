@@ -13,6 +13,7 @@ from ncti.checks import require
 SPEED_OF_LIGHT = 299_792_458.0  # m/s, exact
 
 
+@lru_cache(maxsize=32)
 def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
     """Field response of every range bin to a scatterer in every range bin.
 
@@ -28,7 +29,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     Returns
     -------
     (bin, bin) float64 ndarray
-        K[n, k] = exp(-4 (n - k)^2 / N_z^2) / sqrt(N_z).
+        Read-only. K[n, k] = exp(-4 (n - k)^2 / N_z^2) / sqrt(N_z).
 
     Raises
     ------
@@ -44,7 +45,9 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     require("bin_width", bin_width, positive=True)
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
     lag = np.subtract.outer(np.arange(bin_count), np.arange(bin_count))
-    return np.exp(-4 * lag**2 / n_z**2) / math.sqrt(n_z)
+    kernel = np.exp(-4 * lag**2 / n_z**2) / math.sqrt(n_z)
+    kernel.setflags(write=False)  # it is kept for the next caller
+    return kernel
 
 
 def noise_covariance(
