@@ -9,11 +9,16 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+SOURCES = {".py", ".vert", ".frag"}
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -30,19 +35,15 @@ class StageCache:
 
     folder: Path
 
-    def fetch(
-        self, stage: str, version: int, inputs: Mapping[str, Any], compute: Callable[[], Arrays]
-    ) -> Arrays:
+    def fetch(self, stage: str, inputs: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
         """Arrays of a stage: read back when they are there, else computed and kept.
 
         Parameters
         ----------
         stage : str
             Name of the stage.
-        version : int
-            Version of its code; raise it when its results change.
         inputs : mapping
-            Everything the result depends on, as JSON values.
+            Everything the result depends on, its code among it, as JSON values.
         compute : callable
             Makes the arrays.
 
@@ -51,7 +52,7 @@ class StageCache:
         dict of str to ndarray
             What `compute` returned, now or then. A damaged file counts as absent.
         """
-        name = json.dumps([stage, version, inputs], sort_keys=True, allow_nan=False)
+        name = json.dumps([stage, inputs], sort_keys=True, allow_nan=False)
         digest = hashlib.sha256(name.encode()).hexdigest()
         path = self.folder / stage / digest[:2] / f"{digest[2:]}.npz"
         try:
@@ -64,6 +65,25 @@ class StageCache:
         arrays = compute()
         _write(path, arrays)
         return arrays
+
+
+@lru_cache
+def code_digest(*modules: str) -> str:
+    """Hash of the source of modules and packages, and of the libraries behind their last bits.
+
+    A stage that is keyed by it is made anew after any change of its code; nobody has to remember
+    to say so.
+    """
+    libraries = {name: version(name) for name in ("embreex", "numpy", "pyrender", "scipy")}
+    parts = [json.dumps(libraries, sort_keys=True).encode()]
+    for module in modules:
+        spec = find_spec(module)
+        assert spec is not None and spec.origin is not None
+        path = Path(spec.origin)
+        sources = [path] if path.name != "__init__.py" else sorted(path.parent.rglob("*"))
+        for source in (source for source in sources if source.suffix in SOURCES):
+            parts += [str(source.relative_to(path.parent)).encode(), source.read_bytes()]
+    return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
 
 def _write(path: Path, arrays: Arrays) -> None:

@@ -23,13 +23,9 @@ from ncti.ladar import (
 )
 from ncti.render import RangeImage, range_image
 from ncti.render.flight import depression_angle
-from sweeps.cache import Arrays, StageCache
+from sweeps.cache import Arrays, StageCache, code_digest
 from sweeps.schema import LadarConfig, RenderConfig, SceneConfig, SweepConfig
 from sweeps.seeds import cell_rng
-
-# Raise a stage's version when its results change: its kept results are then made anew.
-EXTENT_VERSION = 1
-PROFILE_VERSION = 1
 
 FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
 
@@ -106,6 +102,11 @@ def bin_centres(ladar: LadarConfig) -> NDArray[np.float64]:
     return ladar.bin_width * (np.arange(count, dtype=np.float64) - (count - 1) / 2)
 
 
+def stage_code() -> str:
+    """Hash of all code between a ship and its profiles."""
+    return code_digest("ncti.checks", "ncti.render", "ncti.ladar", "sweeps.seeds", __name__)
+
+
 def depression_at(slant_range: float, scene: SceneConfig) -> float:
     """Depression [deg] at a slant range [km]."""
     if scene.geometry == "fixed":
@@ -158,9 +159,8 @@ class _View:
         ladar = self.plan.ladar
         return StageCache(self.plan.cache).fetch(
             "range_profile",
-            PROFILE_VERSION,
             {
-                "extent": [EXTENT_VERSION, self._extent_inputs(slant_range)],
+                "extent": self._extent_inputs(slant_range),
                 "ship": self.ship.label,
                 "pulse_width": pulse_width,
                 "frame_count": self.plan.frame_count,
@@ -208,6 +208,7 @@ class _View:
         """All that the range extent depends on."""
         ladar = self.plan.ladar
         return {
+            "code": stage_code(),
             "ship": self.ship.digest,
             "aspect": self.aspect,
             "depression": depression_at(slant_range, self.plan.scene),
@@ -224,7 +225,6 @@ class _View:
             ladar = self.plan.ladar
             kept = StageCache(self.plan.cache).fetch(
                 "range_extent",
-                EXTENT_VERSION,
                 self._extent_inputs(slant_range),
                 partial(self._make_extent, slant_range),
             )

@@ -25,7 +25,7 @@ from zarr.errors import ZarrUserWarning
 from sweeps.errors import ConfigurationError
 from sweeps.layout import ACN, DONE, FAILED, PROFILES, STATUS, TABLES, Axes
 from sweeps.schema import SweepConfig
-from sweeps.stages import Ship, ViewProfiles
+from sweeps.stages import Ship, ViewProfiles, stage_code
 
 PACKAGES = [
     "ncti-sweep",
@@ -105,6 +105,7 @@ def provenance(config: SweepConfig, ships: tuple[Ship, ...], engine: str) -> dic
         "seed": config.seed,
         "mesh_digests": {ship.label: ship.digest for ship in ships},
         "versions": {name: version(name) for name in PACKAGES},
+        "code": stage_code(),
     }
     text = json.dumps(attributes, sort_keys=True)
     return attributes | {"fingerprint": hashlib.sha256(text.encode()).hexdigest()}

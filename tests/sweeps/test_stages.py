@@ -10,6 +10,7 @@ from ncti.ladar import expected_profile, range_extent
 from ncti.render import range_image
 from ncti.render.flight import depression_angle
 from sweeps import stages
+from sweeps.cache import code_digest
 from sweeps.schema import LadarConfig, RenderConfig, SceneConfig
 from sweeps.stages import Ship, ViewPlan, depression_at, view_profiles
 
@@ -92,3 +93,23 @@ def test_depression_angles():
         depression_angle(5e3, altitude=6e3)
     with pytest.raises(ValueError, match="horizon"):
         depression_angle(300e3, altitude=6e3)
+
+
+def test_code_is_told_apart_by_its_source(tmp_path, monkeypatch):
+    package = tmp_path / "fleet"
+    package.mkdir()
+    (package / "__init__.py").write_text("A = 1")
+    (package / "oar.py").write_text("B = 1")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def digest(*names):
+        code_digest.cache_clear()
+        return code_digest(*names)
+
+    whole, one = digest("fleet"), digest("fleet.oar")
+    assert digest("fleet") == whole != one
+    (package / "__init__.py").write_text("A = 2")
+    assert digest("fleet") != whole
+    assert digest("fleet.oar") == one
+    (package / "oar.py").write_text("B = 2")
+    assert digest("fleet.oar") != one

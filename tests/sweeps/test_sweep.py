@@ -246,26 +246,26 @@ def test_stage_cache_survives_damage_and_tells_inputs_apart(tmp_path):
         return {"a": np.arange(3.0)}
 
     for _ in range(2):
-        kept = cache.fetch("stage", 1, {"x": 0.1}, compute)
+        kept = cache.fetch("stage", {"x": 0.1}, compute)
         np.testing.assert_array_equal(kept["a"], [0, 1, 2])
     assert len(made) == 1
-    cache.fetch("stage", 1, {"x": 0.2}, compute)
-    cache.fetch("stage", 2, {"x": 0.1}, compute)
+    cache.fetch("stage", {"x": 0.2}, compute)
+    cache.fetch("other", {"x": 0.1}, compute)
     assert len(made) == 3
     for path in tmp_path.rglob("*.npz"):
         path.write_bytes(path.read_bytes()[:40])
-    cache.fetch("stage", 1, {"x": 0.1}, compute)
+    cache.fetch("stage", {"x": 0.1}, compute)
     assert len(made) == 4
     assert not list(tmp_path.rglob("*.partial"))
-    assert cache.fetch("stage", 1, {"x": 0.1}, compute)["a"].tolist() == [0, 1, 2]
+    assert cache.fetch("stage", {"x": 0.1}, compute)["a"].tolist() == [0, 1, 2]
 
 
 def test_a_pickle_in_the_cache_is_not_opened(tmp_path):
     cache = StageCache(tmp_path)
-    cache.fetch("stage", 1, {}, lambda: {"a": np.zeros(1)})
+    cache.fetch("stage", {}, lambda: {"a": np.zeros(1)})
     (path,) = tmp_path.rglob("*.npz")
     np.savez(path, a=np.array([{"evil": 1}], dtype=object))
-    assert cache.fetch("stage", 1, {}, lambda: {"a": np.ones(1)})["a"].tolist() == [1]
+    assert cache.fetch("stage", {}, lambda: {"a": np.ones(1)})["a"].tolist() == [1]
 
 
 def test_streams_are_keyed_by_value_and_independent():
