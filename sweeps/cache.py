@@ -78,7 +78,8 @@ def code_digest(*modules: str) -> str:
     parts = [json.dumps(libraries, sort_keys=True).encode()]
     for module in modules:
         spec = find_spec(module)
-        assert spec is not None and spec.origin is not None
+        if spec is None or spec.origin is None:
+            raise ValueError(f"{module} is no module with a source")
         path = Path(spec.origin)
         sources = [path] if path.name != "__init__.py" else sorted(path.parent.rglob("*"))
         for source in (source for source in sources if source.suffix in SOURCES):
