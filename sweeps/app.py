@@ -12,6 +12,7 @@ from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra._internal.utils import get_args_parser
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import ValueType
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -42,6 +43,9 @@ def main() -> None:
         hydra.main(version_base="1.3", config_path=str(conf_folder()), config_name="config")(_job)()
     except (ConfigurationError, HydraException, OmegaConfBaseException) as error:
         print(f"ncti-sweep: {explain(error)}", file=sys.stderr)
+        sys.exit(WRONG)
+    except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
+        print(f"ncti-sweep: cannot write there: {error}", file=sys.stderr)
         sys.exit(WRONG)
     except SweepIncomplete as error:
         print(f"ncti-sweep: {error}", file=sys.stderr)
@@ -92,7 +96,11 @@ def check_jobs(arguments: list[str]) -> None:
     jobs = [options.overrides]
     if options.multirun:
         parsed = OverridesParser.create().parse_overrides(options.overrides)
-        if any(override.key_or_group == "hydra/sweeper" for override in parsed):
+        kinds = {override.value_type for override in parsed}
+        if (
+            any(override.key_or_group == "hydra/sweeper" for override in parsed)
+            or ValueType.GLOB_CHOICE_SWEEP in kinds  # expanded by Hydra, which knows the groups
+        ):
             return
         jobs = [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
     stores: set[str] = set()
@@ -101,12 +109,13 @@ def check_jobs(arguments: list[str]) -> None:
             kept = [item for item in overrides if not item.lstrip("+~").startswith("hydra")]
             try:
                 composed = hydra.compose("config", overrides=kept)
-            except ValueError as error:  # Hydra's answer to an override without a key
+            except (TypeError, ValueError) as error:  # Hydra's answer to a malformed override
                 raise ConfigurationError(f"{' '.join(overrides)}: {error}") from error
             store = OmegaConf.to_container(composed, resolve=False)["store"]  # type: ignore[call-overload, index]
             if store is not None and "${hydra:" in store:
                 composed.store = None  # known only once Hydra runs the job
             elif store is not None:
+                store = os.path.abspath(store)
                 if store in stores:
                     raise ConfigurationError(
                         f"store is {store!r} for several jobs, but each must have its own: leave "

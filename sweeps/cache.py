@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import tempfile
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+LIBRARIES = ("embreex", "numpy", "PyOpenGL", "pyrender", "scipy", "trimesh")
 SOURCES = {".py", ".vert", ".frag"}
 
 Arrays = dict[str, NDArray[Any]]
@@ -58,10 +58,8 @@ class StageCache:
         try:
             with np.load(path, allow_pickle=False) as kept:
                 return {key: kept[key] for key in kept.files}
-        except FileNotFoundError:
+        except Exception:  # absent, or damaged in one of the many ways that a zip file can be
             pass
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
-            path.unlink(missing_ok=True)
         arrays = compute()
         _write(path, arrays)
         return arrays
@@ -74,7 +72,7 @@ def code_digest(*modules: str) -> str:
     A stage that is keyed by it is made anew after any change of its code; nobody has to remember
     to say so.
     """
-    libraries = {name: version(name) for name in ("embreex", "numpy", "pyrender", "scipy")}
+    libraries = {name: version(name) for name in LIBRARIES}
     parts = [json.dumps(libraries, sort_keys=True).encode()]
     for module in modules:
         spec = find_spec(module)
@@ -93,7 +91,7 @@ def _write(path: Path, arrays: Arrays) -> None:
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".partial")
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
+            np.savez(file, **arrays)  # type: ignore[arg-type]
         os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)

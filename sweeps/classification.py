@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sklearn.exceptions import ConvergenceWarning
 
 from ncti.classify import AdaptiveClusteringNetwork
-from ncti.evaluate import accuracy_by_aspect
+from ncti.evaluate import accuracy_by_aspect, aspect_bins
 from ncti.features import profile_vector
 from sweeps.schema import ClassifierConfig
 
@@ -22,6 +22,7 @@ NONE = -1  # of a category, a ship, or an answer: the view is not there
 def classify_cell(
     expected: NDArray[np.float32],
     averaged: NDArray[np.float32],
+    there: NDArray[np.bool_],
     *,
     vigilances: tuple[float, ...],
     classifier: ClassifierConfig,
@@ -31,9 +32,11 @@ def classify_cell(
     Parameters
     ----------
     expected : (ship, aspect, bin) float32 ndarray
-        Training profiles; a view that is not there is NaN.
+        Training profiles.
     averaged : (frame_count, ship, aspect, bin) float32 ndarray
         Test profiles of the same views.
+    there : (ship, aspect) bool ndarray
+        Views that are done; the others are left out.
     vigilances : tuple of float
         Vigilances in training.
     classifier : ClassifierConfig
@@ -46,7 +49,6 @@ def classify_cell(
         category, predicted, correct : (vigilance, frame_count, ship, aspect)
         passes : (vigilance,), negative where the categories did not settle
     """
-    there = np.isfinite(expected).all(axis=-1)
     ship = np.nonzero(there)[0]
     training = profile_vector(expected[there])
     test = profile_vector(averaged[:, there])
@@ -135,4 +137,11 @@ def tabulate(classified: xr.Dataset) -> xr.Dataset:
         }
     )
     dataset.aspect_bin.attrs = {"long_name": "aspects pooled [deg]"}
-    return dataset
+    _, index = aspect_bins(classified.aspect.values)
+    lowest = [classified.aspect.values[index == k].min() for k in range(index.max() + 1)]
+    dataset["aspect_low"] = (
+        "aspect_bin",
+        [*lowest, np.nan],
+        {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"},
+    )
+    return dataset.set_coords("aspect_low")

@@ -12,10 +12,9 @@ import numpy as np
 from sweeps import store
 from sweeps.classification import classify_cell, tabulate
 from sweeps.cluster import Executor
-from sweeps.errors import ConfigurationError
 from sweeps.layout import ACN, FAILED
 from sweeps.schema import ClassifierConfig, SweepConfig
-from sweeps.stages import Ship, ViewPlan, ship_reach, view_profiles
+from sweeps.stages import Ship, ViewPlan, view_profiles
 
 
 @dataclass(frozen=True)
@@ -24,22 +23,6 @@ class Failure:
 
     what: str
     why: str
-
-
-def build_ships(
-    executor: Executor, ships: tuple[Ship, ...], config: SweepConfig, cache: Path
-) -> None:
-    """Build every ship into the cache, and refuse those that the range window cannot hold."""
-    for (ship, _), reach, error in executor.run(ship_reach, [(ship, cache) for ship in ships]):
-        if isinstance(error, ValueError):
-            raise ConfigurationError(f"grid.ship: {error}") from error
-        if error is not None:
-            raise error
-        if 2 * reach > config.ladar.window:
-            raise ConfigurationError(
-                f"ladar.window is {config.ladar.window:g} m, but must be at least "
-                f"{2 * reach:.0f} m to hold {ship.label}"
-            )
 
 
 def run_views(
@@ -86,9 +69,10 @@ def run_classification(
             yield Failure(f"classification of {names[index]}", _reason(error))
 
 
-def write_tables(path: Path) -> None:
+def write_tables(config: SweepConfig, path: Path) -> None:
     """Tabulate what is classified into the store."""
-    store.write_tables(path, tabulate(store.read_group(path, ACN).load()))
+    tables = tabulate(store.read_group(path, ACN).load())
+    store.write_tables(path, tables.assign_attrs(receiver=config.ladar.receiver))
 
 
 def _measure_view(path: Path, i: int, j: int, ship: Ship, aspect: float, plan: ViewPlan) -> None:
@@ -102,7 +86,8 @@ def _classify(
     classifier: ClassifierConfig,
 ) -> None:
     expected, averaged = store.read_profiles(path, index)
-    arrays = classify_cell(expected, averaged, vigilances=vigilances, classifier=classifier)
+    there = store.views_done(path)
+    arrays = classify_cell(expected, averaged, there, vigilances=vigilances, classifier=classifier)
     store.write_cell(path, index, arrays)
 
 

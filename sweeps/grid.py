@@ -13,6 +13,7 @@ from sweeps.errors import ConfigurationError
 
 T = TypeVar("T", str, float)
 
+LARGEST = 1e300  # beyond it a number is a slip, and integers need not fit a float
 MAX_AXIS = 100_000  # longer axes are a slip of the step, not a plan
 
 
@@ -95,8 +96,7 @@ def number_axis(
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         inside = (
             is_number
-            and math.isfinite(value)
-            and minimum <= value <= maximum
+            and max(minimum, -LARGEST) <= value <= min(maximum, LARGEST)
             and value < below
             and not (positive and value <= 0)
         )
@@ -145,9 +145,11 @@ def _steps(key: str, spec: Mapping[str, Any]) -> list[float]:
 def _distinct(key: str, values: list[T]) -> tuple[T, ...]:
     if not values:
         raise ConfigurationError(f"{key} is empty, but must hold at least one value")
+    seen: set[T] = set()
     for value in values:
-        if values.count(value) > 1:
+        if value in seen:
             raise ConfigurationError(f"{key} has {value!r} more than once, but values must differ")
+        seen.add(value)
     return tuple(values)
 
 

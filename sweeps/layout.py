@@ -114,21 +114,23 @@ VARIABLES = tuple(
 
 @dataclass(frozen=True)
 class Axes:
-    """Values of every axis of a sweep, in the order of `AXES`."""
+    """Values of every axis of a sweep, in the order of `AXES`, and what received its profiles."""
 
     values: Mapping[str, Any]
+    receiver: str
 
     @classmethod
     def of(cls, config: SweepConfig, ships: tuple[Ship, ...]) -> Axes:
         """The axes of a checked configuration."""
         grid = asdict(config.grid.expand())
         return cls(
-            grid
+            receiver=config.ladar.receiver,
+            values=grid
             | {
                 "ship": tuple(ship.label for ship in ships),
                 FLOOR: config.ladar.floor_axis(),
                 "down_range": bin_centres(config.ladar),
-            }
+            },
         )
 
     def dims(self, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -158,6 +160,10 @@ class Axes:
             chunks = (1,) * lead + shape[lead:]
             unwritten = da.full(shape, variable.fill, dtype=variable.dtype, chunks=chunks)
             attrs: dict[str, Any] = {"units": "1", "long_name": variable.long_name}
+            if variable.group == PROFILES:
+                attrs["receiver"] = self.receiver
+            if variable.name == "expected" and self.receiver != "full_profile":
+                attrs["long_name"] = "what the receiver reports of each IFOV's expected waveform"
             if variable.group == STATUS:
                 attrs["flag_values"] = [MISSING, FAILED, DONE]
                 attrs["flag_meanings"] = "missing failed done"

@@ -44,7 +44,6 @@ def run_sweep(prepared: Prepared, path: Path) -> None:
         If some cells failed; everything else is done and in the store.
     """
     config, ships, cache = prepared.config, prepared.ships, prepared.cache
-    store.check_target(path)
     grid = config.grid.expand()
     views = len(ships) * len(grid.aspect)
     cells = len(grid.pulse_width) * len(grid.range) * len(config.ladar.floor_axis())
@@ -52,11 +51,7 @@ def run_sweep(prepared: Prepared, path: Path) -> None:
     failures: list[graph.Failure] = []
 
     with _progress() as progress, executor(config.cluster, tasks=views) as workers:
-        bar = progress.add_task("building ships", total=None)
-        graph.build_ships(workers, ships, config, cache)
         store.create(path, config, ships, prepared.engine)
-        progress.update(bar, description="ships", total=len(ships), completed=len(ships))
-
         done = int(store.views_done(path).sum())
         bar = progress.add_task(f"views ({prepared.engine})", total=views, completed=done)
         _follow(progress, bar, graph.run_views(workers, ships, config, plan, path), failures)
@@ -64,7 +59,7 @@ def run_sweep(prepared: Prepared, path: Path) -> None:
         bar = progress.add_task("classification", total=cells)
         _follow(progress, bar, graph.run_classification(workers, config, path), failures)
 
-    graph.write_tables(path)
+    graph.write_tables(config, path)
     report(path, Console())
     if failures:
         named = "; ".join(f"{f.what} ({f.why})" for f in failures[:NAMED_FAILURES])

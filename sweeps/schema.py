@@ -8,17 +8,18 @@ composed configuration. Below that, no code sees a DictConfig.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
-from ncti.ladar import RECEIVERS
+from ncti.ladar import RECEIVERS, shortest_pulse
 from ncti.render import ROLL, engines
 from sweeps.errors import ConfigurationError
 from sweeps.grid import Grid, count_axis, number_axis, ship_axis
+
+MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
 
 
 @dataclass
@@ -111,7 +112,12 @@ class LadarConfig:
         _between("ladar.extinction", self.extinction, 0, 10)
         _one_of("ladar.receiver", self.receiver, RECEIVERS)
         _between("ladar.false_alarm", self.false_alarm, 1e-12, 0.5)
-        self.floor_axis()
+        floors = self.floor_axis()
+        if self.receiver != "full_profile" and max(floors) > MOST_DRAWN:
+            raise ConfigurationError(
+                f"ladar.target_free_ifovs has {max(floors)}, but must be at most {MOST_DRAWN} with "
+                f"the {self.receiver} receiver, which needs each of them drawn"
+            )
 
     def floor_axis(self) -> tuple[int, ...]:
         """Every value of `target_free_ifovs`, checked."""
@@ -170,7 +176,13 @@ class SweepConfig:
         for key in ("store", "cache"):
             if getattr(self, key) == "":
                 raise ConfigurationError(f"{key} is empty, but must be a path")
-        self.grid.expand()
+        grid = self.grid.expand()
+        shortest = shortest_pulse(self.ladar.bin_width) * 1e9
+        if min(grid.pulse_width) < shortest:
+            raise ConfigurationError(
+                f"grid.pulse_width has {min(grid.pulse_width):g}, but must be at least "
+                f"{shortest:.3g} for ladar.bin_width {self.ladar.bin_width:g} m"
+            )
 
 
 def register() -> None:
@@ -179,7 +191,7 @@ def register() -> None:
 
 
 def _between(key: str, value: float, low: float, high: float) -> None:
-    if not (math.isfinite(value) and low <= value <= high):
+    if not low <= value <= high:  # NaN fails too, and integers of any length compare
         raise ConfigurationError(f"{key} is {value!r}, but must be from {low:g} to {high:g}")
 
 

@@ -62,6 +62,7 @@ class ViewPlan:
     ladar: LadarConfig
     seed: int
     cache: Path
+    code: str
 
     @classmethod
     def of(cls, config: SweepConfig, *, engine: str, cache: Path) -> ViewPlan:
@@ -77,6 +78,8 @@ class ViewPlan:
             ladar=config.ladar,
             seed=config.seed,
             cache=cache,
+            # Hashed once, here: a worker may read the source after somebody has edited it.
+            code=stage_code(),
         )
 
 
@@ -118,14 +121,11 @@ def depression_at(slant_range: float, scene: SceneConfig) -> float:
 
 @lru_cache(maxsize=16)
 def load_ship(source: str, digest: str, cache: Path) -> trimesh.Trimesh:
-    """Mesh of a ship, kept for this process; the digest keeps an edited file apart."""
-    return ncti.ships.load(source, cache=cache / "meshes")
-
-
-def ship_reach(ship: Ship, cache: Path) -> float:
-    """Largest distance of a ship's surface from its origin [m]; builds the ship if need be."""
-    mesh = load_ship(ship.source, ship.digest, cache)
-    return float(np.linalg.norm(mesh.vertices, axis=1).max())
+    """Mesh of a ship, kept for this process; refused when its file has changed since its digest."""
+    mesh = ncti.ships.load(source, cache=cache / "meshes")
+    if mesh.metadata["digest"] != digest:
+        raise ValueError(f"{source} was changed while the sweep ran")
+    return mesh
 
 
 def view_profiles(ship: Ship, aspect: float, plan: ViewPlan) -> ViewProfiles:
@@ -208,7 +208,7 @@ class _View:
         """All that the range extent depends on."""
         ladar = self.plan.ladar
         return {
-            "code": stage_code(),
+            "code": self.plan.code,
             "ship": self.ship.digest,
             "aspect": self.aspect,
             "depression": depression_at(slant_range, self.plan.scene),

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
+import tempfile
+import uuid
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -27,6 +30,8 @@ from sweeps.layout import ACN, DONE, FAILED, PROFILES, STATUS, TABLES, Axes
 from sweeps.schema import SweepConfig
 from sweeps.stages import Ship, ViewProfiles, stage_code
 
+PARTIAL = ".partial"  # zarr names files so, too, until they are whole
+
 PACKAGES = [
     "ncti-sweep",
     "dask",
@@ -42,17 +47,50 @@ PACKAGES = [
 ]
 
 
-def check_target(path: Path) -> None:
-    """Raise ConfigurationError when no store of this sweep could be at `path`."""
-    if path.exists() and not (path / "zarr.json").is_file():
+def check_target(path: Path, attributes: Mapping[str, Any]) -> None:
+    """Refuse a path where a sweep could not put its store, or must not.
+
+    Parameters
+    ----------
+    path : Path
+        Where the store is to go.
+    attributes : mapping
+        The sweep's `provenance`.
+
+    Raises
+    ------
+    ConfigurationError
+        If something else is there, or nothing can be written there.
+    """
+    if path.exists() and read_attributes(path).get("fingerprint") != attributes["fingerprint"]:
         raise ConfigurationError(
-            f"store is {str(path)!r}, which exists and is no zarr store; it must be a new path"
+            f"store is {str(path)!r}, which exists and holds something else; it must be a new "
+            "path, or a store begun with the same configuration, code and versions"
         )
-    nearest = next(parent for parent in path.absolute().parents if parent.exists())
-    if not nearest.is_dir():
+    check_writable("store", path.parent)
+    tables = tables_folder(path)
+    if tables.exists() and not tables.is_dir():
         raise ConfigurationError(
-            f"store is {str(path)!r}, but must not lie below the file {str(nearest)!r}"
+            f"store is {str(path)!r}, but {str(tables)!r}, where its tables go, is no folder"
         )
+
+
+def check_writable(key: str, folder: Path) -> None:
+    """Raise ConfigurationError unless files can be made in a folder, or the folder itself."""
+    nearest = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    try:
+        with tempfile.TemporaryFile(dir=nearest):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"{key} is to be in {str(folder)!r}, but nothing can be written in {str(nearest)!r}: "
+            f"{error.strerror}"
+        ) from error
+
+
+def tables_folder(path: Path) -> Path:
+    """Folder beside a store that its tables are written to as CSV."""
+    return path.with_name(f"{path.name.removesuffix('.zarr')}-tables")
 
 
 def create(path: Path, config: SweepConfig, ships: tuple[Ship, ...], engine: str) -> None:
@@ -73,19 +111,33 @@ def create(path: Path, config: SweepConfig, ships: tuple[Ship, ...], engine: str
     ------
     ConfigurationError
         If something else is at `path`; it is not touched.
+
+    Notes
+    -----
+    The layout is made beside its place and moved there whole: a store that can be seen is
+    complete in all but its chunks, whenever its maker is killed.
     """
     attributes = provenance(config, ships, engine)
-    if path.exists():
-        if _attributes(path).get("fingerprint") != attributes["fingerprint"]:
-            raise ConfigurationError(
-                f"store is {str(path)!r}, which exists and holds something else; it must be a "
-                "new path, or a store begun with the same configuration and versions"
-            )
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    for group, template in Axes.of(config, ships).templates().items():
+    check_target(path, attributes)
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        made = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PARTIAL}")
+        try:
+            _lay_out(made, Axes.of(config, ships), attributes)
+            made.rename(path)
+        except OSError:
+            if not path.exists():  # else the same sweep, started twice, was quicker
+                raise
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
+    check_target(path, attributes)
+    for orphan in path.rglob(f"*{PARTIAL}"):  # of a writer that was killed
+        orphan.unlink(missing_ok=True)
+
+
+def _lay_out(path: Path, axes: Axes, attributes: Mapping[str, Any]) -> None:
+    for group, template in axes.templates().items():
         template.to_zarr(path, group=group, mode="a", compute=False, consolidated=False)
-    # Last, so that a store whose making was cut short is never taken for a begun sweep.
     zarr.open_group(path, mode="r+").attrs.update(attributes)
     _consolidate(path)
 
@@ -189,7 +241,8 @@ def _consolidate(path: Path) -> None:
         zarr.consolidate_metadata(path)
 
 
-def _attributes(path: Path) -> dict[str, Any]:
+def read_attributes(path: Path) -> dict[str, Any]:
+    """Root attributes of a store; none where there is no store."""
     try:
         return dict(zarr.open_group(path, mode="r").attrs)
     except (OSError, ValueError, KeyError):

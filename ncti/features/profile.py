@@ -7,12 +7,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require
 
+EDGE = 0.08  # of the window at each end, for the noise alone
+
 
 def profile_vector(
     profile: ArrayLike,
     *,
     floor: ArrayLike | None = None,
-    edge: float = 0.08,
+    edge: float = EDGE,
 ) -> NDArray[np.float64]:
     """Profiles as a classifier takes them.
 

@@ -5,7 +5,7 @@ from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, range_extent
 from ncti.ladar.frames import cumulative_average, sample_frames
 from ncti.ladar.moments import frame_moments, magnitude_covariance
-from ncti.ladar.pulse import noise_covariance, noise_floor, target_kernel
+from ncti.ladar.pulse import noise_covariance, noise_floor, shortest_pulse, target_kernel
 from ncti.ladar.receivers import RECEIVERS
 
 __all__ = [
@@ -20,5 +20,6 @@ __all__ = [
     "noise_floor",
     "range_extent",
     "sample_frames",
+    "shortest_pulse",
     "target_kernel",
 ]

@@ -12,6 +12,15 @@ from ncti.checks import require
 
 SPEED_OF_LIGHT = 299_792_458.0  # m/s, exact
 
+# Bins a pulse must span, N_z: samples of a narrower kernel would not add up to its integral (at 2
+# they do within 1.5 %, at 1 within 60 %), and the amplitude would depend on the bin.
+MIN_BINS = 2.0
+
+
+def shortest_pulse(bin_width: float) -> float:
+    """Shortest pulse [s] that range bins of a width [m] can sample: N_z = 2."""
+    return MIN_BINS * math.sqrt(2) * bin_width / SPEED_OF_LIGHT
+
 
 @lru_cache(maxsize=32)
 def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
@@ -34,7 +43,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     Raises
     ------
     ValueError
-        If a width is not positive and finite.
+        If a width is not positive and finite, or the pulse is too short for the bins.
 
     Notes
     -----
@@ -43,6 +52,11 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     """
     require("pulse_width", pulse_width, positive=True)
     require("bin_width", bin_width, positive=True)
+    if pulse_width < shortest_pulse(bin_width) * (1 - 1e-12):
+        raise ValueError(
+            f"pulse_width is {pulse_width!r} s, but must be at least "
+            f"{shortest_pulse(bin_width):.3g} s for range bins of {bin_width:g} m"
+        )
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
     lag = np.subtract.outer(np.arange(bin_count), np.arange(bin_count))
     kernel = np.exp(-4 * lag**2 / n_z**2) / math.sqrt(n_z)

@@ -15,7 +15,6 @@ from ncti.ships import meshes, sheets
 from ncti.ships.build import build
 from ncti.ships.errors import ShipError
 
-NAMES = ("duncan", "horne", "spruance", "texas", "connole", "roberts")
 SHEET_SUFFIXES = (".yaml", ".yml")
 MESH_SUFFIXES = (".stl", ".obj", ".glb")
 
@@ -42,7 +41,9 @@ class _Source:
 
 def names() -> tuple[str, ...]:
     """The ships that come with the library."""
-    return NAMES
+    sheets_folder = resources.files("ncti.ships") / "sheets"
+    files = (Path(entry.name) for entry in sheets_folder.iterdir())
+    return tuple(sorted(f.stem for f in files if f.suffix == ".yaml" and f.stem != "templates"))
 
 
 def digest(name_or_path: str | Path) -> str:
@@ -111,11 +112,11 @@ def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimes
 
 
 def _find(name_or_path: str | Path) -> _Source:
-    known = ", ".join(NAMES)
+    known = ", ".join(names())
     kinds = ", ".join(SHEET_SUFFIXES + MESH_SUFFIXES)
     if not isinstance(name_or_path, str | Path):
         raise ShipError(f"ship {name_or_path!r} must be one of {known}, or a path ({kinds}).")
-    if name_or_path in NAMES:
+    if name_or_path in names():
         sheet = resources.files("ncti.ships") / "sheets" / f"{name_or_path}.yaml"
         return _Source(str(name_or_path), ".yaml", sheet.read_bytes())
     path = Path(name_or_path)

@@ -12,7 +12,13 @@ from rich.table import Table
 
 from sweeps import store
 from sweeps.layout import TABLES
-from sweeps.report.tables import Row, accuracy_rows, category_rows, source_figures
+from sweeps.report.tables import (
+    Row,
+    accuracy_rows,
+    category_rows,
+    has_source_views,
+    source_figures,
+)
 
 SOURCE = "source"
 WIDTH = 100  # columns that the widest table needs; narrower and its figures would be cut
@@ -25,7 +31,7 @@ def main() -> None:
         description="Print the tables of a sweep beside the source's, and write them as CSV.",
     )
     parser.add_argument("store", type=Path, help="store of a sweep, such as sweep.zarr")
-    path = parser.parse_args().store
+    path = parser.parse_args().store.absolute()
     try:
         report(path, Console())
     except (OSError, KeyError, ValueError):
@@ -51,7 +57,12 @@ def report(path: Path, console: Console) -> None:
     categories, accuracy = category_rows(tables), accuracy_rows(tables)
     print_categories(categories, console)
     print_accuracy(accuracy, console)
-    folder = path.with_name(f"{path.stem}-tables")
+    if not has_source_views(tables):
+        console.print(
+            "The source's figures are of its own 124 views, four ships from bow to beam.",
+            style="dim",
+        )
+    folder = store.tables_folder(path)
     folder.mkdir(exist_ok=True)
     write_csv(folder / "categories.csv", categories)
     write_csv(folder / "accuracy.csv", accuracy)
@@ -89,7 +100,7 @@ def print_categories(rows: list[Row], console: Console) -> None:
                 str(theirs[0]) if theirs else "",
             )
         console.print(table)
-        if not all(row["settled"] for row in group):
+        if not all(row["settled"] for row in group if row["categories"]):
             console.print("* categories still changed in the last pass", style="dim")
 
 
@@ -103,11 +114,12 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
     keys = ("range_km", "target_free_ifovs", "pulse_width_ns", "vigilance")
     vigilances = {row["vigilance"] for row in rows}
     shown = figures["vigilance"] if figures["vigilance"] in vigilances else max(vigilances)
+    noted = False
     printed = [row for row in rows if row["vigilance"] == shown]
     for setting, group in _grouped(printed, keys).items():
         bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in group))
         title = f"Percent correct, ACN ({_setting(setting[:2], group[0])}, {setting[2]:g} ns, "
-        table = Table(title=title + f"vigilance {setting[3]:g})", caption_justify="left")
+        table = Table(title=title + f"vigilance {setting[3]:g})")
         table.add_column("frames", justify="right")
         beside = any(row["source_percent"] is not None for row in group)
         for label in bins:
@@ -126,9 +138,10 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
                     theirs = row["source_percent"]
                     line.append("" if theirs is None else str(theirs))
             table.add_row(*line)
-        if beside:
-            table.caption = figures["note"]
         console.print(table)
+        noted = noted or beside
+    if noted:
+        console.print(f"Source: {figures['note']}", style="dim")
     if len(vigilances) > 1:
         console.print("95 % Wilson intervals; other vigilances are in the CSV", style="dim")
     else:
@@ -148,6 +161,8 @@ def _setting(setting: tuple[object, ...], row: Row) -> str:
 
 
 def _count(row: Row) -> str:
+    if not row["categories"]:
+        return "failed"
     return f"{row['categories']}" + ("" if row["settled"] else "*")
 
 

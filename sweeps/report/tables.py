@@ -8,6 +8,7 @@ from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
 import xarray as xr
 import yaml
 
@@ -20,6 +21,11 @@ def source_figures() -> dict[str, Any]:
     text = files("sweeps.report").joinpath("source_figures.yaml").read_text(encoding="utf-8")
     figures: dict[str, Any] = yaml.safe_load(text)
     return figures
+
+
+def has_source_views(tables: xr.Dataset) -> bool:
+    """Whether a sweep has as many views as the article's: four ships, 31 aspects."""
+    return bool((tables.view_count == source_figures()["experiment"]["views"]).all())
 
 
 def category_rows(tables: xr.Dataset) -> list[Row]:
@@ -39,16 +45,16 @@ def category_rows(tables: xr.Dataset) -> list[Row]:
     source = source_figures()["table3_categories"]
     rows = []
     for axes, cell in _cells(tables[["category_count", "view_count", "settled"]]):
-        categories, views = int(cell.category_count), int(cell.view_count)
+        categories, views = cell["category_count"], cell["view_count"]
         rows.append(
             axes
             | {
                 "categories": categories,
                 "training_profiles": views,
                 "compression": round(views / categories, 2) if categories else None,
-                "settled": bool(cell.settled),
+                "settled": bool(cell["settled"]),
                 "source_categories": source["categories"].get(axes["pulse_width_ns"])
-                if axes["vigilance"] == source["vigilance"]
+                if axes["vigilance"] == source["vigilance"] and _as_in_source(axes, tables)
                 else None,
             }
         )
@@ -70,12 +76,13 @@ def accuracy_rows(tables: xr.Dataset) -> list[Row]:
         correct with its Wilson interval, number of profiles, and the source's figure.
     """
     rows = []
+    lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
     for prefix in ("training_", ""):
         names = [prefix + name for name in ("accuracy", "ci_low", "ci_high", "n")]
         for axes, cell in _cells(tables[names]):
             frames = axes.pop("frame_count", None)
             label = axes.pop("aspect_bin")
-            fraction, low, high, n = (cell[name].item() for name in names)
+            fraction, low, high, n = (cell[name] for name in names)
             rows.append(
                 axes
                 | {
@@ -85,32 +92,40 @@ def accuracy_rows(tables: xr.Dataset) -> list[Row]:
                     "percent_correct": _percent(fraction),
                     "ci_low": _percent(low),
                     "ci_high": _percent(high),
-                    "n": int(n),
-                    "source_percent": _source_percent(axes, frames, label),
+                    "n": n,
+                    "source_percent": _source_percent(axes, frames, lowest[label])
+                    if _as_in_source(axes, tables)
+                    else None,
                 }
             )
     return rows
 
 
-def _source_percent(axes: Row, frames: int | None, label: str) -> int | None:
+def _as_in_source(axes: Row, tables: xr.Dataset) -> bool:
+    """Whether range and receiver are the article's; its ships and aspects are another matter."""
+    experiment = source_figures()["experiment"]
+    return bool(
+        axes["range_km"] == experiment["range"]
+        and tables.attrs["receiver"] == experiment["receiver"]
+    )
+
+
+def _source_percent(axes: Row, frames: int | None, lowest: float) -> int | None:
+    """The article's figure for the bin whose lowest aspect is given (NaN for all of them)."""
     source = source_figures()["table4_percent_correct"]
     same = all(
         axes[ours] == source[theirs]
         for ours, theirs in (("vigilance", "vigilance"), ("pulse_width_ns", "pulse_width"))
     )
     figures = source["training"] if frames is None else source["frames"].get(frames)
-    if not same or figures is None or label == "overall":
+    if not same or figures is None or not lowest <= 90:
         return None
-    lowest = float(label.split("-")[0])
-    if lowest > 90:
-        return None
-    column = sum(lowest >= start for start in source["bin_starts"]) - 1
-    percent: int = figures[column]
+    percent: int = figures[sum(lowest >= start for start in source["bin_starts"]) - 1]
     return percent
 
 
-def _cells(dataset: xr.Dataset) -> Iterator[tuple[Row, xr.Dataset]]:
-    """Every cell of a data set with the values of its axes, units in their names."""
+def _cells(dataset: xr.Dataset) -> Iterator[tuple[Row, Row]]:
+    """Axes and values of every cell of a data set, units in the names of the axes."""
     names = {"pulse_width": "pulse_width_ns", "range": "range_km"}
     order = ["range", "pulse_width", "target_free_ifovs", "vigilance", "frame_count", "aspect_bin"]
     dims = [name for name in order if name in dataset.dims]
@@ -119,11 +134,12 @@ def _cells(dataset: xr.Dataset) -> Iterator[tuple[Row, xr.Dataset]]:
         for name in order
         if name in dataset.coords and name not in dataset.dims
     }
-    stacked = dataset.load().stack(cell=dims)
-    for values, index in zip(stacked.indexes["cell"], range(stacked.sizes["cell"]), strict=True):
-        axes = scalars | dict(zip(dims, values, strict=True))
-        row = {names.get(name, name): axes[name] for name in order if name in axes}
-        yield row, stacked.isel(cell=index)
+    axes = [dataset[name].values.tolist() for name in dims]
+    arrays = {name: array.transpose(*dims).values for name, array in dataset.items()}
+    for index in np.ndindex(*(len(values) for values in axes)):
+        here = scalars | {name: axes[i][index[i]] for i, name in enumerate(dims)}
+        row = {names.get(name, name): here[name] for name in order if name in here}
+        yield row, {str(name): array[index].item() for name, array in arrays.items()}
 
 
 def _percent(fraction: float) -> float | None:

@@ -6,6 +6,7 @@ from plates import plane
 from scipy import stats
 
 from ncti.ladar import (
+    RangeExtent,
     carrier_to_noise,
     cumulative_average,
     expected_profile,
@@ -64,26 +65,51 @@ def test_mean_of_the_exact_moments_is_equation_c(stepped, pulse_width, target_fr
     np.testing.assert_allclose(mean, expected_profile(stepped[1.0], **parameters), rtol=1e-12)
 
 
+@pytest.mark.parametrize("bin_width", [0.25, 0.5, 1.0])
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+def test_signal_of_an_extended_return_is_free_of_the_bin(pulse_width, bin_width):
+    """A slope much longer than the pulse: Equation C's sum is the kernel's integral.
+
+    sum_k exp(-8 k^2 / N_z^2) / N_z -> sqrt(pi/8), so A = (pi/2) CNR density sqrt(pi/8), whatever
+    the bin; the sum ripples by 2 exp(-pi^2 N_z^2 / 8): 0.8 % at 10 ns and 1 m.
+    """
+    density = 0.01
+    fraction = np.full((1, round(200 / bin_width)), density * bin_width)
+    centres = bin_width * (np.arange(fraction.size) + 0.5) - 100
+    extent = RangeExtent(fraction, centres, bin_width, np.zeros((1, 2), int), 150e-6, 1e5)
+    profile = expected_profile(extent, pulse_width=pulse_width, cnr=CNR)
+    a = np.pi / 2 * CNR * density * np.sqrt(np.pi / 8)
+    signal = profile[fraction.size // 2] - noise_floor()
+    n_z = SPEED_OF_LIGHT * pulse_width / (np.sqrt(2) * bin_width)
+    ripple = 2 * np.exp(-(np.pi**2) * n_z**2 / 8)
+    assert signal == pytest.approx(
+        np.sqrt(a + noise_floor() ** 2) - noise_floor(), rel=ripple + 1e-9
+    )
+
+
 @pytest.mark.parametrize(
-    ("pulse_width", "tolerance"), [(10e-9, 0.06), (30e-9, 2e-3), (50e-9, 1e-3)]
+    ("pulse_width", "tolerance"), [(10e-9, 0.06), (30e-9, 0.02), (50e-9, 0.01)]
 )
 def test_profile_is_free_of_the_bin(pulse_width, tolerance):
-    # Halving the bin moves each return by a quarter of a bin, up or down. For an extended
-    # return only the curvature of the kernel is left, O((dR / N_z dR)^2), besides the ends of
-    # the extent, where sqrt(A + B) bends most; both shrink with the pulse.
+    # Halving the bin moves a return by a quarter of one; of an extended return only the curvature
+    # of the kernel is left and the ends of the extent, where sqrt(A + B) bends most. Both shrink
+    # with the pulse. Signal above the floor, ends included.
     image = plane(width=60, height=60, slope=(1.0, 0.3), pixel=0.125)
-    profiles = {
-        width: expected_profile(
-            range_extent(image, slant_range=1e8, ifov=150e-9, bin_width=width),
-            pulse_width=pulse_width,
-            cnr=CNR,
-        )
-        for width in (0.5, 1.0)
-    }
-    centres = profiles[0.5].reshape(-1, 2).mean(axis=1)
-    assert np.abs(centres - profiles[1.0]).sum() < tolerance * profiles[1.0].sum()
-    # The floor does not know the bin at all: both ends of the window.
-    assert profiles[0.5][0] == pytest.approx(profiles[1.0][0], rel=1e-12)
+    signals = {}
+    for width in (0.5, 1.0):
+        extent = range_extent(image, slant_range=1e8, ifov=150e-9, bin_width=width)
+        profile = expected_profile(extent, pulse_width=pulse_width, cnr=CNR)
+        signals[width] = profile - len(extent.cell) * noise_floor()
+        # The floor does not know the bin at all: the end of the window.
+        assert profile[0] == pytest.approx(len(extent.cell) * noise_floor(), rel=1e-12)
+    centres = signals[0.5].reshape(-1, 2).mean(axis=1)
+    assert np.abs(centres - signals[1.0]).sum() < tolerance * signals[1.0].sum()
+
+
+def test_a_pulse_too_short_for_the_bins_is_refused(stepped):
+    with pytest.raises(ValueError, match=r"9\.43e-09"):
+        expected_profile(stepped[1.0], pulse_width=9e-9, cnr=CNR)
+    expected_profile(stepped[0.5], pulse_width=9e-9, cnr=CNR)
 
 
 SAMPLES = 4000

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from ncti.ladar import RangeExtent, noise_floor, sample_frames
+from ncti.ladar.frames import _floor_factor
 from ncti.ladar.moments import magnitude_covariance
 from ncti.ladar.pulse import low_rank_factor, noise_covariance
 
@@ -116,6 +117,11 @@ def test_band_limit_loses_nothing(pulse_width):
     # What is dropped: at most 250 eigenvalues of 1e-6 of the largest; the rest is float32.
     largest = np.linalg.eigvalsh(covariance)[-1]
     assert np.abs(factor.T @ factor - covariance).max() < 1e-6 * largest + 1e-6
+    floor = magnitude_covariance(covariance)
+    factor_of_sum = _floor_factor(pulse_width=pulse_width, bin_width=1.0, bin_count=250)
+    kept = factor_of_sum.astype(float)
+    largest = np.linalg.eigvalsh(floor)[-1]
+    assert np.abs(kept.T @ kept - floor).max() < 1e-6 * largest + 1e-6
     n_t = 299_792_458.0 * pulse_width / 2
     predicted = 500 * math.sqrt(2 * math.log(1e6)) / (math.pi * n_t)
     assert len(factor) == pytest.approx(min(250, predicted), rel=0.05)

@@ -45,7 +45,7 @@ def stern_ranges(mesh: trimesh.Trimesh, *, depression: float = 3.84, pixel: floa
 
 
 def test_names() -> None:
-    assert ships.names() == ("duncan", "horne", "spruance", "texas", "connole", "roberts")
+    assert ships.names() == ("connole", "duncan", "horne", "roberts", "spruance", "texas")
 
 
 def test_is_one_closed_solid_wound_outward(ship, name) -> None:

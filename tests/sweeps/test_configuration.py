@@ -138,6 +138,17 @@ WRONG = {
     "classifier.learning_rate=0": ("classifier.learning_rate", "0"),
     "cluster.workers=0": ("cluster.workers", "0"),
     "store=": ("store", "path"),
+    "grid.pulse_width=9": ("grid.pulse_width", "9", "9.43", "ladar.bin_width"),
+    "ladar.bin_width=2 grid.pulse_width=10": ("grid.pulse_width", "18.9"),
+    "grid.range=1": ("grid.range", "ladar.ifov", "render.pixel"),
+    "grid.ship=duncan ladar.window=150": ("ladar.window", "150", "duncan"),
+    "ladar=peak_pulse ladar.target_free_ifovs=1000000": ("ladar.target_free_ifovs", "peak_pulse"),
+    f"grid.aspect=1{'0' * 400}": ("grid.aspect", "below 360"),
+    f"seed=1{'0' * 400}": ("seed",),
+    "grid=[1]": ("grid",),
+    "store=/proc/x.zarr": ("store", "/proc"),
+    "cache=/proc/x": ("cache", "/proc"),
+    "grid.ship=duncan hydra.run.dir=/proc/x": ("/proc/x",),
     "=3": ("=3",),
 }
 
@@ -161,7 +172,7 @@ def refused(arguments, folder, monkeypatch, capsys):
 
 @pytest.mark.parametrize("override", WRONG, ids=str)
 def test_wrong_configuration(override, tmp_path, monkeypatch, capsys):
-    sentence = refused([override], tmp_path, monkeypatch, capsys)
+    sentence = refused(override.split(" "), tmp_path, monkeypatch, capsys)
     for word in WRONG[override]:
         assert word in sentence
 
@@ -184,6 +195,15 @@ def test_one_wrong_job_of_a_multirun_stops_all(tmp_path, monkeypatch, capsys):
 def test_jobs_of_a_multirun_do_not_share_a_store(tmp_path, monkeypatch, capsys):
     arguments = ["-m", "grid.vigilance=0.9,0.95", "store=here.zarr"]
     assert "here.zarr" in refused(arguments, tmp_path, monkeypatch, capsys)
+
+
+def test_one_store_spelt_two_ways(tmp_path, monkeypatch, capsys):
+    arguments = ["-m", "grid.ship=duncan", "store=a.zarr,./a.zarr"]
+    assert "a.zarr" in refused(arguments, tmp_path, monkeypatch, capsys)
+
+
+def test_a_glob_is_left_to_hydra():
+    check_jobs(["-m", "ladar=glob(*)", "grid.ship=duncan"])
 
 
 def test_a_store_named_by_the_job_is_left_to_hydra(tmp_path):
@@ -249,3 +269,6 @@ def test_something_else_at_the_store_is_not_touched(tmp_path, monkeypatch, capsy
     assert "data" in sentence
     sentence = refused(["cache=mine/data"], tmp_path, monkeypatch, capsys)
     assert "cache" in sentence
+    (tmp_path / "new-tables").write_text("precious")
+    sentence = refused(["store=new.zarr"], tmp_path, monkeypatch, capsys)
+    assert "new-tables" in sentence

@@ -26,6 +26,7 @@ def plan_of(cache, **changes):
         ladar=LadarConfig(),
         seed=0,
         cache=cache,
+        code=stages.stage_code(),
     )
     return replace(plan, **changes)
 
@@ -57,6 +58,18 @@ def test_a_view_is_the_library_in_the_units_of_the_configuration(duncan, tmp_pat
     ours = view_profiles(duncan, 63, plan).expected[0, 0, 0]
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
     np.testing.assert_array_equal(stages.bin_centres(plan.ladar), extent.down_range)
+
+
+def test_extinction_reaches_the_profile_in_its_units(duncan, tmp_path):
+    # 0.1 dB/km over the 50 km less than the reference, both ways: 10 dB more, besides 4 times.
+    ladar = LadarConfig(extinction=0.1, cnr=20.0)
+    plan = plan_of(tmp_path, range=(50.0,), ladar=ladar)
+    clear = LadarConfig(cnr=20.0 + 10.0)
+    np.testing.assert_allclose(
+        view_profiles(duncan, 60.0, plan).expected,
+        view_profiles(duncan, 60.0, replace(plan, ladar=clear)).expected,
+        rtol=1e-6,
+    )
 
 
 def test_ends_are_drawn_finer_and_broadsides_once(duncan, tmp_path, drawn):

@@ -1,16 +1,20 @@
 """What a sweep must keep whatever runs it: the same bits, the rest of the cells, what is done."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
+import trimesh
 import xarray as xr
 from sweeping import TINY, command, contents
 
-from sweeps import graph, stages
+import ncti.ships
+from sweeps import graph, stages, store
 from sweeps.app import main
 from sweeps.cache import StageCache
 from sweeps.seeds import cell_rng
+from sweeps.stages import ViewProfiles
 
 
 def run_here(monkeypatch, folder, *overrides, code=0):
@@ -167,20 +171,6 @@ def test_another_sweep_does_not_touch_a_store(two_workers, monkeypatch, capsys):
     assert contents(two_workers / "s.zarr") == before
 
 
-def test_a_ship_longer_than_the_window_is_refused(two_workers, tmp_path, monkeypatch, capsys):
-    run_here(
-        monkeypatch,
-        tmp_path,
-        "store=s.zarr",
-        "ladar.window=150",
-        f"cache={two_workers / 'cache'}",
-        code=2,
-    )
-    error = capsys.readouterr().err
-    assert "ladar.window is 150 m" in error and "spruance" in error
-    assert not (tmp_path / "s.zarr").exists()
-
-
 def test_several_noise_floors_are_an_axis(two_workers, tmp_path, monkeypatch):
     run_here(
         monkeypatch,
@@ -319,3 +309,71 @@ def test_status_of_an_unfinished_store_reads_missing(two_workers, tmp_path, monk
     attributes = json.loads((tmp_path / "s.zarr" / "zarr.json").read_text())["attributes"]
     assert attributes["seed"] == 0
     assert np.all(xr.open_zarr(tmp_path / "s.zarr", group="status").cell == 1)
+
+
+def test_a_store_is_seen_whole_or_not_at_all(two_workers, tmp_path, monkeypatch):
+    """A maker that is killed half way leaves nothing that stands in the way of the next."""
+
+    class Killed(BaseException):
+        pass
+
+    def kill(*args):
+        raise Killed
+
+    monkeypatch.setattr(store, "_consolidate", kill)
+    cached = f"cache={two_workers / 'cache'}"
+    with pytest.raises(Killed):
+        run_here(monkeypatch, tmp_path, "store=s.zarr", cached)
+    assert not (tmp_path / "s.zarr").exists()
+    monkeypatch.undo()
+    run_here(monkeypatch, tmp_path, "store=s.zarr", cached)
+    assert (tmp_path / "s.zarr").exists()
+    assert not list(tmp_path.glob(".s.zarr*"))
+
+
+def test_leftovers_of_a_killed_writer_are_swept_up(two_workers, tmp_path):
+    shutil.copytree(two_workers / "s.zarr", tmp_path / "s.zarr")
+    orphan = tmp_path / "s.zarr" / "range_profile" / "averaged" / "c" / "0.abc.partial"
+    orphan.parent.mkdir(exist_ok=True)
+    orphan.write_bytes(b"half")
+    again = command(*TINY, "store=s.zarr", folder=tmp_path, cache=two_workers / "cache")
+    assert again.returncode == 0, again.stderr
+    assert contents(tmp_path / "s.zarr") == contents(two_workers / "s.zarr")
+
+
+def test_two_stores_of_one_folder_keep_their_own_tables(two_workers, tmp_path, monkeypatch):
+    cached = f"cache={two_workers / 'cache'}"
+    for name in ("run.1", "run.2"):
+        run_here(monkeypatch, tmp_path, f"store={name}", "grid.aspect=[0,1e-5]", cached)
+        assert (tmp_path / f"{name}-tables" / "accuracy.csv").exists()
+
+
+def test_a_view_cut_short_is_no_view(two_workers, tmp_path, monkeypatch):
+    """One array of a view written, the other not: that view fails, and no other."""
+    whole = store.write_view
+
+    def half(path, ship, aspect, profiles):
+        if (ship, aspect) == (0, 1):
+            blank = np.full_like(profiles.averaged, np.nan)
+            whole(path, ship, aspect, ViewProfiles(profiles.expected, blank))
+            raise OSError("no space left on device")
+        whole(path, ship, aspect, profiles)
+
+    monkeypatch.setattr(store, "write_view", half)
+    run_here(monkeypatch, tmp_path, "store=s.zarr", f"cache={two_workers / 'cache'}", code=1)
+    status = xr.open_zarr(tmp_path / "s.zarr", group="status").load()
+    assert int((status.view == 0).sum()) == 1
+    assert int((status.cell == 0).sum()) == 2 * 2 * 2
+    assert int((status.cell == 1).sum()) == 5 * 2 * 2 * 2
+
+
+def test_a_mesh_edited_while_the_sweep_runs_is_not_taken_for_the_old_one(tmp_path):
+    path = tmp_path / "barge.stl"
+    for length in (60, 90):
+        mesh = trimesh.creation.box(extents=(length, 10, 8))
+        mesh.apply_translation((0, 0, 4))
+        mesh.export(path)
+        if length == 60:
+            digest = ncti.ships.digest(path)
+    with pytest.raises(ValueError, match="changed while the sweep ran"):
+        stages.load_ship(str(path), digest, tmp_path)
