@@ -27,7 +27,8 @@ def test_the_lines_that_open_a_store_draw_four_curves(smoke_store, tmp_path, mon
     from matplotlib import pyplot as plt
 
     assert len(plt.gca().lines) == 4
-    assert plt.gca().get_xlabel() == "down-range from the ship origin [m]"
+    label = " ".join(plt.gca().get_xlabel().split())
+    assert label == "down-range from the ship origin [m]"
     plt.close("all")
 
 
