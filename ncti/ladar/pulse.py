@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from functools import lru_cache
 
 import numpy as np
@@ -43,7 +44,12 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     Raises
     ------
     ValueError
-        If a width is not positive and finite, or the pulse is too short for the bins.
+        If a width is not positive and finite.
+
+    Warns
+    -----
+    UserWarning
+        If the pulse is too short for the bins to sample, N_z < 2.
 
     Notes
     -----
@@ -53,9 +59,11 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     require("pulse_width", pulse_width, positive=True)
     require("bin_width", bin_width, positive=True)
     if pulse_width < shortest_pulse(bin_width) * (1 - 1e-12):
-        raise ValueError(
-            f"pulse_width is {pulse_width!r} s, but must be at least "
-            f"{shortest_pulse(bin_width):.3g} s for range bins of {bin_width:g} m"
+        warnings.warn(
+            f"pulse_width is {pulse_width!r} s, but range bins of {bin_width:g} m sample only "
+            f"pulses from {shortest_pulse(bin_width):.3g} s on: the amplitude depends on the bin",
+            UserWarning,
+            stacklevel=2,
         )
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
     lag = np.subtract.outer(np.arange(bin_count), np.arange(bin_count))

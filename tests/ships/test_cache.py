@@ -127,7 +127,10 @@ def test_digest_follows_templates_and_builder(sheet, monkeypatch) -> None:
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ("titanic", "unknown ship 'titanic', known are connole, duncan, horne, roberts, spruance, texas"),
+        (
+            "titanic",
+            "unknown ship 'titanic', known are connole, duncan, horne, roberts, spruance, texas",
+        ),
         ("Duncan", "unknown ship 'Duncan'"),
         ("", "unknown ship"),
         ("hull.step", r"\(.yaml, .yml, .stl, .obj, .glb\)"),
