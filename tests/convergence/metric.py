@@ -38,7 +38,9 @@ def far_extent(
     spread: float = 0.5,
 ) -> RangeExtent:
     """Range extent from so far away that the view is orthographic."""
-    image = range_image(mesh, aspect=aspect, depression=depression, pixel=pixel, roll=roll)
+    image = range_image(
+        mesh, aspect=aspect, depression=depression, pixel=pixel, roll=roll, engine="auto"
+    )
     return range_extent(image, slant_range=FAR, ifov=SIDE / FAR, spread=spread)
 
 

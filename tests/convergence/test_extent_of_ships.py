@@ -134,7 +134,7 @@ def test_half_a_pixels_extent_is_the_best_spread():
 @pytest.mark.parametrize("bin_width", [0.25, 1.0, 2.5])
 def test_area_is_conserved(side, bin_width):
     """However area is sorted into IFOVs and bins, it is that of the pixels that see the ship."""
-    image = range_image(ship("texas"), aspect=17.0, depression=DEPRESSION)
+    image = range_image(ship("texas"), aspect=17.0, depression=DEPRESSION, engine="auto")
     extent = range_extent(image, slant_range=FAR, ifov=side / FAR, bin_width=bin_width)
     seen = np.count_nonzero(image.hit) * image.pixel**2
     assert math.isclose(areas(extent).sum(), seen, rel_tol=1e-6)
