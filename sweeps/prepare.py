@@ -59,7 +59,8 @@ def prepare(composed: DictConfig) -> Prepared:
     Raises
     ------
     ConfigurationError
-        Naming the first key that is wrong, its value and what is allowed. Nothing is written.
+        Naming the first key that is wrong, its value and what is allowed. Nothing is written
+        but ships, into the cache, once all else is known to be right.
     """
     missing = sorted(OmegaConf.missing_keys(composed))
     if missing:

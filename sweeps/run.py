@@ -39,7 +39,7 @@ def run_sweep(prepared: Prepared, path: Path) -> None:
     Raises
     ------
     ConfigurationError
-        If a ship does not fit the range window, or `path` holds something else.
+        If `path` holds something else.
     SweepIncomplete
         If some cells failed; everything else is done and in the store.
     """

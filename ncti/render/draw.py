@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import trimesh
 
+from ncti.checks import require
 from ncti.render.choice import start_engine
 from ncti.render.image import RangeImage
 from ncti.render.solid import Solid, surface
@@ -60,15 +59,17 @@ def range_image(
     A pixel is a sample at its centre. The engine tells which facet it sees; range and slope are
     those of the facet's plane there, in float64, perspective and wavefront curvature included.
     """
-    view = View(
-        aspect=_within("aspect", aspect, -360.0, 360.0),
-        depression=_within("depression", depression, 0.0, 90.0),
-        roll=_within("roll", roll, -360.0, 360.0),
-        slant_range=None if slant_range is None else _positive("slant_range", slant_range),
-    )
+    require("aspect", aspect, minimum=-360.0, maximum=360.0)
+    require("depression", depression, minimum=0.0, maximum=90.0)
+    require("roll", roll, minimum=-360.0, maximum=360.0)
+    require("pixel", pixel, positive=True)
+    if slant_range is not None:
+        require("slant_range", slant_range, positive=True)
+        slant_range = float(slant_range)
+    view = View(float(aspect), float(depression), roll=float(roll), slant_range=slant_range)
     solid = Solid.of(mesh)
     points = solid.along(view)
-    lattice = Lattice.around(points, view, _positive("pixel", pixel))
+    lattice = Lattice.around(points, view, float(pixel))
 
     hit, facet = start_engine(engine).visible(solid, view, lattice)
 
@@ -87,15 +88,3 @@ def range_image(
         roll=view.roll,
         slant_range=view.slant_range,
     )
-
-
-def _within(name: str, value: float, low: float, high: float) -> float:
-    if not low <= value <= high:
-        raise ValueError(f"{name} is {value} deg: it must be from {low:g} to {high:g} deg.")
-    return float(value)
-
-
-def _positive(name: str, value: float) -> float:
-    if not 0.0 < value < math.inf:
-        raise ValueError(f"{name} is {value} m: it must be positive and finite.")
-    return float(value)

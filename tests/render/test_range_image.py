@@ -357,12 +357,12 @@ def test_xarray_keeps_names_and_units():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"aspect": np.nan}, "aspect is nan deg"),
-        ({"aspect": 361}, "aspect is 361 deg"),
-        ({"depression": -1}, "depression is -1 deg: it must be from 0 to 90"),
+        ({"aspect": np.nan}, "aspect is nan, but must be a finite number"),
+        ({"aspect": 361}, "aspect is 361, but must be .* at most 360"),
+        ({"depression": -1}, "depression is -1, but must be .* at least 0 and at most 90"),
         ({"depression": 90.1}, "depression is 90.1"),
         ({"roll": np.inf}, "roll is inf"),
-        ({"pixel": 0}, "pixel is 0 m: it must be positive"),
+        ({"pixel": 0}, "pixel is 0, but must be a finite number above 0"),
         ({"pixel": -0.25}, "pixel is -0.25"),
         ({"pixel": np.nan}, "pixel is nan"),
         ({"pixel": 1e-3}, "neither side may exceed 16384"),

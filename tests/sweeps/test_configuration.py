@@ -33,12 +33,14 @@ EXPERIMENTS = sorted(path.stem for path in conf_folder().glob("experiment/*.yaml
 
 @pytest.mark.parametrize(("group", "name"), GROUPS, ids=lambda v: v)
 def test_every_group_composes(group, name, tmp_path):
-    prepare(composed(f"{group}={name}", f"cache={tmp_path}"))
+    prepared = prepare(composed(f"{group}={name}", f"cache={tmp_path}"))
+    assert [ship.label for ship in prepared.ships] == ["duncan", "horne", "spruance", "texas"]
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_composes(name, tmp_path):
-    prepare(composed(f"+experiment={name}", f"cache={tmp_path}"))
+    prepared = prepare(composed(f"+experiment={name}", f"cache={tmp_path}"))
+    assert prepared.config.grid.expand().pulse_width == (10, 30, 50)
 
 
 def test_paper_is_the_sources_grid(tmp_path):

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 import trimesh
 
-pytest.importorskip("matplotlib")
-
 from sweeps.report import figures, portraits
 
 

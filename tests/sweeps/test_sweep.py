@@ -110,6 +110,7 @@ def test_a_changed_vigilance_renders_and_draws_nothing(two_workers, tmp_path, mo
         "store=s.zarr",
         f"cache={two_workers / 'cache'}",
     )
+    assert np.all(xr.open_zarr(tmp_path / "s.zarr", group="status").cell == 1)
 
 
 def test_a_changed_seed_renders_nothing(two_workers, tmp_path, monkeypatch):
@@ -118,6 +119,7 @@ def test_a_changed_seed_renders_nothing(two_workers, tmp_path, monkeypatch):
 
     monkeypatch.setattr(stages, "range_image", never)
     run_here(monkeypatch, tmp_path, "seed=77", "store=s.zarr", f"cache={two_workers / 'cache'}")
+    assert np.all(xr.open_zarr(tmp_path / "s.zarr", group="status").cell == 1)
 
 
 def test_a_view_that_fails_is_named_and_the_rest_is_done(
