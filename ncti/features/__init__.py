@@ -1,5 +1,14 @@
 """Features: what a classifier is given of a signature."""
 
+from ncti.features.log_polar import cyclic_similarity, log_polar
 from ncti.features.profile import profile_vector
+from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
+from ncti.features.segmentation import segment
 
-__all__ = ["profile_vector"]
+__all__ = [
+    "SEGMENTATION_METHODS",
+    "cyclic_similarity",
+    "log_polar",
+    "profile_vector",
+    "segment",
+]
