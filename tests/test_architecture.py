@@ -13,7 +13,8 @@ ALLOWED = {
     "ncti.ships": {"ncti.checks"},
     "ncti.render": {"ncti.checks", "ncti.ships"},
     "ncti.ladar": {"ncti.checks", "ncti.ships", "ncti.render"},
-    "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar"},
+    "ncti.infrared": {"ncti.checks", "ncti.ships", "ncti.render"},
+    "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
     "ncti.classify": {"ncti.checks"},
     "ncti.evaluate": {"ncti.checks"},
 }

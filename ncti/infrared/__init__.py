@@ -1,0 +1,54 @@
+"""Passive infrared: radiometry, silhouettes, thermal images, super-resolution, detection."""
+
+from ncti.infrared.detection import detection_probability, detection_threshold
+from ncti.infrared.radiometry import (
+    CONTRAST_AT_ZERO,
+    EXTINCTION,
+    IFOV,
+    NEDT,
+    SPREAD,
+    attenuation,
+    contrast,
+    noise_temperature,
+    snr,
+)
+from ncti.infrared.silhouette import Silhouette, coverage_of, silhouette
+from ncti.infrared.super_resolution import (
+    BACK_PROJECTIONS,
+    back_project,
+    detector_samples,
+    enlarge,
+    noise_gain,
+    recombine,
+    reconstruction_error,
+    shifted_images,
+)
+from ncti.infrared.synthesis import SUPER_RESOLUTIONS, image, thermal_images
+
+__all__ = [
+    "BACK_PROJECTIONS",
+    "CONTRAST_AT_ZERO",
+    "EXTINCTION",
+    "IFOV",
+    "NEDT",
+    "SPREAD",
+    "SUPER_RESOLUTIONS",
+    "Silhouette",
+    "attenuation",
+    "back_project",
+    "contrast",
+    "coverage_of",
+    "detection_probability",
+    "detection_threshold",
+    "detector_samples",
+    "enlarge",
+    "image",
+    "noise_gain",
+    "noise_temperature",
+    "recombine",
+    "reconstruction_error",
+    "shifted_images",
+    "silhouette",
+    "snr",
+    "thermal_images",
+]

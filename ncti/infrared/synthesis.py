@@ -1,0 +1,184 @@
+"""Synthetic thermal images of a ship on the sea."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require
+from ncti.infrared import radiometry
+from ncti.infrared.radiometry import CONTRAST_AT_ZERO, EXTINCTION, IFOV, NEDT, SPREAD
+from ncti.infrared.scene import draw_scene
+from ncti.infrared.silhouette import Extent, silhouette
+from ncti.infrared.super_resolution import BACK_PROJECTIONS, shifted_images
+from ncti.render.image import RangeImage
+
+SUPER_RESOLUTIONS = ("none", "perfect", "shifted")
+
+
+def thermal_images(
+    target: NDArray[np.bool_],
+    *,
+    contrast: float,
+    frame_counts: Sequence[int] | NDArray[np.integer],
+    rng: np.random.Generator,
+    nedt: float = NEDT,
+    target_spread: float = SPREAD,
+    sea_spread: float = SPREAD,
+) -> NDArray[np.float64]:
+    """Images of a warm ship on the sea, averaged over frames.
+
+    Parameters
+    ----------
+    target : (row, col) bool array_like
+        True on the ship.
+    contrast : float
+        Mean temperature of the ship against the mean sea [K].
+    frame_counts : (frame_count,) sequence of int
+        Frames averaged, in any order; the averages are over prefixes of the same frames.
+    rng : numpy.random.Generator
+        Source of randomness.
+    nedt : float
+        Noise of one frame [K].
+    target_spread, sea_spread : float
+        Own standard deviation of ship and sea [K]: a fixed pattern of the scene, which averaging
+        does not lessen.
+
+    Returns
+    -------
+    (frame_count, row, col) float64 ndarray
+        Temperature against the mean sea [K].
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+
+    Notes
+    -----
+    Article, Appendix 2: pixels of the ship are N(contrast, target_spread^2 + nedt^2 / N), those of
+    the sea N(0, sea_spread^2 + nedt^2 / N), all independent. numpy's normals stand in for the
+    article's Box-Muller pairs. How they are drawn, and that the window's size does not matter on
+    the ship, is told in `ncti.infrared.scene.draw_scene`.
+    """
+    scene, noise = draw_scene(
+        target,
+        contrast=contrast,
+        frame_counts=frame_counts,
+        rng=rng,
+        nedt=nedt,
+        target_spread=target_spread,
+        sea_spread=sea_spread,
+    )
+    return scene + noise
+
+
+def image(
+    range_image: RangeImage,
+    *,
+    slant_range: float,
+    frame_count: int | Sequence[int] | NDArray[np.integer],
+    rng: np.random.Generator,
+    ifov: float = IFOV,
+    phase: tuple[float, float] = (0.0, 0.0),
+    margin: int = 4,
+    extent: Extent | None = None,
+    coverage_rule: float = 0.25,
+    super_resolution: str = "none",
+    back_projections: int = BACK_PROJECTIONS,
+    contrast_at_zero: float = CONTRAST_AT_ZERO,
+    extinction: float = EXTINCTION,
+    nedt: float = NEDT,
+    target_spread: float = SPREAD,
+    sea_spread: float = SPREAD,
+) -> NDArray[np.float64]:
+    """Thermal image of the ship of a range image, as the sensor sees it from a range.
+
+    Parameters
+    ----------
+    range_image : RangeImage
+        Finely resolved range image, of the far field or made at this range.
+    slant_range : float
+        Sensor to ship origin [m].
+    frame_count : int or (frame_count,) sequence of int
+        Frames averaged; at each of four positions with super-resolution `shifted`.
+    rng : numpy.random.Generator
+        Source of randomness.
+    ifov : float
+        Side of a detector pixel [rad].
+    phase, margin, extent
+        As for `ncti.infrared.silhouette`, in pixels of the result.
+    coverage_rule : float
+        Least fraction of a pixel that the ship must fill to count as ship, in (0, 1].
+    super_resolution : str
+        `none`: pixels of ifov times slant range. `perfect`: half of that with the statistics of
+        this range, the article's assumption. `shifted`: the same grid, recombined from frames of
+        whole pixels at four half-pixel positions.
+    back_projections : int
+        Iterations of the recombination, `shifted` only.
+    contrast_at_zero, extinction, nedt
+        As for `ncti.infrared.contrast` and `ncti.infrared.noise_temperature`.
+    target_spread, sea_spread : float
+        Own standard deviation of ship and sea in a pixel of the result [K].
+
+    Returns
+    -------
+    (row, col) or (frame_count, row, col) float64 ndarray
+        Temperature against the mean sea [K]; row 0 is the lowest.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range, the range image was made at another range, or its pixels
+        are larger than the sensor's.
+
+    Notes
+    -----
+    Article, 'Passive-IR Signatures' and Appendix 2: a binary template of the ship at the range's
+    pixel, filled from two Gaussians. The range image is taken at the scale of the ship origin: at
+    4 km its perspective is in it, at 100 km there is none to speak of.
+    """
+    require("slant_range", slant_range, positive=True)
+    require("ifov", ifov, positive=True)
+    if super_resolution not in SUPER_RESOLUTIONS:
+        raise ValueError(
+            f"super_resolution is {super_resolution!r}, but must be none, perfect or shifted"
+        )
+    made_at = range_image.slant_range
+    if made_at is not None and not math.isclose(made_at, slant_range):
+        raise ValueError(
+            f"slant_range is {slant_range!r}, but must be the {made_at!r} m at which the range "
+            "image was made"
+        )
+    footprint = ifov * slant_range * (1.0 if super_resolution == "none" else 0.5)
+    shape = silhouette(range_image, footprint=footprint, phase=phase, margin=margin, extent=extent)
+    target = shape.target(coverage_rule)
+    contrast = radiometry.contrast(
+        float(slant_range), contrast_at_zero=contrast_at_zero, extinction=extinction
+    )
+    frame_counts = np.atleast_1d(frame_count)
+    if super_resolution == "shifted":
+        images = shifted_images(
+            target,
+            contrast=contrast,
+            frame_counts=frame_counts,
+            rng=rng,
+            nedt=nedt,
+            target_spread=target_spread,
+            sea_spread=sea_spread,
+            back_projections=back_projections,
+        )
+    else:
+        images = thermal_images(
+            target,
+            contrast=contrast,
+            frame_counts=frame_counts,
+            rng=rng,
+            nedt=nedt,
+            target_spread=target_spread,
+            sea_spread=sea_spread,
+        )
+    return images[0] if np.ndim(frame_count) == 0 else images
