@@ -20,7 +20,9 @@ from ncti.infrared.super_resolution import (
     enlarge,
     noise_gain,
     recombine,
+    recombined_sigma,
     reconstruction_error,
+    scene_gain,
     shifted_images,
 )
 from ncti.infrared.synthesis import SUPER_RESOLUTIONS, image, thermal_images
@@ -46,7 +48,9 @@ __all__ = [
     "noise_gain",
     "noise_temperature",
     "recombine",
+    "recombined_sigma",
     "reconstruction_error",
+    "scene_gain",
     "shifted_images",
     "silhouette",
     "snr",

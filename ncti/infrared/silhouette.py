@@ -161,6 +161,8 @@ def coverage_of(
     require("area", area, positive=True)
     require("footprint", footprint, positive=True)
     require("margin", margin, minimum=0.0)
+    if margin != int(margin):
+        raise ValueError(f"margin is {margin!r}, but must be a whole number of pixels")
     for name, part in zip(("phase[0]", "phase[1]"), phase, strict=True):
         require(name, part, minimum=0.0)
         if part >= 1:

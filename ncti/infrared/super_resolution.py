@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,11 @@ from ncti.checks import require
 from ncti.infrared.radiometry import NEDT, SPREAD
 from ncti.infrared.scene import draw_scene
 
-BACK_PROJECTIONS = 1
+BACK_PROJECTIONS = 0
+"""Iterations after shift-and-add: none.
+
+@@TABLE@@
+"""
 
 
 def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -181,6 +187,7 @@ def shifted_images(
     )
 
 
+@lru_cache
 def noise_gain(back_projections: int = BACK_PROJECTIONS) -> float:
     """Noise of the recombined image over the noise of one position's average.
 
@@ -204,11 +211,84 @@ def noise_gain(back_projections: int = BACK_PROJECTIONS) -> float:
     The root of the sum of squares of `recombine`'s response to one sample. Noise is white over
     the interlaced samples, and neighbours of the recombined image share it.
     """
-    # The response reaches 1 + n half pixels; as much again is cropped.
-    size = 4 * (1 + _whole(back_projections)) + 1
+    return _gains(_whole(back_projections))[0]
+
+
+def recombined_sigma(
+    *, spread: float, noise: float, back_projections: int = BACK_PROJECTIONS
+) -> float:
+    """Standard deviation of a pixel of `shifted_images`, on the ship or on the sea.
+
+    Parameters
+    ----------
+    spread : float
+        Own standard deviation in a half pixel [K].
+    noise : float
+        Detector noise of the average at one position [K].
+    back_projections : int
+        Iterations after shift-and-add.
+
+    Returns
+    -------
+    float
+        Standard deviation [K].
+
+    Raises
+    ------
+    ValueError
+        If a deviation is negative or not finite, or the number is not a whole one of at least 0.
+
+    Notes
+    -----
+    The noise times `noise_gain`, and the spread times the same figure of the way from a half pixel
+    of the scene to the image (0.375 for shift-and-add: the detector blurs the scene too), in
+    quadrature. Within 1 + back_projections half pixels of the ship's outline ship and sea mix.
+    """
+    require("spread", spread, minimum=0.0)
+    require("noise", noise, minimum=0.0)
+    of_noise, of_scene = _gains(_whole(back_projections))
+    return float(np.hypot(of_noise * noise, of_scene * spread))
+
+
+@lru_cache
+def _gains(count: int) -> tuple[float, float]:
+    """Root sum of squares of the response to one sample, and to one half pixel of the scene."""
+    # Responses reach 2 + n half pixels; of the field about them 1 + n are cropped.
+    size = 4 * (2 + count) + 1
     impulse = np.zeros((size, size))
     impulse[size // 2, size // 2] = 1.0
-    response = recombine(impulse, back_projections=back_projections)
+    of_sample = recombine(impulse, back_projections=count)
+    of_scene = recombine(detector_samples(impulse), back_projections=count)
+    return float(np.linalg.norm(of_sample)), float(np.linalg.norm(of_scene))
+
+
+@lru_cache
+def scene_gain(back_projections: int = BACK_PROJECTIONS) -> float:
+    """What super-resolution leaves of the scene's own spread, where it is uniform.
+
+    Parameters
+    ----------
+    back_projections : int
+        Iterations after shift-and-add.
+
+    Returns
+    -------
+    float
+        Standard deviation in the recombined image over that in the half pixels of the scene.
+
+    Raises
+    ------
+    ValueError
+        If the number is not a whole one of at least 0.
+
+    Notes
+    -----
+    As `noise_gain`, of one half pixel of the scene, which the detector blurs before.
+    """
+    size = 4 * (2 + _whole(back_projections)) + 1
+    impulse = np.zeros((size, size))
+    impulse[size // 2, size // 2] = 1.0
+    response = recombine(detector_samples(impulse), back_projections=back_projections)
     return float(np.sqrt((response**2).sum()))
 
 
