@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,27 @@ from ncti.infrared.scene import draw_scene
 BACK_PROJECTIONS = 0
 """Iterations after shift-and-add: none.
 
-@@TABLE@@
+Root-mean-square error against the fine template over the contrast, expected (closed form) over the
+article's four ships at 0, 45 and 90 deg, two phases, windows with 4 half pixels of sea, spread 0.1 K:
+
+=====  ======  =====  =======  =============  =====  =====  =====
+ km    frames  none   perfect  shift-and-add  1      2      3
+=====  ======  =====  =======  =============  =====  =====  =====
+ 25      4     0.264   0.174       0.140      0.152  0.168  0.183
+ 25     16     0.226   0.110       0.122      0.115  0.117  0.121
+ 25     64     0.216   0.087       0.118      0.104  0.101  0.100
+ 50      4     0.362   0.294       0.184      0.225  0.261  0.291
+ 50     16     0.282   0.186       0.144      0.151  0.164  0.176
+ 50     64     0.257   0.147       0.132      0.126  0.129  0.132
+100      4     0.852   0.832       0.415      0.583  0.702  0.795
+100     16     0.556   0.526       0.261      0.343  0.402  0.448
+100     64     0.453   0.416       0.206      0.249  0.281  0.305
+=====  ======  =====  =======  =============  =====  =====  =====
+
+The noise that an iteration adds costs more than the blur that it removes, but at 25 km or with many
+frames. Shift-and-add is best in six cells of nine and never more than 18 % above the best; one
+iteration is up to 41 % above it. `perfect` is no bound: it has the frames of one position, and all
+of the scene's spread. `tests/infrared/test_super_resolution.py` computes the table.
 """
 
 
@@ -187,7 +206,6 @@ def shifted_images(
     )
 
 
-@lru_cache
 def noise_gain(back_projections: int = BACK_PROJECTIONS) -> float:
     """Noise of the recombined image over the noise of one position's average.
 
@@ -214,40 +232,32 @@ def noise_gain(back_projections: int = BACK_PROJECTIONS) -> float:
     return _gains(_whole(back_projections))[0]
 
 
-def recombined_sigma(
-    *, spread: float, noise: float, back_projections: int = BACK_PROJECTIONS
-) -> float:
-    """Standard deviation of a pixel of `shifted_images`, on the ship or on the sea.
+def scene_gain(back_projections: int = BACK_PROJECTIONS) -> float:
+    """Own spread of the recombined image over that of the half pixels of the scene.
 
     Parameters
     ----------
-    spread : float
-        Own standard deviation in a half pixel [K].
-    noise : float
-        Detector noise of the average at one position [K].
     back_projections : int
         Iterations after shift-and-add.
 
     Returns
     -------
     float
-        Standard deviation [K].
+        Ratio of standard deviations, away from the ship's outline; 0.375 for shift-and-add.
 
     Raises
     ------
     ValueError
-        If a deviation is negative or not finite, or the number is not a whole one of at least 0.
+        If the number is not a whole one of at least 0.
 
     Notes
     -----
-    The noise times `noise_gain`, and the spread times the same figure of the way from a half pixel
-    of the scene to the image (0.375 for shift-and-add: the detector blurs the scene too), in
-    quadrature. Within 1 + back_projections half pixels of the ship's outline ship and sea mix.
+    As `noise_gain`, of the way from one half pixel of the scene through the detector to the image:
+    for shift-and-add the weights 1/4, 1/2, 1/4 both ways, whose squares sum to (3/8)^2. A pixel of
+    `shifted_images` has the variance (scene_gain spread)^2 + (noise_gain noise)^2; within
+    1 + back_projections half pixels of the outline ship and sea mix.
     """
-    require("spread", spread, minimum=0.0)
-    require("noise", noise, minimum=0.0)
-    of_noise, of_scene = _gains(_whole(back_projections))
-    return float(np.hypot(of_noise * noise, of_scene * spread))
+    return _gains(_whole(back_projections))[1]
 
 
 @lru_cache
@@ -260,36 +270,6 @@ def _gains(count: int) -> tuple[float, float]:
     of_sample = recombine(impulse, back_projections=count)
     of_scene = recombine(detector_samples(impulse), back_projections=count)
     return float(np.linalg.norm(of_sample)), float(np.linalg.norm(of_scene))
-
-
-@lru_cache
-def scene_gain(back_projections: int = BACK_PROJECTIONS) -> float:
-    """What super-resolution leaves of the scene's own spread, where it is uniform.
-
-    Parameters
-    ----------
-    back_projections : int
-        Iterations after shift-and-add.
-
-    Returns
-    -------
-    float
-        Standard deviation in the recombined image over that in the half pixels of the scene.
-
-    Raises
-    ------
-    ValueError
-        If the number is not a whole one of at least 0.
-
-    Notes
-    -----
-    As `noise_gain`, of one half pixel of the scene, which the detector blurs before.
-    """
-    size = 4 * (2 + _whole(back_projections)) + 1
-    impulse = np.zeros((size, size))
-    impulse[size // 2, size // 2] = 1.0
-    response = recombine(detector_samples(impulse), back_projections=back_projections)
-    return float(np.sqrt((response**2).sum()))
 
 
 def enlarge(image: NDArray[Any]) -> NDArray[Any]:

@@ -1,0 +1,136 @@
+"""Table 1 of the article, digit by digit, and what its digits allow."""
+
+import numpy as np
+import pytest
+
+from ncti.infrared import (
+    CONTRAST_AT_ZERO,
+    EXTINCTION,
+    NEDT,
+    attenuation,
+    contrast,
+    noise_temperature,
+    snr,
+)
+
+RANGES = (25e3, 50e3, 100e3)
+
+
+@pytest.mark.parametrize(
+    ("slant_range", "printed_attenuation", "printed_contrast", "printed_snr"),
+    [
+        # The 164 is printed as 164.0: see the test of the intervals.
+        (25e3, "4.5", "1.28", "164"),
+        (50e3, "9.05", "0.76", "58.0"),
+        (100e3, "18.1", "0.27", "7.2"),
+    ],
+)
+def test_table_1(slant_range, printed_attenuation, printed_contrast, printed_snr):
+    for printed, ours in (
+        (printed_attenuation, attenuation(slant_range)),
+        (printed_contrast, contrast(slant_range)),
+        (printed_snr, snr(slant_range, frame_count=16)),
+    ):
+        decimals = len(printed.partition(".")[2])
+        assert f"{ours:.{decimals}f}" == printed
+
+
+def rounded(value, decimals):
+    """Least and greatest number that prints so."""
+    return value - 0.5 * 10**-decimals, value + 0.5 * 10**-decimals
+
+
+def test_constants_are_inside_what_the_table_allows():
+    extinctions = [
+        (low / slant_range, high / slant_range)
+        for slant_range, (low, high) in zip(
+            RANGES, (rounded(4.5, 1), rounded(9.05, 2), rounded(18.1, 1)), strict=True
+        )
+    ]
+    low, high = max(e[0] for e in extinctions), min(e[1] for e in extinctions)
+    assert (low, high) == pytest.approx((0.1809e-3, 0.1811e-3))
+    assert low < EXTINCTION < high
+
+    # Given that extinction and 0.1 K: the contrast at zero from each ratio and each difference.
+    gain = [10 ** (EXTINCTION * slant_range / 20) for slant_range in RANGES]
+    ratios = (rounded(164, 0), rounded(58.0, 1), rounded(7.2, 1))
+    differences = (rounded(1.28, 2), rounded(0.76, 2), rounded(0.27, 2))
+    bounds = [
+        (g * scale(low), g * scale(high))
+        for intervals, scale in ((ratios, lambda x: 0.1 * x**0.5), (differences, float))
+        for g, (low, high) in zip(gain, intervals, strict=True)
+    ]
+    low, high = max(b[0] for b in bounds), min(b[1] for b in bounds)
+    assert (round(low, 4), round(high, 4)) == (2.1579, 2.1594)
+    assert low < CONTRAST_AT_ZERO < high
+    assert noise_temperature(16) == pytest.approx(0.1, rel=1e-15)
+
+
+def test_no_single_extinction_gives_the_printed_164_point_0():
+    """Its ratio to the 58.0 of 50 km, against the least that 9.05 dB allow."""
+    least_extinction = rounded(9.05, 2)[0] / 50e3
+    least_ratio = 10 ** (2 * least_extinction * 25e3 / 20)
+    greatest_printed = rounded(164.0, 1)[1] / rounded(58.0, 1)[0]
+    assert least_ratio > 2.832 > 2.831 > greatest_printed
+    # As an integer 164 is within reach.
+    assert least_ratio < rounded(164, 0)[1] / rounded(58.0, 1)[0]
+
+
+def test_limits():
+    assert contrast(0.0) == CONTRAST_AT_ZERO
+    assert attenuation(0.0) == 0.0
+    assert contrast(1e9) == 0.0
+    assert snr(25e3, extinction=0.0) == pytest.approx(snr(100e3, extinction=0.0), rel=1e-15)
+    assert snr(25e3, contrast_at_zero=0.0) == 0.0
+    assert contrast(1e3, contrast_at_zero=-1.0, extinction=0.0) == -1.0
+    # 20 dB are a tenth of the temperature and a hundredth of the ratio.
+    assert contrast(1e3, contrast_at_zero=1.0, extinction=20e-3) == pytest.approx(0.1)
+    assert snr(1e3, contrast_at_zero=1.0, extinction=20e-3, frame_count=1, nedt=1.0) == (
+        pytest.approx(0.01)
+    )
+    assert noise_temperature(1) == NEDT
+    assert noise_temperature(7, nedt=0.0) == 0.0
+
+
+def test_snr_is_proportional_to_the_frames():
+    assert snr(60e3, frame_count=48) == pytest.approx(3 * snr(60e3, frame_count=16), rel=1e-14)
+
+
+@pytest.mark.parametrize("function", [attenuation, contrast, snr, noise_temperature])
+def test_arrays_are_scalars_elementwise(function):
+    values = np.array([[25_000, 50_000, 100_000], [1, 16, 77]])
+    ours = function(values)
+    assert ours.shape == (2, 3) and ours.dtype == np.float64
+    for value, one in zip(values.ravel().tolist(), ours.ravel().tolist(), strict=True):
+        scalar = function(value)
+        assert type(scalar) is float
+        assert scalar == pytest.approx(one, rel=1e-15)
+    assert function([4.0, 16.0]).shape == (2,)
+    assert function(np.zeros((0, 3))).shape == (0, 3)
+
+
+def test_range_and_frames_broadcast():
+    table = snr(np.array(RANGES)[:, None], frame_count=np.array([4, 16]))
+    assert table.shape == (3, 2)
+    assert table[1, 0] == pytest.approx(snr(50e3, frame_count=4))
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda: attenuation(-1.0), "slant_range is -1"),
+        (lambda: contrast(np.array([1.0, np.nan])), "slant_range is nan"),
+        (lambda: contrast(np.array([1.0, np.inf])), "slant_range is inf"),
+        (lambda: snr("far"), "slant_range is 'far'"),
+        (lambda: contrast(1.0, extinction=-1e-9), "extinction"),
+        (lambda: contrast(1.0, contrast_at_zero=np.inf), "contrast_at_zero"),
+        (lambda: noise_temperature(0), "frame_count is 0"),
+        (lambda: noise_temperature(np.array([4, -1])), "frame_count is -1"),
+        (lambda: noise_temperature(2.5), "frame_count is 2.5"),
+        (lambda: noise_temperature(4, nedt=-0.1), "nedt"),
+        (lambda: snr(1.0, nedt=0.0), "nedt is 0"),
+    ],
+)
+def test_nonsense_is_named(call, named):
+    with pytest.raises(ValueError, match=named):
+        call()
