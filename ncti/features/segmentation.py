@@ -21,7 +21,8 @@ _THRESHOLDS: dict[str, Callable[[NDArray[np.float64]], float]] = {
 }
 _BETA = 0.5  # log-odds that a neighbour's being ship adds, of the Ising prior
 _PASSES = 10
-_HUGE = 1e100  # sigmas; a square of it is still a number
+_LEAST, _MOST = 1e-6, 1e6  # K, of the sigmas
+_HUGE = 1e30  # K; in sigmas its square is still a number
 
 _EIGHT = np.ones((3, 3), dtype=bool)
 _FOUR = ndimage.generate_binary_structure(2, 1)
@@ -49,9 +50,9 @@ def segment(
         known, smoothed by what its neighbours are. `otsu`, `li`, `isodata`: a threshold that
         scikit-image finds from the image alone.
     contrast : float, optional
-        Mean of the ship above the mean of the sea [K], at least 0; `matched` needs it.
+        Mean of the ship above the mean of the sea [K], 0 to 1e6; `matched` needs it.
     target_sigma, sea_sigma : float, optional
-        Standard deviations of ship and sea, noise of the sensor included [K], above 0;
+        Standard deviations of ship and sea, noise of the sensor included [K], 1e-6 to 1e6;
         `matched` needs them.
 
     Returns
@@ -120,7 +121,7 @@ def _matched(
     for name, value in known.items():
         if value is None:
             raise ValueError(f"{name} is None, but must be given in K for the method matched")
-        require(name, value, minimum=0.0, positive=name != "contrast")
+        require(name, value, minimum=0.0 if name == "contrast" else _LEAST, maximum=_MOST)
     assert contrast is not None
     assert target_sigma is not None
     assert sea_sigma is not None
@@ -140,14 +141,14 @@ def _log_likelihood_ratio(
 ) -> Floats:
     """L(x) of `segment`, monotone in x and at most 0 where x is."""
     # In units of the sea's sigma: the sea is N(0, 1), the ship N(mean, sigma).
-    x = np.clip(values / sea_sigma, -_HUGE, _HUGE)
+    x = np.clip(values, -_HUGE, _HUGE) / sea_sigma
     mean, sigma = contrast / sea_sigma, target_sigma / sea_sigma
-    if sigma == 1.0:
-        ratio: Floats = mean * (x - mean / 2)
-    else:
+    if sigma != 1.0:
         vertex = mean / (1.0 - sigma**2)  # hot when the ship varies less, else cold
         x = np.minimum(x, vertex) if vertex > 0 else np.maximum(x, vertex)
-        ratio = (x**2 - ((x - mean) / sigma) ** 2) / 2 - math.log(sigma)
+    # x^2 - ((x - mean) / sigma)^2 as a product: their difference would lose all digits.
+    ratio: Floats = (x * (sigma - 1) + mean) * (x * (sigma + 1) - mean) / (2 * sigma**2)
+    ratio -= math.log(sigma)
     np.minimum(ratio, 0.0, out=ratio, where=values <= 0)
     return ratio
 

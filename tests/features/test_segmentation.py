@@ -1,0 +1,315 @@
+"""Segmentation: thresholds, neighbours and regions, against theory and plain loops."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from scipy import ndimage, stats
+
+from ncti.features import SEGMENTATION_METHODS, segment
+from ncti.features.segmentation import _conditional_modes, _log_likelihood_ratio, _whole
+
+KNOWN = {"contrast": 1.28, "target_sigma": 0.1, "sea_sigma": 0.1}  # 25 km
+FAR = {"contrast": 0.27, "target_sigma": 0.14, "sea_sigma": 0.14}  # 100 km
+
+sigmas = st.floats(0.01, 10)
+contrasts = st.floats(0.01, 10)
+images = arrays(
+    float,
+    array_shapes(min_dims=2, max_dims=2, max_side=12),
+    elements=st.floats(-1e6, 1e6, allow_subnormal=False),
+)
+ratios = arrays(
+    float, array_shapes(min_dims=2, max_dims=2, max_side=9), elements=st.floats(-4, 4, width=16)
+)
+
+
+def ship(shape=(20, 54)):
+    """A hull with a deckhouse and a mast, one region without holes."""
+    mask = np.zeros(shape, dtype=bool)
+    mask[12:16, 6:46] = True
+    mask[8:12, 16:34] = True
+    mask[3:8, 24] = True
+    return mask
+
+
+def image_of(mask, rng, *, contrast, target_sigma, sea_sigma):
+    noise = rng.standard_normal(mask.shape)
+    return np.where(mask, contrast + target_sigma * noise, sea_sigma * noise)
+
+
+def overlap(a, b):
+    """Intersection over union."""
+    return (a & b).sum() / (a | b).sum()
+
+
+# Templates and degenerate images
+
+
+@pytest.mark.parametrize("method", SEGMENTATION_METHODS)
+def test_a_noiseless_template_comes_back(method):
+    found = segment(np.where(ship(), 1.28, 0.0), method=method, **KNOWN)
+    assert found.dtype == bool
+    np.testing.assert_array_equal(found, ship())
+
+
+@pytest.mark.parametrize("method", SEGMENTATION_METHODS)
+def test_holes_are_filled_and_bays_are_not(method):
+    holed = ship()
+    holed[13:15, 20:24] = False  # a hole, though a corner of it touches nothing outside
+    holed[12:14, 40] = False  # a bay, open to the sea above
+    expected = ship()
+    expected[12:14, 40] = False
+    image = np.where(holed, 1.28, 0.0)
+    np.testing.assert_array_equal(segment(image, method=method, **KNOWN), expected)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("method", SEGMENTATION_METHODS)
+@pytest.mark.parametrize("value", [0.0, -3.0, 1e-320, 1e300])
+def test_a_constant_image_shows_nothing_but_heat(method, value):
+    found = segment(np.full((20, 54), value), method=method, **KNOWN)
+    # A window full of ship temperature is all ship to who knows that temperature.
+    assert found.all() if method == "matched" and value == 1e300 else not found.any()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("method", SEGMENTATION_METHODS)
+@given(image=images)
+def test_any_image_gives_one_region_without_holes(method, image):
+    found = segment(image, method=method, **KNOWN)
+    assert found.shape == image.shape
+    _, regions = ndimage.label(found, structure=np.ones((3, 3)))
+    assert regions <= 1
+    np.testing.assert_array_equal(ndimage.binary_fill_holes(found), found)
+
+
+@pytest.mark.filterwarnings("error")
+@given(images, sigmas, sigmas)
+def test_no_contrast_no_ship(image, target_sigma, sea_sigma):
+    known = {"contrast": 0.0, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
+    assert not segment(image, **known).any()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("sigma", [1e-6, 1e-3, 1e3, 1e6])
+def test_extreme_sigmas_neither_warn_nor_invent(sigma):
+    image = np.where(ship(), 1.28, 0.0)
+    for known in ({"target_sigma": sigma}, {"sea_sigma": sigma}):
+        found = segment(image, **KNOWN | known)
+        assert not (found & ~ship()).any()
+
+
+@pytest.mark.parametrize("method", ["otsu", "li", "isodata"])
+@given(gain=st.floats(1e-3, 1e3), offset=st.floats(-1e3, 1e3))
+def test_thresholds_know_neither_gain_nor_offset(method, gain, offset):
+    rng = np.random.default_rng(2)
+    image = image_of(ship(), rng, **KNOWN)
+    np.testing.assert_array_equal(
+        segment(gain * image + offset, method=method), segment(image, method=method)
+    )
+
+
+def test_the_image_is_left_alone():
+    image = image_of(ship(), np.random.default_rng(0), **FAR)
+    before = image.copy()
+    for method in SEGMENTATION_METHODS:
+        segment(image, method=method, **FAR)
+    np.testing.assert_array_equal(image, before)
+
+
+# The likelihood ratio
+
+
+def test_threshold_is_the_mid_level_at_equal_sigmas():
+    known = {"contrast": 0.27, "target_sigma": 0.14, "sea_sigma": 0.14}
+    around = 0.135 * np.array([[1 - 1e-9, 1 + 1e-9]])
+    below, above = _log_likelihood_ratio(around, **known)[0]
+    assert below < 0 < above
+
+
+@given(contrasts, sigmas, sigmas)
+def test_ratio_is_that_of_two_gaussians_up_to_the_vertex(contrast, target_sigma, sea_sigma):
+    x = np.linspace(-3 * sea_sigma, contrast + 3 * target_sigma, 50)[None]
+    known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
+    found = _log_likelihood_ratio(x, **known)
+    exact = stats.norm.logpdf(x, contrast, target_sigma) - stats.norm.logpdf(x, 0, sea_sigma)
+    slope = x / sea_sigma**2 - (x - contrast) / target_sigma**2
+    rising = (slope > 0) & ((x > 0) | (exact < 0))
+    # Terms of the difference reach 1e6 and more, and cancel.
+    size = (x / sea_sigma) ** 2 + ((x - contrast) / target_sigma) ** 2 + 10
+    assert (np.abs(found - exact)[rising] <= 1e-12 * size[rising]).all()
+
+
+@given(images, contrasts, sigmas, sigmas)
+def test_ratio_never_falls_with_heat_and_the_cold_are_no_ship(
+    image, contrast, target_sigma, sea_sigma
+):
+    known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
+    x = np.sort(image, axis=None)[None]
+    ratio = _log_likelihood_ratio(x, **known)
+    assert np.isfinite(ratio).all()
+    assert (np.diff(ratio) >= -1e-12 * np.abs(ratio[:, 1:])).all()
+    assert (ratio[x <= 0] <= 0).all()
+
+
+@pytest.mark.parametrize(("target_sigma", "sea_sigma"), [(0.1, 0.1), (0.3, 0.1), (0.1, 0.3)])
+def test_errors_of_single_pixels_are_those_of_theory(target_sigma, sea_sigma):
+    # Binomial counts of 200,000 pixels, within 4 standard deviations (two-sided 6e-5 each).
+    contrast, n = 0.27, 200_000
+    known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
+    a = 1 / sea_sigma**2 - 1 / target_sigma**2
+    b, c = contrast / target_sigma**2, -(contrast**2) / target_sigma**2 / 2
+    c -= np.log(target_sigma / sea_sigma)
+    roots = np.roots([a / 2, b, c]) if a else np.array([-c / b])
+    threshold = min(root for root in roots if root > 0)  # the rising branch
+    rng = np.random.default_rng(5)
+    for mean, sigma in ((contrast, target_sigma), (0.0, sea_sigma)):
+        x = rng.normal(mean, sigma, (1, n))
+        hits = (_log_likelihood_ratio(x, **known) > 0).sum()
+        p = stats.norm.sf(threshold, mean, sigma)
+        assert abs(hits - n * p) < 4 * np.sqrt(n * p * (1 - p))
+
+
+# Iterated conditional modes
+
+
+def slow_modes(target, ratio, *, beta=0.5, passes=10):
+    """Pixel by pixel, in the order of the four sets."""
+    rows, columns = target.shape
+    ship_at = target.tolist()
+    for _ in range(passes):
+        changed = False
+        for first_row, first_column in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            for row in range(first_row, rows, 2):
+                for column in range(first_column, columns, 2):
+                    near = [
+                        ship_at[y][x]
+                        for y in range(max(0, row - 1), min(rows, row + 2))
+                        for x in range(max(0, column - 1), min(columns, column + 2))
+                        if (y, x) != (row, column)
+                    ]
+                    now = ratio[row, column] + beta * (sum(near) - 4) > 0
+                    changed = changed or now != ship_at[row][column]
+                    ship_at[row][column] = now
+        if not changed:
+            break
+    return np.array(ship_at)
+
+
+@given(ratios)
+def test_conditional_modes_equal_a_plain_loop(ratio):
+    np.testing.assert_array_equal(
+        _conditional_modes(ratio > 0, ratio), slow_modes(ratio > 0, ratio)
+    )
+
+
+def test_conditional_modes_equal_a_plain_loop_on_ships():
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        ratio = _log_likelihood_ratio(image_of(ship(), rng, **FAR), **FAR)
+        np.testing.assert_array_equal(
+            _conditional_modes(ratio > 0, ratio), slow_modes(ratio > 0, ratio)
+        )
+
+
+def log_posterior(target, ratio, beta=0.5):
+    """Up to a constant: sea all around, a pair of neighbours that differ costs beta / 2."""
+    padded = np.pad(target, 1)
+    pairs = [
+        (padded[:, 1:], padded[:, :-1]),
+        (padded[1:], padded[:-1]),
+        (padded[1:, 1:], padded[:-1, :-1]),
+        (padded[1:, :-1], padded[:-1, 1:]),
+    ]
+    return ratio[target].sum() - beta / 2 * sum((a != b).sum() for a, b in pairs)
+
+
+@given(ratios)
+def test_the_posterior_never_falls(ratio):
+    found = _conditional_modes(ratio > 0, ratio)
+    assert log_posterior(found, ratio) >= log_posterior(ratio > 0, ratio) - 1e-9
+
+
+def test_neighbours_fill_gaps_and_remove_specks():
+    target = ship()
+    ratio = np.where(target, 5.0, -5.0)
+    ratio[14, 20], ratio[2, 2] = -1.0, 1.0  # weak doubts against 8 neighbours
+    np.testing.assert_array_equal(_conditional_modes(ratio > 0, ratio), target)
+    ratio[14, 20], ratio[2, 2] = -2.5, 2.5  # beyond what 8 neighbours outvote
+    np.testing.assert_array_equal(_conditional_modes(ratio > 0, ratio), ratio > 0)
+
+
+def test_neighbours_help_at_100_km():
+    # 200 images, paired: the mean gain in overlap exceeds 0 by over 4 standard errors, and the
+    # gain over a threshold of the image alone is larger still.
+    rng = np.random.default_rng(11)
+    gains, over_otsu = [], []
+    for _ in range(200):
+        image = image_of(ship(), rng, **FAR)
+        ratio = _log_likelihood_ratio(image, **FAR)
+        found = overlap(segment(image, **FAR), ship())
+        gains.append(found - overlap(_whole(ratio > 0, weights=ratio), ship()))
+        over_otsu.append(found - overlap(segment(image, method="otsu"), ship()))
+    for gain in (gains, over_otsu):
+        assert np.mean(gain) > 4 * stats.sem(gain)
+    assert np.mean(over_otsu) > 0.1
+
+
+def test_nothing_is_left_to_neighbours_at_25_km():
+    # At 12.8 sigma L is 82 +- 13: a pixel within 2 of 0 is a 6-sigma event.
+    image = image_of(ship(), np.random.default_rng(1), **KNOWN)
+    np.testing.assert_array_equal(segment(image, **KNOWN), ship())
+
+
+# Regions
+
+
+def test_the_likeliest_region_wins_and_not_the_largest():
+    image = np.zeros((20, 40))
+    image[2:8, 2:12] = 0.75  # 60 pixels, hardly above mid-level: L = 14 each
+    image[12:15, 20:30] = 1.28  # 30 pixels: L = 82 each
+    likely, large = segment(image, **KNOWN), segment(image, method="otsu")
+    assert likely[13, 25]
+    assert likely.sum() == 30
+    assert large[4, 4]
+    assert large.sum() == 60
+
+
+def test_corners_join_a_region():
+    image = np.where(np.eye(12, dtype=bool), 1.28, 0.0)
+    np.testing.assert_array_equal(segment(image, **KNOWN), np.eye(12, dtype=bool))
+
+
+@given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=10)))
+def test_regions_and_holes_as_scipy_has_them(target):
+    labels, count = ndimage.label(target, structure=np.ones((3, 3)))
+    sizes = [(labels == label).sum() for label in range(1, count + 1)]
+    largest = labels == 1 + int(np.argmax(sizes)) if count else target
+    np.testing.assert_array_equal(_whole(target, weights=None), ndimage.binary_fill_holes(largest))
+
+
+# Errors
+
+
+@pytest.mark.parametrize(
+    ("given_", "named"),
+    [
+        ({"image": np.zeros(4)}, "image has shape"),
+        ({"image": np.zeros((0, 4))}, "image has shape"),
+        ({"image": np.full((4, 4), np.nan)}, "image holds"),
+        ({"image": np.full((4, 4), np.inf)}, "image holds"),
+        ({"method": "magic"}, "method is 'magic', but must be one of matched, otsu"),
+        ({"contrast": None}, "contrast is None"),
+        ({"target_sigma": None}, "target_sigma is None"),
+        ({"sea_sigma": None}, "sea_sigma is None"),
+        ({"contrast": -1.0}, "contrast is -1.0"),
+        ({"target_sigma": 0.0}, "target_sigma is 0.0"),
+        ({"sea_sigma": np.nan}, "sea_sigma is nan"),
+    ],
+)
+def test_bad_input_is_named(given_, named):
+    given_ = {"image": np.zeros((4, 4))} | KNOWN | given_
+    with pytest.raises(ValueError, match=named):
+        segment(given_.pop("image"), **given_)
