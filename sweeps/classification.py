@@ -1,4 +1,4 @@
-"""Training and testing the classifier on the profiles of one cell, and its tables."""
+"""Training and testing the classifier on what a sensor saw in one cell."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import warnings
 from typing import Any
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sklearn.exceptions import ConvergenceWarning
 
 from ncti.classify import AdaptiveClusteringNetwork
-from ncti.evaluate import accuracy_by_aspect, aspect_bins
+from ncti.evaluate import category_formation
 from ncti.features import profile_vector
 from sweeps.schema import ClassifierConfig
 
@@ -19,7 +18,7 @@ Arrays = dict[str, NDArray[Any]]
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 
 
-def classify_cell(
+def classify_profiles(
     expected: NDArray[np.float32],
     averaged: NDArray[np.float32],
     there: NDArray[np.bool_],
@@ -27,7 +26,7 @@ def classify_cell(
     vigilances: tuple[float, ...],
     classifier: ClassifierConfig,
 ) -> Arrays:
-    """Train on expected profiles, test on averaged ones, at every vigilance.
+    """Train on expected profiles, test on averaged ones, at every learning rate and vigilance.
 
     Parameters
     ----------
@@ -45,103 +44,145 @@ def classify_cell(
     Returns
     -------
     dict of str to ndarray
-        training_category, training_correct : (vigilance, ship, aspect)
-        category, predicted, correct : (vigilance, frame_count, ship, aspect)
-        passes : (vigilance,), negative where the categories did not settle
+        training_category, training_correct, training_confused :
+        (learning_rate, vigilance, ship, aspect)
+        category, predicted, correct : (learning_rate, vigilance, frame_count, ship, aspect)
+        passes : (learning_rate, vigilance), negative where the categories did not settle
     """
-    ship = np.nonzero(there)[0]
-    training = profile_vector(expected[there])
-    test = profile_vector(averaged[:, there])
+    return classify(
+        profile_vector(expected[there]),
+        profile_vector(averaged[:, there]),
+        there,
+        order=np.arange(np.count_nonzero(there)),
+        vigilances=vigilances,
+        classifier=classifier,
+    )
 
-    lead, trained = (len(vigilances),), (len(vigilances), *there.shape)
-    tested = (*lead, len(averaged), *there.shape)
+
+def classify_silhouettes(
+    template: NDArray[np.floating],
+    silhouette: NDArray[np.floating],
+    there: NDArray[np.bool_],
+    *,
+    orders: list[NDArray[np.intp]],
+    vigilances: tuple[float, ...],
+    classifier: ClassifierConfig,
+) -> Arrays:
+    """Train on noiseless silhouettes, test on those cut out of images, in several orders.
+
+    Parameters
+    ----------
+    template : (ship, aspect, angle, radius) ndarray
+        Training maps.
+    silhouette : (ship, aspect, range, super_resolution, frame_count, angle, radius) ndarray
+        Test maps of the same views.
+    there : (ship, aspect) bool ndarray
+        Views that are done; the others are left out.
+    orders : list of (ship * aspect,) intp ndarray
+        Orders of presentation in training.
+    vigilances, classifier
+        As for `classify_profiles`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        As of `classify_profiles`, with an axis `order` in front, and with the axes (range,
+        super_resolution, frame_count) in place of frame_count.
+
+    Notes
+    -----
+    The map of an empty silhouette is zero everywhere. It matches no category, so it names no
+    ship, which counts as wrong.
+    """
+    features = template.shape[-2] * template.shape[-1]
+    training = template[there].reshape(-1, features)
+    seen = np.moveaxis(silhouette[there], 0, 3)
+    tests = seen.reshape(*seen.shape[:-2], features)
+    place = np.full(there.size, NONE)
+    place[np.flatnonzero(there)] = np.arange(len(training))
+    answers = [
+        classify(
+            training,
+            tests,
+            there,
+            order=place[order][place[order] != NONE],
+            vigilances=vigilances,
+            classifier=classifier,
+        )
+        for order in orders
+    ]
+    return {name: np.stack([answer[name] for answer in answers]) for name in answers[0]}
+
+
+def classify(
+    training: NDArray[np.floating],
+    tests: NDArray[np.floating],
+    there: NDArray[np.bool_],
+    *,
+    order: NDArray[np.intp],
+    vigilances: tuple[float, ...],
+    classifier: ClassifierConfig,
+) -> Arrays:
+    """Train and test with vectors, whatever sensor they come from.
+
+    Parameters
+    ----------
+    training : (view, feature) ndarray
+        Training vectors of the views that are there.
+    tests : (..., view, feature) ndarray
+        Test vectors of the same views.
+    there : (ship, aspect) bool ndarray
+        Which views they are.
+    order : (view,) intp ndarray
+        In which order they are presented in training.
+    vigilances, classifier
+        As for `classify_profiles`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        As of `classify_profiles`, with the leading axes of `tests` in place of frame_count.
+    """
+    ship, aspect = np.nonzero(there)
+    trainings = (len(classifier.learning_rates()), len(vigilances))
+    trained = (*trainings, *there.shape)
+    tested = (*trainings, *tests.shape[:-2], *there.shape)
     result: Arrays = {
         "training_category": np.full(trained, NONE, dtype=np.int32),
         "training_correct": np.full(trained, NONE, dtype=np.int8),
+        "training_confused": np.full(trained, NONE, dtype=np.int8),
         "category": np.full(tested, NONE, dtype=np.int32),
         "predicted": np.full(tested, NONE, dtype=np.int16),
         "correct": np.full(tested, NONE, dtype=np.int8),
-        "passes": np.zeros(lead, dtype=np.int32),
+        "passes": np.zeros(trainings, dtype=np.int32),
     }
-    for v, vigilance in enumerate(vigilances):
+    for i, j in np.ndindex(trainings):
         network = AdaptiveClusteringNetwork(
-            vigilance=vigilance,
-            learning_rate=classifier.learning_rate,
+            vigilance=vigilances[j],
+            learning_rate=classifier.learning_rates()[i],
             max_passes=classifier.max_passes,
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
-            network.fit(training, ship)
-        result["passes"][v] = network.n_passes_ if network.converged_ else -network.n_passes_
-        result["training_category"][v, there] = network.labels_
-        named = _names(network, network.labels_)
-        result["training_correct"][v, there] = named == ship
-        for f, vectors in enumerate(test):
-            category, _ = network.match(vectors, learning=classifier.learn_in_test)
+            network.fit(training[order], ship[order])
+        labels = np.empty_like(network.labels_)
+        labels[order] = network.labels_
+        formed = category_formation(labels, ship, aspect)
+        views = np.searchsorted(formed.ships, ship), np.searchsorted(formed.aspects, aspect)
+        result["passes"][i, j] = network.n_passes_ if network.converged_ else -network.n_passes_
+        result["training_category"][i, j, there] = labels
+        result["training_correct"][i, j, there] = _names(network, labels) == ship
+        result["training_confused"][i, j, there] = formed.confused[views]
+        for test in np.ndindex(tests.shape[:-2]):
+            category, _ = network.match(tests[test], learning=classifier.learn_in_test)
             named = _names(network, category)
-            result["category"][v, f, there] = category
-            result["predicted"][v, f, there] = named
-            result["correct"][v, f, there] = named == ship
+            result["category"][i, j, *test, there] = category
+            result["predicted"][i, j, *test, there] = named
+            result["correct"][i, j, *test, there] = named == ship
     return result
 
 
-def _names(network: AdaptiveClusteringNetwork, category: NDArray[np.intp]) -> NDArray[np.intp]:
+def _names(network: AdaptiveClusteringNetwork, category: ArrayLike) -> NDArray[np.intp]:
     """Ship of each category; none for a vector that matches nothing."""
-    return np.where(category >= 0, network.category_labels_[np.maximum(category, 0)], NONE)
-
-
-def tabulate(classified: xr.Dataset) -> xr.Dataset:
-    """Categories formed, and percent correct by aspect bin, with Wilson intervals.
-
-    Parameters
-    ----------
-    classified : xarray.Dataset
-        The store's classification group.
-
-    Returns
-    -------
-    xarray.Dataset
-        `category_count`, `view_count` and `settled` for every training; `training_accuracy`
-        and `accuracy` by aspect bin, with `..._ci_low`, `..._ci_high` and `..._n`.
-    """
-    there = classified.training_category >= 0
-    views = there.sum(("ship", "aspect"))
-    tables = {
-        "category_count": (
-            (classified.training_category.max(("ship", "aspect")) + 1).astype("i4"),
-            "categories formed",
-        ),
-        "view_count": (views.astype("i4"), "training profiles"),
-        "settled": ((classified.passes > 0).astype("i1"), "1 where the categories settled"),
-    }
-    for prefix, name in (("training_", "training_correct"), ("", "correct")):
-        correct = classified[name].transpose(..., "ship", "aspect")
-        score = accuracy_by_aspect(
-            correct.values == 1, classified.aspect.values, answered=correct.values >= 0
-        )
-        coords: dict[Any, Any] = {dim: correct[dim] for dim in correct.dims[:-2]}
-        coords["aspect_bin"] = np.array(score.labels, dtype=object)
-        dims = (*correct.dims[:-2], "aspect_bin")
-        what = "training profiles" if prefix else "test profiles"
-        for suffix, values, long_name in (
-            ("accuracy", score.fraction, f"fraction of {what} classified correctly"),
-            ("ci_low", score.ci_low, "lower end of its 95 % Wilson interval"),
-            ("ci_high", score.ci_high, "upper end of its 95 % Wilson interval"),
-            ("n", score.n, f"number of {what}"),
-        ):
-            tables[prefix + suffix] = (xr.DataArray(values, coords, dims), long_name)
-    dataset = xr.Dataset(
-        {
-            name: array.assign_attrs(units="1", long_name=long_name)
-            for name, (array, long_name) in tables.items()
-        }
-    )
-    dataset.aspect_bin.attrs = {"long_name": "aspects pooled [deg]"}
-    _, index = aspect_bins(classified.aspect.values)
-    lowest = [classified.aspect.values[index == k].min() for k in range(index.max() + 1)]
-    dataset["aspect_low"] = (
-        "aspect_bin",
-        [*lowest, np.nan],
-        {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"},
-    )
-    return dataset.set_coords("aspect_low")
+    number = np.asarray(category)
+    return np.where(number >= 0, network.category_labels_[np.maximum(number, 0)], NONE)

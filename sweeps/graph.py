@@ -2,19 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sweeps import store
-from sweeps.classification import classify_cell, tabulate
+from sweeps.classification import classify_profiles, classify_silhouettes
 from sweeps.cluster import Executor
-from sweeps.layout import ACN, FAILED
-from sweeps.schema import ClassifierConfig, SweepConfig
-from sweeps.stages import Ship, ViewPlan, view_profiles
+from sweeps.infrared import view_images
+from sweeps.layout import (
+    ACN,
+    ACN_INFRARED,
+    CELL,
+    CELL_INFRARED,
+    DETECTION,
+    FAILED,
+    IMAGES,
+    OPTIONAL,
+    PROFILES,
+    RECONSTRUCTION,
+    TABLES,
+    TABLES_INFRARED,
+)
+from sweeps.schema import INFRARED, RANGE, ClassifierConfig, SweepConfig
+from sweeps.seeds import cell_rng
+from sweeps.stages import Ship, View, ViewPlan, view_profiles
+from sweeps.tabulation import tabulate_images, tabulate_profiles, tabulate_silhouettes
 
 
 @dataclass(frozen=True)
@@ -48,47 +66,143 @@ def run_classification(
     executor: Executor, config: SweepConfig, path: Path
 ) -> Iterator[Failure | None]:
     """Train and test in every cell; yields once a cell, with its failure if any."""
+    shared = (config.classifier, path)
     grid = config.grid.expand()
-    floors = config.ladar.floor_axis()
-    several = len(floors) > 1
-    tasks = []
-    names = {}
-    for (i, t), (j, r), (k, g) in product(
-        enumerate(grid.pulse_width), enumerate(grid.range), enumerate(floors)
-    ):
-        index = (i, j, k) if several else (i, j)
-        names[index] = f"pulse_width={t:g} range={r:g}" + (
-            f" target_free_ifovs={g}" if several else ""
-        )
-        tasks.append((path, index, grid.vigilance, config.classifier))
-    for (_, index, _, _), _, error in executor.run(_classify, tasks):
+    silhouettes = config.infrared.expand(grid)
+    tasks: list[tuple[Any, ...]] = []
+    for cell in cells(config):
+        if cell.group == ACN:
+            tasks.append((_classify_profiles, cell, *shared, grid.vigilance))
+        else:
+            orders = presentation_orders(config)
+            tasks.append((_classify_silhouettes, cell, *shared, silhouettes.vigilance, orders))
+    for (_, cell, *_), _, error in executor.run(_call, tasks):
         if error is None:
             yield None
         else:
-            store.mark_cell(path, index, FAILED)
-            yield Failure(f"classification of {names[index]}", _reason(error))
+            store.mark_cell(path, cell.group, cell.index, FAILED)
+            yield Failure(f"classification of {cell.name}", _reason(error))
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What one task classifies.
+
+    Attributes
+    ----------
+    group : str
+        Group of the store that its answers go to.
+    place : mapping of str to int
+        Its place on the axes that the group's chunks are cut along.
+    index : tuple of int
+        The same on those axes that are dimensions of the store.
+    name : str
+        What to call it.
+    """
+
+    group: str
+    place: Mapping[str, int]
+    index: tuple[int, ...]
+    name: str
+
+
+def cells(config: SweepConfig) -> list[Cell]:
+    """Every cell that is classified, those of the range channel first."""
+    grid = config.grid.expand()
+    axes: dict[str, dict[str, Any]] = {
+        RANGE: asdict(grid) | {"target_free_ifovs": config.ladar.floor_axis()},
+        INFRARED: asdict(config.infrared.expand(grid)),
+    }
+    found = []
+    for sensor in config.sensors:
+        group, cut = (ACN, CELL) if sensor == RANGE else (ACN_INFRARED, CELL_INFRARED)
+        lines = [list(enumerate(axes[sensor][name])) for name in cut]
+        several = [name not in OPTIONAL or len(axes[sensor][name]) > 1 for name in cut]
+        for points in product(*lines):
+            named = [(name, *point) for name, point in zip(cut, points, strict=True)]
+            kept = [item for item, shown in zip(named, several, strict=True) if shown]
+            found.append(
+                Cell(
+                    group,
+                    {name: index for name, index, _ in named},
+                    tuple(index for _, index, _ in kept),
+                    " ".join(f"{name}={_shown(value)}" for name, _, value in kept),
+                )
+            )
+    return found
+
+
+def presentation_orders(config: SweepConfig) -> list[NDArray[np.intp]]:
+    """Orders in which views are presented in training: the grid's own, then random ones."""
+    grid = config.grid.expand()
+    views = len(grid.ship) * len(grid.aspect)
+    _, *others = config.infrared.expand(grid).order
+    return [
+        np.arange(views),
+        *(
+            cell_rng(config.seed, stage="presentation_order", order=order).permutation(views)
+            for order in others
+        ),
+    ]
 
 
 def write_tables(config: SweepConfig, path: Path) -> None:
     """Tabulate what is classified into the store."""
-    tables = tabulate(store.read_group(path, ACN).load())
-    store.write_tables(path, tables.assign_attrs(receiver=config.ladar.receiver))
+    tables = {}
+    if RANGE in config.sensors:
+        profiles = tabulate_profiles(store.read_group(path, ACN).load())
+        tables[TABLES] = profiles.assign_attrs(receiver=config.ladar.receiver)
+    if INFRARED in config.sensors:
+        silhouettes = tabulate_silhouettes(store.read_group(path, ACN_INFRARED).load())
+        tables[TABLES_INFRARED] = silhouettes
+        images = store.read_group(path, IMAGES)
+        tables[DETECTION], tables[RECONSTRUCTION] = tabulate_images(images)
+    store.write_tables(path, tables)
 
 
 def _measure_view(path: Path, i: int, j: int, ship: Ship, aspect: float, plan: ViewPlan) -> None:
-    store.write_view(path, i, j, view_profiles(ship, aspect, plan))
+    """Let every sensor look at one view; they share its images."""
+    view = View(ship, aspect, plan)
+    measured = {}
+    if RANGE in plan.sensors:
+        measured[PROFILES] = view_profiles(view)
+    if INFRARED in plan.sensors:
+        measured[IMAGES] = view_images(view)
+    store.write_view(path, i, j, measured)
 
 
-def _classify(
-    path: Path,
-    index: tuple[int, ...],
-    vigilances: tuple[float, ...],
-    classifier: ClassifierConfig,
+def _call(function: Callable[..., None], *arguments: Any) -> None:
+    function(*arguments)
+
+
+def _classify_profiles(
+    cell: Cell, classifier: ClassifierConfig, path: Path, vigilances: tuple[float, ...]
 ) -> None:
-    expected, averaged = store.read_profiles(path, index)
+    expected, averaged = store.read_profiles(path, cell.index)
     there = store.views_done(path)
-    arrays = classify_cell(expected, averaged, there, vigilances=vigilances, classifier=classifier)
-    store.write_cell(path, index, arrays)
+    answers = classify_profiles(
+        expected, averaged, there, vigilances=vigilances, classifier=classifier
+    )
+    store.write_cell(path, cell.group, cell.index, answers)
+
+
+def _classify_silhouettes(
+    cell: Cell,
+    classifier: ClassifierConfig,
+    path: Path,
+    vigilances: tuple[float, ...],
+    orders: list[NDArray[np.intp]],
+) -> None:
+    template, silhouette = store.read_silhouettes(path, cell.place)
+    there = store.views_done(path)
+    answers = classify_silhouettes(
+        template, silhouette, there, orders=orders, vigilances=vigilances, classifier=classifier
+    )
+    store.write_cell(path, cell.group, cell.index, answers)
+
+
+def _shown(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _reason(error: Exception) -> str:

@@ -45,12 +45,62 @@ class Grid:
     vigilance: tuple[float, ...]
 
 
+@dataclass(frozen=True)
+class InfraredGrid:
+    """Every value of every axis of the infrared channel, in the units of the configuration.
+
+    Attributes
+    ----------
+    range : tuple of float
+        Slant ranges [km].
+    super_resolution : tuple of str
+        How images get finer than the detector.
+    frame_count : tuple of int
+        Frames averaged.
+    coverage_rule : tuple of float
+        Share of a pixel that a ship must fill for the pixel to be the ship's.
+    segmentation : tuple of str
+        How a silhouette is cut out of an image.
+    inner_radius : tuple of float
+        Inner radius of the log-polar map, in sqrt(area / pi).
+    interpolation : tuple of str
+        How the map samples a silhouette.
+    phase, order : tuple of int
+        Numbers of the places on the detector, and of the orders of presentation, that results
+        are averaged over.
+    vigilance : tuple of float
+        Vigilance in training.
+    """
+
+    range: tuple[float, ...]
+    super_resolution: tuple[str, ...]
+    frame_count: tuple[int, ...]
+    coverage_rule: tuple[float, ...]
+    segmentation: tuple[str, ...]
+    inner_radius: tuple[float, ...]
+    interpolation: tuple[str, ...]
+    phase: tuple[int, ...]
+    order: tuple[int, ...]
+    vigilance: tuple[float, ...]
+
+
 def ship_axis(key: str, spec: Any) -> tuple[str, ...]:
     """Ships of a grid: one name or path, or a list of them, each at most once."""
     names = [spec] if isinstance(spec, str) else spec
     if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
         raise ConfigurationError(f"{key} is {spec!r}, but must be a ship, or a list of ships")
     return _distinct(key, [str(name) for name in names])
+
+
+def word_axis(key: str, spec: Any, allowed: Sequence[str]) -> tuple[str, ...]:
+    """Values of an axis of words: one or a list, each among those allowed, at most once."""
+    words = [spec] if isinstance(spec, str) or not isinstance(spec, Sequence) else spec
+    for word in words:
+        if word not in allowed:
+            raise ConfigurationError(
+                f"{key} has {word!r}, but every value must be one of {', '.join(allowed)}"
+            )
+    return _distinct(key, [str(word) for word in words])
 
 
 def number_axis(

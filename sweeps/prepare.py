@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 from omegaconf import DictConfig, OmegaConf
 from platformdirs import user_cache_path
 
@@ -16,7 +17,7 @@ from ncti.features.profile import EDGE
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render import EngineError, choose_engine
 from sweeps.errors import ConfigurationError
-from sweeps.schema import SweepConfig
+from sweeps.schema import INFRARED, RANGE, SweepConfig
 from sweeps.stages import Ship, depression_at, load_ship
 from sweeps.store import check_target, check_writable, provenance
 
@@ -69,8 +70,19 @@ def prepare(composed: DictConfig) -> Prepared:
     config = OmegaConf.to_object(composed)
     assert isinstance(config, SweepConfig)
     grid = config.grid.expand()
-    for slant_range in grid.range:
-        _seen_from(slant_range, config)
+    infrared = config.infrared.expand(grid)
+    if RANGE in config.sensors:
+        for slant_range in grid.range:
+            _seen_from("grid.range", slant_range, config)
+            _resolved("grid.range", slant_range, "ladar.ifov", config.ladar.ifov, config)
+    if INFRARED in config.sensors:
+        key = "grid.range" if config.infrared.range is None else "infrared.range"
+        for key, slant_range in (
+            *((key, slant_range) for slant_range in infrared.range),
+            ("infrared.training_range", config.infrared.training_range),
+        ):
+            _seen_from(key, slant_range, config)
+            _resolved(key, slant_range, "half infrared.ifov", config.infrared.ifov / 2, config)
     try:
         engine = choose_engine(config.render.engine)
     except EngineError as error:
@@ -83,16 +95,20 @@ def prepare(composed: DictConfig) -> Prepared:
     return Prepared(config, ships, engine, cache)
 
 
-def _seen_from(slant_range: float, config: SweepConfig) -> None:
-    """Refuse a slant range [km] that the scene or the beam does not allow."""
+def _seen_from(key: str, slant_range: float, config: SweepConfig) -> None:
+    """Refuse a slant range [km] that the scene does not allow."""
     try:
         depression_at(slant_range, config.scene)
     except ValueError as error:
-        raise ConfigurationError(f"grid.range has {slant_range:g}: {error}") from error
-    beam = config.ladar.ifov * 1e-6 * slant_range * 1e3
+        raise ConfigurationError(f"{key} has {slant_range:g}: {error}") from error
+
+
+def _resolved(key: str, slant_range: float, name: str, ifov: float, config: SweepConfig) -> None:
+    """Refuse a slant range [km] at which an IFOV [urad] is narrower than a drawn pixel."""
+    beam = ifov * 1e-6 * slant_range * 1e3
     if beam < config.render.pixel:
         raise ConfigurationError(
-            f"grid.range has {slant_range:g}, where ladar.ifov of {config.ladar.ifov:g} urad is "
+            f"{key} has {slant_range:g}, where {name} of {ifov:g} urad is "
             f"{beam:.2g} m wide, but must be at least render.pixel, {config.render.pixel:g} m"
         )
 
@@ -131,14 +147,34 @@ def _ships(names: tuple[str, ...], config: SweepConfig, cache: Path) -> tuple[Sh
             vertices = load_ship(ship.source, ship.digest, cache).vertices
         except ValueError as error:
             raise ConfigurationError(f"grid.ship has {name!r}: {error}") from error
+        if INFRARED in config.sensors:
+            _fits_window(label, vertices, config)
         reach = float(np.linalg.norm(vertices, axis=1).max())
         # The returned pulse reaches beyond the ship, and both ends of the window must stay free
         # of it for the noise floor to be read there.
         needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)
-        if config.ladar.receiver == "full_profile" and needed > config.ladar.window:
+        whole = RANGE in config.sensors and config.ladar.receiver == "full_profile"
+        if whole and needed > config.ladar.window:
             raise ConfigurationError(
                 f"ladar.window is {config.ladar.window:g} m, but must be at least {needed:.0f} m "
                 f"to hold {label} and leave {EDGE:.0%} free at each end"
             )
         ships[label] = ship
     return tuple(ships.values())
+
+
+def _fits_window(label: str, vertices: NDArray[np.float64], config: SweepConfig) -> None:
+    """Refuse a ship that images do not hold."""
+    for key, needed, allowed in (
+        (
+            "window_length",
+            2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max()),
+            config.infrared.window_length,
+        ),
+        ("window_height", float(vertices[:, 2].max()), config.infrared.window_height),
+    ):
+        if needed > allowed:
+            raise ConfigurationError(
+                f"infrared.{key} is {allowed:g} m, but must be at least {math.ceil(needed)} m to "
+                f"hold {label}"
+            )

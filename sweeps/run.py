@@ -46,8 +46,8 @@ def run_sweep(prepared: Prepared, path: Path) -> None:
     config, ships, cache = prepared.config, prepared.ships, prepared.cache
     grid = config.grid.expand()
     views = len(ships) * len(grid.aspect)
-    cells = len(grid.pulse_width) * len(grid.range) * len(config.ladar.floor_axis())
-    plan = ViewPlan.of(config, engine=prepared.engine, cache=cache)
+    code = store.code_digests(config)
+    plan = ViewPlan.of(config, engine=prepared.engine, cache=cache, code=code)
     failures: list[graph.Failure] = []
 
     with _progress() as progress, executor(config.cluster, tasks=views) as workers:
@@ -56,7 +56,7 @@ def run_sweep(prepared: Prepared, path: Path) -> None:
         bar = progress.add_task(f"views ({prepared.engine})", total=views, completed=done)
         _follow(progress, bar, graph.run_views(workers, ships, config, plan, path), failures)
 
-        bar = progress.add_task("classification", total=cells)
+        bar = progress.add_task("classification", total=len(graph.cells(config)))
         _follow(progress, bar, graph.run_classification(workers, config, path), failures)
 
     graph.write_tables(config, path)

@@ -14,12 +14,17 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
+from ncti.features import SEGMENTATION_METHODS
 from ncti.ladar import RECEIVERS, shortest_pulse
 from ncti.render import ROLL, engines
 from sweeps.errors import ConfigurationError
-from sweeps.grid import Grid, count_axis, number_axis, ship_axis
+from sweeps.grid import Grid, InfraredGrid, count_axis, number_axis, ship_axis, word_axis
 
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
+
+RANGE, INFRARED = "range", "infrared"
+SENSORS = {RANGE: (RANGE,), INFRARED: (INFRARED,), "both": (RANGE, INFRARED)}
+SUPER_RESOLUTION = ("none", "perfect", "shifted")
 
 
 @dataclass
@@ -127,19 +132,91 @@ class LadarConfig:
 
 
 @dataclass
+class InfraredConfig:
+    """The passive-infrared imager: its array, the air, the scene, and what is made of an image."""
+
+    ifov: float = 150.0
+    contrast_at_zero: float = 2.1585
+    extinction: float = 0.181
+    nedt: float = 0.4
+    target_spread: float = 0.1
+    sea_spread: float = 0.1
+    false_alarm: float = 1e-6
+    window_length: float = 200.0
+    window_height: float = 50.0
+    range: Any = None
+    super_resolution: Any = field(default_factory=lambda: list(SUPER_RESOLUTION))
+    coverage_rule: Any = 0.25
+    segmentation: Any = "matched"
+    inner_radius: Any = 0.75
+    interpolation: Any = "bilinear"
+    training_range: float = 25.0
+    vigilance: Any = None
+    phases: int = 4
+    orders: int = 4
+
+    def __post_init__(self) -> None:
+        """Check the ranges of what is no axis."""
+        _between("infrared.ifov", self.ifov, 1, 100e3)
+        _between("infrared.contrast_at_zero", self.contrast_at_zero, 0, 1000)
+        _between("infrared.extinction", self.extinction, 0, 10)
+        _between("infrared.nedt", self.nedt, 1e-6, 1000)
+        _between("infrared.target_spread", self.target_spread, 0, 1000)
+        _between("infrared.sea_spread", self.sea_spread, 0, 1000)
+        _between("infrared.false_alarm", self.false_alarm, 1e-12, 0.5)
+        _between("infrared.window_length", self.window_length, 1, 5000)
+        _between("infrared.window_height", self.window_height, 1, 500)
+        _between("infrared.training_range", self.training_range, 1, 1000)
+        _between("infrared.phases", self.phases, 1, 1000)
+        _between("infrared.orders", self.orders, 1, 1000)
+
+    def expand(self, grid: Grid) -> InfraredGrid:
+        """Every value of every axis, checked; ranges and vigilances are the grid's by default."""
+        key = "infrared."
+        return InfraredGrid(
+            range=grid.range
+            if self.range is None
+            else number_axis(key + "range", self.range, minimum=1, maximum=1000),
+            super_resolution=word_axis(
+                key + "super_resolution", self.super_resolution, SUPER_RESOLUTION
+            ),
+            frame_count=grid.frame_count,
+            coverage_rule=number_axis(
+                key + "coverage_rule", self.coverage_rule, minimum=0.01, maximum=1
+            ),
+            segmentation=word_axis(key + "segmentation", self.segmentation, SEGMENTATION_METHODS),
+            inner_radius=number_axis(
+                key + "inner_radius", self.inner_radius, minimum=0.01, maximum=2
+            ),
+            interpolation=word_axis(
+                key + "interpolation", self.interpolation, ("bilinear", "nearest")
+            ),
+            phase=tuple(range(self.phases)),
+            order=tuple(range(self.orders)),
+            vigilance=grid.vigilance
+            if self.vigilance is None
+            else number_axis(key + "vigilance", self.vigilance, minimum=0, maximum=1),
+        )
+
+
+@dataclass
 class ClassifierConfig:
     """The Adaptive Clustering Network."""
 
     name: str = "acn"
-    learning_rate: float = 0.1
+    learning_rate: Any = 0.1
     max_passes: int = 200
     learn_in_test: bool = False
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         _one_of("classifier.name", self.name, ("acn",))
-        _between("classifier.learning_rate", self.learning_rate, 1e-6, 1)
+        self.learning_rates()
         _between("classifier.max_passes", self.max_passes, 1, 1_000_000)
+
+    def learning_rates(self) -> tuple[float, ...]:
+        """Every value of `learning_rate`, checked."""
+        return number_axis("classifier.learning_rate", self.learning_rate, minimum=1e-6, maximum=1)
 
 
 @dataclass
@@ -160,10 +237,12 @@ class ClusterConfig:
 class SweepConfig:
     """Everything a sweep is told."""
 
+    sensor: str = RANGE
     grid: GridConfig = field(default_factory=GridConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
     ladar: LadarConfig = field(default_factory=LadarConfig)
+    infrared: InfraredConfig = field(default_factory=InfraredConfig)
     classifier: ClassifierConfig = field(default_factory=ClassifierConfig)
     cluster: ClusterConfig = field(default_factory=ClusterConfig)
     seed: int = 0
@@ -172,17 +251,24 @@ class SweepConfig:
 
     def __post_init__(self) -> None:
         """Check what several groups decide together."""
+        _one_of("sensor", self.sensor, tuple(SENSORS))
         _between("seed", self.seed, 0, 2**63)
         for key in ("store", "cache"):
             if getattr(self, key) == "":
                 raise ConfigurationError(f"{key} is empty, but must be a path")
         grid = self.grid.expand()
+        self.infrared.expand(grid)
         shortest = shortest_pulse(self.ladar.bin_width) * 1e9
-        if min(grid.pulse_width) < shortest:
+        if RANGE in self.sensors and min(grid.pulse_width) < shortest:
             raise ConfigurationError(
                 f"grid.pulse_width has {min(grid.pulse_width):g}, but must be at least "
                 f"{shortest:.3g} for ladar.bin_width {self.ladar.bin_width:g} m"
             )
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The sensors that look."""
+        return SENSORS[self.sensor]
 
 
 def register() -> None:

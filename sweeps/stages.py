@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -21,11 +22,23 @@ from ncti.ladar import (
     range_extent,
     sample_frames,
 )
-from ncti.render import RangeImage, range_image
+from ncti.render import Lattice, RangeImage, range_image
 from ncti.render.flight import depression_angle
 from sweeps.cache import Arrays, StageCache, code_digest
-from sweeps.schema import LadarConfig, RenderConfig, SceneConfig, SweepConfig
+from sweeps.grid import InfraredGrid
+from sweeps.schema import (
+    RANGE,
+    InfraredConfig,
+    LadarConfig,
+    RenderConfig,
+    SceneConfig,
+    SweepConfig,
+)
 from sweeps.seeds import cell_rng
+
+RENDERING = "rendering"  # among the hashes of code, besides the sensors
+
+Points = tuple[NDArray[np.float64], NDArray[np.float64], float]
 
 FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
 
@@ -53,6 +66,7 @@ class Ship:
 class ViewPlan:
     """What all views of a sweep have in common, in the units of the configuration."""
 
+    sensors: tuple[str, ...]
     pulse_width: tuple[float, ...]
     frame_count: tuple[int, ...]
     range: tuple[float, ...]
@@ -60,15 +74,24 @@ class ViewPlan:
     scene: SceneConfig
     render: RenderConfig
     ladar: LadarConfig
+    infrared_grid: InfraredGrid
+    infrared: InfraredConfig
     seed: int
     cache: Path
-    code: str
+    code: Mapping[str, str]
 
     @classmethod
-    def of(cls, config: SweepConfig, *, engine: str, cache: Path) -> ViewPlan:
-        """The plan of a checked configuration, with the engine that will draw."""
+    def of(
+        cls, config: SweepConfig, *, engine: str, cache: Path, code: Mapping[str, str]
+    ) -> ViewPlan:
+        """The plan of a checked configuration, with the engine that will draw.
+
+        The hashes of its code are made once, before any worker starts: a worker may read the
+        source after somebody has edited it.
+        """
         grid = config.grid.expand()
         return cls(
+            sensors=config.sensors,
             pulse_width=grid.pulse_width,
             frame_count=grid.frame_count,
             range=grid.range,
@@ -76,27 +99,12 @@ class ViewPlan:
             scene=config.scene,
             render=replace(config.render, engine=engine),
             ladar=config.ladar,
+            infrared_grid=config.infrared.expand(grid),
+            infrared=config.infrared,
             seed=config.seed,
             cache=cache,
-            # Hashed once, here: a worker may read the source after somebody has edited it.
-            code=stage_code(),
+            code=code,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class ViewProfiles:
-    """Range profiles of one ship at one aspect.
-
-    Attributes
-    ----------
-    expected : (pulse_width, range, target_free_ifovs, bin) float32 ndarray
-        Equation C.
-    averaged : (pulse_width, frame_count, range, target_free_ifovs, bin) float32 ndarray
-        Averages of sampled frames.
-    """
-
-    expected: NDArray[np.float32]
-    averaged: NDArray[np.float32]
 
 
 def bin_centres(ladar: LadarConfig) -> NDArray[np.float64]:
@@ -105,7 +113,12 @@ def bin_centres(ladar: LadarConfig) -> NDArray[np.float64]:
     return ladar.bin_width * (np.arange(count, dtype=np.float64) - (count - 1) / 2)
 
 
-def stage_code() -> str:
+def rendering_code() -> str:
+    """Hash of all code between a ship and its range image."""
+    return code_digest("ncti.checks", "ncti.render", __name__)
+
+
+def profile_code() -> str:
     """Hash of all code between a ship and its profiles."""
     return code_digest("ncti.checks", "ncti.render", "ncti.ladar", "sweeps.seeds", __name__)
 
@@ -128,24 +141,37 @@ def load_ship(source: str, digest: str, cache: Path) -> trimesh.Trimesh:
     return mesh
 
 
-def view_profiles(ship: Ship, aspect: float, plan: ViewPlan) -> ViewProfiles:
-    """Everything the range channel measures of a ship at one aspect [deg]."""
-    view = _View(ship, aspect, plan)
+def view_profiles(view: View) -> Arrays:
+    """Everything the range channel measures of a ship at one aspect.
+
+    Parameters
+    ----------
+    view : View
+        The ship, the aspect and the plan.
+
+    Returns
+    -------
+    dict of str to ndarray
+        expected : (pulse_width, range, target_free_ifovs, bin) float32, Equation C;
+        averaged : (pulse_width, frame_count, range, target_free_ifovs, bin) float32, averages
+        of sampled frames.
+    """
+    plan = view.plan
     cells = [
         [[view.profiles(t, r, g) for g in plan.target_free_ifovs] for r in plan.range]
         for t in plan.pulse_width
     ]
     expected = np.array([[[cell["expected"] for cell in row] for row in rows] for rows in cells])
     averaged = np.array([[[cell["averaged"] for cell in row] for row in rows] for rows in cells])
-    return ViewProfiles(expected, np.moveaxis(averaged, 3, 1))
+    return {"expected": expected, "averaged": np.moveaxis(averaged, 3, 1)}
 
 
 @dataclass(frozen=True)
-class _View:
-    """One ship at one aspect.
+class View:
+    """One ship at one aspect [deg], for all sensors.
 
-    An image is drawn once a depression, and only when an extent that needs it is not at hand;
-    an extent is binned once a range, and only when a profile needs it; and so on.
+    An image is drawn once a depression, and only when a stage that needs it is not at hand; an
+    extent is binned once a range, and only when a profile needs it; and so on.
     """
 
     ship: Ship
@@ -153,6 +179,7 @@ class _View:
     plan: ViewPlan
     images: dict[float, RangeImage] = field(default_factory=dict)
     extents: dict[float, RangeExtent] = field(default_factory=dict)
+    hits: dict[float, Points] = field(default_factory=dict)
 
     def profiles(self, pulse_width: float, slant_range: float, target_free_ifovs: int) -> Arrays:
         """Expected profile and averages of one pulse width [ns] at one range [km]."""
@@ -204,15 +231,47 @@ class _View:
             "averaged": cumulative_average(frames, self.plan.frame_count).astype(np.float32),
         }
 
-    def _extent_inputs(self, slant_range: float) -> dict[str, Any]:
-        """All that the range extent depends on."""
-        ladar = self.plan.ladar
+    def image_inputs(self, slant_range: float) -> dict[str, Any]:
+        """All that the range image depends on, but for its code."""
         return {
-            "code": self.plan.code,
             "ship": self.ship.digest,
             "aspect": self.aspect,
             "depression": depression_at(slant_range, self.plan.scene),
             "render": asdict(self.plan.render),
+        }
+
+    def points(self, slant_range: float) -> Points:
+        """Horizontal and vertical places [m] of all samples on the ship, and their area [m^2]."""
+        depression = depression_at(slant_range, self.plan.scene)
+        if depression not in self.hits:
+            kept = StageCache(self.plan.cache).fetch(
+                "hits",
+                {"code": self.plan.code[RENDERING], **self.image_inputs(slant_range)},
+                partial(self._make_hits, depression),
+            )
+            pixel, left, bottom = kept["lattice"].tolist()
+            lattice = Lattice(pixel, (left, bottom), self.plan.render.roll)
+            # Of the flat image: np.nonzero of two axes takes several times as long.
+            rows, cols = np.divmod(
+                np.flatnonzero(np.unpackbits(kept["bits"])), int(kept["columns"])
+            )
+            self.hits[depression] = (*lattice.cross_range_at(rows, cols), pixel**2)
+        return self.hits[depression]
+
+    def _make_hits(self, depression: float) -> Arrays:
+        image = self._image(depression)
+        return {
+            "bits": np.packbits(image.hit),
+            "columns": np.array(image.hit.shape[1]),
+            "lattice": np.array([image.pixel, *image.origin]),
+        }
+
+    def _extent_inputs(self, slant_range: float) -> dict[str, Any]:
+        """All that the range extent depends on."""
+        ladar = self.plan.ladar
+        return {
+            "code": self.plan.code[RANGE],
+            **self.image_inputs(slant_range),
             "range": slant_range,
             "ifov": ladar.ifov,
             "bins": [ladar.bin_width, ladar.window],

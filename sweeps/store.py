@@ -26,9 +26,24 @@ from numpy.typing import NDArray
 from zarr.errors import ZarrUserWarning
 
 from sweeps.errors import ConfigurationError
-from sweeps.layout import ACN, DONE, FAILED, PROFILES, STATUS, TABLES, Axes
-from sweeps.schema import SweepConfig
-from sweeps.stages import Ship, ViewProfiles, stage_code
+from sweeps.infrared import STEPS, infrared_code
+from sweeps.layout import (
+    ACN,
+    ACN_INFRARED,
+    DONE,
+    FAILED,
+    GROUPS,
+    IMAGES,
+    PROFILES,
+    STATUS,
+    STATUS_INFRARED,
+    Axes,
+)
+from sweeps.schema import INFRARED, RANGE, SweepConfig
+from sweeps.stages import RENDERING, Ship, profile_code, rendering_code
+
+CODE = {RENDERING: rendering_code, RANGE: profile_code, INFRARED: infrared_code}
+STATUS_OF = {ACN: STATUS, ACN_INFRARED: STATUS_INFRARED}
 
 PARTIAL = ".partial"  # zarr names files so, too, until they are whole
 
@@ -39,6 +54,7 @@ PACKAGES = [
     "manifold3d",
     "numpy",
     "pyrender",
+    "scikit-image",
     "scikit-learn",
     "scipy",
     "trimesh",
@@ -151,23 +167,31 @@ def provenance(config: SweepConfig, ships: tuple[Ship, ...], engine: str) -> dic
     resolved["grid"]["ship"] = [ship.label for ship in ships]
     resolved["render"]["engine"] = engine
     attributes = {
-        "title": "Identification of ships by laser-radar range profiles: parameter sweep",
+        "title": "Identification of ships by laser radar and passive infrared: parameter sweep",
         "Conventions": "CF-1.11",
         "configuration": resolved,
         "seed": config.seed,
         "mesh_digests": {ship.label: ship.digest for ship in ships},
         "versions": {name: version(name) for name in PACKAGES},
-        "code": stage_code(),
+        "code": code_digests(config),
     }
     text = json.dumps(attributes, sort_keys=True)
     return attributes | {"fingerprint": hashlib.sha256(text.encode()).hexdigest()}
 
 
-def write_view(path: Path, ship: int, aspect: int, profiles: ViewProfiles) -> None:
-    """Write the profiles of one view, then mark it done."""
-    for name in ("expected", "averaged"):
-        array = _array(path, PROFILES, name, mode="r+")
-        array[ship, aspect] = getattr(profiles, name).reshape(array.shape[2:])
+def code_digests(config: SweepConfig) -> dict[str, str]:
+    """Hashes of the code of every stage of a sweep, by sensor, and of the rendering."""
+    return {stage: CODE[stage]() for stage in (RENDERING, *config.sensors)}
+
+
+def write_view(
+    path: Path, ship: int, aspect: int, measured: Mapping[str, Mapping[str, NDArray[Any]]]
+) -> None:
+    """Write what the sensors measured of one view, by group and variable, then mark it done."""
+    for group, arrays in measured.items():
+        for name, values in arrays.items():
+            array = _array(path, group, name, mode="r+")
+            array[ship, aspect] = values.reshape(array.shape[2:])
     mark_view(path, ship, aspect, DONE)
 
 
@@ -206,22 +230,54 @@ def read_profiles(
     return np.asarray(expected), np.moveaxis(np.asarray(averaged), 2, 0)
 
 
-def write_cell(path: Path, cell: tuple[int, ...], arrays: Mapping[str, NDArray[Any]]) -> None:
+def read_silhouettes(
+    path: Path, cell: Mapping[str, int]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Log-polar maps of one cell, over all views.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+    cell : mapping of str to int
+        Place on the axes of the cell, whether they are dimensions or not.
+
+    Returns
+    -------
+    template : (ship, aspect, angle, radius) float32 ndarray
+    silhouette : (ship, aspect, range, super_resolution, frame_count, angle, radius) float32 ndarray
+        Zero where a view is not done.
+    """
+    maps = []
+    for name in ("template_log_polar", "log_polar"):
+        array = _array(path, IMAGES, name)
+        index = tuple(cell.get(dim, slice(None)) for dim in array.metadata.dimension_names)
+        maps.append(np.asarray(array[index]) * np.float32(1 / STEPS))
+    template, silhouette = maps
+    return template, silhouette
+
+
+def write_cell(
+    path: Path, group: str, cell: tuple[int, ...], arrays: Mapping[str, NDArray[Any]]
+) -> None:
     """Write the answers of the classifier in one cell, then mark what has one done."""
     for name, values in arrays.items():
-        _array(path, ACN, name, mode="r+")[cell] = values
+        array = _array(path, group, name, mode="r+")
+        array[cell] = values.reshape(array.shape[len(cell) :])
+    array = _array(path, STATUS_OF[group], "cell", mode="r+")
     state = np.where(arrays["correct"] >= 0, DONE, FAILED)
-    _array(path, STATUS, "cell", mode="r+")[cell] = state
+    array[cell] = state.reshape(array.shape[len(cell) :])
 
 
-def mark_cell(path: Path, cell: tuple[int, ...], state: int) -> None:
+def mark_cell(path: Path, group: str, cell: tuple[int, ...], state: int) -> None:
     """Set the status of every training and test of one cell."""
-    _array(path, STATUS, "cell", mode="r+")[cell] = state
+    _array(path, STATUS_OF[group], "cell", mode="r+")[cell] = state
 
 
-def write_tables(path: Path, tables: xr.Dataset) -> None:
-    """Write the tables, in place of any that are there."""
-    tables.to_zarr(path, group=TABLES, mode="w", consolidated=False)
+def write_tables(path: Path, tables: Mapping[str, xr.Dataset]) -> None:
+    """Write tables by group, in place of any that are there."""
+    for group, table in tables.items():
+        table.to_zarr(path, group=group, mode="w", consolidated=False)
     _consolidate(path)
 
 
@@ -230,13 +286,17 @@ def read_group(path: Path, group: str) -> xr.Dataset:
     return xr.open_zarr(path, group=group)
 
 
+def has_group(path: Path, group: str) -> bool:
+    """Whether a store has a group."""
+    return (path / group / "zarr.json").is_file()
+
+
 def _consolidate(path: Path) -> None:
     """Gather the metadata, so that `xr.open_zarr` finds it in one file, in any group."""
-    groups = [PROFILES, ACN, STATUS, TABLES]
     with warnings.catch_warnings():
         # Consolidated metadata is an extension of the zarr 3 format, as xarray writes it too.
         warnings.simplefilter("ignore", ZarrUserWarning)
-        for group in (name for name in groups if (path / name).is_dir()):
+        for group in (name for name in GROUPS if (path / name).is_dir()):
             zarr.consolidate_metadata(path, path=group)
         zarr.consolidate_metadata(path)
 

@@ -3,13 +3,14 @@
 from ncti.render.choice import available_engines, choose_engine, engines, start_engine
 from ncti.render.draw import range_image
 from ncti.render.engine import Engine, EngineError
-from ncti.render.image import RangeImage
+from ncti.render.image import Lattice, RangeImage
 from ncti.render.view import ROLL, View
 
 __all__ = [
     "ROLL",
     "Engine",
     "EngineError",
+    "Lattice",
     "RangeImage",
     "View",
     "available_engines",

@@ -12,6 +12,30 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+@dataclass(frozen=True)
+class Lattice:
+    """Where the pixels of a range image lie across the line of sight.
+
+    Attributes
+    ----------
+    pixel, origin, roll
+        As of `RangeImage`.
+    """
+
+    pixel: float
+    origin: tuple[float, float]
+    roll: float
+
+    def cross_range_at(
+        self, rows: NDArray[np.integer], cols: NDArray[np.integer]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Horizontal and vertical coordinates [m] of some pixel centres."""
+        column = self.origin[0] + self.pixel * cols
+        row = self.origin[1] + self.pixel * rows
+        cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
+        return column * cos - row * sin, column * sin + row * cos
+
+
 @dataclass(frozen=True, eq=False)
 class RangeImage:
     """What an aircraft sees of a ship: the range of every pixel, and how it slopes.
@@ -55,6 +79,11 @@ class RangeImage:
         """(row, col) bool ndarray: where the line of sight meets the ship."""
         return ~np.isnan(self.down_range)
 
+    @property
+    def lattice(self) -> Lattice:
+        """Where the pixels lie."""
+        return Lattice(self.pixel, self.origin, self.roll)
+
     def cross_range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Horizontal and vertical coordinates of the pixel centres.
 
@@ -71,10 +100,7 @@ class RangeImage:
         self, rows: NDArray[np.integer], cols: NDArray[np.integer]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Horizontal and vertical coordinates [m] of some pixel centres, as `cross_range`."""
-        column = self.origin[0] + self.pixel * cols
-        row = self.origin[1] + self.pixel * rows
-        cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
-        return column * cos - row * sin, column * sin + row * cos
+        return self.lattice.cross_range_at(rows, cols)
 
     def to_xarray(self) -> xr.Dataset:
         """The image as an xarray data set with units, on its own (rolled) axes."""

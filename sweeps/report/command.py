@@ -52,22 +52,32 @@ def report(path: Path, console: Console) -> None:
         The store.
     console : rich.console.Console
         Where to print.
+
+    Raises
+    ------
+    OSError
+        If the store has no tables.
     """
-    tables = store.read_group(path, TABLES).load()
-    categories, accuracy = category_rows(tables), accuracy_rows(tables)
-    print_categories(categories, console)
-    print_accuracy(accuracy, console)
-    if not has_source_views(tables):
-        console.print(
-            "The source's figures are of its own 124 views, four ships from bow to beam.",
-            style="dim",
-        )
+    written: dict[str, list[Row]] = {}
+    if store.has_group(path, TABLES):
+        tables = store.read_group(path, TABLES).load()
+        written |= {"categories": category_rows(tables), "accuracy": accuracy_rows(tables)}
+        print_categories(written["categories"], console)
+        print_accuracy(written["accuracy"], console)
+        if not has_source_views(tables):
+            console.print(
+                "The source's figures are of its own 124 views, four ships from bow to beam.",
+                style="dim",
+            )
+    if not written:
+        raise FileNotFoundError(path)
     folder = store.tables_folder(path)
     folder.mkdir(exist_ok=True)
-    write_csv(folder / "categories.csv", categories)
-    write_csv(folder / "accuracy.csv", accuracy)
+    for name, rows in written.items():
+        write_csv(folder / f"{name}.csv", rows)
     console.print(f"store   {path}", soft_wrap=True, highlight=False)
-    console.print(f"tables  {folder}/categories.csv, accuracy.csv", soft_wrap=True, highlight=False)
+    files = ", ".join(f"{name}.csv" for name in written)
+    console.print(f"tables  {folder}: {files}", soft_wrap=True, highlight=False)
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 import ncti.ships
 from ncti.features import profile_vector
 from sweeps import store
-from sweeps.layout import FLOOR, PROFILES, TABLES
+from sweeps.layout import OPTIONAL, PROFILES, TABLES
 from sweeps.report.portraits import Portrait, portrait
 from sweeps.report.tables import Row, accuracy_rows, source_figures
 
@@ -157,7 +157,8 @@ def draw_profiles(profiles: xr.Dataset) -> Figure:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    here = profiles.isel({FLOOR: 0}, missing_dims="ignore").sel(range=100.0, method="nearest")
+    here = profiles.isel(dict.fromkeys(OPTIONAL, 0), missing_dims="ignore")
+    here = here.sel(range=100.0, method="nearest")
     here = here.sel(pulse_width=PULSE_WIDTH, method="nearest")
     first = here.isel(ship=0)
     name = first.ship.item().capitalize()
@@ -243,7 +244,7 @@ def draw_tables(tables: xr.Dataset) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    here = tables.isel({FLOOR: 0}, missing_dims="ignore")
+    here = tables.isel(dict.fromkeys(OPTIONAL, 0), missing_dims="ignore")
     nearest = {"pulse_width": PULSE_WIDTH, "vigilance": VIGILANCE, "range": 100.0}
     here = here.sel({axis: [value] for axis, value in nearest.items()}, method="nearest")
     rows = accuracy_rows(here)

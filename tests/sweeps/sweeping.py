@@ -5,13 +5,19 @@ import subprocess
 import sys
 from pathlib import Path
 
-# One small sweep that has every axis with more than one value, but the range.
+# One small sweep of both sensors, with several values on every axis but the ladar's range.
 TINY = [
+    "sensor=both",
     "grid.ship=[duncan,spruance]",
     "grid.aspect=[0,45,90]",
     "grid.pulse_width=[30,50]",
     "grid.frame_count=[2,4]",
     "grid.vigilance=[0.9,0.95]",
+    "infrared.range=[25,50]",
+    "infrared.vigilance=[0.8,0.87]",
+    "infrared.inner_radius=[0.5,0.75]",
+    "infrared.phases=2",
+    "infrared.orders=2",
     "render.pixel=0.5",
     "render.engine=embree",
 ]

@@ -40,7 +40,13 @@ def test_every_group_composes(group, name, tmp_path):
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_composes(name, tmp_path):
     prepared = prepare(composed(f"+experiment={name}", f"cache={tmp_path}"))
-    assert prepared.config.grid.expand().pulse_width == (10, 30, 50)
+    config = prepared.config
+    grid = config.grid.expand()
+    assert config.sensors
+    if "range" in config.sensors:
+        assert grid.pulse_width == (10, 30, 50)
+    if "infrared" in config.sensors:
+        assert config.infrared.expand(grid).vigilance == (0.87,)
 
 
 def test_paper_is_the_sources_grid(tmp_path):

@@ -11,12 +11,27 @@ from ncti.render import range_image
 from ncti.render.flight import depression_angle
 from sweeps import stages
 from sweeps.cache import code_digest
-from sweeps.schema import LadarConfig, RenderConfig, SceneConfig
-from sweeps.stages import Ship, ViewPlan, depression_at, view_profiles
+from sweeps.grid import InfraredGrid
+from sweeps.schema import InfraredConfig, LadarConfig, RenderConfig, SceneConfig
+from sweeps.stages import Ship, View, ViewPlan, depression_at, view_profiles
+
+INFRARED_GRID = InfraredGrid(
+    range=(25.0,),
+    super_resolution=("none", "perfect", "shifted"),
+    frame_count=(1, 16),
+    coverage_rule=(0.25,),
+    segmentation=("matched",),
+    inner_radius=(0.75,),
+    interpolation=("bilinear",),
+    phase=(0, 1),
+    order=(0,),
+    vigilance=(0.87,),
+)
 
 
 def plan_of(cache, **changes):
     plan = ViewPlan(
+        sensors=("range",),
         pulse_width=(30.0,),
         frame_count=(2,),
         range=(100.0,),
@@ -24,9 +39,11 @@ def plan_of(cache, **changes):
         scene=SceneConfig(),
         render=RenderConfig(engine="embree"),
         ladar=LadarConfig(),
+        infrared_grid=INFRARED_GRID,
+        infrared=InfraredConfig(),
         seed=0,
         cache=cache,
-        code=stages.stage_code(),
+        code={"range": stages.profile_code()},
     )
     return replace(plan, **changes)
 
@@ -55,7 +72,7 @@ def test_a_view_is_the_library_in_the_units_of_the_configuration(duncan, tmp_pat
     image = range_image(ncti.ships.load("duncan"), aspect=63, depression=3.84, engine="embree")
     extent = range_extent(image, slant_range=100e3, ifov=150e-6, bin_width=1.0)
     by_hand = expected_profile(extent, pulse_width=30e-9, cnr=10**3.2)
-    ours = view_profiles(duncan, 63, plan).expected[0, 0, 0]
+    ours = view_profiles(View(duncan, 63, plan))["expected"][0, 0, 0]
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
     np.testing.assert_array_equal(stages.bin_centres(plan.ladar), extent.down_range)
 
@@ -66,31 +83,31 @@ def test_extinction_reaches_the_profile_in_its_units(duncan, tmp_path):
     plan = plan_of(tmp_path, range=(50.0,), ladar=ladar)
     clear = LadarConfig(cnr=20.0 + 10.0)
     np.testing.assert_allclose(
-        view_profiles(duncan, 60.0, plan).expected,
-        view_profiles(duncan, 60.0, replace(plan, ladar=clear)).expected,
+        view_profiles(View(duncan, 60.0, plan))["expected"],
+        view_profiles(View(duncan, 60.0, replace(plan, ladar=clear)))["expected"],
         rtol=1e-6,
     )
 
 
 def test_ends_are_drawn_finer_and_broadsides_once(duncan, tmp_path, drawn):
-    view_profiles(duncan, 0.0, plan_of(tmp_path))
+    view_profiles(View(duncan, 0.0, plan_of(tmp_path)))
     (_, first, few), (_, second, enough) = drawn
     assert first == 0.25 and second < 0.25
     assert few < 20_000
     assert enough == pytest.approx(20_000, rel=0.02)
     drawn.clear()
-    view_profiles(duncan, 60.0, plan_of(tmp_path))
+    view_profiles(View(duncan, 60.0, plan_of(tmp_path)))
     assert len(drawn) == 1
 
 
 def test_one_image_serves_all_ranges_at_one_depression(duncan, tmp_path, drawn):
-    view_profiles(duncan, 60.0, plan_of(tmp_path, range=(25.0, 50.0, 100.0)))
+    view_profiles(View(duncan, 60.0, plan_of(tmp_path, range=(25.0, 50.0, 100.0))))
     assert len(drawn) == 1
 
 
 def test_each_range_has_its_depression_at_one_altitude(duncan, tmp_path, drawn):
     scene = SceneConfig(geometry="altitude")
-    view_profiles(duncan, 60.0, plan_of(tmp_path, range=(25.0, 100.0), scene=scene))
+    view_profiles(View(duncan, 60.0, plan_of(tmp_path, range=(25.0, 100.0), scene=scene)))
     assert [depression for depression, _, _ in drawn] == pytest.approx([15.46, 3.40], abs=0.01)
 
 

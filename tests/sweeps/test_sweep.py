@@ -14,7 +14,6 @@ from sweeps import graph, stages, store
 from sweeps.app import main
 from sweeps.cache import StageCache
 from sweeps.seeds import cell_rng
-from sweeps.stages import ViewProfiles
 
 
 def run_here(monkeypatch, folder, *overrides, code=0):
@@ -119,7 +118,8 @@ def test_a_changed_seed_renders_nothing(two_workers, tmp_path, monkeypatch):
 
     monkeypatch.setattr(stages, "range_image", never)
     run_here(monkeypatch, tmp_path, "seed=77", "store=s.zarr", f"cache={two_workers / 'cache'}")
-    assert np.all(xr.open_zarr(tmp_path / "s.zarr", group="status").cell == 1)
+    for group in ("status", "status_infrared"):
+        assert np.all(xr.open_zarr(tmp_path / "s.zarr", group=group).cell == 1)
 
 
 def test_a_view_that_fails_is_named_and_the_rest_is_done(
@@ -127,10 +127,10 @@ def test_a_view_that_fails_is_named_and_the_rest_is_done(
 ):
     whole = stages.view_profiles
 
-    def broken(ship, aspect, plan):
-        if (ship.label, aspect) == ("duncan", 45):
+    def broken(view):
+        if (view.ship.label, view.aspect) == ("duncan", 45):
             raise ArithmeticError("a\nstorm")
-        return whole(ship, aspect, plan)
+        return whole(view)
 
     monkeypatch.setattr(graph, "view_profiles", broken)
     cached = f"cache={two_workers / 'cache'}"
@@ -148,9 +148,9 @@ def test_a_view_that_fails_is_named_and_the_rest_is_done(
     # Once the cause is gone, the same command goes on: one view is measured, and the store is
     # the one that would have been.
     measured = []
-    monkeypatch.setattr(graph, "view_profiles", lambda *args: measured.append(args) or whole(*args))
+    monkeypatch.setattr(graph, "view_profiles", lambda view: measured.append(view) or whole(view))
     run_here(monkeypatch, tmp_path, "store=s.zarr", cached)
-    assert [(ship.label, aspect) for ship, aspect, _ in measured] == [("duncan", 45)]
+    assert [(view.ship.label, view.aspect) for view in measured] == [("duncan", 45)]
     again = xr.open_datatree(tmp_path / "s.zarr", engine="zarr")
     first = xr.open_datatree(two_workers / "s.zarr", engine="zarr")
     xr.testing.assert_allclose(
@@ -354,12 +354,11 @@ def test_a_view_cut_short_is_no_view(two_workers, tmp_path, monkeypatch):
     """One array of a view written, the other not: that view fails, and no other."""
     whole = store.write_view
 
-    def half(path, ship, aspect, profiles):
+    def half(path, ship, aspect, measured):
         if (ship, aspect) == (0, 1):
-            blank = np.full_like(profiles.averaged, np.nan)
-            whole(path, ship, aspect, ViewProfiles(profiles.expected, blank))
+            whole(path, ship, aspect, {group: measured[group] for group in ("range_profile",)})
             raise OSError("no space left on device")
-        whole(path, ship, aspect, profiles)
+        whole(path, ship, aspect, measured)
 
     monkeypatch.setattr(store, "write_view", half)
     run_here(monkeypatch, tmp_path, "store=s.zarr", f"cache={two_workers / 'cache'}", code=1)
