@@ -82,12 +82,14 @@ def detection_probability(
     require("contrast", contrast)
     require("target_sigma", target_sigma, positive=True)
     require("sea_sigma", sea_sigma, positive=True)
-    if np.ndim(target) == 0:
+    if isinstance(target, np.ndarray) and target.ndim:
+        count = int(np.count_nonzero(target))
+    else:
         require("target", float(target), minimum=0.0)
-        if int(target) != target:
+        count = int(target)
+        if count != target:
             raise ValueError(f"target is {target!r}, but must be a whole number of pixels")
     threshold = detection_threshold(false_alarm=false_alarm, sigma=sea_sigma)
-    count = int(target) if np.ndim(target) == 0 else int(np.count_nonzero(target))
     if count == 0:
         return 0.0
     log_missed = log_ndtr((threshold - contrast) / target_sigma)

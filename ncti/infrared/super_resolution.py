@@ -16,8 +16,9 @@ from ncti.infrared.scene import draw_scene
 BACK_PROJECTIONS = 0
 """Iterations after shift-and-add: none.
 
-Root-mean-square error against the fine template over the contrast, expected (closed form) over the
-article's four ships at 0, 45 and 90 deg, two phases, windows with 4 half pixels of sea, spread 0.1 K:
+Root-mean-square error against the fine template over the contrast, expected (closed form) over
+the article's four ships at 0, 45 and 90 deg, two phases, windows with 4 half pixels of sea, a
+spread of 0.1 K:
 
 =====  ======  =====  =======  =============  =====  =====  =====
  km    frames  none   perfect  shift-and-add  1      2      3

@@ -1,0 +1,341 @@
+"""Thermal images: both Gaussians, the frames, the window, and the scale."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy import stats
+from warm_views import SHIPS, plate, ship
+
+from ncti.infrared import (
+    IFOV,
+    SUPER_RESOLUTIONS,
+    contrast,
+    image,
+    noise_temperature,
+    silhouette,
+    thermal_images,
+)
+
+LEVEL = 1e-3  # of each statistical test, over all that it compares (Bonferroni)
+HALF = np.zeros((200, 200), bool)  # half ship, half sea: 20,000 pixels of each
+HALF[:, :100] = True
+
+
+def draw(seed=1, *, target=HALF, contrast=0.7, frame_counts=(16,), **parameters):
+    return thermal_images(
+        target,
+        contrast=contrast,
+        frame_counts=frame_counts,
+        rng=np.random.default_rng(seed),
+        **parameters,
+    )
+
+
+def z_of_variance(sample, variance):
+    """Of a normal sample with known mean 0: the chi-squared sum as a normal."""
+    return (np.mean(sample**2) / variance - 1) / np.sqrt(2 / sample.size)
+
+
+def box_muller(first, second):
+    """The article's pair, Appendix 2."""
+    radius = np.sqrt(-2 * np.log(first))
+    return radius * np.cos(2 * np.pi * second), radius * np.sin(2 * np.pi * second)
+
+
+def test_box_muller_pairs_are_numpy_normals():
+    """Two-sample KS over 50,000 at 1e-3 for either of the pair, and their independence."""
+    rng = np.random.default_rng(21)
+    # random() may return 0, whose logarithm does not exist: 1 - U is as uniform.
+    pair = box_muller(1 - rng.random(50_000), rng.random(50_000))
+    ours = np.random.default_rng(22).standard_normal(50_000)
+    for one in pair:
+        assert stats.ks_2samp(one, ours).pvalue > LEVEL / 2
+    # Zero correlation, also of magnitudes; and the angle of the pair, uniform only if the joint
+    # density has no direction.
+    limit = stats.norm.isf(LEVEL / 2 / 2) / np.sqrt(50_000)
+    assert abs(np.corrcoef(*pair)[0, 1]) < limit
+    assert abs(np.corrcoef(*np.abs(pair))[0, 1]) < limit
+    angle = np.arctan2(pair[1], pair[0]) / (2 * np.pi) % 1
+    assert stats.kstest(angle, "uniform").pvalue > LEVEL
+
+
+@pytest.mark.parametrize("frame_count", [1, 4, 16, 32])
+def test_both_gaussians(frame_count):
+    """KS over 20,000 pixels at 1e-3, and z-tests of mean and variance, of ship and of sea."""
+    (thermal,) = draw(
+        frame_count, frame_counts=(frame_count,), nedt=0.4, target_spread=0.15, sea_spread=0.05
+    )
+    for pixels, mean, spread in ((thermal[HALF], 0.7, 0.15), (thermal[~HALF], 0.0, 0.05)):
+        sigma = np.hypot(spread, 0.4 / np.sqrt(frame_count))
+        assert stats.kstest(pixels, stats.norm(mean, sigma).cdf).pvalue > LEVEL / 2
+        z_mean = (pixels.mean() - mean) / (sigma / np.sqrt(pixels.size))
+        z = np.abs([z_mean, z_of_variance(pixels - mean, sigma**2)])
+        assert z.max() < stats.norm.isf(LEVEL / 2 / 4)
+
+
+def test_pixels_are_independent():
+    (thermal,) = draw(5)
+    sea = thermal[:, 100:]
+    for ahead, behind in ((sea[1:], sea[:-1]), (sea[:, 1:], sea[:, :-1])):
+        correlation = np.corrcoef(ahead.ravel(), behind.ravel())[0, 1]
+        assert abs(correlation) < stats.norm.isf(LEVEL / 2 / 2) / np.sqrt(ahead.size)
+
+
+COUNTS = (1, 4, 5, 16)
+
+
+def plain_average(seed, target, frame_counts, *, nedt, spread):
+    """The definition: one scene, as many frames as asked for, averages of the first N."""
+    rng = np.random.default_rng(seed)
+    scene = rng.normal(np.where(target, 0.7, 0.0), spread)
+    frames = scene + rng.normal(0.0, nedt, (max(frame_counts), *target.shape))
+    return np.stack([frames[:n].mean(axis=0) for n in frame_counts])
+
+
+@pytest.mark.parametrize("way", ["walk", "plain"])
+def test_moments_of_prefix_averages(way):
+    """Mean and covariance between frame counts, z-tests over 40,000 pixels at 1e-3.
+
+    Cov(average of M, average of N) = spread^2 + nedt^2 / max(M, N), by the walk and by the
+    definition alike.
+    """
+    if way == "walk":
+        averages = draw(8, frame_counts=COUNTS, nedt=0.4, target_spread=0.1, sea_spread=0.1)
+    else:
+        averages = plain_average(9, HALF, COUNTS, nedt=0.4, spread=0.1)
+    deviation = (averages - np.where(HALF, 0.7, 0.0)).reshape(len(COUNTS), -1)
+    count = deviation.shape[1]
+    expected = 0.1**2 + 0.4**2 / np.maximum.outer(COUNTS, COUNTS)
+    z_mean = deviation.mean(axis=1) / np.sqrt(np.diagonal(expected) / count)
+    # Wick: Var(x y) = Cov^2 + Var x Var y.
+    error = np.sqrt((expected**2 + np.outer(*[np.diagonal(expected)] * 2)) / count)
+    z_covariance = (deviation @ deviation.T / count - expected) / error
+    z = np.concatenate([z_mean, z_covariance[np.triu_indices(len(COUNTS))]])
+    assert np.abs(z).max() < stats.norm.isf(LEVEL / 2 / z.size)
+
+
+def test_walk_is_the_plain_average_in_distribution():
+    """Two-sample KS at 1e-3 of every average, and of how one average differs from another."""
+    walk = draw(10, frame_counts=COUNTS, nedt=0.4, target_spread=0.1, sea_spread=0.1)
+    plain = plain_average(11, HALF, COUNTS, nedt=0.4, spread=0.1)
+    statistics = [(w[HALF], p[HALF]) for w, p in zip(walk, plain, strict=True)]
+    statistics += [(w[~HALF], p[~HALF]) for w, p in zip(walk, plain, strict=True)]
+    statistics += [
+        ((walk[i] - walk[j]).ravel(), (plain[i] - plain[j]).ravel())
+        for i in range(len(COUNTS))
+        for j in range(i)
+    ]
+    for ours, theirs in statistics:
+        assert stats.ks_2samp(ours, theirs).pvalue > LEVEL / len(statistics)
+
+
+def test_sixteen_frames_have_a_quarter_of_the_noise():
+    """F-test at 1e-3 over 40,000 pixels, and KS of four times the noise against one frame's."""
+    noise = {"contrast": 0.0, "target_spread": 0.0, "sea_spread": 0.0}
+    (one,) = draw(3, frame_counts=(1,), **noise)
+    (sixteen,) = draw(4, frame_counts=(16,), **noise)
+    ratio = one.var() / (16 * sixteen.var())
+    low, high = stats.f(one.size - 1, one.size - 1).ppf([LEVEL / 2, 1 - LEVEL / 2])
+    assert low < ratio < high
+    assert stats.ks_2samp(one.ravel(), 4 * sixteen.ravel()).pvalue > LEVEL
+    # Given the draws, the scale is exact: powers of two round nothing.
+    (same,) = draw(3, frame_counts=(16,), **noise)
+    np.testing.assert_array_equal(4 * same, one)
+
+
+def test_frame_counts_in_any_order_and_twice():
+    straight = draw(6, frame_counts=(4, 16, 64))
+    shuffled = draw(6, frame_counts=np.array([64, 4, 16, 4]))
+    np.testing.assert_array_equal(shuffled, straight[[2, 0, 1, 0]])
+
+
+def test_many_frames_cost_nothing_and_leave_the_scene():
+    (thermal,) = draw(7, frame_counts=(10**12,), target_spread=0.0, sea_spread=0.0)
+    # 0.4 K / 10^6; the largest of 40,000 is within 6 sigma.
+    np.testing.assert_allclose(thermal, np.where(HALF, 0.7, 0.0), atol=6 * 0.4e-6)
+
+
+def test_own_spread_does_not_average_out():
+    few, many = draw(12, frame_counts=(1, 10**12), nedt=0.4)
+    assert abs(z_of_variance(many[~HALF], 0.1**2)) < stats.norm.isf(LEVEL / 2)
+    # One scene in both: what differs is the noise of the one frame.
+    assert abs(z_of_variance((few - many).ravel(), 0.4**2)) < stats.norm.isf(LEVEL / 2)
+
+
+def test_without_contrast_ship_and_sea_are_one():
+    """Two-sample KS over 20,000 each at 1e-3; with unequal spreads it tells them apart."""
+    (thermal,) = draw(13, contrast=0.0)
+    assert stats.ks_2samp(thermal[HALF], thermal[~HALF]).pvalue > LEVEL
+    (thermal,) = draw(13, contrast=0.0, target_spread=0.2)
+    assert stats.ks_2samp(thermal[HALF], thermal[~HALF]).pvalue < LEVEL
+
+
+@pytest.mark.parametrize("way", SUPER_RESOLUTIONS)
+@pytest.mark.parametrize("kelvin", [0.0, 1e-9, 1e9, -1e9])
+def test_extreme_contrasts(way, kelvin):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        thermal = image(
+            plate(width=60, height=30),
+            slant_range=50e3,
+            frame_count=(1, 16),
+            rng=np.random.default_rng(0),
+            super_resolution=way,
+            contrast_at_zero=kelvin,
+            extinction=0.0,
+            target_spread=0.0,
+            sea_spread=0.0,
+        )
+    assert np.isfinite(thermal).all()
+    largest = np.abs(thermal).max()
+    assert 0.4 / 4 < largest < 4 if abs(kelvin) < 1 else largest == pytest.approx(1e9)
+
+
+@pytest.mark.parametrize("way", SUPER_RESOLUTIONS)
+@pytest.mark.parametrize("phase", [(0.0, 0.0), (0.3, 0.9)])
+def test_a_larger_window_changes_no_bit_on_the_ship(way, phase):
+    look = {"slant_range": 50e3, "frame_count": (16, 4), "super_resolution": way, "phase": phase}
+    view = ship("texas", 60.0)
+    footprint = IFOV * 50e3 * (1.0 if way == "none" else 0.5)
+    images = {}
+    for margin in (0, 1, 2, 4, 7, 20):
+        target = silhouette(view, footprint=footprint, phase=phase, margin=margin).target(0.25)
+        thermal = image(view, rng=np.random.default_rng(4), margin=margin, **look)
+        images[margin] = thermal[:, target]
+    for margin, pixels in images.items():
+        assert pixels.tobytes() == images[0].tobytes(), margin
+    extent = (-130.0, 130.0, -60.0, 80.0)
+    window = {"phase": phase, "extent": extent}
+    target = silhouette(view, footprint=footprint, **window).target(0.25)
+    thermal = image(view, rng=np.random.default_rng(4), **look | window)
+    assert thermal[:, target].tobytes() == images[0].tobytes()
+
+
+def test_fewer_frame_counts_leave_the_scene_on_the_ship():
+    """The scene is drawn before the noise, so that it is the same whatever frames are asked for."""
+    quiet = {"nedt": 0.0, "target": HALF}
+    alone, both = draw(2, frame_counts=(4,), **quiet), draw(2, frame_counts=(4, 16), **quiet)
+    np.testing.assert_array_equal(alone[0][HALF], both[0][HALF])
+
+
+def test_one_frame_count_gives_one_image():
+    look = {"slant_range": 50e3, "margin": 2}
+    view = plate(width=60, height=30)
+    one = image(view, frame_count=16, rng=np.random.default_rng(1), **look)
+    several = image(view, frame_count=[16], rng=np.random.default_rng(1), **look)
+    assert one.ndim == 2 and one.dtype == np.float64
+    np.testing.assert_array_equal(one, several[0])
+
+
+def test_statistics_of_an_image_are_those_of_its_range():
+    view = plate(width=600, height=600, pixel=1.0)
+    for slant_range in (25e3, 50e3):
+        thermal = image(view, slant_range=slant_range, frame_count=16, rng=np.random.default_rng(2))
+        inner = silhouette(view, footprint=150e-6 * slant_range).target(1.0 - 0.2)
+        pixels = thermal[inner]
+        sigma = np.hypot(0.1, noise_temperature(16))
+        z = (pixels.mean() - contrast(slant_range)) / (sigma / np.sqrt(pixels.size))
+        assert pixels.size > 1000 and abs(z) < stats.norm.isf(LEVEL / 2 / 2)
+
+
+NOISELESS = {"nedt": 0.0, "target_spread": 0.0, "sea_spread": 0.0}
+
+
+@pytest.mark.parametrize("name", SHIPS)
+@pytest.mark.parametrize("aspect", [0.0, 45.0, 90.0])
+def test_perfect_super_resolution_halves_the_range_but_not_the_sensor(name, aspect):
+    view = ship(name, aspect)
+    parameters = NOISELESS | {"frame_count": 16, "phase": (0.3, 0.6)}
+    rng = np.random.default_rng(0)
+    fine = image(view, slant_range=50e3, super_resolution="perfect", rng=rng, **parameters)
+    near = image(view, slant_range=25e3, rng=rng, **parameters)
+    # The template of half the range, as warm as from the whole of it.
+    np.testing.assert_array_equal(fine > 0, near > 0)
+    np.testing.assert_allclose(np.unique(fine), [0, contrast(50e3)])
+    np.testing.assert_allclose(np.unique(near), [0, contrast(25e3)])
+    # With noise it is what thermal_images makes of that template.
+    template = silhouette(view, footprint=3.75, phase=(0.3, 0.6)).target(0.25)
+    noisy = image(
+        view,
+        slant_range=50e3,
+        super_resolution="perfect",
+        rng=np.random.default_rng(3),
+        frame_count=(4, 16),
+        phase=(0.3, 0.6),
+    )
+    same = draw(3, target=template, contrast=contrast(50e3), frame_counts=(4, 16))
+    np.testing.assert_array_equal(noisy, same)
+
+
+def test_windows_of_an_extent_have_one_shape():
+    extent = (-95.0, 95.0, -15.0, 50.0)
+    for way in SUPER_RESOLUTIONS:
+        shapes = {
+            image(
+                ship(name, aspect),
+                slant_range=50e3,
+                frame_count=4,
+                rng=np.random.default_rng(0),
+                phase=phase,
+                extent=extent,
+                super_resolution=way,
+            ).shape
+            for name in SHIPS
+            for aspect in (0.0, 45.0, 90.0)
+            for phase in ((0.0, 0.0), (0.99, 0.5))
+        }
+        assert len(shapes) == 1
+
+
+def test_inputs_are_left_alone():
+    target = HALF.copy()
+    counts = np.array([16, 4])
+    draw(1, target=target, frame_counts=counts)
+    np.testing.assert_array_equal(target, HALF)
+    np.testing.assert_array_equal(counts, [16, 4])
+    (empty,) = draw(1, target=np.zeros((3, 4), bool))
+    assert empty.shape == (3, 4)
+
+
+def test_a_range_image_of_its_own_range():
+    near = plate(width=60, height=30, slant_range=25e3)
+    rng = np.random.default_rng(0)
+    assert image(near, slant_range=25e3, frame_count=4, rng=rng).ndim == 2
+    with pytest.raises(ValueError, match=r"slant_range is 50000\.0, but must be the 25000\.0 m"):
+        image(near, slant_range=50e3, frame_count=4, rng=rng)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"slant_range": 0.0}, "slant_range"),
+        ({"slant_range": np.nan}, "slant_range"),
+        ({"ifov": -1e-6}, "ifov"),
+        ({"ifov": 1e-6}, "footprint"),
+        ({"coverage_rule": 0.0}, "rule"),
+        ({"super_resolution": "magic"}, "super_resolution is 'magic'"),
+        ({"super_resolution": "shifted", "back_projections": -1}, "back_projections"),
+        ({"super_resolution": "shifted", "back_projections": 0.5}, "back_projections"),
+        ({"frame_count": 0}, "frame_counts is .*0"),
+        ({"frame_count": (4, 1.5)}, "frame_counts"),
+        ({"frame_count": ()}, "frame_counts is empty"),
+        ({"contrast_at_zero": np.nan}, "contrast_at_zero"),
+        ({"extinction": -1.0}, "extinction"),
+        ({"nedt": -0.1}, "nedt"),
+        ({"target_spread": -0.1}, "target_spread"),
+        ({"sea_spread": np.inf}, "sea_spread"),
+        ({"phase": (1.5, 0.0)}, "phase"),
+        ({"extent": (-1.0, 1.0, -1.0, 1.0)}, "extent"),
+    ],
+)
+def test_bad_parameters_are_named(parameters, named):
+    good = {"slant_range": 50e3, "frame_count": 16}
+    with pytest.raises(ValueError, match=named) as refused:
+        image(plate(width=60, height=30), rng=np.random.default_rng(0), **good | parameters)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_target_must_be_an_image():
+    with pytest.raises(ValueError, match="target has 3 axes"):
+        draw(target=np.zeros((2, 3, 4), bool))
