@@ -59,13 +59,17 @@ def log_polar(
     -----
     Article, 'Passive-IR Signatures', which states neither radii nor size of its map. The
     filled silhouette is mapped, not its outline: outlines of neighbouring views hardly
-    overlap. The disc within the inner radius is left out, for there all silhouettes are full.
+    overlap. The disc within the inner radius is left out: near their centroids all ships look
+    alike, and would agree the better for it.
 
     Area and centroid follow the silhouette, so the map of a finely resolved one depends
     neither on its place nor on its scale, and a rotation in the image plane shifts the map
     cyclically in angle (`cyclic_similarity`). A silhouette of few pixels keeps this as far as
     its pixels do; samples between pixels and averages over cells lose least. Whole-pixel
-    shifts change nothing at all.
+    shifts change nothing at all. On six ships, after any shift, scale of 0.5 to 2 and angle,
+    the best cyclic shift has a cosine of at least 0.97 for the coverage of 1 m pixels, and a
+    median of 0.98, lowest 0.92, for binary ones: a mast thinner than a pixel comes and goes,
+    and no smoothing of the mask that was tried brings back all views to 0.97.
 
     Beyond the image there is sea. `skimage.transform.warp_polar` with scaling="log" takes the
     same samples, but its radius always begins at one pixel: it can neither begin at a radius

@@ -88,8 +88,8 @@ def segment(
 
     n of its 8 neighbours being ship (a pair that differs costs beta / 2 in log-probability),
     with sea all around the image. Pixels of one parity of row and of column are no neighbours
-    and change together, the four such sets in turn (Besag's coding), until nothing changes or
-    for 10 passes, so that the posterior never falls. Where |L| > 4 beta neighbours decide
+    and change together, the four such sets in turn (Besag's coding), so that the posterior
+    never falls, until nothing changes or for 10 passes. Where |L| > 4 beta neighbours decide
     nothing. Pixels are assumed independent given what they show; mixed pixels at the ship's
     edge go to the likelier side.
     """
@@ -125,7 +125,8 @@ def _matched(
     assert contrast is not None
     assert target_sigma is not None
     assert sea_sigma is not None
-    if contrast == 0:  # no ship is warmer than this sea, whatever the sigmas
+    # No ship is warmer than this sea, whatever the sigmas; or nothing tells one from the sea.
+    if contrast == 0 or values.min() == values.max():
         return np.zeros(values.shape, dtype=bool)
     ratio = _log_likelihood_ratio(
         values, contrast=contrast, target_sigma=target_sigma, sea_sigma=sea_sigma
@@ -164,22 +165,22 @@ def _conditional_modes(target: Mask, ratio: Floats) -> Mask:
     labels[1:-1, 1:-1] = target
     flat = labels.reshape(-1)
     around = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
-    enough = 4.0 - ratio / _BETA  # neighbours, which more than these make a ship
+    # Ships among the neighbours, of which there must be more; small integers sum the quickest.
+    bar = np.floor(np.clip(4.0 - ratio / _BETA, 0.0, 8.0)).astype(np.uint8)
     sets = []
     for first_row, first_column in ((0, 0), (0, 1), (1, 0), (1, 1)):
         part = (slice(first_row, None, 2), slice(first_column, None, 2))
-        row, column = np.nonzero(undecided[part])
+        row, column = undecided[part].nonzero()
         if row.size:
             place = (2 * row + first_row + 1) * width + 2 * column + first_column + 1
-            sets.append((place, place + around[:, None], enough[part][row, column]))
-    for _ in range(_PASSES):
-        changed = False
-        for place, neighbours, bar in sets:
-            now = flat[neighbours].sum(axis=0) > bar
-            changed = changed or bool((now != flat[place]).any())
-            flat[place] = now
-        if not changed:
+            sets.append((place, place + around[:, None], bar[part][row, column]))
+    unchanged = 0
+    for place, neighbours, least in sets * _PASSES:
+        now = np.add.reduce(flat.take(neighbours), axis=0, dtype=np.uint8) > least
+        unchanged = unchanged + 1 if (now == flat.take(place)).all() else 0
+        if unchanged == len(sets):
             break
+        flat[place] = now
     return labels[1:-1, 1:-1].astype(bool)
 
 
@@ -192,7 +193,9 @@ def _whole(target: Mask, *, weights: Floats | None) -> Mask:
     weight = np.bincount(flat, None if weights is None else weights.reshape(-1), count + 1)
     region: Mask = regions == 1 + int(weight[1:].argmax())
     # What four-connected sea cannot reach from outside is a hole.
-    outside, parts = ndimage.label(np.pad(~region, 1, constant_values=True), structure=_FOUR)
+    sea = np.ones((target.shape[0] + 2, target.shape[1] + 2), dtype=bool)
+    np.logical_not(region, out=sea[1:-1, 1:-1])
+    outside, parts = ndimage.label(sea, structure=_FOUR)
     if parts > 1:
         region = (outside != outside[0, 0])[1:-1, 1:-1]
     return region

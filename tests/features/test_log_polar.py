@@ -105,7 +105,7 @@ def test_rotation_is_recovered(name, angle):
 
 
 def test_the_inside_of_a_ship_is_left_out():
-    # Within the inner radius all silhouettes are full, and would look alike.
+    # Near their centroids all ships look alike, and would agree the better for it.
     views = [seen(name, 60.0, FINE) for name in ("duncan", "texas")]
     near = cosine(*(log_polar(view, inner_radius=0.3) for view in views))
     assert cosine(*(log_polar(view) for view in views)) < near - 0.02

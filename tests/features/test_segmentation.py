@@ -67,11 +67,9 @@ def test_holes_are_filled_and_bays_are_not(method):
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("method", SEGMENTATION_METHODS)
-@pytest.mark.parametrize("value", [0.0, -3.0, 1e-320, 1e300])
-def test_a_constant_image_shows_nothing_but_heat(method, value):
-    found = segment(np.full((20, 54), value), method=method, **KNOWN)
-    # A window full of ship temperature is all ship to who knows that temperature.
-    assert found.all() if method == "matched" and value == 1e300 else not found.any()
+@pytest.mark.parametrize("value", [0.0, -3.0, 1.28, 1e-320, 1e300])
+def test_a_constant_image_shows_nothing(method, value):
+    assert not segment(np.full((20, 54), value), method=method, **KNOWN).any()
 
 
 @pytest.mark.filterwarnings("error")
