@@ -14,6 +14,22 @@ import yaml
 
 Row = dict[str, Any]
 
+# Of axes in a table, the slowest first.
+ORDER = (
+    "range",
+    "super_resolution",
+    "pulse_width",
+    "target_free_ifovs",
+    "coverage_rule",
+    "segmentation",
+    "inner_radius",
+    "interpolation",
+    "learning_rate",
+    "vigilance",
+    "frame_count",
+    "aspect_bin",
+)
+
 
 @lru_cache
 def source_figures() -> dict[str, Any]:
@@ -44,7 +60,7 @@ def category_rows(tables: xr.Dataset) -> list[Row]:
     """
     source = source_figures()["table3_categories"]
     rows = []
-    for axes, cell in _cells(tables[["category_count", "view_count", "settled"]]):
+    for axes, cell in cells(tables[["category_count", "view_count", "settled"]]):
         categories, views = cell["category_count"], cell["view_count"]
         rows.append(
             axes
@@ -79,7 +95,7 @@ def accuracy_rows(tables: xr.Dataset) -> list[Row]:
     lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
     for prefix in ("training_", ""):
         names = [prefix + name for name in ("accuracy", "ci_low", "ci_high", "n")]
-        for axes, cell in _cells(tables[names]):
+        for axes, cell in cells(tables[names]):
             frames = axes.pop("frame_count", None)
             label = axes.pop("aspect_bin")
             fraction, low, high, n = (cell[name] for name in names)
@@ -89,9 +105,9 @@ def accuracy_rows(tables: xr.Dataset) -> list[Row]:
                     "profiles": "training" if prefix else "averaged",
                     "frame_count": frames,
                     "aspect_bin_deg": label,
-                    "percent_correct": _percent(fraction),
-                    "ci_low": _percent(low),
-                    "ci_high": _percent(high),
+                    "percent_correct": percent(fraction),
+                    "ci_low": percent(low),
+                    "ci_high": percent(high),
                     "n": n,
                     "source_percent": _source_percent(axes, frames, lowest[label])
                     if _as_in_source(axes, tables)
@@ -124,23 +140,23 @@ def _source_percent(axes: Row, frames: int | None, lowest: float) -> int | None:
     return percent
 
 
-def _cells(dataset: xr.Dataset) -> Iterator[tuple[Row, Row]]:
+def cells(dataset: xr.Dataset) -> Iterator[tuple[Row, Row]]:
     """Axes and values of every cell of a data set, units in the names of the axes."""
     names = {"pulse_width": "pulse_width_ns", "range": "range_km"}
-    order = ["range", "pulse_width", "target_free_ifovs", "vigilance", "frame_count", "aspect_bin"]
-    dims = [name for name in order if name in dataset.dims]
+    dims = [name for name in ORDER if name in dataset.dims]
     scalars = {
         name: dataset[name].item()
-        for name in order
+        for name in ORDER
         if name in dataset.coords and name not in dataset.dims
     }
     axes = [dataset[name].values.tolist() for name in dims]
     arrays = {name: array.transpose(*dims).values for name, array in dataset.items()}
     for index in np.ndindex(*(len(values) for values in axes)):
         here = scalars | {name: axes[i][index[i]] for i, name in enumerate(dims)}
-        row = {names.get(name, name): here[name] for name in order if name in here}
+        row = {names.get(name, name): here[name] for name in ORDER if name in here}
         yield row, {str(name): array[index].item() for name, array in arrays.items()}
 
 
-def _percent(fraction: float) -> float | None:
+def percent(fraction: float) -> float | None:
+    """A fraction in per cent, to a tenth; none of NaN."""
     return None if math.isnan(fraction) else round(100 * fraction, 1)

@@ -1,0 +1,179 @@
+"""The tables of the infrared channel as rows, ours beside the source's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import xarray as xr
+
+from ncti.infrared import attenuation, contrast, snr
+from sweeps.report.tables import Row, cells, percent, source_figures
+
+CHOICES = ("coverage_rule", "segmentation", "inner_radius", "interpolation", "learning_rate")
+DRAWS = ("phase", "order")
+
+
+def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Row]:
+    """What the air leaves of a ship's warmth (the article's Table 1).
+
+    Parameters
+    ----------
+    images : xarray.Dataset
+        The store's infrared group, for its ranges and numbers of frames.
+    configuration : mapping
+        The `infrared` part of the store's configuration.
+
+    Returns
+    -------
+    list of dict
+        One row a range and number of frames: attenuation, contrast, SNR, and as printed in
+        the source.
+    """
+    source = source_figures()["table1_sensor"]
+    extinction = {"extinction": configuration["extinction"] * 1e-3}
+    scene = extinction | {"contrast_at_zero": configuration["contrast_at_zero"]}
+    rows = []
+    for slant_range in images.range.values.tolist():
+        for frames in images.frame_count.values.tolist():
+            metres = slant_range * 1e3
+            printed = source["ranges"].get(slant_range) if frames == source["frame_count"] else None
+            theirs = printed or (None, None, None)
+            rows.append(
+                {
+                    "range_km": slant_range,
+                    "frame_count": frames,
+                    "attenuation_db": round(attenuation(metres, **extinction), 3),
+                    "source_attenuation_db": theirs[0],
+                    "contrast_k": round(contrast(metres, **scene), 4),
+                    "source_contrast_k": theirs[2],
+                    "snr": round(
+                        snr(metres, frame_count=frames, nedt=configuration["nedt"], **scene), 3
+                    ),
+                    "source_snr": theirs[1],
+                }
+            )
+    return rows
+
+
+def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
+    """Categories formed from silhouettes, over phases and orders of presentation.
+
+    Parameters
+    ----------
+    tables : xarray.Dataset
+        The store's table group.
+
+    Returns
+    -------
+    list of dict
+        One row a training: axes, mean, least and most categories, the first's, and the
+        source's count where it has one.
+    """
+    source = source_figures()["table5_percent_correct"]
+    counted = tables.category_count
+    summary = xr.Dataset(
+        {
+            "mean": counted.mean(DRAWS),
+            "least": counted.min(DRAWS),
+            "most": counted.max(DRAWS),
+            "first": counted.isel(dict.fromkeys(DRAWS, 0)).drop_vars(DRAWS, errors="ignore"),
+            "views": tables.view_count.min(DRAWS),
+            "settled": tables.settled.min(DRAWS),
+        }
+    )
+    return [
+        axes
+        | {
+            "categories": round(cell["mean"], 2),
+            "least": cell["least"],
+            "most": cell["most"],
+            "of_first_phase_and_order": cell["first"],
+            "training_silhouettes": cell["views"],
+            "settled": bool(cell["settled"]),
+            "source_categories": source["categories"]
+            if axes["vigilance"] == source["vigilance"]
+            else None,
+        }
+        for axes, cell in cells(summary)
+    ]
+
+
+def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
+    """Percent correct by aspect bin (the article's Table 5), training silhouettes first.
+
+    Parameters
+    ----------
+    tables : xarray.Dataset
+        The store's table group.
+
+    Returns
+    -------
+    list of dict
+        One row for each aspect bin of a training or test: axes, which silhouettes, percent
+        correct over phases and orders, its Wilson interval, its standard deviation over them,
+        number of views, and the source's figure.
+    """
+    lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
+    rows = []
+    for prefix in ("training_", ""):
+        names = [prefix + name for name in ("accuracy", "ci_low", "ci_high", "spread", "n")]
+        for axes, cell in cells(tables[names]):
+            fraction, low, high, spread, n = (cell[name] for name in names)
+            label = axes.pop("aspect_bin")
+            known = {
+                name: axes.pop(name, None)
+                for name in ("range_km", "super_resolution", "frame_count")
+            }
+            rows.append(
+                axes
+                | {"silhouettes": "training" if prefix else "cut out"}
+                | known
+                | {
+                    "aspect_bin_deg": label,
+                    "percent_correct": percent(fraction),
+                    "ci_low": percent(low),
+                    "ci_high": percent(high),
+                    "spread": percent(spread),
+                    "n": n,
+                    "source_percent": _source_percent(axes["vigilance"], known, lowest[label]),
+                }
+            )
+    return rows
+
+
+def _source_percent(vigilance: float, known: Row, lowest: float) -> int | None:
+    """The article's figure for the bin whose lowest aspect is given (NaN for all of them)."""
+    source = source_figures()["table5_percent_correct"]
+    if (vigilance, known["frame_count"]) != (source["vigilance"], source["frame_count"]):
+        return None
+    way, slant_range = known["super_resolution"], known["range_km"]
+    if lowest != lowest:
+        whole: int | None = source["overall"].get(way, {}).get(slant_range)
+        return whole
+    figures = source.get(way, {}).get(slant_range)
+    if figures is None or lowest > 90:
+        return None
+    found: int = figures[sum(lowest >= start for start in source["bin_starts"]) - 1]
+    return found
+
+
+def detection_rows(tables: xr.Dataset) -> list[Row]:
+    """Probability that the detector finds the ship, by range, frames and aspect bin."""
+    return [
+        {name: value for name, value in axes.items() if name != "aspect_bin"}
+        | {
+            "aspect_bin_deg": axes["aspect_bin"],
+            "probability": cell["probability"],
+            "lowest_of_views": cell["lowest"],
+        }
+        for axes, cell in cells(tables[["probability", "lowest"]])
+    ]
+
+
+def reconstruction_rows(tables: xr.Dataset) -> list[Row]:
+    """Error of images against the noiseless image of half the pixel."""
+    return [
+        axes | {"error": round(cell["error"], 4), "spread": round(cell["error_spread"], 4)}
+        for axes, cell in cells(tables[["error", "error_spread"]])
+    ]
