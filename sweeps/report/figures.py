@@ -4,7 +4,7 @@
     python -m sweeps.report.figures profiles STORE PICTURE
     python -m sweeps.report.figures tables STORE PICTURE
 
-They need matplotlib, from the `plot` extra.
+and those of `sweeps.report.silhouette_figures`. They need matplotlib, from the `plot` extra.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import ncti.ships
 from ncti.features import profile_vector
 from sweeps import store
 from sweeps.layout import OPTIONAL, PROFILES, TABLES
+from sweeps.report import silhouette_figures
 from sweeps.report.portraits import Portrait, portrait
 from sweeps.report.tables import Row, accuracy_rows, source_figures
 
@@ -53,6 +54,7 @@ def main() -> None:
     for kind, text in (
         ("profiles", "range profiles by aspect, by ship and by number of frames"),
         ("tables", "percent correct by aspect and number of frames, beside the source's"),
+        *silhouette_figures.KINDS.items(),
     ):
         kinds.add_parser(kind, help=text).add_argument(
             "store", type=Path, help="store of a sweep, such as sweep.zarr"
@@ -65,6 +67,8 @@ def main() -> None:
             figure = draw_ships()
         elif arguments.kind == "profiles":
             figure = draw_profiles(store.read_group(arguments.store, PROFILES).load())
+        elif arguments.kind in silhouette_figures.KINDS:
+            figure = silhouette_figures.draw(arguments.kind, arguments.store)
         else:
             figure = draw_tables(store.read_group(arguments.store, TABLES).load())
     except ImportError:
