@@ -126,8 +126,8 @@ def draw_formation(classified: xr.Dataset) -> Figure:
     ships = [str(name) for name in first.ship.values]
 
     height = 0.6 * len(ships) + 0.35
-    figure = Figure(figsize=(10.0, 1.75 * height + 1.7), dpi=DPI, layout="constrained")
-    strips, share = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 0.75])
+    figure = Figure(figsize=(10.0, 1.5 * height + 1.9), dpi=DPI, layout="constrained")
+    strips, share = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 0.5])
     _show_runs(strips, runs_of(first))
     _show_sharing(share, here)
     for axes in (strips, share):
@@ -149,9 +149,8 @@ def draw_formation(classified: xr.Dataset) -> Figure:
         notes.append(f"the first of {counts.size} trainings, which form {_span(counts)}")
     theirs = source["table5_percent_correct"]
     if (answered, first.vigilance.item()) == (source["experiment"]["views"], theirs["vigilance"]):
-        notes.append(f"the source has {theirs['categories']}")
-    strips.set_title("; ".join(notes), fontsize=9, loc="left", color="0.3")
-    figure.suptitle(title, fontsize=12)
+        notes.append(f"the source forms {theirs['categories']}")
+    figure.suptitle("\n".join([title, *(["; ".join(notes)] if notes else [])]), fontsize=11.5)
     return figure
 
 
@@ -247,8 +246,8 @@ def _show_runs(axes: Axes, runs: list[Run]) -> None:
         ncols=2,
         frameon=False,
         fontsize=9,
-        loc="lower right",
-        bbox_to_anchor=(1.0, 0.99),
+        loc="lower center",
+        bbox_to_anchor=(0.5, 0.99),
         borderaxespad=0.0,
     )
 
@@ -324,9 +323,15 @@ def draw_table5(tables: xr.Dataset, *, ships: int) -> Figure:
     keys[f"± spread of {draws} trainings"] = Line2D([], [], color="0.4", lw=6, alpha=0.3)
     if beside:
         keys["source, same resolution"] = Line2D([], [], ls="", marker="D", mfc="w", mec="0.3")
-        figure.supxlabel(source_figures()["table5_percent_correct"]["note"], fontsize=8)
     figure.legend(
-        keys.values(), keys.keys(), frameon=False, fontsize=8.5, ncols=4, loc="outside lower center"
+        keys.values(),
+        keys.keys(),
+        title=source_figures()["table5_percent_correct"]["note"] if beside else None,
+        title_fontsize=8,
+        frameon=False,
+        fontsize=8.5,
+        ncols=4,
+        loc="outside lower center",
     )
     vigilance, frames = here.vigilance.item(), here.frame_count.item()
     figure.suptitle(

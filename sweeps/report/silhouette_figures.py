@@ -209,7 +209,7 @@ def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Fi
     bottom, top = -0.07 * configuration["window_length"], 0.9 * configuration["window_height"]
     wide = 3.5
     high = wide * (top - bottom) / (2 * side)
-    lefts, gap, head, foot = (1.5, 5.7, 9.75), 0.1, 0.6, 0.5
+    lefts, gap, head, foot = (1.5, 5.7, 9.75), 0.1, 0.6, 0.34
     groups = [look.slant_range for look in looks]
     apart = [0.22 * (len(set(groups[: place + 1])) - 1) for place in range(len(looks))]
     width, height = 11.95, head + len(looks) * (high + gap) + apart[-1] + foot
