@@ -18,10 +18,14 @@ assert _figures, "no figure"
 for _number in _figures:
     for _axes in matplotlib.pyplot.figure(_number).axes:
         _curves = [numpy.asarray(_line.get_ydata(), dtype=float) for _line in _axes.lines]
+        _pictures = [_shown.get_array() for _shown in (*_axes.images, *_axes.collections)]
+        _curves += [numpy.ma.filled(_picture, numpy.nan).ravel().astype(float)
+                    for _picture in _pictures if _picture is not None]
         _drawn = [_curve[numpy.isfinite(_curve)] for _curve in _curves]
         _where = f"figure {_number}, {_axes.get_title()!r}"
         assert any(len(set(_curve)) > 1 for _curve in _drawn), f"{_where}: nothing drawn"
-        assert _axes.get_xlabel(), f"{_where}: no label on its axis"
+        _label = _axes.get_xlabel() or (hasattr(_axes, "_colorbar") and _axes.get_ylabel())
+        assert _label, f"{_where}: no label on its axis"
 """
 
 
