@@ -145,11 +145,12 @@ class InfraredConfig:
     window_length: float = 200.0
     window_height: float = 50.0
     range: Any = None
+    frame_count: Any = None
     super_resolution: Any = field(default_factory=lambda: list(SUPER_RESOLUTION))
     coverage_rule: Any = 0.25
     segmentation: Any = "matched"
-    inner_radius: Any = 0.75
-    interpolation: Any = "bilinear"
+    inner_radius: Any = 0.5
+    interpolation: Any = "nearest"
     training_range: float = 25.0
     vigilance: Any = None
     phases: int = 4
@@ -171,7 +172,7 @@ class InfraredConfig:
         _between("infrared.orders", self.orders, 1, 1000)
 
     def expand(self, grid: Grid) -> InfraredGrid:
-        """Every value of every axis, checked; ranges and vigilances are the grid's by default."""
+        """Every value of every axis, checked; what is not given here is the grid's."""
         key = "infrared."
         return InfraredGrid(
             range=grid.range
@@ -180,7 +181,9 @@ class InfraredConfig:
             super_resolution=word_axis(
                 key + "super_resolution", self.super_resolution, SUPER_RESOLUTION
             ),
-            frame_count=grid.frame_count,
+            frame_count=grid.frame_count
+            if self.frame_count is None
+            else count_axis(key + "frame_count", self.frame_count, maximum=10_000),
             coverage_rule=number_axis(
                 key + "coverage_rule", self.coverage_rule, minimum=0.01, maximum=1
             ),

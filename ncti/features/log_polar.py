@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 def log_polar(
     mask: ArrayLike,
     *,
-    inner_radius: float = 0.75,
+    inner_radius: float = 0.5,
     outer_radius: float = 3.0,
     radii: int = 32,
     angles: int = 64,

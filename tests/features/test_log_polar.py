@@ -180,7 +180,7 @@ def inside_ellipse(x, y, long, short, turn):
 
 def test_a_disc_gives_a_step_at_radius_one():
     disc = ellipse(1.0, long=40.0, short=40.0, centre=(0.3, -0.2))
-    found = log_polar(disc, radii=48)
+    found = log_polar(disc, radii=48, inner_radius=0.75)
     edges = 0.75 * 4 ** (np.arange(49) / 48)  # of the cells
     blur = 1.5 / 40  # a pixel's half diagonal, and one pixel of interpolation
     inside, outside = edges[1:] < 1 - blur, edges[:-1] > 1 + blur
@@ -196,7 +196,7 @@ def test_error_falls_as_the_pixel():
     # error goes as the pixel, slope 1.
     long, short, turn = 40.0, 15.0, 0.4
     unit = np.sqrt(long * short)
-    across, down = _unit_grid(0.75, 3.0, 32, 64, 2)
+    across, down = _unit_grid(0.5, 3.0, 32, 64, 2)
     exact = inside_ellipse(unit * across, unit * down, long, short, turn).mean(axis=0)
     pixels = np.array([4.0, 2.0, 1.0, 0.5])
     errors = []
@@ -269,8 +269,8 @@ def test_a_line_lies_at_0_and_180_degrees():
     line[2, 4:34] = True
     found = log_polar(line)
     along = found.sum(axis=1)
-    # Beyond one pixel of the line is nothing: within 1/(0.75 unit), unit = sqrt(30 / pi).
-    far = np.abs(np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)) > 1 / (0.75 * 3.09) + 0.05
+    # Beyond one pixel of the line is nothing: within 1/(0.5 unit), unit = sqrt(30 / pi).
+    far = np.abs(np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)) > 1 / (0.5 * 3.09) + 0.05
     np.testing.assert_array_equal(along[far], 0.0)
     assert along[0] == pytest.approx(along[31])
     assert along[0] == pytest.approx(along.max())
