@@ -171,8 +171,13 @@ class _Lattice:
             margin=2 * MARGIN,
             extent=self.extent,
         )
-        # Which half pixels are paired depends on where in the pixel the ship origin lies.
-        before = (int(2 * place[1]), int(2 * place[0]))
+        # Half pixel n, from the ship origin, belongs to the pixel n + whole over 2, rounded down,
+        # where whole is how many half pixels the origin is from the corner of its pixel.
+        before = []
+        for axis in (1, 0):
+            whole, phase = divmod(2 * place[axis], 1)
+            first = round(seen.origin[axis] / seen.footprint - 0.5 + phase)
+            before.append((first + int(whole)) % 2)
         after = tuple(
             2 - n % 2 - first for n, first in zip(seen.coverage.shape, before, strict=True)
         )

@@ -10,13 +10,15 @@ from pathlib import Path
 from rich.console import Console
 
 import ncti.ships
-from sweeps.benchmark import accuracy, invariance, paper, views
+from sweeps.benchmark import accuracy, images, invariance, paper, views
 from sweeps.benchmark.reports import Report, machine, show, write_json
 
 REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "views": lambda asked: views.measure(asked.ship, repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
+    "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
+    "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
     "paper": lambda asked: paper.measure(repeats=asked.repeats),
 }
 
@@ -27,7 +29,8 @@ def main(arguments: list[str] | None = None) -> None:
         prog="python -m sweeps.benchmark",
         description="Time a view by engine (views), the error of a range extent against its time "
         "(accuracy), what of a silhouette's map outlives shift, scale and rotation (invariance), "
-        "and time and memory of the whole experiment (paper).",
+        "infrared images a second (images), the infrared part of the experiment (infrared), and "
+        "time and memory of the whole experiment (paper).",
     )
     parser.add_argument("report", nargs="?", choices=[*REPORTS, "all"], default="all")
     parser.add_argument(
