@@ -31,6 +31,12 @@ def require(
     ValueError
         Naming the parameter, the value and what is allowed.
     """
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if minimum <= number <= maximum and math.isfinite(number) and not (positive and number <= 0):
+        return
     bounds = []
     if positive:
         bounds.append("above 0")
@@ -39,10 +45,4 @@ def require(
     if maximum < math.inf:
         bounds.append(f"at most {maximum:g}")
     allowed = "a finite number" + (" " + " and ".join(bounds) if bounds else "")
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    inside = minimum <= number <= maximum and not (positive and number <= 0)
-    if not (math.isfinite(number) and inside):
-        raise ValueError(f"{name} is {value!r}, but must be {allowed}")
+    raise ValueError(f"{name} is {value!r}, but must be {allowed}")
