@@ -24,7 +24,7 @@ from ncti.infrared.super_resolution import (
     scene_gain,
     shifted_images,
 )
-from ncti.infrared.synthesis import SUPER_RESOLUTIONS, image, thermal_images
+from ncti.infrared.synthesis import SUPER_RESOLUTIONS, image, pixel_sigma, thermal_images
 
 __all__ = [
     "BACK_PROJECTIONS",
@@ -46,6 +46,7 @@ __all__ = [
     "image",
     "noise_gain",
     "noise_temperature",
+    "pixel_sigma",
     "recombine",
     "reconstruction_error",
     "scene_gain",

@@ -20,24 +20,27 @@ Root-mean-square error against the fine template over the contrast, expected (cl
 the article's four ships at 0, 45 and 90 deg, two phases, windows with 4 half pixels of sea, a
 spread of 0.1 K:
 
-=====  ======  =====  =======  =============  =====  =====  =====
- km    frames  none   perfect  shift-and-add  1      2      3
-=====  ======  =====  =======  =============  =====  =====  =====
- 25      4     0.264   0.174       0.140      0.152  0.168  0.183
- 25     16     0.226   0.110       0.122      0.115  0.117  0.121
- 25     64     0.216   0.087       0.118      0.104  0.101  0.100
- 50      4     0.362   0.294       0.184      0.225  0.261  0.291
- 50     16     0.282   0.186       0.144      0.151  0.164  0.176
- 50     64     0.257   0.147       0.132      0.126  0.129  0.132
-100      4     0.852   0.832       0.415      0.583  0.702  0.795
-100     16     0.556   0.526       0.261      0.343  0.402  0.448
-100     64     0.453   0.416       0.206      0.249  0.281  0.305
-=====  ======  =====  =======  =============  =====  =====  =====
+=====  ======  =====  =======  =============  =====  =====  =====  =======
+ km    frames  none   perfect  shift-and-add  1      2      3      quarter
+=====  ======  =====  =======  =============  =====  =====  =====  =======
+ 25      4     0.264   0.174       0.149      0.166  0.185  0.201   0.201
+ 25     16     0.227   0.110       0.132      0.133  0.140  0.146   0.149
+ 25     64     0.216   0.087       0.128      0.124  0.126  0.129   0.132
+ 50      4     0.362   0.294       0.202      0.252  0.291  0.322   0.305
+ 50     16     0.282   0.186       0.167      0.189  0.208  0.223   0.202
+ 50     64     0.257   0.147       0.158      0.169  0.181  0.191   0.167
+100      4     0.852   0.832       0.480      0.665  0.790  0.886   0.804
+100     16     0.556   0.526       0.356      0.469  0.542  0.595   0.480
+100     64     0.453   0.416       0.317      0.406  0.459  0.496   0.356
+=====  ======  =====  =======  =============  =====  =====  =====  =======
 
-The noise that an iteration adds costs more than the blur that it removes, but at 25 km or with many
-frames. Shift-and-add is best in six cells of nine and never more than 18 % above the best; one
-iteration is up to 41 % above it. `perfect` is no bound: it has the frames of one position, and all
-of the scene's spread. `tests/infrared/test_super_resolution.py` computes the table.
+The frames are those of each position; `quarter` is shift-and-add with a quarter of them there,
+which makes as many in all as `none` and `perfect` have. The noise that an iteration adds, and the
+sea's own pattern that it sharpens, cost more than the blur that it removes, but at 25 km with 64
+frames: shift-and-add is best in eight cells of nine and never more than 4 % above the best; one
+iteration is up to 39 % above it. With a quarter of the frames it still is better than `none`
+everywhere, and than `perfect` at 100 km. `perfect` is no bound: it has the spread of a detector
+pixel in every half pixel. `tests/infrared/test_super_resolution.py` computes the table.
 """
 
 
@@ -169,7 +172,8 @@ def shifted_images(
     nedt : float
         Noise of one frame [K].
     target_spread, sea_spread : float
-        Own standard deviation of ship and sea, in a half pixel [K].
+        Own standard deviation of ship and sea in a *detector pixel* [K], as in an image without
+        super-resolution; that of a half pixel is twice as much.
     back_projections : int
         Iterations after shift-and-add.
 
@@ -186,19 +190,25 @@ def shifted_images(
     Notes
     -----
     Article, 'Passive-IR Signatures': frames shifted by half an IFOV in azimuth and elevation. It
-    assumes their recombination perfect; here it is carried out (see `recombine`). The scene is that
-    of `ncti.infrared.thermal_images` for the same generator, bit for bit. The sea goes on beyond
-    the window, far enough that the window's border is as good as its middle.
+    assumes their recombination perfect; here it is carried out (see `recombine`). Half pixels are
+    independent, so the mean of the four in a detector pixel has half the spread of one: drawn with
+    twice the spread, they are the same sea to the detector as without super-resolution. The scene
+    is that of `ncti.infrared.thermal_images` with twice the spread, for the same generator bit for
+    bit. The sea goes on beyond the window, far enough that the window's border is as good as its
+    middle. A larger window changes no bit on the ship for up to three back-projections; with more,
+    pixels at its outline reach beyond the sea that is drawn with it.
     """
     rim = 1 + _whole(back_projections)
+    require("target_spread", target_spread, minimum=0.0)
+    require("sea_spread", sea_spread, minimum=0.0)
     scene, noise = draw_scene(
         fine_target,
         contrast=contrast,
         frame_counts=frame_counts,
         rng=rng,
         nedt=nedt,
-        target_spread=target_spread,
-        sea_spread=sea_spread,
+        target_spread=2 * target_spread,
+        sea_spread=2 * sea_spread,
         rim=rim,
     )
     # The noise drawn with a half pixel is that of the detector pixel with its lower left there.
@@ -234,7 +244,7 @@ def noise_gain(back_projections: int = BACK_PROJECTIONS) -> float:
 
 
 def scene_gain(back_projections: int = BACK_PROJECTIONS) -> float:
-    """Own spread of the recombined image over that of the half pixels of the scene.
+    """Own spread of the recombined image over that of a detector pixel.
 
     Parameters
     ----------
@@ -244,7 +254,7 @@ def scene_gain(back_projections: int = BACK_PROJECTIONS) -> float:
     Returns
     -------
     float
-        Ratio of standard deviations, away from the ship's outline; 0.375 for shift-and-add.
+        Ratio of standard deviations, away from the ship's outline; 0.75 for shift-and-add.
 
     Raises
     ------
@@ -253,12 +263,12 @@ def scene_gain(back_projections: int = BACK_PROJECTIONS) -> float:
 
     Notes
     -----
-    As `noise_gain`, of the way from one half pixel of the scene through the detector to the image:
-    for shift-and-add the weights 1/4, 1/2, 1/4 both ways, whose squares sum to (3/8)^2. A pixel of
-    `shifted_images` has the variance (scene_gain spread)^2 + (noise_gain noise)^2; within
-    1 + back_projections half pixels of the outline ship and sea mix.
+    As `noise_gain`, of the way from one half pixel of the scene through the detector to the image,
+    times 2 because a half pixel has twice the spread of a detector pixel. For shift-and-add the
+    weights are 1/4, 1/2, 1/4 both ways, whose squares sum to (3/8)^2. Within 1 + back_projections
+    half pixels of the outline ship and sea mix.
     """
-    return _gains(_whole(back_projections))[1]
+    return 2 * _gains(_whole(back_projections))[1]
 
 
 @lru_cache

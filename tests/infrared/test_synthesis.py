@@ -13,6 +13,8 @@ from ncti.infrared import (
     contrast,
     image,
     noise_temperature,
+    pixel_sigma,
+    shifted_images,
     silhouette,
     thermal_images,
 )
@@ -171,6 +173,91 @@ def test_without_contrast_ship_and_sea_are_one():
     assert stats.ks_2samp(thermal[HALF], thermal[~HALF]).pvalue < LEVEL
 
 
+WAYS = [("none", 0), ("perfect", 0), ("shifted", 0), ("shifted", 1), ("shifted", 3)]
+
+
+def sea(way, back_projections, *, side, seed, **parameters):
+    """Nothing but sea, in pixels of the result."""
+    nothing, rng = np.zeros((side, side), bool), np.random.default_rng(seed)
+    if way == "shifted":
+        parameters["back_projections"] = back_projections
+    make = shifted_images if way == "shifted" else thermal_images
+    return make(nothing, contrast=1.0, rng=rng, **parameters)
+
+
+@pytest.mark.parametrize(("way", "back_projections"), WAYS)
+def test_sigma_of_a_pixel_by_drawing(way, back_projections):
+    """z-tests at 1e-3 over all of the variance of 10,000 independent pixels of sea."""
+    # A pixel knows half pixels up to 1 + n away: pixels 2 (1 + n) + 1 apart share none.
+    step = 2 * (1 + back_projections) + 1 if way == "shifted" else 1
+    mixes = {"both": (0.1, 0.4), "spread": (0.3, 0.0), "noise": (0.0, 0.4)}
+    for seed, (spread, nedt) in enumerate(mixes.values()):
+        drawn = sea(
+            way,
+            back_projections,
+            side=100 * step,
+            seed=seed,
+            frame_counts=(4, 16),
+            sea_spread=spread,
+            nedt=nedt,
+        )[:, ::step, ::step]
+        sigma = pixel_sigma(
+            spread,
+            frame_count=np.array([4, 16]),
+            nedt=nedt,
+            super_resolution=way,
+            back_projections=back_projections,
+        )
+        assert sigma.shape == (2,)
+        for pixels, one in zip(drawn, sigma, strict=True):
+            assert pixels.size == 10_000
+            z = z_of_variance(pixels, one**2)
+            assert abs(z) < stats.norm.isf(LEVEL / 2 / (2 * len(mixes) * len(WAYS)))
+
+
+def test_sigma_of_a_pixel_by_hand():
+    assert pixel_sigma(0.3, frame_count=1) == pytest.approx(0.5, rel=1e-15)
+    assert pixel_sigma(0.3, frame_count=1, super_resolution="perfect") == pixel_sigma(
+        0.3, frame_count=1
+    )
+    # Shift-and-add: 3/4 of the spread, half of the noise.
+    ours = pixel_sigma(0.4, frame_count=4, nedt=1.6, super_resolution="shifted")
+    assert ours == pytest.approx(0.5, rel=1e-15) and type(ours) is float
+    assert pixel_sigma(0.0, frame_count=[[1, 4]], nedt=0.4).tolist() == [[0.4, 0.2]]
+
+
+@pytest.mark.parametrize(("spread", "nedt"), [(0.1, 0.4), (0.1, 0.0), (0.0, 0.4)])
+def test_neighbours_of_shift_and_add_correlate(spread, nedt):
+    """Fisher's z at 1e-3 over all of 10,000 independent pairs, in a row and in a column."""
+    (pixels,) = sea(
+        "shifted", 0, side=400, seed=25, frame_counts=(16,), sea_spread=spread, nedt=nedt
+    )
+    variances = (0.75 * spread) ** 2, (0.5 * nedt) ** 2 / 16
+    expected = (variances[0] * 2 / 3 + variances[1] / 2) / sum(variances)
+    if spread and nedt:
+        assert round(expected, 2) == 0.62
+    for across in (pixels, pixels.T):
+        first, second = across[::4, ::4].ravel(), across[::4, 1::4].ravel()
+        ours = np.corrcoef(first, second)[0, 1]
+        z = (np.arctanh(ours) - np.arctanh(expected)) * np.sqrt(first.size - 3)
+        assert abs(z) < stats.norm.isf(LEVEL / 2 / 6)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"spread": -0.1}, "spread is -0.1"),
+        ({"frame_count": 0}, "frame_count is 0"),
+        ({"nedt": np.nan}, "nedt is nan"),
+        ({"super_resolution": "magic"}, "super_resolution is 'magic'"),
+        ({"back_projections": -1}, "back_projections is -1"),
+    ],
+)
+def test_sigma_of_nonsense(parameters, named):
+    with pytest.raises(ValueError, match=named):
+        pixel_sigma(**{"spread": 0.1, "frame_count": 4} | parameters)
+
+
 @pytest.mark.parametrize("way", SUPER_RESOLUTIONS)
 @pytest.mark.parametrize("kelvin", [0.0, 1e-9, 1e9, -1e9])
 def test_extreme_contrasts(way, kelvin):
@@ -192,10 +279,18 @@ def test_extreme_contrasts(way, kelvin):
     assert 0.4 / 4 < largest < 4 if abs(kelvin) < 1 else largest == pytest.approx(1e9)
 
 
-@pytest.mark.parametrize("way", SUPER_RESOLUTIONS)
+@pytest.mark.parametrize(
+    ("way", "back_projections"), [("none", 0), ("perfect", 0), *(("shifted", n) for n in range(4))]
+)
 @pytest.mark.parametrize("phase", [(0.0, 0.0), (0.3, 0.9)])
-def test_a_larger_window_changes_no_bit_on_the_ship(way, phase):
-    look = {"slant_range": 50e3, "frame_count": (16, 4), "super_resolution": way, "phase": phase}
+def test_a_larger_window_changes_no_bit_on_the_ship(way, back_projections, phase):
+    look = {
+        "slant_range": 50e3,
+        "frame_count": (16, 4),
+        "super_resolution": way,
+        "back_projections": back_projections,
+        "phase": phase,
+    }
     view = ship("texas", 60.0)
     footprint = IFOV * 50e3 * (1.0 if way == "none" else 0.5)
     images = {}
