@@ -155,8 +155,8 @@ def write_tables(config: SweepConfig, path: Path) -> None:
     if INFRARED in config.sensors:
         silhouettes = tabulate_silhouettes(store.read_group(path, ACN_INFRARED).load())
         tables[TABLES_INFRARED] = silhouettes
-        images = store.read_group(path, IMAGES)
-        tables[DETECTION], tables[RECONSTRUCTION] = tabulate_images(images)
+        images = store.read_group(path, IMAGES)[["detection_probability", "reconstruction_error"]]
+        tables[DETECTION], tables[RECONSTRUCTION] = tabulate_images(images.load())
     store.write_tables(path, tables)
 
 

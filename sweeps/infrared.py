@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,10 +16,8 @@ from ncti.infrared import (
     coverage_of,
     detection_probability,
     enlarge,
-    noise_gain,
-    noise_temperature,
+    pixel_sigma,
     reconstruction_error,
-    scene_gain,
     shifted_images,
     thermal_images,
 )
@@ -37,7 +32,8 @@ ANGLE = 360 / ANGLES * (np.arange(ANGLES) + 0.5)
 RADIUS = (np.arange(RADII) + 0.5) / RADII
 STEPS = 255  # values of a cell between empty and full
 
-MARGIN = 4  # pixels of sea around the largest ship
+MARGIN = 4  # pixels of sea around a ship
+LEAST_CONTRAST = 1e-6  # K, below which images have no error worth the name
 
 # Steps of a sequence that fills the unit square evenly, however long it is: Roberts' R2.
 PLASTIC = (0.7548776662466927, 0.5698402909980532)
@@ -78,9 +74,7 @@ def image_windows(
     """
     lines: dict[str, list[list[NDArray[Any]]]] = {"vertical": [], "horizontal": []}
     for slant_range in grid.range:
-        nowhere = np.zeros(0)
-        lattice = _Lattice.of(infrared, slant_range, depression_at(slant_range, scene))
-        empty = lattice.fine(nowhere, nowhere, 1.0, place=(0.0, 0.0))
+        empty = _whole_window(infrared, slant_range, scene, place=(0.0, 0.0))
         for axis, name in enumerate(lines):
             fine = empty.origin[1 - axis] + empty.footprint * np.arange(empty.coverage.shape[axis])
             coarse = fine.reshape(-1, 2).mean(axis=1)
@@ -101,262 +95,292 @@ def view_images(view: View) -> Arrays:
     dict of str to ndarray
         The variables of the store's infrared group, without the axes of the view.
     """
-    looks = [_Look(view, slant_range).measured() for slant_range in view.plan.infrared_grid.range]
+    looks = [_Look(view, slant_range) for slant_range in view.plan.infrared_grid.range]
+    measured = [look.measured() for look in looks]
     joined = {
-        name: np.stack([look[name] for look in looks], axis)
+        name: np.stack([found[name] for found in measured], axis)
         for name, axis in (
             ("detection_probability", 2),
             ("reconstruction_error", 2),
             ("log_polar", 5),
         )
     }
-    images = _stack_padded([[look["image"]] for look in looks])[:, 0]
+    images = _stack_padded(
+        [[look.in_window(found) for look, found in zip(looks, measured, strict=True)]]
+    )[0]
     training = _Look(view, view.plan.infrared.training_range)
-    return joined | {"image": np.moveaxis(images, 0, 1), "template_log_polar": training.template()}
+    return joined | {"image": np.moveaxis(images, 2, 0), "template_log_polar": training.template()}
 
 
-@dataclass(frozen=True)
-class _Lattice:
-    """Pixels of the detector on the target, and the pixels of half their side.
-
-    Both lie on one lattice, so that an image of the one is compared with an image of the other,
-    and coverage is computed once for both.
-    """
-
-    footprint: float
-    extent: tuple[float, float, float, float]
-
-    @classmethod
-    def of(cls, infrared: InfraredConfig, slant_range: float, depression: float) -> _Lattice:
-        """The lattice at a range [km], its window large enough for the largest ship."""
-        half = infrared.window_length / 2
-        sin, cos = np.sin(np.radians(depression)), np.cos(np.radians(depression))
-        extent = (-half, half, -half * sin, half * sin + infrared.window_height * cos)
-        return cls(infrared.ifov * 1e-6 * slant_range * 1e3, extent)
-
-    def coarse(
-        self,
-        horizontal: NDArray[np.float64],
-        vertical: NDArray[np.float64],
-        area: float,
-        *,
-        place: Place,
-    ) -> Silhouette:
-        """Coverage of the detector's pixels, with the ship origin at a place in one."""
-        return coverage_of(
-            horizontal,
-            vertical,
-            area=area,
-            footprint=self.footprint,
-            phase=place,
-            margin=MARGIN,
-            extent=self.extent,
-        )
-
-    def fine(
-        self,
-        horizontal: NDArray[np.float64],
-        vertical: NDArray[np.float64],
-        area: float,
-        *,
-        place: Place,
-    ) -> Silhouette:
-        """Coverage of half pixels, an even number each way, pairs of which make a pixel."""
-        seen = coverage_of(
-            horizontal,
-            vertical,
-            area=area,
-            footprint=self.footprint / 2,
-            phase=(2 * place[0] % 1, 2 * place[1] % 1),
-            margin=2 * MARGIN,
-            extent=self.extent,
-        )
-        # Half pixel n, from the ship origin, belongs to the pixel n + whole over 2, rounded down,
-        # where whole is how many half pixels the origin is from the corner of its pixel.
-        before = []
-        for axis in (1, 0):
-            whole, phase = divmod(2 * place[axis], 1)
-            first = round(seen.origin[axis] / seen.footprint - 0.5 + phase)
-            before.append((first + int(whole)) % 2)
-        after = tuple(
-            2 - n % 2 - first for n, first in zip(seen.coverage.shape, before, strict=True)
-        )
-        coverage = np.pad(seen.coverage, tuple(zip(before, after, strict=True)))
-        origin = (
-            seen.origin[0] - before[1] * seen.footprint,
-            seen.origin[1] - before[0] * seen.footprint,
-        )
-        return Silhouette(coverage=coverage, footprint=seen.footprint, origin=origin)
+def _whole_window(
+    infrared: InfraredConfig, slant_range: float, scene: SceneConfig, *, place: Place
+) -> Silhouette:
+    """Half pixels of a window for the largest ship at a range [km], all of them sea."""
+    half = infrared.window_length / 2
+    depression = np.radians(depression_at(slant_range, scene))
+    top = half * np.sin(depression) + infrared.window_height * np.cos(depression)
+    nowhere = np.zeros(0)
+    return coverage_of(
+        nowhere,
+        nowhere,
+        area=1.0,
+        footprint=infrared.ifov * 1e-6 * slant_range * 1e3,
+        phase=place,
+        margin=MARGIN,
+        extent=(-half, half, -half * np.sin(depression), top),
+        subdivision=2,
+    )
 
 
 @dataclass(frozen=True)
 class _Look:
-    """One ship at one aspect and one range [km]."""
+    """One ship at one aspect and one range [km].
+
+    Only the ship and a margin of sea around it are ever synthesised: what lies further off
+    changes nothing on the ship.
+    """
 
     view: View
     slant_range: float
 
     def measured(self) -> Arrays:
-        """Images of the first phase, and what is made of the images of every phase."""
-        return self._fetch("infrared", self._measure, without=("training_range",))
-
-    def template(self) -> NDArray[np.uint8]:
-        """(coverage_rule, inner_radius, interpolation, phase, angle, radius): noiseless maps."""
-        return self._fetch("silhouette", self._make_template, without=("frame_count",))["maps"]
-
-    def _fetch(self, stage: str, make: Callable[[], Arrays], *, without: tuple[str, ...]) -> Arrays:
-        plan = self.view.plan
-        known = asdict(plan.infrared) | asdict(plan.infrared_grid)
-        for key in ("order", "orders", "vigilance", *without):
-            known.pop(key, None)
-        known["range"] = self.slant_range
-        inputs = {
-            "code": plan.code[INFRARED],
-            "image": self.view.image_inputs(self.slant_range),
-            "ship": self.view.ship.label,
-            "infrared": known,
-            "seed": plan.seed,
-        }
-        return StageCache(plan.cache).fetch(stage, inputs, make)
-
-    @cached_property
-    def _lattice(self) -> _Lattice:
-        plan = self.view.plan
-        depression = depression_at(self.slant_range, plan.scene)
-        return _Lattice.of(plan.infrared, self.slant_range, depression)
-
-    def _make_template(self) -> Arrays:
-        grid = self.view.plan.infrared_grid
-        points = self.view.points(self.slant_range)
-        # Evenly spread places on the detector, the first with the ship origin on a corner.
-        silhouettes = [
-            self._lattice.coarse(*points, place=(k * PLASTIC[0] % 1, k * PLASTIC[1] % 1))
-            for k in grid.phase
-        ]
-        maps = [
-            # Without noise every threshold cuts out the same.
-            _map(segment(seen.target(rule).astype(np.float64), method="otsu"), inner, way)
-            for rule, inner, way, seen in product(
-                grid.coverage_rule, grid.inner_radius, grid.interpolation, silhouettes
-            )
-        ]
-        axes = (grid.coverage_rule, grid.inner_radius, grid.interpolation, grid.phase)
-        return {"maps": np.reshape(maps, (*map(len, axes), ANGLES, RADII))}
-
-    def _measure(self) -> Arrays:
-        grid = self.view.plan.infrared_grid
-        cells = [[self._measure_once(rule, k) for k in grid.phase] for rule in grid.coverage_rule]
-        measured = {
-            name: np.stack([np.stack([cell[name] for cell in row], axis) for row in cells])
-            for name, axis in (
-                ("detection_probability", 0),
-                ("reconstruction_error", 0),
-                ("log_polar", 3),
-            )
-        }
-        return measured | {"image": np.stack([row[0]["image"] for row in cells])}
-
-    def _measure_once(self, rule: float, phase: int) -> Arrays:
-        """Images at one place on the detector, and what is made of them.
+        """Images of the first place on the detector, and what is made of the images of each.
 
         Returns
         -------
         dict of str to ndarray
-            image : (super_resolution, frame_count, row, col), detection_probability :
-            (frame_count,), reconstruction_error : (super_resolution, frame_count), log_polar :
-            (segmentation, inner_radius, interpolation, super_resolution, frame_count, angle,
-            radius)
+            image.<super-resolution> : (coverage_rule, frame_count, row, col),
+            detection_probability : (coverage_rule, phase, frame_count), reconstruction_error :
+            (coverage_rule, phase, super_resolution, frame_count), log_polar : (coverage_rule,
+            segmentation, inner_radius, interpolation, phase, super_resolution, frame_count,
+            angle, radius)
         """
         plan = self.view.plan
-        grid, infrared = plan.infrared_grid, plan.infrared
-        cell: dict[str, Any] = {
+        keys = ("super_resolution", "frame_count", "segmentation")
+        of_sensor = ("contrast_at_zero", "extinction", "nedt", "target_spread", "sea_spread")
+        inputs = {
+            **self._silhouette_inputs(),
+            **{key: getattr(plan.infrared_grid, key) for key in keys},
+            **{key: getattr(plan.infrared, key) for key in (*of_sensor, "false_alarm")},
+            "ship": self.view.ship.label,  # names its noise
+            "seed": plan.seed,
+        }
+        return StageCache(plan.cache).fetch("infrared", inputs, self._measure)
+
+    def template(self) -> NDArray[np.uint8]:
+        """(coverage_rule, inner_radius, interpolation, phase, angle, radius): noiseless maps."""
+        cache = StageCache(self.view.plan.cache)
+        return cache.fetch("silhouette", self._silhouette_inputs(), self._make_template)["maps"]
+
+    def in_window(self, found: Arrays) -> NDArray[np.float32]:
+        """(super_resolution, coverage_rule, frame_count, row, col): measured images in the window
+        of the largest ship, NaN where nothing was synthesised."""
+        plan = self.view.plan
+        whole = _whole_window(plan.infrared, self.slant_range, plan.scene, place=self._places[0])
+        ours = found["origin"]
+        first = [round((ours[k] - whole.origin[k]) / whole.footprint) for k in (1, 0)]
+        images = []
+        for way in plan.infrared_grid.super_resolution:
+            image = found[f"image.{way}"]
+            cells = 2 if way == "none" else 1
+            rows, cols = (n // cells for n in whole.coverage.shape)
+            row, col = (n // cells for n in first)
+            placed = np.full((*image.shape[:2], rows, cols), np.nan, dtype=np.float32)
+            placed[..., row : row + image.shape[2], col : col + image.shape[3]] = image
+            images.append(placed)
+        return _stack_padded([images])[0]
+
+    def _silhouette_inputs(self) -> dict[str, Any]:
+        """All that the silhouettes on the detector and their maps depend on."""
+        plan = self.view.plan
+        keys = ("coverage_rule", "inner_radius", "interpolation", "phase")
+        return {
+            "code": plan.code[INFRARED],
+            "image": self.view.image_inputs(self.slant_range),
+            "range": self.slant_range,
+            "ifov": plan.infrared.ifov,
+            **{key: getattr(plan.infrared_grid, key) for key in keys},
+        }
+
+    @cached_property
+    def _name(self) -> dict[str, Any]:
+        """What names the noise of this look."""
+        return {
             "ship": self.view.ship.label,
             "aspect": self.view.aspect,
             "range": self.slant_range,
-            "phase": phase,
         }
-        place = cell_rng(plan.seed, stage="infrared_place", **cell).random(2)
-        covered = self._lattice.fine(*self.view.points(self.slant_range), place=tuple(place))
-        fine = covered.target(rule)
-        rows, cols = covered.coverage.shape
-        pixels = covered.coverage.reshape(rows // 2, 2, cols // 2, 2).mean(axis=(1, 3))
+
+    @cached_property
+    def _places(self) -> list[Place]:
+        """Where in a pixel of the detector the ship origin lies, for every phase."""
+        rng = cell_rng(self.view.plan.seed, stage="infrared_place", **self._name)
+        return [(across, up) for across, up in rng.random((len(self._phases), 2)).tolist()]
+
+    @property
+    def _phases(self) -> tuple[int, ...]:
+        """Numbers of the phases, from 0: more of them leave the first as they are."""
+        return self.view.plan.infrared_grid.phase
+
+    def _coverage(self, place: Place, *, subdivision: int) -> Silhouette:
+        horizontal, vertical, area = self.view.points(self.slant_range)
+        return coverage_of(
+            horizontal,
+            vertical,
+            area=area,
+            footprint=self.view.plan.infrared.ifov * 1e-6 * self.slant_range * 1e3,
+            phase=place,
+            margin=MARGIN,
+            extent=self._extent,
+            subdivision=subdivision,
+        )
+
+    @cached_property
+    def _extent(self) -> tuple[float, float, float, float]:
+        """The ship's bounding box, for windows of one shape at all places on the detector."""
+        horizontal, vertical, _ = self.view.points(self.slant_range)
+        ends = (horizontal.min(), horizontal.max(), vertical.min(), vertical.max())
+        return tuple(float(end) for end in ends)  # type: ignore[return-value]
+
+    def _make_template(self) -> Arrays:
+        grid = self.view.plan.infrared_grid
+        # Evenly spread places on the detector, the first with the ship origin on a corner.
+        covered = [
+            self._coverage((k * PLASTIC[0] % 1, k * PLASTIC[1] % 1), subdivision=1)
+            for k in self._phases
+        ]
+        maps = [
+            # Without noise every threshold cuts out the same.
+            _maps(segment([seen.target(rule) for seen in covered], method="otsu"), grid)
+            for rule in grid.coverage_rule
+        ]
+        return {"maps": np.array(maps)}
+
+    def _measure(self) -> Arrays:
+        covered = [self._coverage(place, subdivision=2) for place in self._places]
+        rules = self.view.plan.infrared_grid.coverage_rule
+        cells = [self._measure_template(covered, rule) for rule in rules]
+        found = {name: np.stack([cell[name] for cell in cells]) for name in cells[0]}
+        return found | {"origin": np.array(covered[0].origin)}
+
+    def _measure_template(self, covered: list[Silhouette], rule: float) -> Arrays:
+        """What `measured` returns, of one coverage rule."""
+        plan = self.view.plan
+        grid, infrared = plan.infrared_grid, plan.infrared
+        fine = np.array([seen.target(rule) for seen in covered])
+        phases, rows, cols = fine.shape
+        halves = np.array([seen.coverage for seen in covered])
+        pixels = halves.reshape(phases, rows // 2, 2, cols // 2, 2).mean(axis=(2, 4))
         coarse = pixels >= rule
         warmth = contrast(
             self.slant_range * 1e3,
             contrast_at_zero=infrared.contrast_at_zero,
             extinction=infrared.extinction * 1e-3,
         )
-        images, errors, maps = [], [], []
-        for way in grid.super_resolution:
-            synthesise = shifted_images if way == "shifted" else thermal_images
-            image = synthesise(
-                coarse if way == "none" else fine,
-                contrast=warmth,
-                frame_counts=grid.frame_count,
-                rng=cell_rng(plan.seed, stage="infrared", super_resolution=way, **cell),
-                nedt=infrared.nedt,
-                target_spread=infrared.target_spread,
-                sea_spread=infrared.sea_spread,
-            )
-            images.append(image)
-            finer = enlarge(image) if way == "none" else image
-            errors.append(
-                reconstruction_error(finer, fine, contrast=warmth)
-                if warmth > 0
-                else np.full(len(image), np.nan)
-            )
-            maps.append(
-                [
-                    self._maps(one, warmth, frames, way)
-                    for one, frames in zip(image, grid.frame_count, strict=True)
-                ]
-            )
-        detected = [
-            detection_probability(
-                coarse,
-                contrast=warmth,
-                target_sigma=np.hypot(infrared.target_spread, noise),
-                sea_sigma=np.hypot(infrared.sea_spread, noise),
-                false_alarm=infrared.false_alarm,
-            )
-            for noise in noise_temperature(np.array(grid.frame_count), nedt=infrared.nedt)
-        ]
-        # (super_resolution, frame_count, segmentation, ...) to (segmentation, ...)
-        return {
-            "image": _stack_padded([images])[0].astype(np.float32),
-            "detection_probability": np.array(detected, dtype=np.float32),
-            "reconstruction_error": np.array(errors, dtype=np.float32),
-            "log_polar": np.moveaxis(np.array(maps), (0, 1), (3, 4)),
+        images = {
+            way: self._synthesise(way, coarse if way == "none" else fine, warmth)
+            for way in grid.super_resolution
+        }
+        errors = np.full((phases, len(images), len(grid.frame_count)), np.nan)
+        if warmth >= LEAST_CONTRAST:  # else there is nothing to be a fraction of
+            for k, (way, image) in enumerate(images.items()):
+                finer = enlarge(image) if way == "none" else image
+                for phase in self._phases:
+                    errors[phase, k] = reconstruction_error(
+                        finer[phase], fine[phase], contrast=warmth
+                    )
+        maps = np.array([self._cut(way, image, warmth) for way, image in images.items()])
+        return {f"image.{way}": image[0].astype(np.float32) for way, image in images.items()} | {
+            "detection_probability": self._detected(coarse, warmth).astype(np.float32),
+            "reconstruction_error": errors.astype(np.float32),
+            # (super_resolution, segmentation, inner_radius, interpolation, phase, ...)
+            "log_polar": np.moveaxis(maps, 0, 4),
         }
 
-    def _maps(
-        self, image: NDArray[np.float64], warmth: float, frame_count: int, way: str
-    ) -> list[list[list[NDArray[np.uint8]]]]:
-        """Log-polar maps of an image, by segmentation, inner radius and interpolation."""
+    def _synthesise(
+        self, way: str, target: NDArray[np.bool_], warmth: float
+    ) -> NDArray[np.float64]:
+        """(phase, frame_count, row, col): images of the ship at every place on the detector."""
+        plan = self.view.plan
+        infrared = plan.infrared
+        draw = shifted_images if way == "shifted" else thermal_images
+        # One stream for all phases, one after the other.
+        rng = cell_rng(plan.seed, stage="infrared", super_resolution=way, **self._name)
+        return np.array(
+            [
+                draw(
+                    ship,
+                    contrast=warmth,
+                    frame_counts=plan.infrared_grid.frame_count,
+                    rng=rng,
+                    nedt=infrared.nedt,
+                    target_spread=infrared.target_spread,
+                    sea_spread=infrared.sea_spread,
+                )
+                for ship in target
+            ]
+        )
+
+    def _cut(self, way: str, images: NDArray[np.float64], warmth: float) -> NDArray[np.uint8]:
+        """(segmentation, inner_radius, interpolation, phase, frame_count, angle, radius)."""
         grid, infrared = self.view.plan.infrared_grid, self.view.plan.infrared
-        noise = noise_temperature(frame_count, nedt=infrared.nedt)
-        gains = (scene_gain(), noise_gain()) if way == "shifted" else (1.0, 1.0)
         known = {
-            f"{name}_sigma": math.hypot(gains[0] * spread, gains[1] * noise)
+            f"{name}_sigma": pixel_sigma(
+                spread,
+                frame_count=np.array(grid.frame_count),
+                nedt=infrared.nedt,
+                super_resolution=way,
+            )
             for name, spread in (("target", infrared.target_spread), ("sea", infrared.sea_spread))
         }
         cut = [
-            segment(image, method=method, contrast=warmth, **known) for method in grid.segmentation
+            segment(images, method=method, contrast=warmth, **known) for method in grid.segmentation
         ]
-        return [
-            [[_map(mask, inner, way) for way in grid.interpolation] for inner in grid.inner_radius]
-            for mask in cut
+        return np.array([_maps(mask, grid) for mask in cut])
+
+    def _detected(self, target: NDArray[np.bool_], warmth: float) -> NDArray[np.float64]:
+        """(phase, frame_count): probability that a pixel of the ship passes the threshold."""
+        grid, infrared = self.view.plan.infrared_grid, self.view.plan.infrared
+        sigmas = [
+            pixel_sigma(spread, frame_count=np.array(grid.frame_count), nedt=infrared.nedt)
+            for spread in (infrared.target_spread, infrared.sea_spread)
         ]
+        return np.array(
+            [
+                [
+                    detection_probability(
+                        int(count),
+                        contrast=warmth,
+                        target_sigma=target_sigma,
+                        sea_sigma=sea_sigma,
+                        false_alarm=infrared.false_alarm,
+                    )
+                    for target_sigma, sea_sigma in zip(*sigmas, strict=True)
+                ]
+                for count in np.count_nonzero(target, axis=(1, 2))
+            ]
+        )
 
 
-def _map(mask: NDArray[np.bool_], inner_radius: float, interpolation: str) -> NDArray[np.uint8]:
-    """Log-polar map in steps of a 255th, which halves of a per cent of a cell do not outweigh."""
-    cells = log_polar(
-        mask,
-        inner_radius=inner_radius,
-        interpolation=interpolation,
-        angles=ANGLES,
-        radii=RADII,
+def _maps(masks: NDArray[np.bool_], grid: InfraredGrid) -> NDArray[np.uint8]:
+    """(inner_radius, interpolation, ..., angle, radius): maps of masks, in steps of a 255th.
+
+    The values of a cell are shares of it; half a step is nothing beside what a pixel's noise does.
+    """
+    cells = np.array(
+        [
+            [
+                log_polar(
+                    masks,
+                    inner_radius=inner_radius,
+                    interpolation=interpolation,
+                    angles=ANGLES,
+                    radii=RADII,
+                )
+                for interpolation in grid.interpolation
+            ]
+            for inner_radius in grid.inner_radius
+        ]
     )
     return np.rint(STEPS * cells).astype(np.uint8)
 

@@ -7,14 +7,16 @@ counts of workers, so that equal sweeps make equal stores.
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import json
 import shutil
 import tempfile
 import uuid
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,7 +25,11 @@ import numpy as np
 import xarray as xr
 import zarr
 from numpy.typing import NDArray
+from zarr import AsyncArray
+from zarr.abc.buffer import Buffer
+from zarr.core.sync import sync
 from zarr.errors import ZarrUserWarning
+from zarr.storage import MemoryStore, StoreLike
 
 from sweeps.errors import ConfigurationError
 from sweeps.infrared import STEPS, infrared_code
@@ -152,10 +158,22 @@ def create(path: Path, config: SweepConfig, ships: tuple[Ship, ...], engine: str
 
 
 def _lay_out(path: Path, axes: Axes, attributes: Mapping[str, Any]) -> None:
-    for group, template in axes.templates().items():
-        template.to_zarr(path, group=group, mode="a", compute=False, consolidated=False)
-    zarr.open_group(path, mode="r+").attrs.update(attributes)
-    _consolidate(path)
+    made: dict[str, Buffer] = {}
+    memory = MemoryStore(made)
+    templates = axes.templates()
+    for group, template in templates.items():
+        template.to_zarr(memory, group=group, mode="a", compute=False, consolidated=False)
+    zarr.open_group(memory, mode="r+").attrs.update(attributes)
+    _consolidate(memory, templates)
+    _keep(made, path)
+
+
+def _keep(made: Mapping[str, Buffer], path: Path) -> None:
+    """Write what was made in memory, where the many small files of a group cost much less."""
+    for key, content in made.items():
+        file = path / key
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content.to_bytes())
 
 
 def provenance(config: SweepConfig, ships: tuple[Ship, ...], engine: str) -> dict[str, Any]:
@@ -188,16 +206,20 @@ def write_view(
     path: Path, ship: int, aspect: int, measured: Mapping[str, Mapping[str, NDArray[Any]]]
 ) -> None:
     """Write what the sensors measured of one view, by group and variable, then mark it done."""
-    for group, arrays in measured.items():
-        for name, values in arrays.items():
-            array = _array(path, group, name, mode="r+")
-            array[ship, aspect] = values.reshape(array.shape[2:])
+    _write_chunks(
+        {
+            path / group / name: values
+            for group, arrays in measured.items()
+            for name, values in arrays.items()
+        },
+        (ship, aspect),
+    )
     mark_view(path, ship, aspect, DONE)
 
 
 def mark_view(path: Path, ship: int, aspect: int, state: int) -> None:
     """Set the status of one view."""
-    _array(path, STATUS, "view", mode="r+")[ship, aspect] = state
+    _write_chunks({path / STATUS / "view": np.array(state)}, (ship, aspect))
 
 
 def views_done(path: Path) -> NDArray[np.bool_]:
@@ -261,12 +283,31 @@ def write_cell(
     path: Path, group: str, cell: tuple[int, ...], arrays: Mapping[str, NDArray[Any]]
 ) -> None:
     """Write the answers of the classifier in one cell, then mark what has one done."""
-    for name, values in arrays.items():
-        array = _array(path, group, name, mode="r+")
-        array[cell] = values.reshape(array.shape[len(cell) :])
-    array = _array(path, STATUS_OF[group], "cell", mode="r+")
+    _write_chunks({path / group / name: values for name, values in arrays.items()}, cell)
     state = np.where(arrays["correct"] >= 0, DONE, FAILED)
-    array[cell] = state.reshape(array.shape[len(cell) :])
+    _write_chunks({path / STATUS_OF[group] / "cell": state}, cell)
+
+
+def _write_chunks(arrays: Mapping[Path, NDArray[Any]], place: tuple[int, ...]) -> None:
+    """Write at one place of several arrays, all at once: most of the time of each is waiting."""
+
+    opened = {path: _opened(path, (path / "zarr.json").stat().st_mtime_ns) for path in arrays}
+
+    async def write() -> None:
+        await asyncio.gather(
+            *(
+                array.setitem(place, arrays[path].reshape(array.shape[len(place) :]))
+                for path, array in opened.items()
+            )
+        )
+
+    sync(write())
+
+
+@lru_cache(maxsize=128)
+def _opened(path: Path, changed: int) -> AsyncArray[Any]:
+    """An array to write to, kept open as long as its metadata do not change."""
+    return zarr.open_array(path, mode="r+").async_array
 
 
 def mark_cell(path: Path, group: str, cell: tuple[int, ...], state: int) -> None:
@@ -277,8 +318,11 @@ def mark_cell(path: Path, group: str, cell: tuple[int, ...], state: int) -> None
 def write_tables(path: Path, tables: Mapping[str, xr.Dataset]) -> None:
     """Write tables by group, in place of any that are there."""
     for group, table in tables.items():
-        table.to_zarr(path, group=group, mode="w", consolidated=False)
-    _consolidate(path)
+        made: dict[str, Buffer] = {}
+        table.to_zarr(MemoryStore(made), group=group, mode="w", consolidated=False)
+        shutil.rmtree(path / group, ignore_errors=True)
+        _keep({key: made[key] for key in made if key.startswith("tables/")}, path)
+    _consolidate(path, [name for name in GROUPS if (path / name).is_dir()])
 
 
 def read_group(path: Path, group: str) -> xr.Dataset:
@@ -291,14 +335,14 @@ def has_group(path: Path, group: str) -> bool:
     return (path / group / "zarr.json").is_file()
 
 
-def _consolidate(path: Path) -> None:
+def _consolidate(there: StoreLike, groups: Iterable[str]) -> None:
     """Gather the metadata, so that `xr.open_zarr` finds it in one file, in any group."""
     with warnings.catch_warnings():
         # Consolidated metadata is an extension of the zarr 3 format, as xarray writes it too.
         warnings.simplefilter("ignore", ZarrUserWarning)
-        for group in (name for name in GROUPS if (path / name).is_dir()):
-            zarr.consolidate_metadata(path, path=group)
-        zarr.consolidate_metadata(path)
+        for group in groups:
+            zarr.consolidate_metadata(there, path=group)
+        zarr.consolidate_metadata(there)
 
 
 def read_attributes(path: Path) -> dict[str, Any]:

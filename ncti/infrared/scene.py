@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,22 +80,31 @@ def draw_scene(
     require("nedt", nedt, minimum=0.0)
     require("target_spread", target_spread, minimum=0.0)
     require("sea_spread", sea_spread, minimum=0.0)
+    if np.size(frame_counts) == 0:
+        raise ValueError("frame_counts is empty, but must hold at least one number")
     for count in np.ravel(frame_counts):
         require("frame_counts", count, minimum=1.0)
         if count != int(count):
             raise ValueError(f"frame_counts is {count!r}, but must be whole numbers")
-    if np.size(frame_counts) == 0:
-        raise ValueError("frame_counts is empty, but must hold at least one number")
 
-    counts, order = np.unique(np.ravel(frame_counts), return_inverse=True)
-    normals = _draw(target, 1 + counts.size, rim, rng)
-    padded = np.pad(target, rim)
+    wanted = [int(count) for count in np.ravel(frame_counts)]
+    counts = sorted(set(wanted))
+    normals = _draw(target, 1 + len(counts), rim, rng)
     scene = normals[0]
-    scene *= np.where(padded, target_spread, sea_spread)
-    scene[padded] += contrast
-    steps = np.sqrt(np.diff(counts.astype(np.float64), prepend=0.0))
-    walk = np.cumsum(normals[1:] * steps[:, None, None], axis=0)
-    return scene, (walk * (nedt / counts)[:, None, None])[order]
+    if target_spread == sea_spread:
+        scene *= sea_spread
+    else:
+        scene *= np.where(np.pad(target, rim), target_spread, sea_spread)
+    rows, cols = target.shape
+    scene[rim : rim + rows, rim : rim + cols] += contrast * target
+    walk = normals[1:]
+    walk[0] *= math.sqrt(counts[0])
+    for k, (before, after) in enumerate(pairwise(counts), start=1):
+        walk[k] *= math.sqrt(after - before)
+        walk[k] += walk[k - 1]
+    noise = walk[[counts.index(count) for count in wanted]] if wanted != counts else walk
+    noise *= (nedt / np.array(wanted))[:, None, None]
+    return scene, noise
 
 
 def _draw(
@@ -102,7 +113,6 @@ def _draw(
     """Standard normals (count, row + 2 rim, col + 2 rim) in the order that `draw_scene` tells."""
     shape = target.shape[0] + 2 * rim, target.shape[1] + 2 * rim
     normals = np.empty((count, *shape))
-    window = np.pad(np.ones(target.shape, bool), rim)
     undrawn = np.ones(shape, bool)
     if target.any():
         begin, end = zip(*(_span(lines) for lines in (target, target.T)), strict=True)
@@ -120,8 +130,12 @@ def _draw(
         )
         normals[(slice(None), *here)] = box[(slice(None), *there)]
         undrawn[here] = False
-    for part in (undrawn & window, undrawn & ~window):
-        normals[:, part] = rng.standard_normal((count, np.count_nonzero(part)))
+    inside = np.zeros(shape, bool)
+    inside[rim : rim + target.shape[0], rim : rim + target.shape[1]] = True
+    for part in (undrawn & inside, undrawn & ~inside):
+        places = np.flatnonzero(part)
+        if places.size:
+            normals.reshape(count, -1)[:, places] = rng.standard_normal((count, places.size))
     return normals
 
 

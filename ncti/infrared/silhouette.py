@@ -127,6 +127,7 @@ def coverage_of(
     phase: tuple[float, float] = (0.0, 0.0),
     margin: int = 4,
     extent: Extent | None = None,
+    subdivision: int = 1,
 ) -> Silhouette:
     """Area coverage of the detector's pixels by small patches of ship.
 
@@ -138,11 +139,14 @@ def coverage_of(
         Area of one patch [m^2].
     footprint, phase, margin, extent
         As for `silhouette`.
+    subdivision : int
+        Cells along each side of a pixel.
 
     Returns
     -------
     Silhouette
-        Coverage of the window's pixels.
+        Coverage of the window's pixels, or of their cells: as many whole pixels, whose coverage
+        is the mean of that of their cells.
 
     Raises
     ------
@@ -164,31 +168,36 @@ def coverage_of(
     require("margin", margin, minimum=0.0)
     if margin != int(margin):
         raise ValueError(f"margin is {margin!r}, but must be a whole number of pixels")
+    require("subdivision", subdivision, minimum=1.0)
+    if subdivision != int(subdivision):
+        raise ValueError(f"subdivision is {subdivision!r}, but must be a whole number")
     for name, part in zip(("phase[0]", "phase[1]"), phase, strict=True):
         require(name, part, minimum=0.0)
         if part >= 1:
             raise ValueError(f"{name} is {part!r}, but must be below 1")
     if extent is None and not horizontal.size:
         raise ValueError("the ship shows no pixel, so an extent must be given")
+    cells = int(subdivision)
     left, right, bottom, top = (None,) * 4 if extent is None else extent
-    column, first_column, columns = _pixels(
-        "horizontal", horizontal, footprint, phase[0], int(margin), left, right
+    column, first_column, columns = _cells(
+        "horizontal", horizontal, footprint, phase[0], int(margin), left, right, cells
     )
-    row, first_row, rows = _pixels(
-        "vertical", vertical, footprint, phase[1], int(margin), bottom, top
+    row, first_row, rows = _cells(
+        "vertical", vertical, footprint, phase[1], int(margin), bottom, top, cells
     )
     count = np.bincount(row * columns + column, minlength=rows * columns).astype(np.float64)
+    side = footprint / cells
     return Silhouette(
-        coverage=count.reshape(rows, columns) * (area / footprint**2),
-        footprint=footprint,
+        coverage=count.reshape(rows, columns) * (area / side**2),
+        footprint=side,
         origin=(
-            (first_column + 0.5 - phase[0]) * footprint,
-            (first_row + 0.5 - phase[1]) * footprint,
+            (first_column - phase[0]) * footprint + side / 2,
+            (first_row - phase[1]) * footprint + side / 2,
         ),
     )
 
 
-def _pixels(
+def _cells(
     axis: str,
     points: NDArray[np.float64],
     footprint: float,
@@ -196,11 +205,15 @@ def _pixels(
     margin: int,
     low: float | None,
     high: float | None,
+    subdivision: int,
 ) -> tuple[NDArray[np.int64], int, int]:
-    """Pixel of each point counted from the window's first, that first one, and their number."""
-    pixel = np.floor(points * (1 / footprint) + phase).astype(np.int64)
+    """Cell of each point counted from the window's first, its first pixel, and how many cells."""
+    place = points * (1 / footprint)
+    place += phase
+    place *= subdivision
+    cell = np.floor(place, out=place).astype(np.int64)
     if low is None or high is None:
-        first, last = int(pixel.min()), int(pixel.max())
+        first, last = int(cell.min()) // subdivision, int(cell.max()) // subdivision
     else:
         require(f"extent ({axis}, low end)", low)
         require(f"extent ({axis}, high end)", high, minimum=low)
@@ -213,4 +226,5 @@ def _pixels(
         first = math.floor(low * (1 / footprint) + phase)
         last = first + math.floor((high - low) / footprint + _ROUNDING) + 1
     first -= margin
-    return pixel - first, first, last + margin - first + 1
+    cell -= first * subdivision
+    return cell, first, (last + margin - first + 1) * subdivision

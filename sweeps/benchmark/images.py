@@ -19,9 +19,7 @@ from ncti.infrared import (
     IFOV,
     SPREAD,
     contrast,
-    noise_gain,
-    noise_temperature,
-    scene_gain,
+    pixel_sigma,
     shifted_images,
     silhouette,
     thermal_images,
@@ -68,12 +66,10 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
     mesh = ncti.ships.load(ship)
     views = [range_image(mesh, aspect=a, depression=3.84, engine="auto") for a in aspects]
     rng = np.random.default_rng(0)
-    noise = noise_temperature(FRAMES)
     rows = []
     for slant_range, way in product(RANGES, SUPER_RESOLUTION):
         footprint = IFOV * slant_range / (1 if way == "none" else 2)
-        gains = (scene_gain(), noise_gain()) if way == "shifted" else (1.0, 1.0)
-        sigma = float(np.hypot(gains[0] * SPREAD, gains[1] * noise))
+        sigma = pixel_sigma(SPREAD, frame_count=FRAMES, super_resolution=way)
         warmth = contrast(slant_range)
         draw = shifted_images if way == "shifted" else thermal_images
         times: dict[str, list[float]] = {step: [] for step in STEPS}

@@ -21,7 +21,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ncti.features import log_polar, segment
-from ncti.infrared import contrast, noise_gain, noise_temperature, scene_gain
+from ncti.infrared import contrast, pixel_sigma
 from sweeps import store
 from sweeps.layout import ACN_INFRARED, IMAGES, OPTIONAL, TABLES_INFRARED
 from sweeps.report.naming_figures import WAYS, draw_formation, draw_table5
@@ -142,7 +142,7 @@ def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
     list of Look
         By range. The nearest is shown as the detector has it, others in all resolutions.
     """
-    noise = noise_temperature(view.frame_count.item(), nedt=configuration["nedt"])
+    frame_count = view.frame_count.item()
     ways = [str(way) for way in view.super_resolution.values]
     looks = []
     for i, slant_range in enumerate(view.range.values.tolist()):
@@ -156,12 +156,15 @@ def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
                 continue
             here = view.isel(range=i, super_resolution=k)
             across, up = (here[name].values for name in ("horizontal", "vertical"))
-            inside = np.ix_(np.isfinite(up), np.isfinite(across))
-            image = here.image.transpose("row", "col").values.astype(np.float64)[inside]
-            gains = (scene_gain(), noise_gain()) if way == "shifted" else (1.0, 1.0)
+            whole = here.image.transpose("row", "col").values.astype(np.float64)
+            rows, cols = (np.isfinite(whole).any(axis=axis) for axis in (1, 0))
+            image = whole[np.ix_(rows, cols)]
             sigmas = {
-                f"{name}_sigma": math.hypot(
-                    gains[0] * configuration[f"{name}_spread"], gains[1] * noise
+                f"{name}_sigma": pixel_sigma(
+                    configuration[f"{name}_spread"],
+                    frame_count=frame_count,
+                    nedt=configuration["nedt"],
+                    super_resolution=way,
                 )
                 for name in ("target", "sea")
             }
@@ -170,8 +173,8 @@ def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
                 Look(
                     slant_range=slant_range,
                     way=way,
-                    across=across[np.isfinite(across)],
-                    up=up[np.isfinite(up)],
+                    across=across[cols],
+                    up=up[rows],
                     image=image,
                     mask=segment(image, method=method, contrast=warmth, **sigmas),
                     cells=here.log_polar.isel(phase=0).transpose("angle", "radius").values,

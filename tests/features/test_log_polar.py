@@ -372,3 +372,32 @@ def test_bad_maps_are_named():
         cyclic_similarity(np.ones(64), np.ones((64, 16)))
     with pytest.raises(ValueError, match="b holds"):
         cyclic_similarity(np.ones((4, 2)), np.full((4, 2), np.inf))
+
+
+@settings(max_examples=60, deadline=None)
+@given(arrays(np.bool_, array_shapes(min_dims=3, max_dims=4, max_side=9)))
+@pytest.mark.parametrize("interpolation", ["bilinear", "nearest"])
+def test_a_stack_is_mapped_mask_by_mask(interpolation, masks):
+    together = log_polar(masks, interpolation=interpolation, radii=5, angles=8)
+    for place in np.ndindex(masks.shape[:-2]):
+        alone = log_polar(masks[place], interpolation=interpolation, radii=5, angles=8)
+        np.testing.assert_array_equal(together[place], alone)
+
+
+@pytest.mark.parametrize("mask", [np.zeros((3, 3), bool), np.ones((3, 3), bool)])
+def test_whole_numbers_may_be_floats(mask):
+    found = log_polar(mask, angles=8.0, radii=4.0, oversample=2.0)
+    np.testing.assert_array_equal(found, log_polar(mask, angles=8, radii=4))
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_similarity_does_not_depend_on_the_size_of_numbers(scale):
+    maps = np.random.default_rng(0).random((8, 4))
+    similarity, rotation = cyclic_similarity(scale * maps, np.roll(scale * maps, -2, axis=0))
+    assert similarity == pytest.approx(1.0)
+    assert rotation == 90.0
+
+
+def test_maps_without_angles_are_refused():
+    with pytest.raises(ValueError, match=r"^a has shape \(0, 2\), but must have angles and radii$"):
+        cyclic_similarity(np.ones((0, 2)), np.ones((0, 2)))

@@ -25,6 +25,20 @@ ratios = arrays(
 )
 
 
+def ratio_of(image, **known):
+    return _log_likelihood_ratio(
+        image[None], **{k: np.full((1, 1, 1), v) for k, v in known.items()}
+    )[0]
+
+
+def modes(target, ratio):
+    return _conditional_modes(target[None], ratio[None])[0]
+
+
+def whole(target, *, weights):
+    return _whole(target[None], weights=None if weights is None else weights[None])[0]
+
+
 def ship(shape=(20, 54)):
     """A hull with a deckhouse and a mast, one region without holes."""
     mask = np.zeros(shape, dtype=bool)
@@ -123,7 +137,7 @@ def test_the_image_is_left_alone():
 def test_threshold_is_the_mid_level_at_equal_sigmas():
     known = {"contrast": 0.27, "target_sigma": 0.14, "sea_sigma": 0.14}
     around = 0.135 * np.array([[1 - 1e-9, 1 + 1e-9]])
-    below, above = _log_likelihood_ratio(around, **known)[0]
+    below, above = ratio_of(around, **known)[0]
     assert below < 0 < above
 
 
@@ -131,7 +145,7 @@ def test_threshold_is_the_mid_level_at_equal_sigmas():
 def test_ratio_is_that_of_two_gaussians_up_to_the_vertex(contrast, target_sigma, sea_sigma):
     x = np.linspace(-3 * sea_sigma, contrast + 3 * target_sigma, 50)[None]
     known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
-    found = _log_likelihood_ratio(x, **known)
+    found = ratio_of(x, **known)
     exact = stats.norm.logpdf(x, contrast, target_sigma) - stats.norm.logpdf(x, 0, sea_sigma)
     slope = x / sea_sigma**2 - (x - contrast) / target_sigma**2
     rising = (slope > 0) & ((x > 0) | (exact < 0))
@@ -146,7 +160,7 @@ def test_ratio_never_falls_with_heat_and_the_cold_are_no_ship(
 ):
     known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
     x = np.sort(image, axis=None)[None]
-    ratio = _log_likelihood_ratio(x, **known)
+    ratio = ratio_of(x, **known)
     assert np.isfinite(ratio).all()
     assert (np.diff(ratio) >= -1e-12 * np.abs(ratio[:, 1:])).all()
     assert (ratio[x <= 0] <= 0).all()
@@ -165,7 +179,7 @@ def test_errors_of_single_pixels_are_those_of_theory(target_sigma, sea_sigma):
     rng = np.random.default_rng(5)
     for mean, sigma in ((contrast, target_sigma), (0.0, sea_sigma)):
         x = rng.normal(mean, sigma, (1, n))
-        hits = (_log_likelihood_ratio(x, **known) > 0).sum()
+        hits = (ratio_of(x, **known) > 0).sum()
         p = stats.norm.sf(threshold, mean, sigma)
         assert abs(hits - n * p) < 4 * np.sqrt(n * p * (1 - p))
 
@@ -198,18 +212,14 @@ def slow_modes(target, ratio, *, beta=0.5, passes=10):
 
 @given(ratios)
 def test_conditional_modes_equal_a_plain_loop(ratio):
-    np.testing.assert_array_equal(
-        _conditional_modes(ratio > 0, ratio), slow_modes(ratio > 0, ratio)
-    )
+    np.testing.assert_array_equal(modes(ratio > 0, ratio), slow_modes(ratio > 0, ratio))
 
 
 def test_conditional_modes_equal_a_plain_loop_on_ships():
     rng = np.random.default_rng(3)
     for _ in range(10):
-        ratio = _log_likelihood_ratio(image_of(ship(), rng, **FAR), **FAR)
-        np.testing.assert_array_equal(
-            _conditional_modes(ratio > 0, ratio), slow_modes(ratio > 0, ratio)
-        )
+        ratio = ratio_of(image_of(ship(), rng, **FAR), **FAR)
+        np.testing.assert_array_equal(modes(ratio > 0, ratio), slow_modes(ratio > 0, ratio))
 
 
 def log_posterior(target, ratio, beta=0.5):
@@ -226,7 +236,7 @@ def log_posterior(target, ratio, beta=0.5):
 
 @given(ratios)
 def test_the_posterior_never_falls(ratio):
-    found = _conditional_modes(ratio > 0, ratio)
+    found = modes(ratio > 0, ratio)
     assert log_posterior(found, ratio) >= log_posterior(ratio > 0, ratio) - 1e-9
 
 
@@ -234,9 +244,9 @@ def test_neighbours_fill_gaps_and_remove_specks():
     target = ship()
     ratio = np.where(target, 5.0, -5.0)
     ratio[14, 20], ratio[2, 2] = -1.0, 1.0  # weak doubts against 8 neighbours
-    np.testing.assert_array_equal(_conditional_modes(ratio > 0, ratio), target)
+    np.testing.assert_array_equal(modes(ratio > 0, ratio), target)
     ratio[14, 20], ratio[2, 2] = -2.5, 2.5  # beyond what 8 neighbours outvote
-    np.testing.assert_array_equal(_conditional_modes(ratio > 0, ratio), ratio > 0)
+    np.testing.assert_array_equal(modes(ratio > 0, ratio), ratio > 0)
 
 
 def test_neighbours_help_at_100_km():
@@ -246,9 +256,9 @@ def test_neighbours_help_at_100_km():
     gains, over_otsu = [], []
     for _ in range(200):
         image = image_of(ship(), rng, **FAR)
-        ratio = _log_likelihood_ratio(image, **FAR)
+        ratio = ratio_of(image, **FAR)
         found = overlap(segment(image, **FAR), ship())
-        gains.append(found - overlap(_whole(ratio > 0, weights=ratio), ship()))
+        gains.append(found - overlap(whole(ratio > 0, weights=ratio), ship()))
         over_otsu.append(found - overlap(segment(image, method="otsu"), ship()))
     for gain in (gains, over_otsu):
         assert np.mean(gain) > 4 * stats.sem(gain)
@@ -285,7 +295,7 @@ def test_regions_and_holes_as_scipy_has_them(target):
     labels, count = ndimage.label(target, structure=np.ones((3, 3)))
     sizes = [(labels == label).sum() for label in range(1, count + 1)]
     largest = labels == 1 + int(np.argmax(sizes)) if count else target
-    np.testing.assert_array_equal(_whole(target, weights=None), ndimage.binary_fill_holes(largest))
+    np.testing.assert_array_equal(whole(target, weights=None), ndimage.binary_fill_holes(largest))
 
 
 # Errors
@@ -311,3 +321,31 @@ def test_bad_input_is_named(given_, named):
     given_ = {"image": np.zeros((4, 4))} | KNOWN | given_
     with pytest.raises(ValueError, match=named):
         segment(given_.pop("image"), **given_)
+
+
+@pytest.mark.parametrize("method", SEGMENTATION_METHODS)
+def test_a_stack_is_cut_image_by_image(method):
+    """Any leading axes, a sigma for each; empty, constant, noisy and clear images together."""
+    rng = np.random.default_rng(11)
+    images = np.stack(
+        [image_of(ship(), rng, **FAR) for _ in range(5)]
+        + [np.zeros(ship().shape), np.full(ship().shape, 0.3), -np.ones(ship().shape)]
+        + [np.where(ship(), 1.0, 0.0)]
+        + [rng.normal(0, 0.2, ship().shape) for _ in range(3)]
+    ).reshape(3, 4, *ship().shape)
+    known = {
+        "contrast": rng.uniform(0.2, 0.4, (3, 4)),
+        "target_sigma": rng.uniform(0.05, 0.3, 4),
+        "sea_sigma": 0.1,
+    }
+    known["contrast"][1, 1] = 0.0
+    each = {name: np.broadcast_to(value, (3, 4)) for name, value in known.items()}
+    together = segment(images, method=method, **known)
+    for place in np.ndindex(3, 4):
+        alone = segment(images[place], method=method, **{k: v[place] for k, v in each.items()})
+        np.testing.assert_array_equal(together[place], alone)
+
+
+def test_a_sigma_for_each_must_fit_the_stack():
+    with pytest.raises(ValueError, match=r"^sea_sigma has shape \(3,\), but must be .* \(2,\)$"):
+        segment(np.zeros((2, 4, 4)), contrast=1.0, target_sigma=0.1, sea_sigma=np.ones(3))

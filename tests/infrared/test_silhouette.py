@@ -171,6 +171,26 @@ def test_half_a_pixel_of_phase_halves_an_edge():
     np.testing.assert_allclose(both.coverage, np.full((2, 2), 0.25))
 
 
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 99), phase=phases, cells=st.integers(1, 5), window=st.booleans())
+def test_cells_make_up_their_pixels(seed, phase, cells, window):
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-60, 60, 3_000), rng.uniform(0, 30, 3_000)
+    given = {"area": 0.1, "footprint": 3.75, "phase": phase, "margin": 2}
+    given["extent"] = (-70.0, 65.0, -5.0, 40.0) if window else None
+    pixels = coverage_of(x, y, **given)
+    fine = coverage_of(x, y, **given, subdivision=cells)
+    rows, cols = pixels.coverage.shape
+    assert fine.coverage.shape == (rows * cells, cols * cells)
+    assert fine.footprint == 3.75 / cells
+    # First cell and first pixel have one corner.
+    corners = [np.array(seen.origin) - seen.footprint / 2 for seen in (pixels, fine)]
+    np.testing.assert_allclose(*corners, atol=1e-9)
+    means = fine.coverage.reshape(rows, cells, cols, cells).mean(axis=(1, 3))
+    # A point within rounding of an edge may fall on either side of it.
+    assert np.abs(means - pixels.coverage).sum() * 3.75**2 <= 2 * 0.1
+
+
 def test_no_ship_in_an_extent_is_all_sea():
     none = np.zeros(0)
     seen = coverage_of(none, none, area=0.1, footprint=3.0, extent=(-9.0, 9.0, 0.0, 9.0))
