@@ -54,9 +54,10 @@ def tabulate_silhouettes(classified: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        As of `tabulate_profiles`. Accuracies are means over phases and orders, with
-        `..._spread`, their standard deviation. Intervals are those of the mean for as many
-        answers as there are views, since the same views are seen in every phase and order.
+        As of `tabulate_profiles`. Accuracies are means over the phases and orders that have
+        answers, with `..._spread`, their standard deviation; both are NaN where none has.
+        Intervals are those of the mean for `..._n` answers, the views of one phase and order:
+        all of them see the same views, and more looks at a view are no more views.
     """
     tables = _formed(classified, "training silhouettes")
     for prefix, name, what in (
@@ -64,9 +65,11 @@ def tabulate_silhouettes(classified: xr.Dataset) -> xr.Dataset:
         ("", "correct", "test silhouettes"),
     ):
         scored = _scored(classified[name], prefix, what)
-        fraction, n = scored[prefix + "accuracy"][0], scored[prefix + "n"][0].isel(phase=0, order=0)
+        fraction = scored[prefix + "accuracy"][0]
+        # A training that failed has no answers, and any other has those of all views there are.
+        n = scored[prefix + "n"][0].max(DRAWS)
         mean = fraction.mean(DRAWS)
-        low, high = wilson_interval((mean * n).clip(0, n), n)
+        low, high = wilson_interval((mean.fillna(0) * n).clip(0, n), n)
         tables |= {
             prefix + "accuracy": (mean, f"mean {scored[prefix + 'accuracy'][1]}"),
             prefix + "spread": (
@@ -75,7 +78,7 @@ def tabulate_silhouettes(classified: xr.Dataset) -> xr.Dataset:
             ),
             prefix + "ci_low": (mean.copy(data=low), scored[prefix + "ci_low"][1]),
             prefix + "ci_high": (mean.copy(data=high), scored[prefix + "ci_high"][1]),
-            prefix + "n": (n.drop_vars(DRAWS), scored[prefix + "n"][1]),
+            prefix + "n": (n, scored[prefix + "n"][1]),
         }
     return _dataset(tables, classified.aspect)
 
@@ -92,9 +95,10 @@ def tabulate_images(images: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     -------
     detection : xarray.Dataset
         `probability` by aspect bin, mean over ships, aspects and phases; `lowest`, the least
-        of all views.
+        of all views. Views that are not there are left out; NaN where none is.
     super_resolution : xarray.Dataset
-        `error`, mean over ships, aspects and phases, and `error_spread`, over them.
+        `error`, mean over ships, aspects and phases, and `error_spread`, over them; without
+        views, or images without contrast, as before.
     """
     found = images.detection_probability
     labels, index = aspect_bins(images.aspect.values)

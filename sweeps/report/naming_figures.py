@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from sweeps.layout import OPTIONAL
-from sweeps.report.silhouettes import silhouette_accuracy_rows
+from sweeps.report.silhouettes import POSITIONS, silhouette_accuracy_rows
 from sweeps.report.tables import Row, has_source_views, source_figures
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ VIGILANCE, FRAMES = 0.87, 16
 WAYS = {
     "none": "detector's pixels",
     "perfect": "2×, perfect",
-    "shifted": "2×, from shifted frames",
+    "shifted": "2×, shifted, from 4 × the frames",
 }
 COLOURS = {"none": "#1f4e79", "perfect": "#2a9d6f", "shifted": "#b8860b"}
 
@@ -145,6 +145,7 @@ def draw_formation(classified: xr.Dataset) -> Figure:
     title = f"{counts.flat[0]} categories of {answered} silhouettes"
     title += f", ACN at vigilance {first.vigilance.item():g}"
     notes = []
+    counts = counts[counts > 0]  # a training that failed formed none
     if counts.size > 1:
         notes.append(f"the first of {counts.size} trainings, which form {_span(counts)}")
     theirs = source["table5_percent_correct"]
@@ -334,8 +335,11 @@ def draw_table5(tables: xr.Dataset, *, ships: int) -> Figure:
         loc="outside lower center",
     )
     vigilance, frames = here.vigilance.item(), here.frame_count.item()
+    taken = f"{frames} frames"
+    if "shifted" in here.super_resolution.values:
+        taken += f" ({POSITIONS['shifted']} × {frames} where shifted)"
     figure.suptitle(
-        f"Silhouettes identified by the ACN, {frames} frames, vigilance {vigilance:g}", fontsize=12
+        f"Silhouettes identified by the ACN, {taken}, vigilance {vigilance:g}", fontsize=12
     )
     return figure
 

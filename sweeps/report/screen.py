@@ -8,10 +8,11 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from sweeps.report.silhouettes import CHOICES
+from sweeps.report.silhouettes import CHOICES, POSITIONS
 from sweeps.report.tables import Row, source_figures
 
 SOURCE = "source"
+NOTHING = "–"  # where there is no figure
 WIDTH = 100  # columns that the widest table needs; narrower and its figures would be cut
 
 
@@ -119,13 +120,13 @@ def print_silhouette_categories(rows: list[Row], console: Console) -> None:
             *(_plain(row[name]) for name in choices),
             f"{row['vigilance']:g}",
             str(row["training_silhouettes"]),
-            f"{row['categories']:.1f}" + ("" if row["settled"] else "*"),
-            str(row["least"]),
-            str(row["most"]),
+            _mean_count(row),
+            NOTHING if row["least"] is None else str(row["least"]),
+            NOTHING if row["most"] is None else str(row["most"]),
             str(row["source_categories"] or ""),
         )
     console.print(table)
-    if not all(row["settled"] for row in rows):
+    if not all(row["settled"] for row in rows if row["trainings"]):
         console.print("* some categories still changed in the last pass", style="dim")
 
 
@@ -158,9 +159,10 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
             table.add_column(label if label == "overall" else f"{label}°", justify="right")
         for (slant_range, way), cells in _grouped(group, ("range_km", "super_resolution")).items():
             by_bin = {row["aspect_bin_deg"]: row for row in cells}
-            sharper = "" if way in (None, "none") else f", {way}"
             table.add_row(
-                "training" if slant_range is None else f"{slant_range:g} km{sharper}",
+                "training"
+                if slant_range is None
+                else f"{slant_range:g} km{_sharper(str(way), frames)}",
                 *(_spread_text(by_bin[label]) for label in bins),
             )
             theirs = [by_bin[label]["source_percent"] for label in bins]
@@ -170,6 +172,9 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
         console.print(table)
         if beside:
             console.print(f"Source: {figures['note']}", style="dim")
+    for places in sorted({POSITIONS[row["super_resolution"]] for row in tested} - {1}):
+        note = f"{places} x {frames}: {frames} frames at each of {places} places of the detector"
+        console.print(note, style="dim")
     console.print(
         "Means over phases and orders of presentation with 95 % Wilson intervals of one set of "
         "views; ±: standard deviation over them. Other frames and vigilances are in the CSV",
@@ -182,14 +187,17 @@ def print_detection(rows: list[Row], false_alarm: float, console: Console) -> No
     whole = [row for row in rows if row["aspect_bin_deg"] == "overall"]
     frames = sorted({row["frame_count"] for row in whole})
     rules = sorted({row["coverage_rule"] for row in whole})
-    table = Table(title=f"Ships detected, false alarms {false_alarm:g} a pixel [%]")
+    ruled = f", coverage rule {rules[0]:g}" if len(rules) > 1 else ""
+    table = Table(title=f"Ships detected, false alarms {false_alarm:g} a pixel{ruled} [%]")
     table.add_column("range [km]", justify="right")
     for count in frames:
         table.add_column("1 frame" if count == 1 else f"{count} frames", justify="right")
     for (slant_range,), group in _grouped(whole, ("range_km",)).items():
         found = {row["frame_count"]: row for row in group if row["coverage_rule"] == rules[0]}
+        chances = (found[count]["probability"] for count in frames)
         table.add_row(
-            f"{slant_range:g}", *(f"{100 * found[count]['probability']:.3g}" for count in frames)
+            f"{slant_range:g}",
+            *(NOTHING if chance is None else f"{100 * chance:.3g}" for chance in chances),
         )
     console.print(table)
 
@@ -198,20 +206,28 @@ def print_reconstruction(rows: list[Row], console: Console) -> None:
     """Print the error of images by resolution: ranges and frames down."""
     ways = list(dict.fromkeys(row["super_resolution"] for row in rows))
     rules = sorted({row["coverage_rule"] for row in rows})
-    table = Table(
-        title="Error of images against the noiseless one of half the pixel, over contrast"
-    )
+    title = "Error of images against the noiseless one of half the pixel, over contrast"
+    if len(rules) > 1:
+        title += f" (coverage rule {rules[0]:g})"
+    table = Table(title=title)
     table.add_column("range [km]", justify="right")
     table.add_column("frames", justify="right")
     for way in ways:
-        table.add_column("no super-resolution" if way == "none" else f"{way} 2x", justify="right")
+        places = POSITIONS[way]
+        frames = f", {places} x frames" if places > 1 else ""
+        name = "no super-resolution" if way == "none" else f"{way} 2x{frames}"
+        table.add_column(name, justify="right")
     for key, group in _grouped(rows, ("range_km", "frame_count")).items():
         errors = {
             row["super_resolution"]: row["error"]
             for row in group
             if row["coverage_rule"] == rules[0]
         }
-        table.add_row(f"{key[0]:g}", str(key[1]), *(f"{errors[way]:.3f}" for way in ways))
+        table.add_row(
+            f"{key[0]:g}",
+            str(key[1]),
+            *(NOTHING if errors[way] is None else f"{errors[way]:.3f}" for way in ways),
+        )
     console.print(table)
 
 
@@ -254,7 +270,21 @@ def _count(row: Row) -> str:
     return f"{row['categories']}" + ("" if row["settled"] else "*")
 
 
+def _mean_count(row: Row) -> str:
+    if row["categories"] is None:
+        return "failed"
+    return f"{row['categories']:.1f}" + ("" if row["settled"] else "*")
+
+
+def _sharper(way: str, frames: float) -> str:
+    """How an image got finer than the detector, and at what cost of frames."""
+    if way == "none":
+        return ""
+    places = POSITIONS[way]
+    return f", {way}" + (f", {places} x {frames}" if places > 1 else "")
+
+
 def _percent_text(row: Row) -> str:
     if row["percent_correct"] is None:
-        return "no profiles"
+        return NOTHING
     return f"{row['percent_correct']:.0f} [{row['ci_low']:.0f}-{row['ci_high']:.0f}]"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,9 +10,12 @@ import xarray as xr
 
 from ncti.infrared import attenuation, contrast, snr
 from sweeps.report.tables import Row, cells, percent, source_figures
+from sweeps.tabulation import DRAWS
 
 CHOICES = ("coverage_rule", "segmentation", "inner_radius", "interpolation", "learning_rate")
-DRAWS = ("phase", "order")
+
+# Places of the detector at each of which the given number of frames is taken.
+POSITIONS = {"none": 1, "perfect": 1, "shifted": 4}
 
 
 def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Row]:
@@ -67,30 +71,35 @@ def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
     Returns
     -------
     list of dict
-        One row a training: axes, mean, least and most categories, the first's, and the
-        source's count where it has one.
+        One row for all phases and orders of a training: axes, how many of them there are,
+        mean, least and most categories, the first's, number of silhouettes, whether the
+        categories settled in all, and the source's count where it has one. Those that failed
+        are left out.
     """
     source = source_figures()["table5_percent_correct"]
-    counted = tables.category_count
+    done = tables.view_count > 0
+    counted = tables.category_count.where(done)
     summary = xr.Dataset(
         {
+            "trainings": done.sum(DRAWS),
             "mean": counted.mean(DRAWS),
             "least": counted.min(DRAWS),
             "most": counted.max(DRAWS),
             "first": counted.isel(dict.fromkeys(DRAWS, 0)).drop_vars(DRAWS, errors="ignore"),
-            "views": tables.view_count.min(DRAWS),
-            "settled": tables.settled.min(DRAWS),
+            "views": tables.view_count.max(DRAWS),
+            "settled": (tables.settled.where(done, 1) == 1).all(DRAWS) & done.any(DRAWS),
         }
     )
     return [
         axes
         | {
-            "categories": round(cell["mean"], 2),
-            "least": cell["least"],
-            "most": cell["most"],
-            "of_first_phase_and_order": cell["first"],
+            "trainings": cell["trainings"],
+            "categories": _rounded(cell["mean"], 2),
+            "least": _rounded(cell["least"]),
+            "most": _rounded(cell["most"]),
+            "of_first_phase_and_order": _rounded(cell["first"]),
             "training_silhouettes": cell["views"],
-            "settled": bool(cell["settled"]),
+            "settled": cell["settled"],
             "source_categories": source["categories"]
             if axes["vigilance"] == source["vigilance"]
             else None,
@@ -110,7 +119,8 @@ def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
     Returns
     -------
     list of dict
-        One row for each aspect bin of a training or test: axes, which silhouettes, percent
+        One row for each aspect bin of a training or test: axes, which silhouettes, how many
+        frames are averaged, and how many that is at all places of the detector, percent
         correct over phases and orders, its Wilson interval, its standard deviation over them,
         number of views, and the source's figure.
     """
@@ -130,6 +140,7 @@ def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
                 | {"silhouettes": "training" if prefix else "cut out"}
                 | known
                 | {
+                    "frames_in_all": frames_in_all(known),
                     "aspect_bin_deg": label,
                     "percent_correct": percent(fraction),
                     "ci_low": percent(low),
@@ -158,14 +169,30 @@ def _source_percent(vigilance: float, known: Row, lowest: float) -> int | None:
     return found
 
 
+def frames_in_all(row: Row) -> int | None:
+    """Frames taken for an image: shifted ones add up at each of four places."""
+    frames = row["frame_count"]
+    return None if frames is None else POSITIONS[row["super_resolution"]] * frames
+
+
+def _finite(value: float) -> float | None:
+    """A number; none of NaN or infinity."""
+    return value if math.isfinite(value) else None
+
+
+def _rounded(value: float, digits: int | None = None) -> float | None:
+    """A number to so many digits, or a whole one; none of NaN or infinity."""
+    return round(value, digits) if math.isfinite(value) else None
+
+
 def detection_rows(tables: xr.Dataset) -> list[Row]:
     """Probability that the detector finds the ship, by range, frames and aspect bin."""
     return [
         {name: value for name, value in axes.items() if name != "aspect_bin"}
         | {
             "aspect_bin_deg": axes["aspect_bin"],
-            "probability": cell["probability"],
-            "lowest_of_views": cell["lowest"],
+            "probability": _finite(cell["probability"]),
+            "lowest_of_views": _finite(cell["lowest"]),
         }
         for axes, cell in cells(tables[["probability", "lowest"]])
     ]
@@ -174,6 +201,11 @@ def detection_rows(tables: xr.Dataset) -> list[Row]:
 def reconstruction_rows(tables: xr.Dataset) -> list[Row]:
     """Error of images against the noiseless image of half the pixel."""
     return [
-        axes | {"error": round(cell["error"], 4), "spread": round(cell["error_spread"], 4)}
+        axes
+        | {
+            "frames_in_all": frames_in_all(axes),
+            "error": _rounded(cell["error"], 4),
+            "spread": _rounded(cell["error_spread"], 4),
+        }
         for axes, cell in cells(tables[["error", "error_spread"]])
     ]
