@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from sweeps.errors import ConfigurationError, SweepIncomplete
 from sweeps.prepare import prepare
 from sweeps.run import run_sweep
-from sweeps.schema import register
+from sweeps.schema import axis_keys, register, unknown_key
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 
@@ -59,14 +59,16 @@ def main() -> None:
 def replace_axes(arguments: list[str]) -> list[str]:
     """Let an axis of the command line replace the configured one, whatever its form.
 
-    OmegaConf merges a mapping into a mapping and refuses to put a list in its place, so a grid
-    axis is emptied before it is set: `grid.aspect=[0,45]` becomes `++grid.aspect=null
-    grid.aspect=[0,45]` (with `++`, since a multirun keeps one override of each spelling).
+    OmegaConf merges a mapping into a mapping and refuses to put a list in its place, or a mapping
+    in a list's, so an axis is emptied before it is set: `grid.aspect=[0,45]` becomes
+    `++grid.aspect=null grid.aspect=[0,45]` (with `++`, since a multirun keeps one override of
+    each spelling).
     """
+    axes = axis_keys()
     replaced = []
     for argument in arguments:
-        axis = re.match(r"(grid\.\w+)=", argument)
-        replaced += [f"++{axis[1]}=null", argument] if axis else [argument]
+        key = argument.partition("=")[0]
+        replaced += [f"++{key}=null", argument] if key in axes else [argument]
     return replaced
 
 
@@ -144,9 +146,7 @@ def explain(error: Exception) -> str:
     text = "\n".join(chain)
     key = re.search(r"full_key: (\S+)", text)
     if key and re.search(r"Key '.*' (is )?not in", text):
-        parent = key[1].rpartition(".")[0]
-        shown = f"ncti-sweep --cfg job --package {parent}" if parent else "ncti-sweep --cfg job"
-        return f"{key[1]} is no key of the configuration; `{shown}` prints those there are"
+        return unknown_key(key[1])
     value = re.search(r"Value '(.*)' of type .* could not be converted to (\w+)", text)
     if key and value:
         return f"{key[1]} is {value[1]!r}, but must be of type {value[2].lower()}"

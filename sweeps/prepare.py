@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from ncti.features.profile import EDGE
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render import EngineError, choose_engine
 from sweeps.errors import ConfigurationError
-from sweeps.schema import INFRARED, RANGE, SweepConfig
+from sweeps.schema import INFRARED, RANGE, SweepConfig, keys_of, unknown_key
 from sweeps.stages import Ship, depression_at, load_ship
 from sweeps.store import check_target, check_writable, provenance
 
@@ -66,7 +65,7 @@ def prepare(composed: DictConfig) -> Prepared:
     missing = sorted(OmegaConf.missing_keys(composed))
     if missing:
         raise ConfigurationError(f"{missing[0]} is not given, but must be")
-    _known(composed, SweepConfig, "")
+    _known(composed, "")
     config = OmegaConf.to_object(composed)
     assert isinstance(config, SweepConfig)
     grid = config.grid.expand()
@@ -113,21 +112,17 @@ def _resolved(key: str, slant_range: float, name: str, ifov: float, config: Swee
         )
 
 
-def _known(node: DictConfig, schema: type, parent: str) -> None:
+def _known(node: DictConfig, parent: str) -> None:
     """Refuse keys that the schema lacks; Hydra itself lets `+key=value` through."""
+    keys = keys_of(parent)
     if not isinstance(node, DictConfig):
-        raise ConfigurationError(
-            f"{parent.rstrip('.')} is {node!r}, but must hold {', '.join(get_type_hints(schema))}"
-        )
-    fields = get_type_hints(schema)
+        raise ConfigurationError(f"{parent} is {node!r}, but must hold {', '.join(keys)}")
     for name in map(str, node):
-        if name not in fields:
-            owner = parent.rstrip(".") or "the configuration"
-            raise ConfigurationError(
-                f"{parent}{name} is no key of the configuration; {owner} has {', '.join(fields)}"
-            )
-        if is_dataclass(fields[name]):
-            _known(node[name], fields[name], f"{parent}{name}.")
+        key = f"{parent}.{name}".lstrip(".")
+        if name not in keys:
+            raise ConfigurationError(unknown_key(key))
+        if is_dataclass(keys[name]):
+            _known(node[name], key)
 
 
 def _ships(names: tuple[str, ...], config: SweepConfig, cache: Path) -> tuple[Ship, ...]:

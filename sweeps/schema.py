@@ -8,13 +8,22 @@ composed configuration. Below that, no code sees a DictConfig.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, is_dataclass
+from typing import Any, get_type_hints
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
 from ncti.features import SEGMENTATION_METHODS
+from ncti.features.log_polar import INTERPOLATIONS
+from ncti.infrared import (
+    CONTRAST_AT_ZERO,
+    EXTINCTION,
+    IFOV,
+    NEDT,
+    SPREAD,
+    SUPER_RESOLUTIONS,
+)
 from ncti.ladar import RECEIVERS, shortest_pulse
 from ncti.render import ROLL, engines
 from sweeps.errors import ConfigurationError
@@ -24,7 +33,16 @@ MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in fo
 
 RANGE, INFRARED = "range", "infrared"
 SENSORS = {RANGE: (RANGE,), INFRARED: (INFRARED,), "both": (RANGE, INFRARED)}
-SUPER_RESOLUTION = ("none", "perfect", "shifted")
+SUPER_RESOLUTION = SUPER_RESOLUTIONS
+
+# Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
+# 0.5 / sqrt(10,000), is still no less than the 1e-6 K that matched segmentation can tell from 0.
+LEAST_NEDT = 1e-3
+MOST_FRAMES = 10_000
+
+# Patches of ship are counted, so a pixel that the ship fills may come out a patch or so short of
+# 1, by chance: a rule above this share would drop such pixels at random.
+MOST_COVERAGE = 0.95
 
 
 @dataclass
@@ -44,7 +62,7 @@ class GridConfig:
             ship=ship_axis("grid.ship", self.ship),
             aspect=number_axis("grid.aspect", self.aspect, minimum=0, below=360),
             pulse_width=number_axis("grid.pulse_width", self.pulse_width, minimum=1, maximum=1000),
-            frame_count=count_axis("grid.frame_count", self.frame_count, maximum=10_000),
+            frame_count=count_axis("grid.frame_count", self.frame_count, maximum=MOST_FRAMES),
             range=number_axis("grid.range", self.range, minimum=1, maximum=1000),
             vigilance=number_axis("grid.vigilance", self.vigilance, minimum=0, maximum=1),
         )
@@ -135,18 +153,18 @@ class LadarConfig:
 class InfraredConfig:
     """The passive-infrared imager: its array, the air, the scene, and what is made of an image."""
 
-    ifov: float = 150.0
-    contrast_at_zero: float = 2.1585
-    extinction: float = 0.181
-    nedt: float = 0.4
-    target_spread: float = 0.1
-    sea_spread: float = 0.1
+    ifov: float = IFOV * 1e6
+    contrast_at_zero: float = CONTRAST_AT_ZERO
+    extinction: float = EXTINCTION * 1e3
+    nedt: float = NEDT
+    target_spread: float = SPREAD
+    sea_spread: float = SPREAD
     false_alarm: float = 1e-6
     window_length: float = 200.0
     window_height: float = 50.0
     range: Any = None
     frame_count: Any = None
-    super_resolution: Any = field(default_factory=lambda: list(SUPER_RESOLUTION))
+    super_resolution: Any = field(default_factory=lambda: list(SUPER_RESOLUTIONS))
     coverage_rule: Any = 0.25
     segmentation: Any = "matched"
     inner_radius: Any = 0.5
@@ -161,7 +179,7 @@ class InfraredConfig:
         _between("infrared.ifov", self.ifov, 1, 100e3)
         _between("infrared.contrast_at_zero", self.contrast_at_zero, 0, 1000)
         _between("infrared.extinction", self.extinction, 0, 10)
-        _between("infrared.nedt", self.nedt, 1e-6, 1000)
+        _between("infrared.nedt", self.nedt, LEAST_NEDT, 1000)
         _between("infrared.target_spread", self.target_spread, 0, 1000)
         _between("infrared.sea_spread", self.sea_spread, 0, 1000)
         _between("infrared.false_alarm", self.false_alarm, 1e-12, 0.5)
@@ -179,21 +197,19 @@ class InfraredConfig:
             if self.range is None
             else number_axis(key + "range", self.range, minimum=1, maximum=1000),
             super_resolution=word_axis(
-                key + "super_resolution", self.super_resolution, SUPER_RESOLUTION
+                key + "super_resolution", self.super_resolution, SUPER_RESOLUTIONS
             ),
             frame_count=grid.frame_count
             if self.frame_count is None
-            else count_axis(key + "frame_count", self.frame_count, maximum=10_000),
+            else count_axis(key + "frame_count", self.frame_count, maximum=MOST_FRAMES),
             coverage_rule=number_axis(
-                key + "coverage_rule", self.coverage_rule, minimum=0.01, maximum=1
+                key + "coverage_rule", self.coverage_rule, minimum=0.01, maximum=MOST_COVERAGE
             ),
             segmentation=word_axis(key + "segmentation", self.segmentation, SEGMENTATION_METHODS),
             inner_radius=number_axis(
                 key + "inner_radius", self.inner_radius, minimum=0.01, maximum=2
             ),
-            interpolation=word_axis(
-                key + "interpolation", self.interpolation, ("bilinear", "nearest")
-            ),
+            interpolation=word_axis(key + "interpolation", self.interpolation, INTERPOLATIONS),
             phase=tuple(range(self.phases)),
             order=tuple(range(self.orders)),
             vigilance=grid.vigilance
@@ -272,6 +288,33 @@ class SweepConfig:
     def sensors(self) -> tuple[str, ...]:
         """The sensors that look."""
         return SENSORS[self.sensor]
+
+
+def keys_of(parent: str) -> dict[str, Any]:
+    """Keys of a group of the configuration, and their types; of the whole, of an empty name."""
+    keys = get_type_hints(SweepConfig)
+    for name in filter(None, parent.split(".")):
+        schema = keys.get(name)
+        keys = get_type_hints(schema) if is_dataclass(schema) else {}
+    return keys
+
+
+def axis_keys() -> tuple[str, ...]:
+    """Keys that take one value, a list, or a mapping of start, stop and step."""
+    return tuple(
+        f"{group}.{key}"
+        for group in get_type_hints(SweepConfig)
+        for key, kind in keys_of(group).items()
+        if kind is Any
+    )
+
+
+def unknown_key(key: str) -> str:
+    """What to say of a key that the configuration lacks."""
+    parent = key.rpartition(".")[0]
+    there = ", ".join(keys_of(parent))
+    owned = f"; {parent or 'the configuration'} has {there}" if there else ""
+    return f"{key} is no key of the configuration{owned}"
 
 
 def register() -> None:
