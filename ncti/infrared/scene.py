@@ -66,7 +66,9 @@ def draw_scene(
     own spread are apart, because only the noise falls with the number of frames.
 
     The averages are over prefixes of the same frames. The sum of N_k frames is a random walk over
-    k with steps of variance N_k - N_(k-1), drawn as such at a cost free of the number of frames.
+    k with steps of variance N_k - N_(k-1), drawn as such at a cost free of the number of frames. So
+    another set of frame counts gives other noise from the same generator, of the same distribution,
+    and another sea beyond the rim of the ship; the ship itself stays.
 
     Order of the draws: the ship's bounding box with a rim of `HALO` pixels, whether the window
     holds them or not; the rest of the window; the rest of the rim. In each of them first the scene
