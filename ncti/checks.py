@@ -1,8 +1,13 @@
-"""Refusing a number that cannot be meant, in one sentence."""
+"""Refusing an argument that cannot be meant, in one sentence."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 def require(
@@ -10,8 +15,10 @@ def require(
     value: float,
     *,
     positive: bool = False,
+    whole: bool = False,
     minimum: float = -math.inf,
     maximum: float = math.inf,
+    below: float = math.inf,
 ) -> None:
     """Raise unless `value` is a finite number in its range.
 
@@ -20,11 +27,15 @@ def require(
     name : str
         The parameter as its caller wrote it.
     value : float
-        What the caller gave.
+        What the caller gave; text is no number, whatever it spells.
     positive : bool
         Whether zero is refused along with everything below it.
+    whole : bool
+        Whether fractions are refused.
     minimum, maximum : float
         Inclusive bounds.
+    below : float
+        Exclusive upper bound.
 
     Raises
     ------
@@ -32,10 +43,18 @@ def require(
         Naming the parameter, the value and what is allowed.
     """
     try:
-        number = float(value)
+        number = math.nan if isinstance(value, (str, bytes)) else float(value)
     except (TypeError, ValueError):
         number = math.nan
-    if minimum <= number <= maximum and math.isfinite(number) and not (positive and number <= 0):
+    except OverflowError:
+        # A whole number that no float holds: its digits would fill pages.
+        number = value = math.inf if value > 0 else -math.inf
+    if (
+        minimum <= number <= maximum
+        and -math.inf < number < below
+        and not (positive and number <= 0)
+        and not (whole and number % 1)
+    ):
         return
     bounds = []
     if positive:
@@ -44,5 +63,91 @@ def require(
         bounds.append(f"at least {minimum:g}")
     if maximum < math.inf:
         bounds.append(f"at most {maximum:g}")
-    allowed = "a finite number" + (" " + " and ".join(bounds) if bounds else "")
-    raise ValueError(f"{name} is {value!r}, but must be {allowed}")
+    if below < math.inf:
+        bounds.append(f"below {below:g}")
+    allowed = ("a whole number" if whole else "a finite number") + (
+        " " + " and ".join(bounds) if bounds else ""
+    )
+    raise ValueError(f"{name} is {_line(value)}, but must be {allowed}")
+
+
+def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
+    """Numbers as an array, refused for the first that `require` refuses.
+
+    Parameters
+    ----------
+    name : str
+        The parameter as its caller wrote it.
+    values : (...) array_like
+        What the caller gave: one number or an array of them, perhaps empty.
+    **bounds
+        As for `require`.
+
+    Returns
+    -------
+    (...) float64 ndarray
+        The numbers.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, the first wrong element and what is allowed.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name} is {_line(values)}, but must be an array of numbers") from None
+    for value in array.ravel().tolist():
+        require(name, value, **bounds)
+    return np.asarray(array, dtype=np.float64)
+
+
+def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
+    """Raise unless there are so many numbers, each as `require` wants it.
+
+    Parameters
+    ----------
+    name : str
+        The parameter as its caller wrote it.
+    values : sequence of float
+        What the caller gave.
+    length : int
+        How many there must be.
+    **bounds
+        As for `require`.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, or the element of it, and what is allowed.
+    """
+    listed = isinstance(values, Sequence) or getattr(values, "ndim", 0) == 1
+    if not listed or len(values) != length:
+        raise ValueError(f"{name} is {_line(values)}, but must be {length} numbers")
+    for i, value in enumerate(values):
+        require(f"{name}[{i}]", value, **bounds)
+
+
+def require_generator(name: str, value: Any) -> None:
+    """Raise unless `value` is a source of randomness.
+
+    Parameters
+    ----------
+    name : str
+        The parameter as its caller wrote it.
+    value : numpy.random.Generator
+        What the caller gave.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, the value and what is allowed.
+    """
+    if not isinstance(value, np.random.Generator):
+        raise ValueError(f"{name} is {_line(value)}, but must be a numpy.random.Generator")
+
+
+def _line(value: Any) -> str:
+    """A value as text on one line, cut where it is longer than a sentence bears."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."

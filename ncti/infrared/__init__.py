@@ -15,6 +15,7 @@ from ncti.infrared.radiometry import (
 from ncti.infrared.silhouette import Silhouette, coverage_of, silhouette
 from ncti.infrared.super_resolution import (
     BACK_PROJECTIONS,
+    LEAST_CONTRAST,
     back_project,
     detector_samples,
     enlarge,
@@ -31,6 +32,7 @@ __all__ = [
     "CONTRAST_AT_ZERO",
     "EXTINCTION",
     "IFOV",
+    "LEAST_CONTRAST",
     "NEDT",
     "SPREAD",
     "SUPER_RESOLUTIONS",

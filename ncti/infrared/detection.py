@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri
 
-from ncti.checks import require
+from ncti.checks import require, require_all
 
 
 def detection_threshold(*, false_alarm: float, sigma: float) -> float:
@@ -33,9 +33,7 @@ def detection_threshold(*, false_alarm: float, sigma: float) -> float:
     -----
     sigma Q^-1(false_alarm), Q the Gaussian tail: the sea is Gaussian about 0 (article, Appendix 2).
     """
-    require("false_alarm", false_alarm, positive=True)
-    if false_alarm >= 1:
-        raise ValueError(f"false_alarm is {false_alarm!r}, but must be below 1")
+    require("false_alarm", false_alarm, positive=True, below=1.0)
     require("sigma", sigma, positive=True)
     # Q^-1(p) = -ndtri(p): the lower tail keeps the digits that 1 - p would lose.
     return -float(sigma) * float(ndtri(false_alarm))
@@ -53,7 +51,7 @@ def detection_probability(
 
     Parameters
     ----------
-    target : int or (row, col) bool ndarray
+    target : int or (row, col) bool array_like
         Number of the ship's pixels, or its template.
     contrast : float
         Mean temperature of the ship against the mean sea [K].
@@ -70,7 +68,7 @@ def detection_probability(
     Raises
     ------
     ValueError
-        If a parameter is out of range.
+        If a parameter is out of range, or the target neither a number nor booleans.
 
     Notes
     -----
@@ -82,15 +80,23 @@ def detection_probability(
     require("contrast", contrast)
     require("target_sigma", target_sigma, positive=True)
     require("sea_sigma", sea_sigma, positive=True)
-    if isinstance(target, np.ndarray) and target.ndim:
-        count = int(np.count_nonzero(target))
-    else:
-        require("target", float(target), minimum=0.0)
-        count = int(target)
-        if count != target:
-            raise ValueError(f"target is {target!r}, but must be a whole number of pixels")
+    count = _pixels(target)
     threshold = detection_threshold(false_alarm=false_alarm, sigma=sea_sigma)
     if count == 0:
         return 0.0
-    log_missed = log_ndtr((threshold - contrast) / target_sigma)
+    log_missed = float(log_ndtr((threshold - contrast) / target_sigma))
     return float(-np.expm1(count * log_missed))
+
+
+def _pixels(target: int | NDArray[np.bool_]) -> int:
+    """How many pixels the ship has, given as a number or as a template."""
+    if not (isinstance(target, np.ndarray) and target.dtype == bool):
+        number = require_all("target", target, whole=True, minimum=0.0)
+        if number.ndim == 0:
+            return int(number)
+        dtype = np.asarray(target).dtype
+        if dtype.kind != "b":
+            raise ValueError(
+                f"target is an array of {dtype}, but must be a number of pixels or an array of bool"
+            )
+    return int(np.count_nonzero(target))

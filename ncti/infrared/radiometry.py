@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import require_all
 
 CONTRAST_AT_ZERO = 2.1585
 """Ship against sea at zero range [K].
@@ -68,8 +68,8 @@ def attenuation(slant_range: Values, *, extinction: float = EXTINCTION) -> Value
     Extinction times range, a homogeneous path: Table 1 of the article prints 4.5, 9.05 and 18.1 dB
     at 25, 50 and 100 km.
     """
-    distance = _checked("slant_range", slant_range, minimum=0.0)
-    return _plain(_checked("extinction", extinction, minimum=0.0) * distance)
+    distance = require_all("slant_range", slant_range, minimum=0.0)
+    return _plain(require_all("extinction", extinction, minimum=0.0) * distance)
 
 
 def contrast(
@@ -106,7 +106,7 @@ def contrast(
     square of the temperature, and not of the radiance.
     """
     loss = np.asarray(attenuation(slant_range, extinction=extinction))
-    return _plain(_checked("contrast_at_zero", contrast_at_zero) * 10.0 ** (-loss / 20))
+    return _plain(require_all("contrast_at_zero", contrast_at_zero) * 10.0 ** (-loss / 20))
 
 
 def noise_temperature(frame_count: Values, *, nedt: float = NEDT) -> Values:
@@ -134,10 +134,8 @@ def noise_temperature(frame_count: Values, *, nedt: float = NEDT) -> Values:
     Frames are independent in their detector noise. Article, 'Passive-IR Signatures': 16 frames
     improve the sensor by a factor of 4.
     """
-    counts = _checked("frame_count", frame_count, minimum=1.0)
-    if np.any(counts != np.floor(counts)):
-        raise ValueError(f"frame_count is {frame_count!r}, but must be whole numbers")
-    return _plain(_checked("nedt", nedt, minimum=0.0) / np.sqrt(counts))
+    counts = require_all("frame_count", frame_count, whole=True, minimum=1.0)
+    return _plain(require_all("nedt", nedt, minimum=0.0) / np.sqrt(counts))
 
 
 def snr(
@@ -171,7 +169,8 @@ def snr(
     Raises
     ------
     ValueError
-        As `contrast` and `noise_temperature`; also if the noise is zero.
+        As `contrast` and `noise_temperature`; also if the noise is zero, or too small beside the
+        contrast for the ratio to be a finite number.
 
     Notes
     -----
@@ -182,25 +181,17 @@ def snr(
 
     The own spread of ship and sea is not counted as noise here, as it is not in the table.
     """
-    _checked("nedt", nedt, positive=True)
+    require_all("nedt", nedt, positive=True)
     signal = contrast(slant_range, contrast_at_zero=contrast_at_zero, extinction=extinction)
     noise = noise_temperature(np.asarray(frame_count), nedt=nedt)
-    return _plain((np.asarray(signal) / np.asarray(noise)) ** 2)
-
-
-def _checked(name: str, value: Any, **bounds: Any) -> NDArray[np.float64]:
-    """As an array, refused for its first element that `require` refuses."""
-    try:
-        values = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        require(name, value, **bounds)
-        raise
-    if values.ndim == 0:
-        require(name, value, **bounds)
-    elif values.size:  # the extremes stand for all of them; a NaN is either
-        require(name, float(values.min()), **bounds)
-        require(name, float(values.max()), **bounds)
-    return values
+    with np.errstate(over="ignore"):
+        ratio = (np.asarray(signal) / np.asarray(noise)) ** 2
+    if not np.isfinite(ratio).all():
+        raise ValueError(
+            f"contrast_at_zero is {contrast_at_zero!r} and nedt {nedt!r}, but the square of their "
+            "ratio must be a finite number"
+        )
+    return _plain(ratio)
 
 
 def _plain(values: NDArray[np.float64] | np.float64) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_generator
 from ncti.infrared.radiometry import NEDT, SPREAD
 from ncti.infrared.scene import draw_scene
 
@@ -43,6 +43,10 @@ everywhere, and than `perfect` at 100 km. `perfect` is no bound: it has the spre
 pixel in every half pixel. `tests/infrared/test_super_resolution.py` computes the table.
 """
 
+LEAST_CONTRAST = 1e-30
+"""Least contrast that an error may be a fraction of [K]: none that a sensor sees, yet errors of
+any scene over it are numbers that a float32 still holds."""
+
 
 def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
     """What the detector sees of a fine scene from the four half-pixel positions.
@@ -70,9 +74,7 @@ def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
     from half pixel to half pixel: what the article calls an algebraic subdivision exists without
     noise, given a known rim, and amplifies noise without bound.
     """
-    fine = np.asarray(fine, dtype=np.float64)
-    if fine.ndim < 2 or min(fine.shape[-2:]) < 2:
-        raise ValueError(f"fine has shape {fine.shape}, but must be at least 2 by 2 half pixels")
+    fine = _image("fine", fine, least=2)
     pairs = fine[..., :-1] + fine[..., 1:]
     return (pairs[..., :-1, :] + pairs[..., 1:, :]) / 4
 
@@ -90,11 +92,16 @@ def back_project(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     (..., row, col) float64 ndarray
         On the half-pixel grid [K]. Four pixels cover a half pixel, on the border fewer.
 
+    Raises
+    ------
+    ValueError
+        If there is no sample.
+
     Notes
     -----
     B^T y. Where all four exist it is their mean: shift-and-add.
     """
-    samples = np.asarray(samples, dtype=np.float64)
+    samples = _image("samples", samples)
     fine = np.zeros((*samples.shape[:-2], samples.shape[-2] + 1, samples.shape[-1] + 1))
     for rows in (slice(None, -1), slice(1, None)):
         for cols in (slice(None, -1), slice(1, None)):
@@ -122,7 +129,8 @@ def recombine(
     Raises
     ------
     ValueError
-        If the number is not a whole one of at least 0, or the samples are all rim.
+        If the number is not a whole one of at least 0, or the samples are all rim: fewer than
+        2 (1 + n) on a side.
 
     Notes
     -----
@@ -133,13 +141,8 @@ def recombine(
     monotonically, fast where a pattern is coarse and not at all where B is blind.
     """
     count = _whole(back_projections)
-    samples = np.asarray(samples, dtype=np.float64)
     crop = 1 + count
-    if samples.ndim < 2 or min(samples.shape[-2:]) < 2 * crop:
-        raise ValueError(
-            f"samples have shape {samples.shape}, but must be at least {2 * crop} by {2 * crop} "
-            f"for {count} back-projections"
-        )
+    samples = _image("samples", samples, least=2 * crop)
     fine = back_project(samples)
     for _ in range(count):
         fine += back_project(samples - detector_samples(fine))
@@ -185,7 +188,7 @@ def shifted_images(
     Raises
     ------
     ValueError
-        If a parameter is out of range.
+        If a parameter is out of range, or the target no image with at least one pixel.
 
     Notes
     -----
@@ -199,6 +202,8 @@ def shifted_images(
     pixels at its outline reach beyond the sea that is drawn with it.
     """
     rim = 1 + _whole(back_projections)
+    fine_target = _image("fine_target", fine_target, bool, axes=2)
+    require_generator("rng", rng)
     require("target_spread", target_spread, minimum=0.0)
     require("sea_spread", sea_spread, minimum=0.0)
     scene, noise = draw_scene(
@@ -295,8 +300,13 @@ def enlarge(image: NDArray[Any]) -> NDArray[Any]:
     -------
     (..., 2 row, 2 col) ndarray
         The same values.
+
+    Raises
+    ------
+    ValueError
+        If there is no pixel.
     """
-    return np.repeat(np.repeat(np.asarray(image), 2, axis=-2), 2, axis=-1)
+    return _image("image", image, None).repeat(2, axis=-2).repeat(2, axis=-1)
 
 
 def reconstruction_error(
@@ -311,7 +321,7 @@ def reconstruction_error(
     fine_target : (row, col) bool array_like
         True on the ship.
     contrast : float
-        Mean temperature of the ship against the mean sea [K].
+        Mean temperature of the ship against the mean sea [K], at least `LEAST_CONTRAST`.
 
     Returns
     -------
@@ -322,27 +332,37 @@ def reconstruction_error(
     Raises
     ------
     ValueError
-        If the contrast is not positive and finite or the shapes differ.
+        If the contrast is too small or not finite, or the shapes differ or have no pixel.
 
     Notes
     -----
     Noise, the own spread of ship and sea, and blur all count. A wider window of sea lowers the
     share of the blur, so compare in the same window.
     """
-    require("contrast", contrast, positive=True)
-    image = np.asarray(image, dtype=np.float64)
-    fine_target = np.asarray(fine_target, dtype=bool)
+    require("contrast", contrast, minimum=LEAST_CONTRAST)
+    image, fine_target = _image("image", image), _image("fine_target", fine_target, bool, axes=2)
     if image.shape[-2:] != fine_target.shape:
         raise ValueError(
             f"image has shape {image.shape}, but must end in the target's {fine_target.shape}"
         )
-    rms = np.sqrt(np.mean((image / contrast - fine_target) ** 2, axis=(-2, -1)))
+    rms = np.sqrt(np.mean((image - contrast * fine_target) ** 2, axis=(-2, -1))) / contrast
     return float(rms) if rms.ndim == 0 else rms
 
 
 def _whole(back_projections: int) -> int:
     """The number of back-projections, if it is one."""
-    require("back_projections", back_projections, minimum=0.0)
-    if back_projections != int(back_projections):
-        raise ValueError(f"back_projections is {back_projections!r}, but must be a whole number")
+    require("back_projections", back_projections, whole=True, minimum=0.0)
     return int(back_projections)
+
+
+def _image(
+    name: str, values: Any, dtype: Any = np.float64, *, least: int = 1, axes: int | None = None
+) -> NDArray[Any]:
+    """As an array of images, or of just one for two axes, with enough rows and columns."""
+    images = np.asarray(values, dtype=dtype)
+    if images.ndim < 2 or images.ndim != (axes or images.ndim) or min(images.shape[-2:]) < least:
+        raise ValueError(
+            f"{name} has shape {images.shape}, but must be "
+            f"{'an image' if axes else 'images'} of at least {least} by {least} pixels"
+        )
+    return images

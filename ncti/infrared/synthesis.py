@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_all, require_each, require_generator
 from ncti.infrared import radiometry
 from ncti.infrared.radiometry import (
     CONTRAST_AT_ZERO,
@@ -78,6 +78,7 @@ def thermal_images(
     article's Box-Muller pairs. How they are drawn, and that the window's size does not matter on
     the ship, is told in `ncti.infrared.scene.draw_scene`.
     """
+    require_generator("rng", rng)
     scene, noise = draw_scene(
         target,
         contrast=contrast,
@@ -167,13 +168,13 @@ def image(
     range_image : RangeImage
         Finely resolved range image, of the far field or made at this range.
     slant_range : float
-        Sensor to ship origin [m].
+        Sensor to ship origin [m], at most 1e9.
     frame_count : int or (frame_count,) sequence of int
         Frames averaged; at each of four positions with super-resolution `shifted`.
     rng : numpy.random.Generator
         Source of randomness.
     ifov : float
-        Side of a detector pixel [rad].
+        Side of a detector pixel [rad], at most 1.
     phase, margin, extent
         As for `ncti.infrared.silhouette`, in pixels of the result.
     coverage_rule : float
@@ -183,7 +184,7 @@ def image(
         this range, the article's assumption. `shifted`: the same grid, recombined from frames of
         whole pixels at four half-pixel positions.
     back_projections : int
-        Iterations of the recombination, `shifted` only.
+        Iterations of the recombination; of use with `shifted` only, but checked with any.
     contrast_at_zero, extinction, nedt
         As for `ncti.infrared.contrast` and `ncti.infrared.noise_temperature`.
     target_spread, sea_spread : float
@@ -208,8 +209,21 @@ def image(
     pixel, filled from two Gaussians. The range image is taken at the scale of the ship origin: at
     4 km its perspective is in it, at 100 km there is none to speak of.
     """
-    require("slant_range", slant_range, positive=True)
-    require("ifov", ifov, positive=True)
+    # Refused here what `silhouette` and the rest would refuse by a name that is not of this call.
+    # The greatest range and angle keep a pixel's area finite; the greatest count is the last that
+    # a float tells from the next.
+    require("slant_range", slant_range, positive=True, maximum=1e9)
+    require("ifov", ifov, positive=True, maximum=1.0)
+    counts = require_all("frame_count", frame_count, whole=True, minimum=1.0, maximum=2.0**53)
+    if counts.ndim > 1 or counts.size == 0:
+        raise ValueError(
+            f"frame_count has shape {counts.shape}, but must be a number or a sequence of them"
+        )
+    require_each("phase", phase, 2, minimum=0.0, below=1.0)
+    if extent is not None:
+        require_each("extent", extent, 4)
+    require("coverage_rule", coverage_rule, positive=True, maximum=1.0)
+    require("back_projections", back_projections, whole=True, minimum=0.0)
     _require_way(super_resolution)
     made_at = range_image.slant_range
     if made_at is not None and not math.isclose(made_at, slant_range):
@@ -218,12 +232,17 @@ def image(
             "image was made"
         )
     footprint = ifov * slant_range * (1.0 if super_resolution == "none" else 0.5)
+    if footprint < range_image.pixel:
+        raise ValueError(
+            f"slant_range is {slant_range!r} and ifov {ifov!r}, which make pixels of "
+            f"{footprint:g} m, but they must be at least the range image's {range_image.pixel:g} m"
+        )
     shape = silhouette(range_image, footprint=footprint, phase=phase, margin=margin, extent=extent)
     target = shape.target(coverage_rule)
     contrast = radiometry.contrast(
         float(slant_range), contrast_at_zero=contrast_at_zero, extinction=extinction
     )
-    frame_counts = np.atleast_1d(frame_count)
+    frame_counts = np.atleast_1d(counts).astype(np.int64)
     if super_resolution == "shifted":
         images = shifted_images(
             target,
@@ -245,7 +264,7 @@ def image(
             target_spread=target_spread,
             sea_spread=sea_spread,
         )
-    return images[0] if np.ndim(frame_count) == 0 else images
+    return images[0] if counts.ndim == 0 else images
 
 
 def _require_way(super_resolution: str) -> None:

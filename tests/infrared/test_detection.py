@@ -130,6 +130,8 @@ def test_extremes_neither_warn_nor_lose_digits():
         )
         assert huge == pytest.approx(1e-2, rel=1e-10)
         assert detection_probability(10**15, **SENSOR) == 1.0
+        assert detection_probability(10**300, **SENSOR | {"contrast": -1e9}) == 0.0
+        assert detection_probability(10**300, **SENSOR | {"contrast": 1e9}) == 1.0
         assert detection_probability(1, **SENSOR | {"target_sigma": 1e-300}) == 0.0
         sure = SENSOR | {"target_sigma": 1e-9, "contrast": 1e9}
         assert detection_probability(1, **sure) == 1.0
@@ -139,7 +141,7 @@ def test_extremes_neither_warn_nor_lose_digits():
     ("parameters", "named"),
     [
         ({"false_alarm": 0.0}, "false_alarm"),
-        ({"false_alarm": 1.0}, "false_alarm is 1.0, but must be below 1"),
+        ({"false_alarm": 1.0}, "false_alarm is 1.0, but must be .* below 1"),
         ({"false_alarm": np.nan}, "false_alarm"),
         ({"sea_sigma": 0.0}, "sea_sigma is 0.0"),
         ({"target_sigma": 0.0}, "target_sigma is 0.0"),
@@ -147,11 +149,28 @@ def test_extremes_neither_warn_nor_lose_digits():
         ({"contrast": np.inf}, "contrast"),
         ({"target": -1}, "target is -1"),
         ({"target": 1.5}, "target is 1.5"),
+        ({"target": None}, "target is None"),
+        ({"target": "abc"}, "target is 'abc'"),
+        ({"target": "5"}, "target is '5'"),
+        ({"target": 10**400}, "target is inf"),
+        ({"target": [[True], [True, False]]}, r"target is \[\[True"),
+        ({"target": np.array([5, 7])}, "target is an array of int64"),
+        ({"target": [5, 7]}, "target is an array of int64"),
+        ({"target": np.full((3, 3), np.nan)}, "target is nan"),
     ],
 )
 def test_nonsense_is_named(parameters, named):
-    with pytest.raises(ValueError, match=named):
+    with pytest.raises(ValueError, match=f"^{named}") as refused:
         detection_probability(**{"target": 3} | SENSOR | parameters)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("pixels", [3, 3.0, np.int32(3), np.array(3)])
+def test_a_number_or_a_template_of_any_kind(pixels):
+    template = [[True, False, True], [False, True, False]]
+    expected = detection_probability(np.array(template), **SENSOR)
+    assert detection_probability(template, **SENSOR) == expected
+    assert detection_probability(pixels, **SENSOR) == expected
 
 
 def test_a_threshold_needs_a_sigma():

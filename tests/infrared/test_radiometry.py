@@ -1,5 +1,7 @@
 """Table 1 of the article, digit by digit, and what its digits allow."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -127,10 +129,21 @@ def test_range_and_frames_broadcast():
         (lambda: noise_temperature(0), "frame_count is 0"),
         (lambda: noise_temperature(np.array([4, -1])), "frame_count is -1"),
         (lambda: noise_temperature(2.5), "frame_count is 2.5"),
+        (lambda: noise_temperature(np.arange(2, 200) / 2), "frame_count is 1.5"),
+        (lambda: noise_temperature(["16"]), "frame_count is '16'"),
+        (lambda: noise_temperature([[4, 16], 4]), r"frame_count is \[\[4, 16\], 4\]"),
+        (lambda: noise_temperature(10**400), "frame_count is inf"),
+        (lambda: contrast(None), "slant_range is None"),
+        (lambda: contrast(1j), "slant_range is 1j"),
         (lambda: noise_temperature(4, nedt=-0.1), "nedt"),
         (lambda: snr(1.0, nedt=0.0), "nedt is 0"),
+        (lambda: snr(0, contrast_at_zero=1e200), "contrast_at_zero is 1e[+]200 and nedt 0.4"),
+        (lambda: snr([0, 1e3], nedt=1e-200), "contrast_at_zero is 2.1585 and nedt 1e-200"),
     ],
 )
 def test_nonsense_is_named(call, named):
-    with pytest.raises(ValueError, match=named):
-        call()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ValueError, match=f"^{named}") as refused:
+            call()
+    assert "\n" not in str(refused.value)

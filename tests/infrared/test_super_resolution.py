@@ -12,6 +12,7 @@ from warm_views import SHIPS, points
 from ncti.infrared import (
     BACK_PROJECTIONS,
     IFOV,
+    LEAST_CONTRAST,
     SPREAD,
     back_project,
     contrast,
@@ -406,19 +407,47 @@ def test_windows_keep_their_shape(back_projections, rows, cols):
     assert np.isfinite(images).all()
 
 
+def test_errors_over_the_least_contrast_are_told():
+    target = np.array([[True, False], [False, False]])
+    errors = reconstruction_error(np.full((2, 2), 0.1), target, contrast=LEAST_CONTRAST)
+    assert errors == pytest.approx(0.1 / LEAST_CONTRAST, rel=1e-15)
+    assert errors < np.finfo(np.float32).max
+
+
+def nothing_shifted(shape=(3, 4), **parameters):
+    good = {"contrast": 1.0, "frame_counts": (4,), "rng": np.random.default_rng(0)}
+    return shifted_images(np.zeros(shape, bool), **good | parameters)
+
+
 @pytest.mark.parametrize(
     ("call", "named"),
     [
         (lambda: recombine(np.zeros((9, 9)), back_projections=-1), "back_projections is -1"),
         (lambda: recombine(np.zeros((9, 9)), back_projections=1.5), "back_projections is 1.5"),
-        (lambda: recombine(np.zeros((3, 9)), back_projections=1), "at least 4 by 4"),
-        (lambda: recombine(np.zeros(9)), "samples have shape"),
+        (lambda: recombine(np.zeros((3, 9)), back_projections=1), "samples .* at least 4 by 4"),
+        (lambda: recombine(np.zeros(9)), "samples has shape"),
         (lambda: detector_samples(np.zeros((1, 9))), "fine has shape"),
+        (lambda: back_project(np.ones(3)), r"samples has shape \(3,\)"),
+        (lambda: back_project(np.ones((2, 0))), r"samples has shape \(2, 0\)"),
+        (lambda: enlarge(3.0), r"image has shape \(\)"),
+        (lambda: nothing_shifted((0, 0)), r"fine_target has shape \(0, 0\)"),
+        (lambda: nothing_shifted((2, 3, 4)), r"fine_target has shape \(2, 3, 4\)"),
+        (lambda: nothing_shifted(rng=None), "rng is None"),
+        (lambda: nothing_shifted(sea_spread=-0.1), "sea_spread is -0.1"),
+        (lambda: nothing_shifted(target_spread=np.nan), "target_spread is nan"),
         (lambda: noise_gain(-1), "back_projections"),
         (lambda: scene_gain(0.5), "back_projections"),
         (
             lambda: reconstruction_error(np.zeros((2, 2)), np.zeros((2, 2)), contrast=0.0),
             "contrast is 0",
+        ),
+        (
+            lambda: reconstruction_error(np.ones((2, 2)), np.zeros((2, 2)), contrast=1e-300),
+            "contrast is 1e-300, .* at least 1e-30",
+        ),
+        (
+            lambda: reconstruction_error(np.ones((0, 0)), np.zeros((0, 0)), contrast=1.0),
+            r"image has shape \(0, 0\)",
         ),
         (
             lambda: reconstruction_error(np.zeros((2, 3)), np.zeros((2, 2)), contrast=1.0),
@@ -427,5 +456,5 @@ def test_windows_keep_their_shape(back_projections, rows, cols):
     ],
 )
 def test_nonsense_is_named(call, named):
-    with pytest.raises(ValueError, match=named):
+    with pytest.raises(ValueError, match=f"^{named}"):
         call()

@@ -406,31 +406,76 @@ def test_a_range_image_of_its_own_range():
     [
         ({"slant_range": 0.0}, "slant_range"),
         ({"slant_range": np.nan}, "slant_range"),
+        ({"slant_range": "far"}, "slant_range is 'far'"),
+        ({"slant_range": 1}, "slant_range is 1 and ifov 0.00015, .* at least .* 0.25 m"),
+        ({"slant_range": 1e300}, "slant_range is 1e[+]300"),
         ({"ifov": -1e-6}, "ifov"),
-        ({"ifov": 1e-6}, "footprint"),
-        ({"coverage_rule": 0.0}, "rule"),
+        ({"ifov": 1e300}, "ifov"),
+        ({"ifov": 1e-6}, "slant_range is 50000.0 and ifov 1e-06, "),
+        ({"coverage_rule": 0.0}, "coverage_rule is 0.0"),
+        ({"coverage_rule": 2}, "coverage_rule is 2"),
         ({"super_resolution": "magic"}, "super_resolution is 'magic'"),
-        ({"super_resolution": "shifted", "back_projections": -1}, "back_projections"),
-        ({"super_resolution": "shifted", "back_projections": 0.5}, "back_projections"),
-        ({"frame_count": 0}, "frame_counts is .*0"),
-        ({"frame_count": (4, 1.5)}, "frame_counts"),
-        ({"frame_count": ()}, "frame_counts is empty"),
+        ({"super_resolution": "shifted", "back_projections": -1}, "back_projections is -1"),
+        ({"super_resolution": "shifted", "back_projections": 0.5}, "back_projections is 0.5"),
+        ({"back_projections": -7}, "back_projections is -7"),
+        ({"super_resolution": "perfect", "back_projections": None}, "back_projections is None"),
+        ({"frame_count": 0}, "frame_count is 0"),
+        ({"frame_count": "16"}, "frame_count is '16'"),
+        ({"frame_count": ["16"]}, "frame_count is '16'"),
+        ({"frame_count": None}, "frame_count is None"),
+        ({"frame_count": 10**300}, "frame_count is 1000"),
+        ({"frame_count": (4, 1.5)}, "frame_count is 1.5"),
+        ({"frame_count": [[4, 16]]}, r"frame_count has shape \(1, 2\)"),
+        ({"frame_count": [[4, 16], 1]}, r"frame_count is \[\[4, 16\], 1\]"),
+        ({"frame_count": ()}, r"frame_count has shape \(0,\)"),
+        ({"rng": None}, "rng is None"),
+        ({"rng": 3, "super_resolution": "shifted"}, "rng is 3"),
+        ({"margin": 0.5}, "margin is 0.5"),
         ({"contrast_at_zero": np.nan}, "contrast_at_zero"),
         ({"extinction": -1.0}, "extinction"),
         ({"nedt": -0.1}, "nedt"),
         ({"target_spread": -0.1}, "target_spread"),
         ({"sea_spread": np.inf}, "sea_spread"),
-        ({"phase": (1.5, 0.0)}, "phase"),
+        ({"super_resolution": "shifted", "sea_spread": -0.1}, "sea_spread is -0.1"),
+        ({"super_resolution": "shifted", "target_spread": "2"}, "target_spread is '2'"),
+        ({"phase": (1.5, 0.0)}, r"phase\[0\] is 1.5"),
+        ({"phase": (0.0, 1.0)}, r"phase\[1\] is 1.0, .* below 1"),
+        ({"phase": 0.5}, "phase is 0.5, .* 2 numbers"),
+        ({"phase": (0.1, 0.2, 0.3)}, r"phase is \(0.1, 0.2, 0.3\), .* 2 numbers"),
+        ({"phase": ((0.1, 0.2), 0.3)}, r"phase\[0\] is \(0.1, 0.2\)"),
         ({"extent": (-1.0, 1.0, -1.0, 1.0)}, "extent"),
+        ({"extent": (-99.0, 99.0, -99.0)}, "extent is .*, .* 4 numbers"),
+        ({"extent": 99.0}, "extent is 99.0, .* 4 numbers"),
+        ({"extent": (None, 99.0, -99.0, 99.0)}, r"extent\[0\] is None"),
     ],
 )
 def test_bad_parameters_are_named(parameters, named):
-    good = {"slant_range": 50e3, "frame_count": 16}
-    with pytest.raises(ValueError, match=named) as refused:
-        image(plate(width=60, height=30), rng=np.random.default_rng(0), **good | parameters)
-    assert "\n" not in str(refused.value)
+    good = {"slant_range": 50e3, "frame_count": 16, "rng": np.random.default_rng(0)}
+    with pytest.raises(ValueError, match=f"^{named}") as refused:
+        image(plate(width=60, height=30), **good | parameters)
+    assert "\n" not in str(refused.value) and ", but " in str(refused.value)
+
+
+def test_the_window_is_given_in_any_sequence():
+    look = {"slant_range": 50e3, "frame_count": 16}
+    by_tuple, by_array = (
+        image(
+            plate(width=60, height=30),
+            rng=np.random.default_rng(0),
+            phase=kind((0.3, 0.9)),
+            extent=kind((-60.0, 60.0, -30.0, 30.0)),
+            **look,
+        )
+        for kind in (tuple, np.array)
+    )
+    np.testing.assert_array_equal(by_tuple, by_array)
 
 
 def test_a_target_must_be_an_image():
     with pytest.raises(ValueError, match="target has 3 axes"):
         draw(target=np.zeros((2, 3, 4), bool))
+
+
+def test_thermal_images_need_a_generator():
+    with pytest.raises(ValueError, match="rng is None"):
+        thermal_images(HALF, contrast=1.0, frame_counts=(4,), rng=None)
