@@ -13,7 +13,7 @@ from hydra._internal.utils import get_args_parser
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ValueType
-from hydra.errors import HydraException
+from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -67,8 +67,9 @@ def replace_axes(arguments: list[str]) -> list[str]:
     axes = axis_keys()
     replaced = []
     for argument in arguments:
-        key = argument.partition("=")[0]
-        replaced += [f"++{key}=null", argument] if key in axes else [argument]
+        plain = argument.lstrip("+")  # an axis is always there, so nothing is added
+        key = plain.partition("=")[0]
+        replaced += [f"++{key}=null", plain] if key in axes else [argument]
     return replaced
 
 
@@ -138,6 +139,9 @@ def explain(error: Exception) -> str:
     """One sentence for what Hydra and OmegaConf say in several lines."""
     if isinstance(error, ConfigurationError):
         return str(error)
+    if isinstance(error, OverrideParseException):
+        why = str(error).partition("\n")[0]
+        return f"{error.override} cannot be read ({why}), but must be KEY=VALUE as Hydra has it"
     chain: list[str] = []
     cause: BaseException | None = error
     while cause is not None:
@@ -147,9 +151,17 @@ def explain(error: Exception) -> str:
     key = re.search(r"full_key: (\S+)", text)
     if key and re.search(r"Key '.*' (is )?not in", text):
         return unknown_key(key[1])
-    value = re.search(r"Value '(.*)' of type .* could not be converted to (\w+)", text)
+    value = re.search(
+        r"Value '(?P<value>.*)' of type .* could not be converted to (?P<type>\w+)"
+        r"|Cannot convert .* to (?P<text>string): '(?P<given>.*)'",
+        text,
+    )
     if key and value:
-        return f"{key[1]} is {value[1]!r}, but must be of type {value[2].lower()}"
+        given = value["given"] if value["value"] is None else value["value"]
+        kind = value["type"] or value["text"]
+        return f"{key[1]} is {given!r}, but must be of type {kind.lower()}"
+    if key and "is not Optional" in text:
+        return f"{key[1]} is null, but must be given"
     group = re.search(
         r"Could not find '(.+)/(.+)'.*?Available options in .*?:(.*?)\n\S", text, re.S
     )
