@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.exceptions import ConvergenceWarning
 
-from ncti.classify import AdaptiveClusteringNetwork
+from ncti.classify import AdaptiveClusteringNetwork, Similarities, cluster
 from ncti.evaluate import category_formation
 from ncti.features import profile_vector
 from sweeps.schema import ClassifierConfig
@@ -49,14 +49,15 @@ def classify_profiles(
         category, predicted, correct : (learning_rate, vigilance, frame_count, ship, aspect)
         passes : (learning_rate, vigilance), negative where the categories did not settle
     """
-    return classify(
+    answers = classify(
         profile_vector(expected[there]),
         profile_vector(averaged[:, there]),
         there,
-        order=np.arange(np.count_nonzero(there)),
+        orders=[np.arange(np.count_nonzero(there))],
         vigilances=vigilances,
         classifier=classifier,
     )
+    return {name: values[0] for name, values in answers.items()}
 
 
 def classify_silhouettes(
@@ -100,18 +101,14 @@ def classify_silhouettes(
     tests = seen.reshape(*seen.shape[:-2], features)
     place = np.full(there.size, NONE)
     place[np.flatnonzero(there)] = np.arange(len(training))
-    answers = [
-        classify(
-            training,
-            tests,
-            there,
-            order=place[order][place[order] != NONE],
-            vigilances=vigilances,
-            classifier=classifier,
-        )
-        for order in orders
-    ]
-    return {name: np.stack([answer[name] for answer in answers]) for name in answers[0]}
+    return classify(
+        training,
+        tests,
+        there,
+        orders=[place[order][place[order] != NONE] for order in orders],
+        vigilances=vigilances,
+        classifier=classifier,
+    )
 
 
 def classify(
@@ -119,7 +116,7 @@ def classify(
     tests: NDArray[np.floating],
     there: NDArray[np.bool_],
     *,
-    order: NDArray[np.intp],
+    orders: list[NDArray[np.intp]],
     vigilances: tuple[float, ...],
     classifier: ClassifierConfig,
 ) -> Arrays:
@@ -133,20 +130,23 @@ def classify(
         Test vectors of the same views.
     there : (ship, aspect) bool ndarray
         Which views they are.
-    order : (view,) intp ndarray
-        In which order they are presented in training.
+    orders : list of (view,) intp ndarray
+        In which orders they are presented in training.
     vigilances, classifier
         As for `classify_profiles`.
 
     Returns
     -------
     dict of str to ndarray
-        As of `classify_profiles`, with the leading axes of `tests` in place of frame_count.
+        As of `classify_profiles`, with an axis `order` in front, and with the leading axes of
+        `tests` in place of frame_count.
     """
     ship, aspect = np.nonzero(there)
-    trainings = (len(classifier.learning_rates()), len(vigilances))
+    rates = classifier.learning_rates()
+    trainings = (len(orders), len(rates), len(vigilances))
+    batches = tests.shape[:-2]
     trained = (*trainings, *there.shape)
-    tested = (*trainings, *tests.shape[:-2], *there.shape)
+    tested = (*trainings, *batches, *there.shape)
     result: Arrays = {
         "training_category": np.full(trained, NONE, dtype=np.int32),
         "training_correct": np.full(trained, NONE, dtype=np.int8),
@@ -156,33 +156,38 @@ def classify(
         "correct": np.full(tested, NONE, dtype=np.int8),
         "passes": np.zeros(trainings, dtype=np.int32),
     }
-    for i, j in np.ndindex(trainings):
-        network = AdaptiveClusteringNetwork(
-            vigilance=vigilances[j],
-            learning_rate=classifier.learning_rates()[i],
-            max_passes=classifier.max_passes,
-        )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
-            network.fit(training[order], ship[order])
-        labels = np.empty_like(network.labels_)
-        labels[order] = network.labels_
-        formed = category_formation(labels, ship, aspect)
+    # What vigilances, learning rates and orders share is computed once.
+    similarities = Similarities.of(training, tests.reshape(-1, tests.shape[-1]))
+    for place in np.ndindex(trainings):
+        order, rate, vigilance = orders[place[0]], rates[place[1]], vigilances[place[2]]
+        settings: dict[str, Any] = {"learning_rate": rate, "max_passes": classifier.max_passes}
+        found = cluster(similarities, vigilance=vigilance, order=order, **settings)
+        names = found.names(ship)
+        formed = category_formation(found.labels, ship, aspect)
         views = np.searchsorted(formed.ships, ship), np.searchsorted(formed.aspects, aspect)
-        result["passes"][i, j] = network.n_passes_ if network.converged_ else -network.n_passes_
-        result["training_category"][i, j, there] = labels
-        result["training_correct"][i, j, there] = _names(network, labels) == ship
-        result["training_confused"][i, j, there] = formed.confused[views]
-        for test in np.ndindex(tests.shape[:-2]):
-            category, _ = network.match(tests[test], learning=classifier.learn_in_test)
-            named = _names(network, category)
-            result["category"][i, j, *test, there] = category
-            result["predicted"][i, j, *test, there] = named
-            result["correct"][i, j, *test, there] = named == ship
+        result["passes"][place] = found.passes if found.converged else -found.passes
+        result["training_category"][place][there] = found.labels
+        result["training_correct"][place][there] = _named(names, found.labels) == ship
+        result["training_confused"][place][there] = formed.confused[views]
+        if classifier.learn_in_test:
+            network = AdaptiveClusteringNetwork(vigilance=vigilance, **settings)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
+                network.fit(training[order], ship[order])
+            category = np.array(
+                [network.match(tests[test], learning=True)[0] for test in np.ndindex(batches)]
+            ).reshape(*batches, -1)
+            named = _named(network.category_labels_, category)
+        else:
+            category = found.match(similarities)[0].reshape(*batches, -1)
+            named = _named(names, category)
+        result["category"][place][..., there] = category
+        result["predicted"][place][..., there] = named
+        result["correct"][place][..., there] = named == ship
     return result
 
 
-def _names(network: AdaptiveClusteringNetwork, category: ArrayLike) -> NDArray[np.intp]:
+def _named(names: NDArray[np.intp], category: ArrayLike) -> NDArray[np.intp]:
     """Ship of each category; none for a vector that matches nothing."""
     number = np.asarray(category)
-    return np.where(number >= 0, network.category_labels_[np.maximum(number, 0)], NONE)
+    return np.where(number >= 0, names[np.maximum(number, 0)], NONE)

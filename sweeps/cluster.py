@@ -12,6 +12,8 @@ from typing import Any, Protocol
 
 from sweeps.schema import ClusterConfig
 
+MOST_TOGETHER, ROUNDS = 8, 12  # tasks handed over at once, and how often a worker gets some
+
 Outcome = tuple[tuple[Any, ...], Any, Exception | None]
 
 
@@ -50,12 +52,29 @@ class DaskExecutor:
         """See `Executor.run`."""
         from distributed import as_completed
 
-        futures = {self.client.submit(function, *task, pure=False): task for task in tasks}
+        waiting = list(tasks)
+        # To hand over a task takes milliseconds, so a few go together; not so many that a worker
+        # idles at the end.
+        workers = len(self.client.scheduler_info(n_workers=-1)["workers"])
+        size = min(MOST_TOGETHER, max(1, len(waiting) // (ROUNDS * max(1, workers))))
+        futures = {
+            self.client.submit(_run_each, function, batch, pure=False): batch
+            for batch in (waiting[i : i + size] for i in range(0, len(waiting), size))
+        }
         for future in as_completed(list(futures)):
-            task = futures.pop(future)
+            batch = futures.pop(future)
             error = future.exception()
-            yield task, None if error else future.result(), error
+            outcomes = [(None, error)] * len(batch) if error else future.result()
+            for task, (result, failure) in zip(batch, outcomes, strict=True):
+                yield task, result, failure
             future.release()
+
+
+def _run_each(
+    function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]
+) -> list[tuple[Any, Exception | None]]:
+    """Results of some tasks, each with its own error."""
+    return [(result, error) for _, result, error in InlineExecutor().run(function, tasks)]
 
 
 @contextmanager

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -289,12 +291,17 @@ class _Look:
                     errors[phase, k] = reconstruction_error(
                         finer[phase], fine[phase], contrast=warmth
                     )
-        maps = np.array([self._cut(way, image, warmth) for way, image in images.items()])
+        sizes = {way: image.shape for way, image in images.items()}
+        maps = [
+            # Images of one size are cut and mapped in one go.
+            self._cut({way: images[way] for way in same}, warmth)
+            for _, same in groupby(images, key=sizes.__getitem__)
+        ]
         return {f"image.{way}": image[0].astype(np.float32) for way, image in images.items()} | {
             "detection_probability": self._detected(coarse, warmth).astype(np.float32),
             "reconstruction_error": errors.astype(np.float32),
-            # (super_resolution, segmentation, inner_radius, interpolation, phase, ...)
-            "log_polar": np.moveaxis(maps, 0, 4),
+            # (segmentation, inner_radius, interpolation, super_resolution, phase, ...)
+            "log_polar": np.swapaxes(np.concatenate(maps, axis=3), 3, 4),
         }
 
     def _synthesise(
@@ -321,20 +328,32 @@ class _Look:
             ]
         )
 
-    def _cut(self, way: str, images: NDArray[np.float64], warmth: float) -> NDArray[np.uint8]:
-        """(segmentation, inner_radius, interpolation, phase, frame_count, angle, radius)."""
+    def _cut(self, images: Mapping[str, NDArray[np.float64]], warmth: float) -> NDArray[np.uint8]:
+        """Maps of images of one size, by super-resolution.
+
+        Returns
+        -------
+        (segmentation, inner_radius, interpolation, super_resolution, phase, frame_count, angle,
+        radius) uint8 ndarray
+        """
         grid, infrared = self.view.plan.infrared_grid, self.view.plan.infrared
         known = {
-            f"{name}_sigma": pixel_sigma(
-                spread,
-                frame_count=np.array(grid.frame_count),
-                nedt=infrared.nedt,
-                super_resolution=way,
-            )
+            f"{name}_sigma": np.array(
+                [
+                    pixel_sigma(
+                        spread,
+                        frame_count=np.array(grid.frame_count),
+                        nedt=infrared.nedt,
+                        super_resolution=way,
+                    )
+                    for way in images
+                ]
+            )[:, None]
             for name, spread in (("target", infrared.target_spread), ("sea", infrared.sea_spread))
         }
+        shown = np.array(list(images.values()))
         cut = [
-            segment(images, method=method, contrast=warmth, **known) for method in grid.segmentation
+            segment(shown, method=method, contrast=warmth, **known) for method in grid.segmentation
         ]
         return np.array([_maps(mask, grid) for mask in cut])
 

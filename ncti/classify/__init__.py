@@ -1,5 +1,6 @@
 """Classifiers of profile vectors: scikit-learn estimators that see `(X, y)` and nothing else."""
 
 from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
+from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 
-__all__ = ["AdaptiveClusteringNetwork"]
+__all__ = ["AdaptiveClusteringNetwork", "Clustering", "Similarities", "cluster"]

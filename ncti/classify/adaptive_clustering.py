@@ -127,7 +127,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         check_classification_targets(labels)
         self.classes_, class_of_sample = np.unique(labels, return_inverse=True)
 
-        directions, lengths = _polar(vectors)
+        directions, lengths = polar(vectors)
         if not lengths.any():
             raise ValueError("X has only zero vectors; at least one must have a direction.")
         memory = _Memory(vectors.shape[1], self.learning_rate)
@@ -181,12 +181,12 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         """
         check_is_fitted(self)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
-        directions, lengths = _polar(vectors)
+        directions, lengths = polar(vectors)
         if learning:
             memory = _Memory.holding(self.categories_, self.learning_rate)
             category, similarity = memory.follow(directions, lengths)
         else:
-            cosines = directions @ _polar(self.categories_)[0].T
+            cosines = directions @ polar(self.categories_)[0].T
             category = cosines.argmax(axis=1)
             similarity = np.take_along_axis(cosines, category[:, None], axis=1)[:, 0]
         category[lengths == 0] = NO_CATEGORY
@@ -245,7 +245,7 @@ class _Memory:
     def holding(cls, traces: Floats, learning_rate: float) -> _Memory:
         """A memory that starts with a copy of `traces`."""
         memory = cls(traces.shape[1], learning_rate)
-        memory.directions, lengths = _polar(traces)
+        memory.directions, lengths = polar(traces)
         memory.lengths = lengths.tolist()
         memory.count = len(lengths)
         return memory
@@ -307,7 +307,7 @@ class _Memory:
         return self.count - 1
 
 
-def _polar(vectors: Floats) -> tuple[Floats, Floats]:
+def polar(vectors: Floats) -> tuple[Floats, Floats]:
     """Unit directions and lengths of the rows; a zero row has direction and length 0.
 
     Rows are scaled by their largest element first, so that no square over- or underflows, and
