@@ -100,6 +100,9 @@ def tabulate_images(images: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
         `error`, mean over ships, aspects and phases, and `error_spread`, over them; without
         views, or images without contrast, as before.
     """
+    # Neither depends on how silhouettes are cut out, mapped and learnt.
+    kept = {*images.dims, "coverage_rule"}
+    images = images.drop_vars([name for name in images.coords if name not in kept])
     found = images.detection_probability
     labels, index = aspect_bins(images.aspect.values)
     bins = [*(np.flatnonzero(index == k) for k in range(len(labels))), np.arange(len(index))]
