@@ -48,7 +48,6 @@ def test_perfect_super_resolution_makes_50_km_as_good_as_25(tables):
 
 def test_the_detector_s_own_pixels_do_worse_at_50_km(tables):
     overall = [
-        accuracy(tables, *look).values[-1]
-        for look in ((25, "none"), (50, "none"), (100, "none"))
+        accuracy(tables, *look).values[-1] for look in ((25, "none"), (50, "none"), (100, "none"))
     ]
     assert overall[0] > overall[1] > overall[2] > 0.25  # which is chance
