@@ -104,7 +104,7 @@ def test_more_categories_than_samples_may_come_and_go():
 
 
 def test_zero_vectors_alone_are_refused():
-    with pytest.raises(ValueError, match="^training has only zero vectors"):
+    with pytest.raises(ValueError, match=r"^training has only zero vectors"):
         Similarities.of(np.zeros((3, 2)), np.ones((1, 2)))
 
 

@@ -15,7 +15,7 @@ import ncti.ships
 from ncti.features import log_polar, segment
 from ncti.infrared import contrast, pixel_sigma, shifted_images, thermal_images
 from sweeps import stages
-from sweeps.infrared import STEPS, image_windows, infrared_code, view_images
+from sweeps.infrared import image_windows, infrared_code, view_images
 from sweeps.schema import InfraredConfig, SceneConfig
 from sweeps.seeds import cell_rng
 from sweeps.stages import Ship, View, rendering_code, view_profiles
