@@ -1,0 +1,129 @@
+"""Back-propagation through one hidden layer that grows, in nodes that have gains of their own."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOMENTUM = 0.9  # share of the last step that the next one repeats
+GAIN_FACTOR = (0.1, 10.0)  # bounds of a node's learned gain over the level
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Layer:
+    """Nodes that share their inputs.
+
+    Attributes
+    ----------
+    weights : (node, input) float64 ndarray
+        Linkweights w.
+    offsets : (node,) float64 ndarray
+        Offsets theta.
+    factors : (node,) float64 ndarray
+        Gains beta over the level.
+    """
+
+    weights: Floats
+    offsets: Floats
+    factors: Floats
+
+    def answers(self, inputs: Floats, level: float) -> Floats:
+        """(sample, node): tanh(beta (w.x + theta) / 2)."""
+        return np.tanh((inputs @ self.weights.T + self.offsets) * (level / 2 * self.factors))
+
+    def back_propagate(
+        self, inputs: Floats, answers: Floats, errors: Floats, level: float
+    ) -> tuple[Layer, Floats]:
+        """Gradient of a loss in the layer's parameters and, (sample, node), in w.x.
+
+        Parameters
+        ----------
+        inputs : (sample, input) float64 ndarray
+            What the nodes saw.
+        answers : (sample, node) float64 ndarray
+            What they answered.
+        errors : (sample, node) float64 ndarray
+            Derivative of the loss in the answers.
+        level : float
+            Gain level.
+        """
+        slopes = errors * ((1.0 - answers) * (1.0 + answers)) * (level / 2)
+        net = slopes * self.factors
+        weights = net.T @ inputs
+        # sum over samples of slope (w.x + theta), which needs no second look at w.x
+        offsets = net.sum(axis=0)
+        along = np.einsum("ni,ni->n", weights, self.weights) + offsets * self.offsets
+        return Layer(weights, offsets, along / self.factors), net
+
+
+class Network:
+    """A hidden layer that grows and the outputs, with the velocities of both."""
+
+    def __init__(self, hidden: Layer, output: Layer) -> None:
+        self.hidden, self.output = hidden, output
+        self.velocities = [
+            Layer(*(np.zeros_like(part) for part in astuple(layer))) for layer in (hidden, output)
+        ]
+
+    @classmethod
+    def seed(cls, n_inputs: int, n_outputs: int, random: np.random.RandomState) -> Network:
+        """One hidden node, not yet heard by the outputs."""
+        hidden = Layer(*_new_node(n_inputs, random), np.ones(1))
+        output = Layer(np.zeros((n_outputs, 1)), np.zeros(n_outputs), np.ones(n_outputs))
+        return cls(hidden, output)
+
+    def grow(self, random: np.random.RandomState) -> None:
+        """Add a hidden node that the outputs do not hear yet."""
+        weights, offsets = _new_node(self.hidden.weights.shape[1], random)
+        node = Layer(weights, offsets, np.ones(1))
+        rest = Layer(np.zeros_like(weights), np.zeros(1), np.zeros(1))
+        for (hidden, output), new in (
+            ((self.hidden, self.output), node),
+            (self.velocities, rest),
+        ):
+            hidden.weights = np.concatenate([hidden.weights, new.weights])
+            hidden.offsets = np.append(hidden.offsets, new.offsets)
+            hidden.factors = np.append(hidden.factors, new.factors)
+            output.weights = np.pad(output.weights, ((0, 0), (0, 1)))
+
+    def loss_and_gradient(
+        self, inputs: Floats, targets: Floats, level: float
+    ) -> tuple[float, tuple[Layer, Layer]]:
+        """Mean square error of the outputs, and the gradient to follow.
+
+        The gradient is that of half the squared error of all outputs together, averaged over
+        the samples: the number of classes does not change the step.
+        """
+        middle = self.hidden.answers(inputs, level)
+        answers = self.output.answers(middle, level)
+        errors = answers - targets
+        output, net = self.output.back_propagate(middle, answers, errors / len(inputs), level)
+        hidden, _ = self.hidden.back_propagate(inputs, middle, net @ self.output.weights, level)
+        return float(np.mean(errors**2)), (hidden, output)
+
+    def step(self, gradient: tuple[Layer, Layer], learning_rate: float) -> None:
+        """Follow the gradient, keep every gain in its bounds."""
+        for layer, velocity, slope in zip(
+            (self.hidden, self.output), self.velocities, gradient, strict=True
+        ):
+            for name in ("weights", "offsets", "factors"):
+                speed = getattr(velocity, name)
+                speed *= MOMENTUM
+                speed -= learning_rate * getattr(slope, name)
+                parameter = getattr(layer, name)
+                parameter += speed
+            np.clip(layer.factors, *GAIN_FACTOR, out=layer.factors)
+
+
+def _new_node(n_inputs: int, random: np.random.RandomState) -> tuple[Floats, Floats]:
+    """(1, input) weights and (1,) offset of a node that has learned nothing.
+
+    The offset must not be zero: on data that look the same from either side such a node, odd in
+    its inputs, never learns anything even.
+    """
+    drawn = random.uniform(-1.0, 1.0, (1, n_inputs + 1)) / np.sqrt(n_inputs)
+    return drawn[:, :-1], drawn[:, -1]
