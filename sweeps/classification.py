@@ -32,7 +32,7 @@ def classify_profiles(
     ----------
     expected : (ship, aspect, bin) float32 ndarray
         Training profiles.
-    averaged : (frame_count, ship, aspect, bin) float32 ndarray
+    averaged : (replicate, frame_count, ship, aspect, bin) float32 ndarray
         Test profiles of the same views.
     there : (ship, aspect) bool ndarray
         Views that are done; the others are left out.
@@ -46,12 +46,13 @@ def classify_profiles(
     dict of str to ndarray
         training_category, training_correct, training_confused :
         (learning_rate, vigilance, ship, aspect)
-        category, predicted, correct : (learning_rate, vigilance, frame_count, ship, aspect)
+        category, predicted, correct :
+        (learning_rate, vigilance, replicate, frame_count, ship, aspect)
         passes : (learning_rate, vigilance), negative where the categories did not settle
     """
     answers = classify(
         profile_vector(expected[there]),
-        profile_vector(averaged[:, there]),
+        profile_vector(averaged[:, :, there]),
         there,
         orders=[np.arange(np.count_nonzero(there))],
         vigilances=vigilances,
@@ -88,7 +89,7 @@ def classify_silhouettes(
     -------
     dict of str to ndarray
         As of `classify_profiles`, with an axis `order` in front, and with the axes (range,
-        super_resolution, frame_count) in place of frame_count.
+        super_resolution, frame_count) in place of (replicate, frame_count).
 
     Notes
     -----
@@ -139,7 +140,7 @@ def classify(
     -------
     dict of str to ndarray
         As of `classify_profiles`, with an axis `order` in front, and with the leading axes of
-        `tests` in place of frame_count.
+        `tests` in place of (replicate, frame_count).
     """
     ship, aspect = np.nonzero(there)
     rates = classifier.learning_rates()

@@ -178,7 +178,7 @@ def _call(function: Callable[..., None], *arguments: Any) -> None:
 def _classify_profiles(
     cell: Cell, classifier: ClassifierConfig, path: Path, vigilances: tuple[float, ...]
 ) -> None:
-    expected, averaged = store.read_profiles(path, cell.index)
+    expected, averaged = store.read_profiles(path, cell.place)
     there = store.views_done(path)
     answers = classify_profiles(
         expected, averaged, there, vigilances=vigilances, classifier=classifier

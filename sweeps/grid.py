@@ -35,6 +35,8 @@ class Grid:
         Slant ranges [km].
     vigilance : tuple of float
         Vigilance in training.
+    replicate : tuple of int
+        Numbers of independent draws of the noise of range profiles.
     """
 
     ship: tuple[str, ...]
@@ -43,6 +45,7 @@ class Grid:
     frame_count: tuple[int, ...]
     range: tuple[float, ...]
     vigilance: tuple[float, ...]
+    replicate: tuple[int, ...]
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,7 @@ AXES: dict[str, dict[str, str]] = {
     "interpolation": {"long_name": "how the map samples a silhouette"},
     "phase": {"units": "1", "long_name": "number of the ship's place on the detector's pixels"},
     "order": {"units": "1", "long_name": "number of the order of presentation, 0 as in the grid"},
+    "replicate": {"units": "1", "long_name": "number of the draw of the noise"},
     "angle": {"units": "degree", "long_name": "angle about the centroid, from the right upwards"},
     "row": {"units": "1", "long_name": "row of pixels, from the lowest"},
     "col": {"units": "1", "long_name": "column of pixels, from the left"},
@@ -66,6 +67,7 @@ VIEW = ("ship", "aspect")
 CELL = ("pulse_width", "range", "target_free_ifovs")
 TEMPLATE = ("coverage_rule", "inner_radius", "interpolation")
 CELL_INFRARED = ("coverage_rule", "segmentation", "inner_radius", "interpolation", "phase")
+AVERAGE = ("replicate", "frame_count")
 LOOK = ("range", "super_resolution", "frame_count")
 
 # Dimensions only when they have several values; a single one is a scalar coordinate.
@@ -76,6 +78,7 @@ OPTIONAL = (
     "segmentation",
     "inner_radius",
     "interpolation",
+    "replicate",
 )
 
 WINDOW = {
@@ -174,7 +177,7 @@ VARIABLES = (
         ),
         (
             "averaged",
-            (*VIEW, "pulse_width", "frame_count", "range", "target_free_ifovs", "down_range"),
+            (*VIEW, "pulse_width", *AVERAGE, "range", "target_free_ifovs", "down_range"),
             "frame-averaged range profile, noise floor included",
         ),
     ),
@@ -215,7 +218,7 @@ VARIABLES = (
         RANGE,
         len(CELL),
         _TRAINED,
-        (*_TRAINED, "frame_count"),
+        (*_TRAINED, *AVERAGE),
         "expected profile",
         "averaged profile",
     ),
@@ -238,7 +241,7 @@ VARIABLES = (
         ),
         (
             "cell",
-            (*_TRAINED, "frame_count", *VIEW),
+            (*_TRAINED, *AVERAGE, *VIEW),
             "state of a cell of the grid",
             {"group": STATUS, "sensor": RANGE, "whole": len(CELL)},
         ),
@@ -289,6 +292,7 @@ class Axes:
             INFRARED: shared
             | asdict(infrared)
             | {
+                "replicate": (),  # its phases are its draws
                 "angle": ANGLE,
                 "radius": RADIUS,
                 "row": np.arange(windows["vertical"].shape[-1]),

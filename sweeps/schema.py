@@ -55,6 +55,7 @@ class GridConfig:
     frame_count: Any = MISSING
     range: Any = MISSING
     vigilance: Any = MISSING
+    replicate: int = 1
 
     def expand(self) -> Grid:
         """Every value of every axis, checked."""
@@ -65,7 +66,12 @@ class GridConfig:
             frame_count=count_axis("grid.frame_count", self.frame_count, maximum=MOST_FRAMES),
             range=number_axis("grid.range", self.range, minimum=1, maximum=1000),
             vigilance=number_axis("grid.vigilance", self.vigilance, minimum=0, maximum=1),
+            replicate=tuple(range(self.replicate)),
         )
+
+    def __post_init__(self) -> None:
+        """Check what is no axis of its own values."""
+        _between("grid.replicate", self.replicate, 1, 1000)
 
 
 @dataclass

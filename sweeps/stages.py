@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,7 @@ class ViewPlan:
     frame_count: tuple[int, ...]
     range: tuple[float, ...]
     target_free_ifovs: tuple[int, ...]
+    replicate: tuple[int, ...]
     scene: SceneConfig
     render: RenderConfig
     ladar: LadarConfig
@@ -96,6 +98,7 @@ class ViewPlan:
             frame_count=grid.frame_count,
             range=grid.range,
             target_free_ifovs=config.ladar.floor_axis(),
+            replicate=grid.replicate,
             scene=config.scene,
             render=replace(config.render, engine=engine),
             ladar=config.ladar,
@@ -153,17 +156,17 @@ def view_profiles(view: View) -> Arrays:
     -------
     dict of str to ndarray
         expected : (pulse_width, range, target_free_ifovs, bin) float32, Equation C;
-        averaged : (pulse_width, frame_count, range, target_free_ifovs, bin) float32, averages
-        of sampled frames.
+        averaged : (pulse_width, replicate, frame_count, range, target_free_ifovs, bin) float32,
+        averages of sampled frames.
     """
     plan = view.plan
-    cells = [
-        [[view.profiles(t, r, g) for g in plan.target_free_ifovs] for r in plan.range]
-        for t in plan.pulse_width
-    ]
-    expected = np.array([[[cell["expected"] for cell in row] for row in rows] for rows in cells])
-    averaged = np.array([[[cell["averaged"] for cell in row] for row in rows] for rows in cells])
-    return {"expected": expected, "averaged": np.moveaxis(averaged, 3, 1)}
+    axes = (plan.pulse_width, plan.range, plan.target_free_ifovs, plan.replicate)
+    cells = [view.profiles(*cell) for cell in product(*axes)]
+    shape = tuple(map(len, axes))
+    expected = np.array([cell["expected"] for cell in cells]).reshape(*shape, -1)
+    averaged = np.array([cell["averaged"] for cell in cells])
+    averaged = averaged.reshape(*shape, *averaged.shape[1:])
+    return {"expected": expected[:, :, :, 0], "averaged": np.moveaxis(averaged, (3, 4), (1, 2))}
 
 
 @dataclass(frozen=True)
@@ -181,7 +184,9 @@ class View:
     extents: dict[float, RangeExtent] = field(default_factory=dict)
     hits: dict[float, Points] = field(default_factory=dict)
 
-    def profiles(self, pulse_width: float, slant_range: float, target_free_ifovs: int) -> Arrays:
+    def profiles(
+        self, pulse_width: float, slant_range: float, target_free_ifovs: int, replicate: int
+    ) -> Arrays:
         """Expected profile and averages of one pulse width [ns] at one range [km]."""
         ladar = self.plan.ladar
         return StageCache(self.plan.cache).fetch(
@@ -195,12 +200,13 @@ class View:
                 "cnr": [ladar.cnr, ladar.cnr_range, ladar.extinction],
                 "receiver": [ladar.receiver, ladar.false_alarm],
                 "seed": self.plan.seed,
+                "replicate": replicate,
             },
-            partial(self._make_profiles, pulse_width, slant_range, target_free_ifovs),
+            partial(self._make_profiles, pulse_width, slant_range, target_free_ifovs, replicate),
         )
 
     def _make_profiles(
-        self, pulse_width: float, slant_range: float, target_free_ifovs: int
+        self, pulse_width: float, slant_range: float, target_free_ifovs: int, replicate: int
     ) -> Arrays:
         ladar = self.plan.ladar
         signal: dict[str, Any] = {
@@ -224,6 +230,8 @@ class View:
             pulse_width=pulse_width,
             range=slant_range,
             target_free_ifovs=target_free_ifovs,
+            # The first replicate is what a sweep without replicates draws.
+            **({"replicate": replicate} if replicate else {}),
         )
         frames = sample_frames(extent, frame_count=max(self.plan.frame_count), rng=rng, **signal)
         return {

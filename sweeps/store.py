@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 import zarr
+import zarr.api.asynchronous
 from numpy.typing import NDArray
 from zarr import AsyncArray
 from zarr.abc.buffer import Buffer
@@ -228,7 +229,7 @@ def views_done(path: Path) -> NDArray[np.bool_]:
 
 
 def read_profiles(
-    path: Path, cell: tuple[int, ...]
+    path: Path, cell: Mapping[str, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Profiles of one cell, over all views.
 
@@ -236,20 +237,20 @@ def read_profiles(
     ----------
     path : Path
         The store.
-    cell : tuple of int
-        Index of pulse width, range, and, where it is an axis, number of target-free IFOVs.
+    cell : mapping of str to int
+        Place on the axes of the cell, whether they are dimensions or not.
 
     Returns
     -------
     expected : (ship, aspect, bin) float32 ndarray
-    averaged : (frame_count, ship, aspect, bin) float32 ndarray
+    averaged : (replicate, frame_count, ship, aspect, bin) float32 ndarray
         NaN where a view is not done.
     """
-    every = slice(None)
-    pulse_width, *rest = cell
-    expected = _array(path, PROFILES, "expected")[(every, every, pulse_width, *rest)]
-    averaged = _array(path, PROFILES, "averaged")[(every, every, pulse_width, every, *rest)]
-    return np.asarray(expected), np.moveaxis(np.asarray(averaged), 2, 0)
+    expected = _read(path, PROFILES, "expected", cell)
+    averaged = _read(path, PROFILES, "averaged", cell)
+    if averaged.ndim == 4:  # no replicates
+        averaged = averaged[:, :, None]
+    return expected, np.moveaxis(averaged, (2, 3), (0, 1))
 
 
 def read_silhouettes(
@@ -270,13 +271,18 @@ def read_silhouettes(
     silhouette : (ship, aspect, range, super_resolution, frame_count, angle, radius) float32 ndarray
         Zero where a view is not done.
     """
-    maps = []
-    for name in ("template_log_polar", "log_polar"):
-        array = _array(path, IMAGES, name)
-        index = tuple(cell.get(dim, slice(None)) for dim in array.metadata.dimension_names)
-        maps.append(np.asarray(array[index]) * np.float32(1 / STEPS))
-    template, silhouette = maps
+    step = np.float32(1 / STEPS)
+    template, silhouette = (
+        _read(path, IMAGES, name, cell) * step for name in ("template_log_polar", "log_polar")
+    )
     return template, silhouette
+
+
+def _read(path: Path, group: str, name: str, cell: Mapping[str, int]) -> NDArray[Any]:
+    """An array at one place of some of its axes, whole on the others."""
+    array = _array(path, group, name)
+    index = tuple(cell.get(dim, slice(None)) for dim in array.metadata.dimension_names)
+    return np.asarray(array[index])
 
 
 def write_cell(
@@ -307,7 +313,7 @@ def _write_chunks(arrays: Mapping[Path, NDArray[Any]], place: tuple[int, ...]) -
 @lru_cache(maxsize=128)
 def _opened(path: Path, changed: int) -> AsyncArray[Any]:
     """An array to write to, kept open as long as its metadata do not change."""
-    return zarr.open_array(path, mode="r+").async_array
+    return sync(zarr.api.asynchronous.open_array(store=path, mode="r+"))
 
 
 def mark_cell(path: Path, group: str, cell: tuple[int, ...], state: int) -> None:

@@ -13,7 +13,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ncti.evaluate import accuracy_by_aspect, aspect_bins, wilson_interval
+from ncti.evaluate import (
+    accuracy_by_aspect,
+    aspect_bins,
+    replicated_accuracy,
+    wilson_interval,
+)
 
 DRAWS = ("phase", "order")  # what infrared scores are averaged over
 
@@ -142,15 +147,17 @@ def _formed(classified: xr.Dataset, what: str) -> Table:
 
 def _scored(correct: xr.DataArray, prefix: str, what: str) -> Table:
     """Fraction correct by aspect bin, whatever axes there are besides the view's."""
-    answers = correct.transpose(..., "ship", "aspect")
-    score = accuracy_by_aspect(
+    draws = ("replicate",) if "replicate" in correct.dims else ()
+    answers = correct.transpose(..., *draws, "ship", "aspect")
+    score = (replicated_accuracy if draws else accuracy_by_aspect)(
         answers.values == 1, answers.aspect.values, answered=answers.values >= 0
     )
+    gone = (*draws, "ship", "aspect")
     coords: dict[Any, Any] = {
-        name: coord for name, coord in answers.coords.items() if name not in ("ship", "aspect")
+        name: coord for name, coord in answers.coords.items() if name not in gone
     }
     coords["aspect_bin"] = np.array(score.labels, dtype=object)
-    dims = (*answers.dims[:-2], "aspect_bin")
+    dims = (*answers.dims[: -len(gone)], "aspect_bin")
     return {
         prefix + suffix: (xr.DataArray(values, coords, dims), long_name)
         for suffix, values, long_name in (

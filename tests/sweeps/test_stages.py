@@ -36,6 +36,7 @@ def plan_of(cache, **changes):
         frame_count=(2,),
         range=(100.0,),
         target_free_ifovs=(0,),
+        replicate=(0,),
         scene=SceneConfig(),
         render=RenderConfig(engine="embree"),
         ladar=LadarConfig(),

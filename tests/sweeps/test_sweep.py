@@ -96,6 +96,34 @@ def test_a_cell_is_the_same_in_another_grid(two_workers, tmp_path, monkeypatch, 
     )
 
 
+def test_replicates_are_further_draws_of_the_same_profiles(two_workers, tmp_path, monkeypatch):
+    run_here(
+        monkeypatch,
+        tmp_path,
+        "sensor=range",
+        "grid.replicate=3",
+        "store=s.zarr",
+        f"cache={two_workers / 'cache'}",
+    )
+    ours, theirs = (
+        xr.open_zarr(folder / "s.zarr", group="range_profile").load()
+        for folder in (tmp_path, two_workers)
+    )
+    xr.testing.assert_equal(ours.expected, theirs.expected.drop_vars("replicate"))
+    xr.testing.assert_equal(
+        ours.averaged.sel(replicate=0, drop=True), theirs.averaged.drop_vars("replicate")
+    )
+    # 36 profiles of 250 bins, whose noise correlates over some 5 bins: 1,800 numbers at least
+    # and so correlations of 0.024, of which three pairs stay below 4 standard deviations.
+    noise = (ours.averaged - ours.expected).isel(frame_count=0)
+    flat = noise.transpose("replicate", ...).values.reshape(3, -1)
+    correlation = np.corrcoef(flat)[np.triu_indices(3, 1)]
+    assert np.abs(correlation).max() < 4 * 0.024
+    tables = xr.open_zarr(tmp_path / "s.zarr", group="tables/acn").load()
+    assert "replicate" not in tables.dims
+    assert tables.n.sel(aspect_bin="overall").min() == 3 * 2 * 3
+
+
 def test_a_changed_vigilance_renders_and_draws_nothing(two_workers, tmp_path, monkeypatch):
     def never(*args, **kwargs):
         raise AssertionError("a finished stage was computed again")
