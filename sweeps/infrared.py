@@ -188,6 +188,8 @@ class _Look:
             rows, cols = (n // cells for n in whole.coverage.shape)
             row, col = (n // cells for n in first)
             placed = np.full((*image.shape[:2], rows, cols), np.nan, dtype=np.float32)
+            # The ship's window may end with a pixel of sea that the whole one does not hold.
+            image = image[..., : rows - row, : cols - col]
             placed[..., row : row + image.shape[2], col : col + image.shape[3]] = image
             images.append(placed)
         return _stack_padded([images])[0]

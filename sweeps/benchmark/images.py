@@ -18,6 +18,7 @@ from ncti.features import log_polar, segment
 from ncti.infrared import (
     IFOV,
     SPREAD,
+    SUPER_RESOLUTIONS,
     contrast,
     pixel_sigma,
     shifted_images,
@@ -30,7 +31,7 @@ from sweeps.app import conf_folder
 from sweeps.benchmark.reports import Column, Report, Sample
 from sweeps.cluster import executor
 from sweeps.prepare import prepare
-from sweeps.schema import SUPER_RESOLUTION, register
+from sweeps.schema import register
 from sweeps.stages import ViewPlan
 
 CORES, FRAMES, RULE = 2, 16, 0.25
@@ -67,7 +68,7 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
     views = [range_image(mesh, aspect=a, depression=3.84, engine="auto") for a in aspects]
     rng = np.random.default_rng(0)
     rows = []
-    for slant_range, way in product(RANGES, SUPER_RESOLUTION):
+    for slant_range, way in product(RANGES, SUPER_RESOLUTIONS):
         footprint = IFOV * slant_range / (1 if way == "none" else 2)
         sigma = pixel_sigma(SPREAD, frame_count=FRAMES, super_resolution=way)
         warmth = contrast(slant_range)

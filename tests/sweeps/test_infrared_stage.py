@@ -121,6 +121,20 @@ def test_a_cell_is_the_library_done_by_hand(slant_range, rule, duncan, tmp_path)
                 )
 
 
+@pytest.mark.parametrize("aspect", [84.0, 90.0])
+def test_a_window_as_tight_as_the_ship_holds_it(aspect, duncan, tmp_path):
+    """The ship and its margin are in the window, whatever pixel each of them begins with."""
+    infrared = InfraredConfig(window_length=137, window_height=43, nedt=0.01, sea_spread=0.01)
+    grid = replace(INFRARED_GRID, range=(25.0, 50.0, 1000.0))
+    view = View(duncan, aspect, plan_of(tmp_path, code=CODE, infrared_grid=grid, infrared=infrared))
+    found = view_images(view)["image"][0]
+    assert np.isfinite(found).any(axis=(-2, -1)).all()
+    # 1.28 K at 25 km: the ship is all there, to the half pixels at its outline.
+    x, _, area = view.points(25.0)
+    shown = (found[0, 1, 1] > 0.6).sum() * 1.875**2
+    assert shown == pytest.approx(x.size * area, rel=0.2)
+
+
 def test_more_phases_leave_the_first_as_they_are(duncan, tmp_path):
     few, many = (
         view_images(
