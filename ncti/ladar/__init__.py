@@ -4,13 +4,14 @@ from ncti.ladar.budget import carrier_to_noise
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, range_extent
 from ncti.ladar.frames import cumulative_average, sample_frames
-from ncti.ladar.moments import frame_moments, magnitude_covariance
+from ncti.ladar.moments import banded_frame_moments, frame_moments, magnitude_covariance
 from ncti.ladar.pulse import noise_covariance, noise_floor, shortest_pulse, target_kernel
 from ncti.ladar.receivers import RECEIVERS
 
 __all__ = [
     "RECEIVERS",
     "RangeExtent",
+    "banded_frame_moments",
     "carrier_to_noise",
     "cumulative_average",
     "expected_profile",

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipe, ellipk
 
 from ncti.checks import require
-from ncti.ladar.extent import RangeExtent
-from ncti.ladar.pulse import noise_covariance, target_kernel
+from ncti.ladar.extent import REFERENCE_BIN, RangeExtent
+from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel
+
+# Share of the variance of one target-free IFOV: field powers and covariances below it are not
+# worth computing. A view of 30 IFOVs then errs by some 1e-12 of its variance.
+NEGLIGIBLE = 1e-12
+
+Floats = NDArray[np.float64]
 
 
-def magnitude_covariance(field: NDArray[np.float64]) -> NDArray[np.float64]:
+def magnitude_covariance(field: Floats) -> Floats:
     """Covariance of the magnitudes of a circular complex Gaussian vector.
 
     Parameters
@@ -40,13 +47,7 @@ def magnitude_covariance(field: NDArray[np.float64]) -> NDArray[np.float64]:
     sigma = np.sqrt(np.diagonal(field, axis1=-2, axis2=-1))
     scale = sigma[..., :, None] * sigma[..., None, :]
     rho = np.divide(field, scale, out=np.zeros_like(field), where=scale > 0)
-    m = np.minimum(rho**2, 1.0)
-    series = (math.pi / 2) * m * (1 / 4 + m * (1 / 64 + m / 256))
-    with np.errstate(invalid="ignore"):  # 0 * inf at m = 1, where the product tends to 0
-        k_term = np.where(m < 1.0, (1 - m) * ellipk(np.minimum(m, 1.0)), 0.0)
-    exact = 2 * ellipe(m) - k_term - math.pi / 2
-    covariance: NDArray[np.float64] = scale * np.where(m < 0.01, series, exact)
-    return covariance
+    return scale * _bracket(np.minimum(rho**2, 1.0))
 
 
 def frame_moments(
@@ -56,7 +57,7 @@ def frame_moments(
     cnr: float,
     target_free_ifovs: int = 0,
     frame_count: int = 1,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Mean and covariance of an average of frames, in closed form.
 
     Parameters
@@ -79,23 +80,131 @@ def frame_moments(
     covariance : (bin, bin) float64 ndarray
         Of the average, the same units squared.
 
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+
+    Notes
+    -----
+    That of `banded_frame_moments`, with its mirror image and zeros beyond its lags.
+    """
+    mean, band = banded_frame_moments(
+        extent,
+        pulse_width=pulse_width,
+        cnr=cnr,
+        target_free_ifovs=target_free_ifovs,
+        frame_count=frame_count,
+    )
+    bins = mean.size
+    covariance = np.zeros((bins, bins))
+    for lag, diagonal in enumerate(band):
+        n = np.arange(bins - lag)
+        covariance[n, n + lag] = covariance[n + lag, n] = diagonal[: bins - lag]
+    return mean, covariance
+
+
+def banded_frame_moments(
+    extent: RangeExtent,
+    *,
+    pulse_width: float,
+    cnr: float,
+    target_free_ifovs: int = 0,
+    frame_count: int = 1,
+) -> tuple[Floats, Floats]:
+    """Mean and covariance of an average of frames, the covariance as a band of lags.
+
+    Parameters
+    ----------
+    extent, pulse_width, cnr, target_free_ifovs, frame_count
+        As for `frame_moments`.
+
+    Returns
+    -------
+    mean : (bin,) float64 ndarray
+        In units of Equation C.
+    covariance : (lag, bin) float64 ndarray
+        Element [l, n] is the covariance of bins n and n + l, the same units squared: the lower
+        band that `scipy.linalg.cholesky_banded` takes. Zero where n + l is no bin. The number of
+        lags depends on pulse, bins and CNR alone.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+
     Notes
     -----
     Per quadrature, one IFOV's field has covariance CNR K diag(beta) K' + noise (article,
     Appendix 1, Equations A and B, unit variance in each quadrature). IFOVs and frames are
-    independent, so means and covariances add.
+    independent, so means and covariances add. The kernel is Gaussian, so that the target's
+    part at bins n and n + l is
+
+        exp(-2 l^2 / N_z^2) T(n + l/2),   T(c) = CNR sum_k beta(k) exp(-8 (c - k)^2 / N_z^2) / N_z,
+
+    one product with T's kernel at half bins. Left out is what cannot be seen: lags whose
+    correlation is so small that the covariance stays below NEGLIGIBLE of the variance of one
+    target-free IFOV, and bins that one IFOV's target reaches with less than NEGLIGIBLE of its
+    noise, where the covariance is the noise's own.
     """
     require("cnr", cnr, minimum=0.0)
     require("target_free_ifovs", target_free_ifovs, minimum=0)
     require("frame_count", frame_count, minimum=1)
     bins = extent.down_range.size
     pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
-    kernel = target_kernel(**pulse, bin_count=bins)
-    noise = noise_covariance(**pulse, bin_count=bins)
-    mean = np.zeros(bins)
-    covariance = np.zeros((bins, bins))
-    fields = [(1, cnr * (kernel * beta) @ kernel.T + noise) for beta in extent.density]
-    for weight, field in [*fields, (target_free_ifovs, noise)]:
-        mean += weight * np.sqrt(np.diagonal(field) * math.pi / 2)
-        covariance += weight * magnitude_covariance(field)
-    return mean, covariance / frame_count
+    noise = noise_covariance(**pulse, bin_count=bins)[0]  # by lag
+    # T, from bin 0 in steps of half a bin
+    power = cnr * extent.density @ _half_bin_kernel(**pulse, bin_count=bins)
+    variance = power[:, ::2] + noise[0]
+    sigma = np.sqrt(variance)
+    live = power[:, ::2] > NEGLIGIBLE * noise[0]
+    n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * extent.bin_width)
+    everywhere = len(power) + target_free_ifovs
+
+    mean = sigma.sum(axis=0) + target_free_ifovs * math.sqrt(noise[0])
+    filled = cnr * REFERENCE_BIN / extent.bin_width / n_z  # most that T can be
+    lags = _reach(filled / noise[0], n_z=n_z, bin_count=bins)
+    covariance = np.zeros((lags, bins))
+    covariance[0] = (2 - math.pi / 2) * (variance.sum(axis=0) + target_free_ifovs * noise[0])
+    for lag in range(1, lags):
+        alone = noise[0] * _bracket(np.square(noise[lag] / noise[0]))
+        ifov, n = np.nonzero(live[:, :-lag] | live[:, lag:])
+        scale = sigma[ifov, n] * sigma[ifov, n + lag]
+        field = math.exp(-2 * lag**2 / n_z**2) * power[ifov, 2 * n + lag] + noise[lag]
+        excess = scale * _bracket(np.square(field / scale)) - alone
+        band = np.bincount(n, weights=excess, minlength=bins - lag)
+        covariance[lag, : bins - lag] = band + everywhere * alone
+    return mean * math.sqrt(math.pi / 2), covariance / frame_count
+
+
+def _bracket(m: Floats) -> Floats:
+    """2 E(m) - (1 - m) K(m) - pi/2, m in [0, 1]: see `magnitude_covariance`."""
+    m = np.minimum(m, 1.0)
+    series = (math.pi / 2) * m * (1 / 4 + m * (1 / 64 + m / 256))
+    with np.errstate(invalid="ignore"):  # 0 * inf at m = 1, where the product tends to 0
+        k_term = np.where(m < 1.0, (1 - m) * ellipk(m), 0.0)
+    bracket: Floats = np.where(m < 0.01, series, 2 * ellipe(m) - k_term - math.pi / 2)
+    return bracket
+
+
+def _reach(peak: float, *, n_z: float, bin_count: int) -> int:
+    """Number of lags, zero included, at which a frame is correlated.
+
+    The bracket is at most (2 - pi/2) m, so the covariance of two bins is at most (2 - pi/2) times
+    the square of their field's over the noise's variance v, and that field at most
+    (peak + 1) v exp(-2 l^2 / N_z^2), the noise's correlation being narrower. The peak is that of
+    an IFOV filled in one bin, so that all views have the same lags.
+    """
+    farthest = n_z * math.sqrt(math.log((peak + 1) / math.sqrt(NEGLIGIBLE)) / 2)
+    return min(bin_count, math.floor(farthest) + 1)
+
+
+@lru_cache(maxsize=8)
+def _half_bin_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> Floats:
+    """(bin, 2 bin - 1) float64 ndarray: power response in half bins to a scatterer in each bin."""
+    target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)  # its checks
+    n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
+    lag = np.subtract.outer(np.arange(bin_count), np.arange(2 * bin_count - 1) / 2)
+    kernel = np.exp(-8 * lag**2 / n_z**2) / n_z
+    kernel.setflags(write=False)  # it is kept for the next caller
+    return kernel

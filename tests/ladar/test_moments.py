@@ -1,0 +1,165 @@
+"""The banded covariance of a frame against the matrices of Equations A and B, written plainly."""
+
+import numpy as np
+import pytest
+from plates import plane
+from scipy import linalg, stats
+
+from ncti.ladar import (
+    RangeExtent,
+    banded_frame_moments,
+    frame_moments,
+    magnitude_covariance,
+    range_extent,
+    sample_frames,
+)
+from ncti.ladar.moments import NEGLIGIBLE
+from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel
+
+CNR = 10**3.2
+PULSES = [10e-9, 30e-9, 50e-9]
+
+
+def view(name: str, bin_width: float = 1.0) -> RangeExtent:
+    """What a closed form may stumble on: a slope, an edge of the window, nothing, two spikes."""
+    bins = round(120 / bin_width)
+    fraction = np.zeros((3, bins))
+    if name == "slope":
+        return range_extent(
+            plane(width=38, height=14, slope=(1.7, 0.4), offset=3.0),
+            slant_range=1e5,
+            bin_width=bin_width,
+            window=120.0,
+        )
+    if name == "edge":
+        fraction[:, 0], fraction[0, -1] = 0.9, 1.0
+    if name == "spikes":
+        fraction[0, bins // 2], fraction[0, bins // 2 + 14], fraction[1, 40] = 0.5, 1e-4, 1e-9
+    centres = (np.arange(bins) + 0.5) * bin_width - 60
+    return RangeExtent(fraction, centres, bin_width, np.zeros((3, 2), int), 150e-6, 1e5)
+
+
+def plain_moments(extent, *, pulse_width, cnr, target_free_ifovs=0):
+    """One matrix an IFOV: no bin and no lag left out."""
+    pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+    kernel = target_kernel(**pulse, bin_count=extent.down_range.size)
+    noise = noise_covariance(**pulse, bin_count=extent.down_range.size)
+    fields = [cnr * (kernel * beta) @ kernel.T + noise for beta in extent.density]
+    weights = [1] * len(fields) + [target_free_ifovs]
+    fields.append(noise)
+    mean = sum(
+        w * np.sqrt(np.diagonal(f) * np.pi / 2) for w, f in zip(weights, fields, strict=True)
+    )
+    return mean, sum(w * magnitude_covariance(f) for w, f in zip(weights, fields, strict=True))
+
+
+@pytest.mark.parametrize("target_free_ifovs", [0, 4000])
+@pytest.mark.parametrize("cnr", [0.0, CNR, 1e7])
+@pytest.mark.parametrize("pulse_width", PULSES)
+@pytest.mark.parametrize("name", ["slope", "edge", "empty", "spikes"])
+def test_the_band_leaves_out_nothing_that_counts(name, pulse_width, cnr, target_free_ifovs):
+    """Mean to rounding; covariance within NEGLIGIBLE of the noise an IFOV, and rounding.
+
+    The rounding is that of sums of up to 4,000 terms in another order, and of the kernel's
+    product over the window: some hundred units in the last place of the largest variance.
+    """
+    extent = view(name)
+    parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": target_free_ifovs}
+    mean, covariance = frame_moments(extent, **parameters)
+    plain_mean, plain = plain_moments(extent, **parameters)
+    np.testing.assert_allclose(mean, plain_mean, rtol=1e-13)
+    noise = (2 - np.pi / 2) * np.sqrt(np.pi / 8)
+    ifovs = len(extent.cell) + target_free_ifovs
+    tolerance = ifovs * NEGLIGIBLE * noise + 200 * np.finfo(float).eps * plain.max()
+    assert np.abs(covariance - plain).max() < tolerance
+
+
+@pytest.mark.parametrize("bin_width", [0.5, 1.0])
+def test_frames_average_and_bins_of_another_width(bin_width):
+    extent = view("slope", bin_width)
+    parameters = {"pulse_width": 30e-9, "cnr": CNR}
+    mean, band = banded_frame_moments(extent, frame_count=16, **parameters)
+    plain_mean, plain = plain_moments(extent, **parameters)
+    np.testing.assert_allclose(mean, plain_mean, rtol=1e-13)
+    for lag, diagonal in enumerate(band):
+        n = np.arange(mean.size - lag)
+        np.testing.assert_allclose(16 * diagonal[n], plain[n, n + lag], rtol=0, atol=1e-11)
+        assert not diagonal[mean.size - lag :].any()
+
+
+def test_all_views_have_the_same_lags():
+    """So that templates stack; and no more than 6.5 standard deviations of the correlation."""
+    for pulse_width in PULSES:
+        counts = {
+            len(banded_frame_moments(view(name), pulse_width=pulse_width, cnr=CNR)[1])
+            for name in ("slope", "edge", "empty", "spikes")
+        }
+        assert len(counts) == 1
+        # The field's correlation exp(-2 l^2 / N_z^2) has the standard deviation N_z / 2.
+        assert counts.pop() <= 1 + 6.5 * SPEED_OF_LIGHT * pulse_width / np.sqrt(2) / 2
+
+
+def test_a_window_shorter_than_the_reach_is_a_whole_matrix():
+    fraction = np.zeros((1, 5))
+    fraction[0, 2] = 1.0
+    extent = RangeExtent(fraction, np.arange(5) - 2.0, 1.0, np.zeros((1, 2), int), 150e-6, 1e5)
+    mean, band = banded_frame_moments(extent, pulse_width=30e-9, cnr=CNR)
+    assert band.shape == (5, 5)
+    np.testing.assert_allclose(
+        frame_moments(extent, pulse_width=30e-9, cnr=CNR)[1],
+        plain_moments(extent, pulse_width=30e-9, cnr=CNR)[1],
+        rtol=1e-12,
+    )
+    assert mean.shape == (5,)
+
+
+@pytest.mark.parametrize("pulse_width", PULSES)
+def test_the_band_stays_positive(pulse_width):
+    """Cutting lags off leaves no eigenvalue below what was cut: a band of 1e-9 more is definite."""
+    _, band = banded_frame_moments(view("slope"), pulse_width=pulse_width, cnr=CNR)
+    band[0] += 1e-9 * band[0].mean()
+    linalg.cholesky_banded(band, lower=True)
+
+
+@pytest.mark.parametrize("target_free_ifovs", [0, 4000])
+def test_whitened_frames_have_unit_moments(target_free_ifovs):
+    """2,000 averages of four frames, whitened by the band: z-tests at 1e-3 over all 120 bins.
+
+    Every element of the band enters: a wrong one leaves whitened bins correlated or off 1.
+    """
+    extent, level, count = view("slope"), 1e-3, 2000
+    parameters = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": target_free_ifovs}
+    mean, band = banded_frame_moments(extent, frame_count=4, **parameters)
+    rng = np.random.default_rng(77)
+    frames = sample_frames(extent, frame_count=4 * count, rng=rng, **parameters)
+    nugget = 1e-2 * band[0].mean()
+    averages = frames.reshape(count, 4, -1).mean(axis=1)
+    averages += np.sqrt(nugget) * rng.standard_normal(averages.shape)
+    band[0] += nugget
+    factor = linalg.cholesky_banded(band, lower=True)
+    dense = np.zeros((mean.size, mean.size))
+    for lag, diagonal in enumerate(factor):
+        n = np.arange(mean.size - lag)
+        dense[n + lag, n] = diagonal[n]
+    white = linalg.solve_triangular(dense, (averages - mean).T, lower=True).T
+    limit = stats.norm.isf(level / 2 / mean.size)
+    assert np.abs(white.mean(axis=0) * np.sqrt(count)).max() < limit
+    for lag in (0, 1, 2, 5):
+        product = white[:, : mean.size - lag] * white[:, lag:]
+        error = product.std(axis=0) / np.sqrt(count)
+        assert np.abs((product.mean(axis=0) - (lag == 0)) / error).max() < limit
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"pulse_width": 0.0}, "pulse_width is 0.0"),
+        ({"cnr": np.nan}, "cnr is nan"),
+        ({"target_free_ifovs": -1}, "target_free_ifovs is -1"),
+        ({"frame_count": 0}, "frame_count is 0"),
+    ],
+)
+def test_bad_parameters_are_named(parameters, named):
+    for moments in (frame_moments, banded_frame_moments):
+        with pytest.raises(ValueError, match=named):
+            moments(view("edge"), **({"pulse_width": 30e-9, "cnr": CNR} | parameters))
