@@ -1,0 +1,90 @@
+"""Nearest neighbour by correlation against scikit-learn's own and a closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import stats
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from ncti.classify import CorrelationNeighbour
+
+LEVEL = 1e-3
+
+
+@parametrize_with_checks([CorrelationNeighbour()])
+def test_it_is_a_scikit_learn_classifier(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.parametrize("shape", [(124, 250), (7, 3), (1, 5)])
+def test_it_answers_as_the_nearest_neighbour_by_cosine(shape):
+    rng = np.random.default_rng(3)
+    X, y = rng.standard_normal(shape), rng.integers(0, 4, shape[0])
+    tests = rng.standard_normal((500, shape[1]))
+    plain = KNeighborsClassifier(n_neighbors=1, metric="cosine", algorithm="brute").fit(X, y)
+    distance, index = plain.kneighbors(tests)
+    ours = CorrelationNeighbour().fit(X, y)
+    template, similarity = ours.match(tests)
+    np.testing.assert_array_equal(template, index[:, 0])
+    # Inner products of unit vectors: rounding of as many terms as there are features.
+    atol = 2 * shape[1] * np.finfo(float).eps
+    np.testing.assert_allclose(similarity, 1 - distance[:, 0], rtol=0, atol=atol)
+    np.testing.assert_array_equal(ours.predict(tests), plain.predict(tests))
+
+
+def test_similarity_is_the_cosine():
+    rng = np.random.default_rng(4)
+    X, tests = rng.standard_normal((6, 40)), rng.standard_normal((9, 40))
+    cosines = CorrelationNeighbour().fit(X, np.arange(6)).similarity(tests)
+    for i, j in np.ndindex(cosines.shape):
+        by_hand = tests[i] @ X[j] / (np.linalg.norm(tests[i]) * np.linalg.norm(X[j]))
+        assert cosines[i, j] == pytest.approx(by_hand, abs=1e-14)
+
+
+def test_two_signals_in_white_noise_are_confused_as_often_as_the_closed_form_says():
+    """20,000 draws, z at 1e-3: equal energies, so the error rate is Q(|m1 - m2| / 2 sigma)."""
+    rng, count = np.random.default_rng(5), 20_000
+    signals = np.eye(2, 30) * 2.0
+    noisy = signals[0] + rng.standard_normal((count, 30))
+    wrong = CorrelationNeighbour().fit(signals, [0, 1]).predict(noisy).sum()
+    expected = stats.norm.sf(np.linalg.norm(signals[0] - signals[1]) / 2)
+    z = (wrong - count * expected) / np.sqrt(count * expected * (1 - expected))
+    assert abs(z) < stats.norm.isf(LEVEL / 2)
+
+
+def test_equal_matches_go_to_the_first():
+    """Repeats fall on all places of a blocked product, whose rounding may differ by place."""
+    rng = np.random.default_rng(6)
+    X = np.tile(rng.standard_normal((5, 250)), (11, 1)) * rng.uniform(0.1, 9.0, (55, 1))
+    tests = rng.standard_normal((200, 250))
+    template, _ = CorrelationNeighbour().fit(X, np.arange(55) % 5).match(tests)
+    assert template.max() < 5
+    template, _ = CorrelationNeighbour().fit(np.eye(2), ["north", "east"]).match([[1.0, 1.0]])
+    assert template == [0]
+
+
+@given(arrays(float, (3, 4), elements=st.floats(-1e3, 1e3)), st.floats(1e-200, 1e200))
+def test_length_does_not_matter(tests, scale):
+    """Scaling by a power of two is exact, down to where it loses digits."""
+    power = 2.0 ** np.round(np.log2(scale))
+    tests = np.round(tests, 3)
+    network = CorrelationNeighbour().fit(np.array([[1, 2, 3, 4], [4, 3, 2, -1.0]]), [0, 1])
+    for first, second in zip(network.match(tests), network.match(tests * power), strict=True):
+        np.testing.assert_allclose(first, second, rtol=0, atol=1e-14)
+
+
+def test_zero_vectors_match_nothing():
+    X = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0]])
+    neighbour = CorrelationNeighbour().fit(X, ["void", "east", "south"])
+    template, similarity = neighbour.match([[0.0, 0.0], [-1.0, 1e-9], [-1.0, 1.0]])
+    # The zero template has cosine 0 to everything, more than the others, and yet is silent.
+    np.testing.assert_array_equal(template, [-1, 2, 1])
+    np.testing.assert_allclose(similarity, [0, -1e-9, -np.sqrt(0.5)], rtol=1e-12)
+    assert neighbour.predict([[0.0, 0.0]]) == ["void"]
+    with pytest.raises(ValueError, match="only zero vectors"):
+        CorrelationNeighbour().fit(np.zeros((2, 3)), [0, 1])
