@@ -234,7 +234,29 @@ class GaussianTemplates(BaseEstimator):
         ValueError
             As for `log_likelihood`, or if all templates of a sample are left out.
         """
-        logs = self.log_likelihood(X, frame_count)
+        return self.posterior_of(self.log_likelihood(X, frame_count), exclude=exclude)
+
+    def posterior_of(self, logs: ArrayLike, *, exclude: ArrayLike = False) -> Floats:
+        """Probability of each label from `log_likelihood`, which several questions may share.
+
+        Parameters
+        ----------
+        logs : (sample, template) array_like
+            Logarithms of the density under each template, up to a number a sample.
+        exclude
+            As for `posterior`.
+
+        Returns
+        -------
+        (sample, class) float64 ndarray
+            As of `posterior`.
+
+        Raises
+        ------
+        ValueError
+            If all templates of a sample are left out.
+        """
+        logs = np.asarray(logs, dtype=np.float64)
         answers = ~np.broadcast_to(np.asarray(exclude, dtype=bool), logs.shape)
         if not answers.any(axis=1).all():
             raise ValueError("exclude leaves out all templates of a sample, but must leave one")
