@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from sweeps import store
 from sweeps.classification import classify_profiles, classify_silhouettes
+from sweeps.classifier_schema import ClassifierConfig
 from sweeps.cluster import Executor
 from sweeps.infrared import view_images
 from sweeps.layout import (
     ACN,
     ACN_INFRARED,
+    ANSWERS,
     CELL,
     CELL_INFRARED,
     DETECTION,
@@ -26,13 +28,19 @@ from sweeps.layout import (
     OPTIONAL,
     PROFILES,
     RECONSTRUCTION,
-    TABLES,
     TABLES_INFRARED,
+    TABLES_OF,
 )
-from sweeps.schema import INFRARED, RANGE, ClassifierConfig, SweepConfig
+from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood, name_by_network
+from sweeps.schema import INFRARED, RANGE, SweepConfig
 from sweeps.seeds import cell_rng
-from sweeps.stages import Ship, View, ViewPlan, view_profiles
-from sweeps.tabulation import tabulate_images, tabulate_profiles, tabulate_silhouettes
+from sweeps.stages import Ship, View, ViewPlan, floor_of, view_profiles
+from sweeps.tabulation import (
+    tabulate_answers,
+    tabulate_images,
+    tabulate_profiles,
+    tabulate_silhouettes,
+)
 
 
 @dataclass(frozen=True)
@@ -73,9 +81,11 @@ def run_classification(
     for cell in cells(config):
         if cell.group == ACN:
             tasks.append((_classify_profiles, cell, *shared, grid.vigilance))
-        else:
+        elif cell.group == ACN_INFRARED:
             orders = presentation_orders(config)
             tasks.append((_classify_silhouettes, cell, *shared, silhouettes.vigilance, orders))
+        else:
+            tasks.append((_name_profiles, cell, *shared, config))
     for (_, cell, *_), _, error in executor.run(_call, tasks):
         if error is None:
             yield None
@@ -114,19 +124,23 @@ def cells(config: SweepConfig) -> list[Cell]:
         INFRARED: asdict(config.infrared.expand(grid)),
     }
     found = []
-    for sensor in config.sensors:
-        group, cut = (ACN, CELL) if sensor == RANGE else (ACN_INFRARED, CELL_INFRARED)
+    names = config.classifier.expand().name
+    groups: list[tuple[str, str, tuple[str, ...]]]
+    groups = [(RANGE, ANSWERS[name], CELL) for name in names]
+    groups += [(INFRARED, ACN_INFRARED, CELL_INFRARED)] if "acn" in names else []
+    for sensor, group, cut in (entry for entry in groups if entry[0] in config.sensors):
         lines = [list(enumerate(axes[sensor][name])) for name in cut]
         several = [name not in OPTIONAL or len(axes[sensor][name]) > 1 for name in cut]
         for points in product(*lines):
             named = [(name, *point) for name, point in zip(cut, points, strict=True)]
             kept = [item for item, shown in zip(named, several, strict=True) if shown]
+            shown = (f"{name}={_shown(value)}" for name, _, value in kept)
             found.append(
                 Cell(
                     group,
                     {name: index for name, index, _ in named},
                     tuple(index for _, index, _ in kept),
-                    " ".join(f"{name}={_shown(value)}" for name, _, value in kept),
+                    " ".join([group.rpartition("/")[2], *shown]),
                 )
             )
     return found
@@ -149,12 +163,16 @@ def presentation_orders(config: SweepConfig) -> list[NDArray[np.intp]]:
 def write_tables(config: SweepConfig, path: Path) -> None:
     """Tabulate what is classified into the store."""
     tables = {}
+    names = config.classifier.expand().name
     if RANGE in config.sensors:
-        profiles = tabulate_profiles(store.read_group(path, ACN).load())
-        tables[TABLES] = profiles.assign_attrs(receiver=config.ladar.receiver)
+        for name in names:
+            classified = store.read_group(path, ANSWERS[name]).load()
+            table = (tabulate_profiles if name == "acn" else tabulate_answers)(classified)
+            tables[TABLES_OF[name]] = table.assign_attrs(receiver=config.ladar.receiver)
     if INFRARED in config.sensors:
-        silhouettes = tabulate_silhouettes(store.read_group(path, ACN_INFRARED).load())
-        tables[TABLES_INFRARED] = silhouettes
+        if "acn" in names:
+            silhouettes = tabulate_silhouettes(store.read_group(path, ACN_INFRARED).load())
+            tables[TABLES_INFRARED] = silhouettes
         images = store.read_group(path, IMAGES)[["detection_probability", "reconstruction_error"]]
         tables[DETECTION], tables[RECONSTRUCTION] = tabulate_images(images.load())
     store.write_tables(path, tables)
@@ -198,6 +216,29 @@ def _classify_silhouettes(
     answers = classify_silhouettes(
         template, silhouette, there, orders=orders, vigilances=vigilances, classifier=classifier
     )
+    store.write_cell(path, cell.group, cell.index, answers)
+
+
+def _name_profiles(
+    cell: Cell, classifier: ClassifierConfig, path: Path, config: SweepConfig
+) -> None:
+    """Let a classifier other than the Adaptive Clustering Network name ships in one cell."""
+    expected, averaged = store.read_profiles(path, cell.place)
+    there = store.views_done(path)
+    grid = config.grid.expand()
+    profiles = Profiles(
+        expected[there], averaged[:, :, there], there, np.array(grid.aspect), grid.frame_count
+    )
+    if cell.group == ANSWERS["mnn"]:
+        rng = cell_rng(config.seed, stage="mnn", cell=cell.name)
+        seeds = rng.integers(2**32, size=10_000, dtype=np.uint32)
+        answers = name_by_network(profiles, classifier=classifier, random_states=seeds)
+    elif cell.group == ANSWERS["correlation"]:
+        answers = name_by_correlation(profiles, classifier=classifier)
+    else:
+        covariance = store.read_covariance(path, cell.place)[there]
+        floor = floor_of(config, cell.place)
+        answers = name_by_likelihood(profiles, covariance, classifier=classifier, floor=floor)
     store.write_cell(path, cell.group, cell.index, answers)
 
 

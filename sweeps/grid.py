@@ -11,7 +11,7 @@ import numpy as np
 
 from sweeps.errors import ConfigurationError
 
-T = TypeVar("T", str, float)
+T = TypeVar("T", str, float, bool)
 
 LARGEST = 1e300  # beyond it a number is a slip, and integers need not fit a float
 MAX_AXIS = 100_000  # longer axes are a slip of the step, not a plan
@@ -85,6 +85,44 @@ class InfraredGrid:
     phase: tuple[int, ...]
     order: tuple[int, ...]
     vigilance: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ClassifierGrid:
+    """What names ships, and every value of the axes of each of them.
+
+    Attributes
+    ----------
+    name : tuple of str
+        The classifiers.
+    learning_rate : tuple of float
+        Of the Adaptive Clustering Network.
+    training : tuple of str
+        What correlation is learned from: expected or noisy profiles.
+    left_out : tuple of bool
+        Whether templates of the true aspect are left out, of correlation and likelihood.
+    gain_sigma : tuple of float
+        How well likelihood knows the target's gain.
+    epochs, grow_every : tuple of int
+        Presentations, and how many of them before another hidden node.
+    mnn_learning_rate : tuple of float
+        Of the multilayered network.
+    inputs : tuple of str
+        What it sees of a profile.
+    annealing : tuple of bool
+        Whether its gains are annealed.
+    """
+
+    name: tuple[str, ...]
+    learning_rate: tuple[float, ...]
+    training: tuple[str, ...]
+    left_out: tuple[bool, ...]
+    gain_sigma: tuple[float, ...]
+    epochs: tuple[int, ...]
+    grow_every: tuple[int, ...]
+    mnn_learning_rate: tuple[float, ...]
+    inputs: tuple[str, ...]
+    annealing: tuple[bool, ...]
 
 
 def ship_axis(key: str, spec: Any) -> tuple[str, ...]:
@@ -170,6 +208,17 @@ def count_axis(
     return tuple(int(value) for value in values)
 
 
+def switch_axis(key: str, spec: Any) -> tuple[bool, ...]:
+    """Values of an axis that is on or off: one, or a list of them, each at most once."""
+    values = list(spec) if isinstance(spec, Sequence) and not isinstance(spec, str) else [spec]
+    for value in values:
+        if not isinstance(value, bool):
+            raise ConfigurationError(
+                f"{key} has {value!r}, but every value must be one of true, false"
+            )
+    return _distinct(key, values)
+
+
 def _steps(key: str, spec: Mapping[str, Any]) -> list[float]:
     if set(spec) != {"start", "stop", "step"}:
         raise ConfigurationError(
@@ -215,3 +264,15 @@ def _allowed(*, minimum: float, maximum: float, below: float, positive: bool) ->
     if below < math.inf:
         bounds.append(f"below {below:g}")
     return "a finite number" + (" " + " and ".join(bounds) if bounds else "")
+
+
+def between(key: str, value: float, low: float, high: float) -> None:
+    """Raise ConfigurationError unless a value is within inclusive bounds."""
+    if not low <= value <= high:  # NaN fails too, and integers of any length compare
+        raise ConfigurationError(f"{key} is {value!r}, but must be from {low:g} to {high:g}")
+
+
+def one_of(key: str, value: str, allowed: tuple[str, ...]) -> None:
+    """Raise ConfigurationError unless a word is among the allowed ones."""
+    if value not in allowed:
+        raise ConfigurationError(f"{key} is {value!r}, but must be one of {', '.join(allowed)}")

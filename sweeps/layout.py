@@ -23,9 +23,10 @@ import dask.array as da
 import numpy as np
 import xarray as xr
 
+from sweeps.classifier_schema import CLASSIFIERS
 from sweeps.infrared import ANGLE, RADIUS, STEPS, image_windows
 from sweeps.schema import INFRARED, RANGE, SweepConfig
-from sweeps.stages import Ship, bin_centres
+from sweeps.stages import Ship, bin_centres, lags
 
 MISSING, FAILED, DONE = -1, 0, 1
 
@@ -34,9 +35,15 @@ IMAGES, ACN_INFRARED, STATUS_INFRARED = "infrared", "classification/acn_infrared
 TABLES, TABLES_INFRARED, DETECTION, RECONSTRUCTION = (
     f"tables/{name}" for name in ("acn", "acn_infrared", "detection", "super_resolution")
 )
+# By the classifier's name: its answers, their states, its tables.
+ANSWERS = {name: f"classification/{name}" for name in CLASSIFIERS}
+STATES = {ACN: STATUS, ACN_INFRARED: STATUS_INFRARED} | {
+    ANSWERS[name]: f"status_{name}" for name in CLASSIFIERS if name != "acn"
+}
+TABLES_OF = {name: f"tables/{name}" for name in CLASSIFIERS}
 GROUPS = (
-    *(PROFILES, ACN, STATUS, IMAGES, ACN_INFRARED, STATUS_INFRARED),
-    *(TABLES, TABLES_INFRARED, DETECTION, RECONSTRUCTION),
+    *(PROFILES, STATUS, IMAGES, ACN_INFRARED, *ANSWERS.values(), *STATES.values()),
+    *(TABLES_INFRARED, DETECTION, RECONSTRUCTION, *TABLES_OF.values()),
 )
 
 AXES: dict[str, dict[str, str]] = {
@@ -48,6 +55,14 @@ AXES: dict[str, dict[str, str]] = {
     "learning_rate": {"units": "1", "long_name": "learning rate in training"},
     "vigilance": {"units": "1", "long_name": "vigilance in training"},
     "target_free_ifovs": {"units": "1", "long_name": "target-free IFOVs accumulated a frame"},
+    "training": {"long_name": "what is learned: expected profiles, or other draws of noisy ones"},
+    "gain_sigma": {"units": "1", "long_name": "prior standard deviation of the target's gain"},
+    "left_out": {"units": "1", "long_name": "1 where nothing is learned of the true aspect"},
+    "epochs": {"units": "1", "long_name": "presentations of the training profiles at most"},
+    "grow_every": {"units": "1", "long_name": "presentations before another hidden node"},
+    "mnn_learning_rate": {"units": "1", "long_name": "learning rate of the multilayered network"},
+    "inputs": {"long_name": "what the multilayered network sees of a profile"},
+    "annealing": {"units": "1", "long_name": "1 where gains are annealed"},
     "down_range": {"units": "m", "long_name": "down-range from the ship origin"},
     "super_resolution": {"long_name": "how an image gets finer than the detector"},
     "coverage_rule": {"units": "1", "long_name": "share of a pixel that a ship fills to show"},
@@ -61,6 +76,7 @@ AXES: dict[str, dict[str, str]] = {
     "row": {"units": "1", "long_name": "row of pixels, from the lowest"},
     "col": {"units": "1", "long_name": "column of pixels, from the left"},
     "radius": {"units": "1", "long_name": "place between inner (0) and outer (1) log radius"},
+    "lag": {"units": "m", "long_name": "lag of a covariance, down-range"},
 }
 
 VIEW = ("ship", "aspect")
@@ -71,7 +87,12 @@ AVERAGE = ("replicate", "frame_count")
 LOOK = ("range", "super_resolution", "frame_count")
 
 # Dimensions only when they have several values; a single one is a scalar coordinate.
+_OF_MNN = ("epochs", "grow_every", "mnn_learning_rate", "inputs", "annealing")
+_OF_CORRELATION, _OF_LIKELIHOOD = ("training", "left_out"), ("gain_sigma", "left_out")
 OPTIONAL = (
+    *_OF_MNN,
+    "training",
+    *_OF_LIKELIHOOD,
     "learning_rate",
     "target_free_ifovs",
     "coverage_rule",
@@ -101,6 +122,7 @@ class Variable:
     long_name: str
     units: str = "1"
     step: float = 1.0  # integers count steps of this size
+    classifier: str | None = None  # None: there whoever names the ships
 
 
 _PROFILE = {"group": PROFILES, "sensor": RANGE, "whole": len(VIEW), "fill": np.nan, "dtype": "f4"}
@@ -125,6 +147,30 @@ def _variables(shared: Mapping[str, Any], *rows: tuple[Any, ...]) -> tuple[Varia
     )
 
 
+def _named(
+    name: str,
+    own: tuple[str, ...],
+    *more: tuple[Any, ...],
+) -> tuple[Variable, ...]:
+    """What a classifier of range profiles answers, besides the Adaptive Clustering Network."""
+    tested = (*CELL, *own, *AVERAGE, *VIEW)
+    state = {"dtype": "i1", "fill": MISSING, "group": STATES[ANSWERS[name]]}
+    return _variables(
+        {
+            "group": ANSWERS[name],
+            "sensor": RANGE,
+            "classifier": name,
+            "whole": len(CELL),
+            "fill": -1,
+            "dtype": "i2",
+        },
+        ("predicted", tested, "ship named, as an index into the ship axis"),
+        ("correct", tested, "1 where the answer is right", {"dtype": "i1"}),
+        *more,
+        ("cell", tested, f"state of a cell of {name}", state),
+    )
+
+
 def _answers(
     group: str,
     sensor: str,
@@ -136,7 +182,14 @@ def _answers(
 ) -> tuple[Variable, ...]:
     """What a classifier answers, of any sensor."""
     return _variables(
-        {"group": group, "sensor": sensor, "whole": whole, "fill": -1, "dtype": "i4"},
+        {
+            "group": group,
+            "sensor": sensor,
+            "classifier": "acn",
+            "whole": whole,
+            "fill": -1,
+            "dtype": "i4",
+        },
         ("training_category", (*trained, *VIEW), f"category of the {what}"),
         (
             "training_correct",
@@ -179,6 +232,12 @@ VARIABLES = (
             "averaged",
             (*VIEW, "pulse_width", *AVERAGE, "range", "target_free_ifovs", "down_range"),
             "frame-averaged range profile, noise floor included",
+        ),
+        (
+            "covariance",
+            (*VIEW, "pulse_width", "range", "target_free_ifovs", "lag", "down_range"),
+            "covariance of one frame at this bin and the one a lag further",
+            {"classifier": "likelihood"},
         ),
     ),
     *_variables(
@@ -243,16 +302,81 @@ VARIABLES = (
             "cell",
             (*_TRAINED, *AVERAGE, *VIEW),
             "state of a cell of the grid",
-            {"group": STATUS, "sensor": RANGE, "whole": len(CELL)},
+            {"group": STATUS, "sensor": RANGE, "whole": len(CELL), "classifier": "acn"},
         ),
         (
             "cell",
             (*_TRAINED_INFRARED, *LOOK, *VIEW),
             "state of a cell of the infrared channel",
-            {"group": STATUS_INFRARED, "sensor": INFRARED, "whole": len(CELL_INFRARED)},
+            {
+                "group": STATUS_INFRARED,
+                "sensor": INFRARED,
+                "whole": len(CELL_INFRARED),
+                "classifier": "acn",
+            },
+        ),
+    ),
+    *_named(
+        "mnn",
+        _OF_MNN,
+        (
+            "predicted_bin",
+            (*CELL, *_OF_MNN, *AVERAGE, *VIEW),
+            "number of the aspect bin named",
+        ),
+        (
+            "ship_correct",
+            (*CELL, *_OF_MNN, *AVERAGE, *VIEW),
+            "1 where the ship is right, whatever the aspect bin",
+            {"dtype": "i1"},
+        ),
+        (
+            "training_correct",
+            (*CELL, *_OF_MNN, *VIEW),
+            "1 where ship and aspect bin of the expected profile are right",
+            {"dtype": "i1"},
+        ),
+        ("presentations", (*CELL, *_OF_MNN), "epochs trained", {"fill": 0, "dtype": "i4"}),
+        ("hidden", (*CELL, *_OF_MNN), "hidden nodes", {"fill": 0}),
+        (
+            "loss",
+            (*CELL, *_OF_MNN),
+            "mean square error of the outputs at the end",
+            {"fill": np.nan, "dtype": "f4"},
+        ),
+    ),
+    *_named(
+        "correlation",
+        _OF_CORRELATION,
+        (
+            "similarity",
+            (*CELL, *_OF_CORRELATION, *AVERAGE, *VIEW),
+            "cosine to the most similar profile learned",
+            {"fill": np.nan, "dtype": "f4"},
+        ),
+    ),
+    *_named(
+        "likelihood",
+        _OF_LIKELIHOOD,
+        (
+            "probability",
+            (*CELL, *_OF_LIKELIHOOD, *AVERAGE, *VIEW),
+            "posterior probability of the true ship",
+            {"fill": np.nan, "dtype": "f4"},
         ),
     ),
 )
+
+
+def owned(group: str) -> set[str]:
+    """Optional axes of the variables of a group, whether they have several values or one."""
+    return {
+        dim
+        for variable in VARIABLES
+        if variable.group == group
+        for dim in variable.dims
+        if dim in OPTIONAL
+    }
 
 
 @dataclass(frozen=True)
@@ -272,6 +396,7 @@ class Axes:
     values: Mapping[str, Mapping[str, Any]]
     receiver: str
     windows: Mapping[str, Any]
+    classifiers: tuple[str, ...]
 
     @classmethod
     def of(cls, config: SweepConfig, ships: tuple[Ship, ...]) -> Axes:
@@ -279,15 +404,22 @@ class Axes:
         grid = config.grid.expand()
         infrared = config.infrared.expand(grid)
         windows = image_windows(infrared, config.infrared, config.scene)
+        named = config.classifier.expand()
         shared = asdict(grid) | {
             "ship": tuple(ship.label for ship in ships),
-            "learning_rate": config.classifier.learning_rates(),
+            "learning_rate": named.learning_rate,
         }
         values = {
             RANGE: shared
             | {
                 "target_free_ifovs": config.ladar.floor_axis(),
                 "down_range": bin_centres(config.ladar),
+                "lag": lags(config),
+                **{
+                    axis: values
+                    for axis, values in asdict(named).items()
+                    if axis in (*_OF_MNN, *_OF_CORRELATION, *_OF_LIKELIHOOD)
+                },
             },
             INFRARED: shared
             | asdict(infrared)
@@ -300,7 +432,10 @@ class Axes:
             },
         }
         return cls(
-            {sensor: values[sensor] for sensor in config.sensors}, config.ladar.receiver, windows
+            {sensor: values[sensor] for sensor in config.sensors},
+            config.ladar.receiver,
+            windows,
+            named.name,
         )
 
     def dims(self, names: tuple[str, ...], sensor: str) -> tuple[str, ...]:
@@ -313,7 +448,8 @@ class Axes:
         values = self.values[sensor]
         coords: dict[str, Any] = {}
         for name, attrs in AXES.items():
-            if name in dims or (name in values and name in OPTIONAL and len(values[name]) == 1):
+            alone = name in values and name in OPTIONAL and len(values[name]) == 1
+            if name in dims or (alone and name in owned(group)):
                 array = np.asarray(values[name] if name in dims else values[name][0])
                 # Strings as objects: fixed-width ones are no part of the zarr 3 format.
                 array = array.astype(object) if array.dtype.kind == "U" else array
@@ -329,7 +465,8 @@ class Axes:
         groups: dict[tuple[str, str], dict[str, xr.Variable]] = {}
         for variable in VARIABLES:
             sensor = variable.sensor or next(iter(self.values))
-            if sensor in self.values:
+            asked = variable.classifier in (None, *self.classifiers)
+            if sensor in self.values and asked:
                 there = groups.setdefault((variable.group, sensor), {})
                 there[variable.name] = self._unwritten(variable, sensor)
         return {
@@ -352,7 +489,7 @@ class Axes:
             attrs["receiver"] = self.receiver
         if variable.name == "expected" and self.receiver != "full_profile":
             attrs["long_name"] = "what the receiver reports of each IFOV's expected waveform"
-        if variable.group in (STATUS, STATUS_INFRARED):
+        if variable.group in STATES.values():
             attrs["flag_values"] = [MISSING, FAILED, DONE]
             attrs["flag_meanings"] = "missing failed done"
         if variable.step != 1:

@@ -26,14 +26,23 @@ from ncti.infrared import (
 )
 from ncti.ladar import RECEIVERS, shortest_pulse
 from ncti.render import ROLL, engines
+from sweeps.classifier_schema import LIKELIHOOD, NOISY, ClassifierConfig
 from sweeps.errors import ConfigurationError
-from sweeps.grid import Grid, InfraredGrid, count_axis, number_axis, ship_axis, word_axis
+from sweeps.grid import (
+    Grid,
+    InfraredGrid,
+    between,
+    count_axis,
+    number_axis,
+    one_of,
+    ship_axis,
+    word_axis,
+)
 
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
 
 RANGE, INFRARED = "range", "infrared"
 SENSORS = {RANGE: (RANGE,), INFRARED: (INFRARED,), "both": (RANGE, INFRARED)}
-SUPER_RESOLUTION = SUPER_RESOLUTIONS
 
 # Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
 # 0.5 / sqrt(10,000), is still no less than the 1e-6 K that matched segmentation can tell from 0.
@@ -71,7 +80,7 @@ class GridConfig:
 
     def __post_init__(self) -> None:
         """Check what is no axis of its own values."""
-        _between("grid.replicate", self.replicate, 1, 1000)
+        between("grid.replicate", self.replicate, 1, 1000)
 
 
 @dataclass
@@ -85,10 +94,10 @@ class SceneConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _one_of("scene.geometry", self.geometry, ("fixed", "altitude"))
-        _between("scene.depression", self.depression, 0, 90)
-        _between("scene.altitude", self.altitude, 1, 50e3)
-        _between("scene.earth_radius", self.earth_radius, 1e6, 1e12)
+        one_of("scene.geometry", self.geometry, ("fixed", "altitude"))
+        between("scene.depression", self.depression, 0, 90)
+        between("scene.altitude", self.altitude, 1, 50e3)
+        between("scene.earth_radius", self.earth_radius, 1e6, 1e12)
 
 
 @dataclass
@@ -102,10 +111,10 @@ class RenderConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _one_of("render.engine", self.engine, ("auto", *engines()))
-        _between("render.pixel", self.pixel, 0.01, 5)
-        _between("render.samples", self.samples, 0, 10**7)
-        _between("render.roll", self.roll, -180, 180)
+        one_of("render.engine", self.engine, ("auto", *engines()))
+        between("render.pixel", self.pixel, 0.01, 5)
+        between("render.samples", self.samples, 0, 10**7)
+        between("render.roll", self.roll, -180, 180)
 
 
 @dataclass
@@ -126,21 +135,21 @@ class LadarConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _between("ladar.ifov", self.ifov, 1, 100e3)
-        _between("ladar.bin_width", self.bin_width, 0.05, 50)
-        _between("ladar.window", self.window, 20, 5000)
+        between("ladar.ifov", self.ifov, 1, 100e3)
+        between("ladar.bin_width", self.bin_width, 0.05, 50)
+        between("ladar.window", self.window, 20, 5000)
         if self.window < 10 * self.bin_width:
             raise ConfigurationError(
                 f"ladar.window is {self.window:g} m, but must hold at least 10 bins of "
                 f"ladar.bin_width {self.bin_width:g} m"
             )
-        _between("ladar.spread", self.spread, 0, 1)
-        _one_of("ladar.reflectance", self.reflectance, ("projected_area", "lambertian"))
-        _between("ladar.cnr", self.cnr, -100, 100)
-        _between("ladar.cnr_range", self.cnr_range, 1, 1000)
-        _between("ladar.extinction", self.extinction, 0, 10)
-        _one_of("ladar.receiver", self.receiver, RECEIVERS)
-        _between("ladar.false_alarm", self.false_alarm, 1e-12, 0.5)
+        between("ladar.spread", self.spread, 0, 1)
+        one_of("ladar.reflectance", self.reflectance, ("projected_area", "lambertian"))
+        between("ladar.cnr", self.cnr, -100, 100)
+        between("ladar.cnr_range", self.cnr_range, 1, 1000)
+        between("ladar.extinction", self.extinction, 0, 10)
+        one_of("ladar.receiver", self.receiver, RECEIVERS)
+        between("ladar.false_alarm", self.false_alarm, 1e-12, 0.5)
         floors = self.floor_axis()
         if self.receiver != "full_profile" and max(floors) > MOST_DRAWN:
             raise ConfigurationError(
@@ -182,18 +191,18 @@ class InfraredConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges of what is no axis."""
-        _between("infrared.ifov", self.ifov, 1, 100e3)
-        _between("infrared.contrast_at_zero", self.contrast_at_zero, 0, 1000)
-        _between("infrared.extinction", self.extinction, 0, 10)
-        _between("infrared.nedt", self.nedt, LEAST_NEDT, 1000)
-        _between("infrared.target_spread", self.target_spread, 0, 1000)
-        _between("infrared.sea_spread", self.sea_spread, 0, 1000)
-        _between("infrared.false_alarm", self.false_alarm, 1e-12, 0.5)
-        _between("infrared.window_length", self.window_length, 1, 5000)
-        _between("infrared.window_height", self.window_height, 1, 500)
-        _between("infrared.training_range", self.training_range, 1, 1000)
-        _between("infrared.phases", self.phases, 1, 1000)
-        _between("infrared.orders", self.orders, 1, 1000)
+        between("infrared.ifov", self.ifov, 1, 100e3)
+        between("infrared.contrast_at_zero", self.contrast_at_zero, 0, 1000)
+        between("infrared.extinction", self.extinction, 0, 10)
+        between("infrared.nedt", self.nedt, LEAST_NEDT, 1000)
+        between("infrared.target_spread", self.target_spread, 0, 1000)
+        between("infrared.sea_spread", self.sea_spread, 0, 1000)
+        between("infrared.false_alarm", self.false_alarm, 1e-12, 0.5)
+        between("infrared.window_length", self.window_length, 1, 5000)
+        between("infrared.window_height", self.window_height, 1, 500)
+        between("infrared.training_range", self.training_range, 1, 1000)
+        between("infrared.phases", self.phases, 1, 1000)
+        between("infrared.orders", self.orders, 1, 1000)
 
     def expand(self, grid: Grid) -> InfraredGrid:
         """Every value of every axis, checked; what is not given here is the grid's."""
@@ -225,26 +234,6 @@ class InfraredConfig:
 
 
 @dataclass
-class ClassifierConfig:
-    """The Adaptive Clustering Network."""
-
-    name: str = "acn"
-    learning_rate: Any = 0.1
-    max_passes: int = 200
-    learn_in_test: bool = False
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        _one_of("classifier.name", self.name, ("acn",))
-        self.learning_rates()
-        _between("classifier.max_passes", self.max_passes, 1, 1_000_000)
-
-    def learning_rates(self) -> tuple[float, ...]:
-        """Every value of `learning_rate`, checked."""
-        return number_axis("classifier.learning_rate", self.learning_rate, minimum=1e-6, maximum=1)
-
-
-@dataclass
 class ClusterConfig:
     """Who does the work."""
 
@@ -253,9 +242,9 @@ class ClusterConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _one_of("cluster.kind", self.kind, ("local", "inline"))
+        one_of("cluster.kind", self.kind, ("local", "inline"))
         if self.workers is not None:
-            _between("cluster.workers", self.workers, 1, 4096)
+            between("cluster.workers", self.workers, 1, 4096)
 
 
 @dataclass
@@ -276,13 +265,23 @@ class SweepConfig:
 
     def __post_init__(self) -> None:
         """Check what several groups decide together."""
-        _one_of("sensor", self.sensor, tuple(SENSORS))
-        _between("seed", self.seed, 0, 2**63)
+        one_of("sensor", self.sensor, tuple(SENSORS))
+        between("seed", self.seed, 0, 2**63)
         for key in ("store", "cache"):
             if getattr(self, key) == "":
                 raise ConfigurationError(f"{key} is empty, but must be a path")
         grid = self.grid.expand()
         self.infrared.expand(grid)
+        if NOISY in self.classifier.expand().training and self.grid.replicate < 2:
+            raise ConfigurationError(
+                f"grid.replicate is {self.grid.replicate}, but must be at least 2 where "
+                "classifier.training has noisy: what is learned must not be what is tested"
+            )
+        if LIKELIHOOD in self.classifier.expand().name and self.ladar.receiver != "full_profile":
+            raise ConfigurationError(
+                f"ladar.receiver is {self.ladar.receiver!r}, but must be full_profile for the "
+                "likelihood classifier, which knows the moments of no other"
+            )
         shortest = shortest_pulse(self.ladar.bin_width) * 1e9
         if RANGE in self.sensors and min(grid.pulse_width) < shortest:
             raise ConfigurationError(
@@ -307,12 +306,16 @@ def keys_of(parent: str) -> dict[str, Any]:
 
 def axis_keys() -> tuple[str, ...]:
     """Keys that take one value, a list, or a mapping of start, stop and step."""
-    return tuple(
-        f"{group}.{key}"
-        for group in get_type_hints(SweepConfig)
-        for key, kind in keys_of(group).items()
-        if kind is Any
-    )
+    found: list[str] = []
+    groups = [name for name, kind in keys_of("").items() if is_dataclass(kind)]
+    while groups:
+        group = groups.pop(0)
+        for key, kind in keys_of(group).items():
+            if is_dataclass(kind):
+                groups.append(f"{group}.{key}")
+            elif kind is Any:
+                found.append(f"{group}.{key}")
+    return tuple(found)
 
 
 def unknown_key(key: str) -> str:
@@ -326,13 +329,3 @@ def unknown_key(key: str) -> str:
 def register() -> None:
     """Make the schema known to Hydra under the name that `conf/config.yaml` extends."""
     ConfigStore.instance().store(name="sweep_schema", node=SweepConfig)
-
-
-def _between(key: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:  # NaN fails too, and integers of any length compare
-        raise ConfigurationError(f"{key} is {value!r}, but must be from {low:g} to {high:g}")
-
-
-def _one_of(key: str, value: str, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise ConfigurationError(f"{key} is {value!r}, but must be one of {', '.join(allowed)}")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import ncti.ships
 from ncti.ladar import (
     RangeExtent,
+    banded_frame_moments,
     carrier_to_noise,
     cumulative_average,
     expected_profile,
@@ -26,6 +27,7 @@ from ncti.ladar import (
 from ncti.render import Lattice, RangeImage, range_image
 from ncti.render.flight import depression_angle
 from sweeps.cache import Arrays, StageCache, code_digest
+from sweeps.classifier_schema import LIKELIHOOD
 from sweeps.grid import InfraredGrid
 from sweeps.schema import (
     RANGE,
@@ -73,6 +75,7 @@ class ViewPlan:
     range: tuple[float, ...]
     target_free_ifovs: tuple[int, ...]
     replicate: tuple[int, ...]
+    lag: int
     scene: SceneConfig
     render: RenderConfig
     ladar: LadarConfig
@@ -99,6 +102,7 @@ class ViewPlan:
             range=grid.range,
             target_free_ifovs=config.ladar.floor_axis(),
             replicate=grid.replicate,
+            lag=lags(config).size,
             scene=config.scene,
             render=replace(config.render, engine=engine),
             ladar=config.ladar,
@@ -114,6 +118,58 @@ def bin_centres(ladar: LadarConfig) -> NDArray[np.float64]:
     """Down-range bins [m] of every profile of a sweep."""
     count = round(ladar.window / ladar.bin_width)
     return ladar.bin_width * (np.arange(count, dtype=np.float64) - (count - 1) / 2)
+
+
+def lags(config: SweepConfig) -> NDArray[np.float64]:
+    """Lags [m] at which profiles are correlated, for the widest reach of the sweep's pulses.
+
+    Asked for only where a classifier needs covariances; they reach as far with no ship there.
+    """
+    if LIKELIHOOD not in config.classifier.expand().name or RANGE not in config.sensors:
+        return np.zeros(1)
+    ladar = config.ladar
+    grid = config.grid.expand()
+    bands = [
+        banded_frame_moments(_nowhere(ladar), pulse_width=t * 1e-9, cnr=cnr_at(r, ladar))[1]
+        for t, r in product(grid.pulse_width, grid.range)
+    ]
+    return ladar.bin_width * np.arange(max(map(len, bands)), dtype=np.float64)
+
+
+def cnr_at(slant_range: float, ladar: LadarConfig) -> float:
+    """Carrier-to-noise power ratio of a filled IFOV at a range [km]."""
+    return carrier_to_noise(
+        slant_range * 1e3,
+        reference=10 ** (ladar.cnr / 10),
+        reference_range=ladar.cnr_range * 1e3,
+        extinction=ladar.extinction * 1e-3,
+    )
+
+
+def floor_of(config: SweepConfig, cell: Mapping[str, int]) -> float:
+    """Noise floor within the expected profiles of a cell, where no ship is."""
+    grid = config.grid.expand()
+    nowhere = _nowhere(config.ladar)
+    expected = expected_profile(
+        nowhere,
+        pulse_width=grid.pulse_width[cell["pulse_width"]] * 1e-9,
+        cnr=0.0,
+        target_free_ifovs=config.ladar.floor_axis()[cell["target_free_ifovs"]],
+    )
+    return float(expected[0])
+
+
+def _nowhere(ladar: LadarConfig) -> RangeExtent:
+    """A range extent without a ship."""
+    bins = bin_centres(ladar)
+    return RangeExtent(
+        fraction=np.zeros((0, bins.size)),
+        down_range=bins,
+        cell=np.zeros((0, 2), dtype=np.int64),
+        bin_width=ladar.bin_width,
+        ifov=ladar.ifov * 1e-6,
+        slant_range=1.0,
+    )
 
 
 def rendering_code() -> str:
@@ -157,7 +213,8 @@ def view_profiles(view: View) -> Arrays:
     dict of str to ndarray
         expected : (pulse_width, range, target_free_ifovs, bin) float32, Equation C;
         averaged : (pulse_width, replicate, frame_count, range, target_free_ifovs, bin) float32,
-        averages of sampled frames.
+        averages of sampled frames; with several lags also covariance : (pulse_width, range,
+        target_free_ifovs, lag, bin) float32, of one frame.
     """
     plan = view.plan
     axes = (plan.pulse_width, plan.range, plan.target_free_ifovs, plan.replicate)
@@ -166,7 +223,14 @@ def view_profiles(view: View) -> Arrays:
     expected = np.array([cell["expected"] for cell in cells]).reshape(*shape, -1)
     averaged = np.array([cell["averaged"] for cell in cells])
     averaged = averaged.reshape(*shape, *averaged.shape[1:])
-    return {"expected": expected[:, :, :, 0], "averaged": np.moveaxis(averaged, (3, 4), (1, 2))}
+    profiles = {
+        "expected": expected[:, :, :, 0],
+        "averaged": np.moveaxis(averaged, (3, 4), (1, 2)),
+    }
+    if plan.lag == 1:
+        return profiles
+    bands = np.array([view.covariance(*cell) for cell in product(*axes[:3])])
+    return profiles | {"covariance": bands.reshape(*shape[:3], *bands.shape[1:])}
 
 
 @dataclass(frozen=True)
@@ -211,12 +275,7 @@ class View:
         ladar = self.plan.ladar
         signal: dict[str, Any] = {
             "pulse_width": pulse_width * 1e-9,
-            "cnr": carrier_to_noise(
-                slant_range * 1e3,
-                reference=10 ** (ladar.cnr / 10),
-                reference_range=ladar.cnr_range * 1e3,
-                extinction=ladar.extinction * 1e-3,
-            ),
+            "cnr": cnr_at(slant_range, ladar),
             "target_free_ifovs": target_free_ifovs,
             "receiver": ladar.receiver,
             "false_alarm": ladar.false_alarm,
@@ -238,6 +297,33 @@ class View:
             "expected": expected_profile(extent, **signal).astype(np.float32),
             "averaged": cumulative_average(frames, self.plan.frame_count).astype(np.float32),
         }
+
+    def covariance(
+        self, pulse_width: float, slant_range: float, target_free_ifovs: int
+    ) -> NDArray[np.float32]:
+        """(lag, bin): covariance of one frame of one pulse width [ns] at one range [km]."""
+        ladar = self.plan.ladar
+        cnr = cnr_at(slant_range, ladar)
+
+        def make() -> Arrays:
+            _, band = banded_frame_moments(
+                self._extent(slant_range),
+                pulse_width=pulse_width * 1e-9,
+                cnr=cnr,
+                target_free_ifovs=target_free_ifovs,
+            )
+            return {"band": band.astype(np.float32)}
+
+        inputs = {
+            "extent": self._extent_inputs(slant_range),
+            "pulse_width": pulse_width,
+            "cnr": cnr,
+            "target_free_ifovs": target_free_ifovs,
+        }
+        band = StageCache(self.plan.cache).fetch("covariance", inputs, make)["band"]
+        whole = np.zeros((self.plan.lag, band.shape[1]), dtype=np.float32)
+        whole[: len(band)] = band
+        return whole
 
     def image_inputs(self, slant_range: float) -> dict[str, Any]:
         """All that the range image depends on, but for its code."""

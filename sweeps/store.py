@@ -35,22 +35,19 @@ from zarr.storage import MemoryStore, StoreLike
 from sweeps.errors import ConfigurationError
 from sweeps.infrared import STEPS, infrared_code
 from sweeps.layout import (
-    ACN,
-    ACN_INFRARED,
     DONE,
     FAILED,
     GROUPS,
     IMAGES,
     PROFILES,
+    STATES,
     STATUS,
-    STATUS_INFRARED,
     Axes,
 )
 from sweeps.schema import INFRARED, RANGE, SweepConfig
 from sweeps.stages import RENDERING, Ship, profile_code, rendering_code
 
 CODE = {RENDERING: rendering_code, RANGE: profile_code, INFRARED: infrared_code}
-STATUS_OF = {ACN: STATUS, ACN_INFRARED: STATUS_INFRARED}
 
 PARTIAL = ".partial"  # zarr names files so, too, until they are whole
 
@@ -253,6 +250,11 @@ def read_profiles(
     return expected, np.moveaxis(averaged, (2, 3), (0, 1))
 
 
+def read_covariance(path: Path, cell: Mapping[str, int]) -> NDArray[np.float32]:
+    """(ship, aspect, lag, bin) float32 ndarray: covariances of one frame; see `read_profiles`."""
+    return _read(path, PROFILES, "covariance", cell)
+
+
 def read_silhouettes(
     path: Path, cell: Mapping[str, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -291,7 +293,7 @@ def write_cell(
     """Write the answers of the classifier in one cell, then mark what has one done."""
     _write_chunks({path / group / name: values for name, values in arrays.items()}, cell)
     state = np.where(arrays["correct"] >= 0, DONE, FAILED)
-    _write_chunks({path / STATUS_OF[group] / "cell": state}, cell)
+    _write_chunks({path / STATES[group] / "cell": state}, cell)
 
 
 def _write_chunks(arrays: Mapping[Path, NDArray[Any]], place: tuple[int, ...]) -> None:
@@ -318,7 +320,7 @@ def _opened(path: Path, changed: int) -> AsyncArray[Any]:
 
 def mark_cell(path: Path, group: str, cell: tuple[int, ...], state: int) -> None:
     """Set the status of every training and test of one cell."""
-    _array(path, STATUS_OF[group], "cell", mode="r+")[cell] = state
+    _array(path, STATES[group], "cell", mode="r+")[cell] = state
 
 
 def write_tables(path: Path, tables: Mapping[str, xr.Dataset]) -> None:

@@ -48,6 +48,31 @@ def tabulate_profiles(classified: xr.Dataset) -> xr.Dataset:
     return _dataset(tables, classified.aspect)
 
 
+def tabulate_answers(classified: xr.Dataset) -> xr.Dataset:
+    """Percent correct by aspect bin of a classifier that forms no categories.
+
+    Parameters
+    ----------
+    classified : xarray.Dataset
+        The store's group of its answers.
+
+    Returns
+    -------
+    xarray.Dataset
+        `accuracy` by aspect bin with `ci_low`, `ci_high` and `n`; the same with `training_`, and
+        with `ship_` where ships alone are counted, if the classifier has them.
+    """
+    tables: Table = {}
+    for prefix, name, what in (
+        ("training_", "training_correct", "training profiles"),
+        ("ship_", "ship_correct", "ships of test profiles"),
+        ("", "correct", "test profiles"),
+    ):
+        if name in classified:
+            tables |= _scored(classified[name], prefix, what)
+    return _dataset(tables, classified.aspect)
+
+
 def tabulate_silhouettes(classified: xr.Dataset) -> xr.Dataset:
     """The tables of `tabulate_profiles` for silhouettes, averaged over phases and orders.
 

@@ -10,7 +10,16 @@ from pathlib import Path
 from rich.console import Console
 
 from sweeps import store
-from sweeps.layout import DETECTION, IMAGES, RECONSTRUCTION, TABLES, TABLES_INFRARED
+from sweeps.classifier_schema import CLASSIFIERS
+from sweeps.layout import (
+    DETECTION,
+    IMAGES,
+    RECONSTRUCTION,
+    TABLES,
+    TABLES_INFRARED,
+    TABLES_OF,
+)
+from sweeps.report.classifiers import classifier_rows, print_classifiers
 from sweeps.report.screen import (
     print_accuracy,
     print_categories,
@@ -66,7 +75,9 @@ def report(path: Path, console: Console) -> None:
     OSError
         If the store has no tables.
     """
-    written = _range_tables(path, console) | _infrared_tables(path, console)
+    written = _range_tables(path, console)
+    written |= _classifier_tables(path, console)
+    written |= _infrared_tables(path, console)
     if not written:
         raise FileNotFoundError(path)
     folder = store.tables_folder(path)
@@ -89,6 +100,16 @@ def _range_tables(path: Path, console: Console) -> dict[str, list[Row]]:
     if not has_source_views(tables):
         console.print(OTHER_VIEWS, style="dim")
     return rows
+
+
+def _classifier_tables(path: Path, console: Console) -> dict[str, list[Row]]:
+    """Print all classifiers of range profiles beside one another, if there is more than the ACN."""
+    there = [name for name in CLASSIFIERS if store.has_group(path, TABLES_OF[name])]
+    if there in ([], ["acn"]):
+        return {}
+    rows = classifier_rows({name: store.read_group(path, TABLES_OF[name]).load() for name in there})
+    print_classifiers(rows, console)
+    return {"classifiers": rows}
 
 
 def _infrared_tables(path: Path, console: Console) -> dict[str, list[Row]]:

@@ -19,9 +19,7 @@ WIDTH = 100  # columns that the widest table needs; narrower and its figures wou
 def print_categories(rows: list[Row], console: Console) -> None:
     """Print how many categories formed: pulse widths down, vigilances across."""
     console.width = max(console.width, WIDTH)
-    for setting, group in _grouped(
-        rows, ("range_km", "target_free_ifovs", "learning_rate")
-    ).items():
+    for setting, group in grouped(rows, ("range_km", "target_free_ifovs", "learning_rate")).items():
         vigilances = sorted({row["vigilance"] for row in group})
         table = Table(title=f"Categories formed by the ACN ({_setting(setting, group[0])})")
         table.add_column("pulse width [ns]", justify="right")
@@ -30,7 +28,7 @@ def print_categories(rows: list[Row], console: Console) -> None:
             table.add_column(f"vigilance {vigilance:g}", justify="right")
         figures = source_figures()["table3_categories"]
         table.add_column(f"{SOURCE}, {figures['vigilance']:g}", justify="right", style="dim")
-        for (pulse_width,), cells in _grouped(group, ("pulse_width_ns",)).items():
+        for (pulse_width,), cells in grouped(group, ("pulse_width_ns",)).items():
             formed = {row["vigilance"]: row for row in cells}
             theirs = [row["source_categories"] for row in cells if row["source_categories"]]
             table.add_row(
@@ -56,7 +54,7 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
     shown = figures["vigilance"] if figures["vigilance"] in vigilances else max(vigilances)
     noted = False
     printed = [row for row in rows if row["vigilance"] == shown]
-    for setting, group in _grouped(printed, keys).items():
+    for setting, group in grouped(printed, keys).items():
         bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in group))
         title = f"Percent correct, ACN ({_setting(setting[:3], group[0])}, {setting[3]:g} ns, "
         table = Table(title=title + f"vigilance {setting[4]:g})")
@@ -66,14 +64,14 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
             table.add_column(label if label == "overall" else f"{label}°", justify="right")
             if beside and label != "overall":
                 table.add_column(SOURCE, justify="right", style="dim")
-        tests = _grouped(group, ("frame_count",))
+        tests = grouped(group, ("frame_count",))
         first = [key for key in tests if key[0] is None]
         for key in first + sorted((key for key in tests if key[0] is not None), reverse=True):
             cells = {row["aspect_bin_deg"]: row for row in tests[key]}
             line = ["training" if key[0] is None else str(key[0])]
             for label in bins:
                 row = cells[label]
-                line.append(_percent_text(row))
+                line.append(percent_text(row))
                 if beside and label != "overall":
                     theirs = row["source_percent"]
                     line.append("" if theirs is None else str(theirs))
@@ -147,7 +145,7 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
         if row["frame_count"] in (None, frames) and row["vigilance"] == vigilance
     ]
     bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in shown))
-    for setting, group in _grouped(shown, CHOICES).items():
+    for setting, group in grouped(shown, CHOICES).items():
         beside = any(row["source_percent"] is not None for row in group)
         title = f"Percent correct of silhouettes, ACN ({frames} frames, vigilance {vigilance:g}"
         for name, value in zip(CHOICES, setting, strict=True):
@@ -157,7 +155,7 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
         table.add_column("range")
         for label in bins:
             table.add_column(label if label == "overall" else f"{label}°", justify="right")
-        for (slant_range, way), cells in _grouped(group, ("range_km", "super_resolution")).items():
+        for (slant_range, way), cells in grouped(group, ("range_km", "super_resolution")).items():
             by_bin = {row["aspect_bin_deg"]: row for row in cells}
             table.add_row(
                 "training"
@@ -192,7 +190,7 @@ def print_detection(rows: list[Row], false_alarm: float, console: Console) -> No
     table.add_column("range [km]", justify="right")
     for count in frames:
         table.add_column("1 frame" if count == 1 else f"{count} frames", justify="right")
-    for (slant_range,), group in _grouped(whole, ("range_km",)).items():
+    for (slant_range,), group in grouped(whole, ("range_km",)).items():
         found = {row["frame_count"]: row for row in group if row["coverage_rule"] == rules[0]}
         chances = (found[count]["probability"] for count in frames)
         table.add_row(
@@ -217,7 +215,7 @@ def print_reconstruction(rows: list[Row], console: Console) -> None:
         frames = f", {places} x frames" if places > 1 else ""
         name = "no super-resolution" if way == "none" else f"{way} 2x{frames}"
         table.add_column(name, justify="right")
-    for key, group in _grouped(rows, ("range_km", "frame_count")).items():
+    for key, group in grouped(rows, ("range_km", "frame_count")).items():
         errors = {
             row["super_resolution"]: row["error"]
             for row in group
@@ -234,7 +232,7 @@ def print_reconstruction(rows: list[Row], console: Console) -> None:
 def _spread_text(row: Row) -> str:
     """Percent correct, its interval and its spread."""
     spread = "" if row["percent_correct"] is None else f" ±{row['spread']:.0f}"
-    return _percent_text(row) + spread
+    return percent_text(row) + spread
 
 
 def _several(rows: list[Row]) -> list[str]:
@@ -250,7 +248,8 @@ def _plain(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _grouped(rows: list[Row], keys: tuple[str, ...]) -> dict[tuple[object, ...], list[Row]]:
+def grouped(rows: list[Row], keys: tuple[str, ...]) -> dict[tuple[object, ...], list[Row]]:
+    """Rows by the values of some keys, in the order they come."""
     groups: dict[tuple[object, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -284,7 +283,8 @@ def _sharper(way: str, frames: float) -> str:
     return f", {way}" + (f", {places} x {frames}" if places > 1 else "")
 
 
-def _percent_text(row: Row) -> str:
+def percent_text(row: Row) -> str:
+    """Percent correct and its interval."""
     if row["percent_correct"] is None:
         return NOTHING
     return f"{row['percent_correct']:.0f} [{row['ci_low']:.0f}-{row['ci_high']:.0f}]"

@@ -37,6 +37,7 @@ def plan_of(cache, **changes):
         range=(100.0,),
         target_free_ifovs=(0,),
         replicate=(0,),
+        lag=1,
         scene=SceneConfig(),
         render=RenderConfig(engine="embree"),
         ladar=LadarConfig(),

@@ -1,0 +1,76 @@
+"""What a configuration may say of the classifiers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from sweeps.grid import ClassifierGrid, between, count_axis, number_axis, switch_axis, word_axis
+
+ACN, MNN, CORRELATION, LIKELIHOOD = "acn", "mnn", "correlation", "likelihood"
+CLASSIFIERS = (ACN, MNN, CORRELATION, LIKELIHOOD)
+EXPECTED, NOISY = "expected", "noisy"
+INPUTS = ("raw", "floor_removed", "standardised")
+
+
+@dataclass
+class NetworkConfig:
+    """The source's multilayered neural network."""
+
+    epochs: Any = 350
+    grow_every: Any = 10
+    learning_rate: Any = 0.035
+    inputs: Any = "floor_removed"
+    annealing: Any = True
+    max_hidden: int = 25
+    tolerance: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the ranges of what is no axis."""
+        between("classifier.mnn.max_hidden", self.max_hidden, 1, 1000)
+        between("classifier.mnn.tolerance", self.tolerance, 1e-6, 0.999)
+
+
+@dataclass
+class ClassifierConfig:
+    """Who names the ships."""
+
+    name: Any = ACN
+    learning_rate: Any = 0.1
+    max_passes: int = 200
+    learn_in_test: bool = False
+    training: Any = EXPECTED
+    left_out: Any = False
+    gain_sigma: Any = 1.0
+    nugget: float = 1e-3
+    mnn: NetworkConfig = field(default_factory=NetworkConfig)
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        self.expand()
+        between("classifier.max_passes", self.max_passes, 1, 1_000_000)
+        between("classifier.nugget", self.nugget, 1e-9, 1000)
+
+    def expand(self) -> ClassifierGrid:
+        """Every value of every axis, checked."""
+        key = "classifier."
+        return ClassifierGrid(
+            name=word_axis(key + "name", self.name, CLASSIFIERS),
+            learning_rate=number_axis(
+                key + "learning_rate", self.learning_rate, minimum=1e-6, maximum=1
+            ),
+            training=word_axis(key + "training", self.training, (EXPECTED, NOISY)),
+            left_out=switch_axis(key + "left_out", self.left_out),
+            gain_sigma=number_axis(key + "gain_sigma", self.gain_sigma, minimum=0, maximum=1000),
+            epochs=count_axis(key + "mnn.epochs", self.mnn.epochs, maximum=1_000_000),
+            grow_every=count_axis(key + "mnn.grow_every", self.mnn.grow_every, maximum=1_000_000),
+            mnn_learning_rate=number_axis(
+                key + "mnn.learning_rate", self.mnn.learning_rate, minimum=1e-6, maximum=1000
+            ),
+            inputs=word_axis(key + "mnn.inputs", self.mnn.inputs, INPUTS),
+            annealing=switch_axis(key + "mnn.annealing", self.mnn.annealing),
+        )
+
+    def learning_rates(self) -> tuple[float, ...]:
+        """Every value of `learning_rate`, checked."""
+        return self.expand().learning_rate

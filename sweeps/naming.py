@@ -1,0 +1,236 @@
+"""Classifiers of range profiles besides the Adaptive Clustering Network, in one cell."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.exceptions import ConvergenceWarning
+
+from ncti.classify import CorrelationNeighbour, GainAnnealedNetwork, GaussianTemplates
+from ncti.evaluate import aspect_bins
+from ncti.features import profile_vector
+from sweeps.classification import NONE, Arrays
+from sweeps.classifier_schema import NOISY, ClassifierConfig
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """The range profiles of one cell, of the views that are there.
+
+    Attributes
+    ----------
+    expected : (view, bin) float32 ndarray
+        Noiseless profiles, noise floor included.
+    averaged : (replicate, frame_count, view, bin) float32 ndarray
+        Averages of frames.
+    there : (ship, aspect) bool ndarray
+        Which views they are.
+    aspects : (aspect,) float64 ndarray
+        Aspects [deg].
+    frame_count : tuple of int
+        Frames averaged.
+    """
+
+    expected: NDArray[np.float32]
+    averaged: NDArray[np.float32]
+    there: NDArray[np.bool_]
+    aspects: NDArray[np.float64]
+    frame_count: tuple[int, ...]
+
+    @property
+    def ship(self) -> NDArray[np.intp]:
+        """(view,): ship of each view."""
+        return np.nonzero(self.there)[0]
+
+    @property
+    def aspect(self) -> NDArray[np.intp]:
+        """(view,): place of each view on the aspect axis."""
+        return np.nonzero(self.there)[1]
+
+    def spread(self, values: NDArray[Any], fill: float, dtype: Any) -> NDArray[Any]:
+        """(..., view) values as (..., ship, aspect), filled where a view is not there."""
+        whole = np.full((*values.shape[:-1], *self.there.shape), fill, dtype=dtype)
+        whole[..., self.there] = values
+        return whole
+
+
+def name_by_network(
+    profiles: Profiles, *, classifier: ClassifierConfig, random_states: NDArray[np.uint32]
+) -> Arrays:
+    """Train the multilayered network on expected profiles and test it, in every setting.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        Of one cell.
+    classifier : ClassifierConfig
+        Its settings.
+    random_states : (setting,) uint32 ndarray
+        Seed of each setting's weights.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The variables of the store's group, from the axes of the settings on.
+
+    Notes
+    -----
+    Article, 'Modified Neural Network': an output for every ship and aspect group. An answer is
+    right when both are.
+    """
+    axes = classifier.expand()
+    labels, group = aspect_bins(profiles.aspects)
+    truth = profiles.ship * len(labels) + group[profiles.aspect]
+    settings = [axes.epochs, axes.grow_every, axes.mnn_learning_rate, axes.inputs, axes.annealing]
+    shape = tuple(map(len, settings))
+    batches = profiles.averaged.shape[:2]
+    found: dict[str, list[Any]] = {
+        "named": [],
+        "trained": [],
+        "epochs": [],
+        "nodes": [],
+        "loss": [],
+    }
+    for number, place in enumerate(np.ndindex(shape)):
+        epochs, grow_every, rate, inputs, annealing = (
+            values[k] for values, k in zip(settings, place, strict=True)
+        )
+        network = GainAnnealedNetwork(
+            epochs=epochs,
+            grow_every=grow_every,
+            learning_rate=rate,
+            annealing=annealing,
+            max_hidden=classifier.mnn.max_hidden,
+            tolerance=classifier.mnn.tolerance,
+            scaling="common" if inputs == "standardised" else "none",
+            random_state=int(random_states[number]),
+        )
+        seen = (lambda given: given) if inputs == "raw" else profile_vector
+        training, tests = seen(profiles.expected), seen(profiles.averaged)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` tells
+            network.fit(training, truth)
+        found["trained"].append(network.predict(training))
+        found["named"].append(network.predict(tests.reshape(-1, tests.shape[-1])))
+        found["epochs"].append(network.n_iter_)
+        found["nodes"].append(network.n_hidden_)
+        found["loss"].append(network.loss_curve_[-1])
+    named = np.array(found["named"]).reshape(*shape, *batches, -1)
+    trained = np.array(found["trained"]).reshape(*shape, -1)
+    ship, right = named // len(labels), named == truth
+    return {
+        "predicted": profiles.spread(ship, NONE, np.int16),
+        "predicted_bin": profiles.spread(named % len(labels), NONE, np.int16),
+        "correct": profiles.spread(right, NONE, np.int8),
+        "ship_correct": profiles.spread(ship == profiles.ship, NONE, np.int8),
+        "training_correct": profiles.spread(trained == truth, NONE, np.int8),
+        "presentations": np.array(found["epochs"], dtype=np.int32).reshape(shape),
+        "hidden": np.array(found["nodes"], dtype=np.int16).reshape(shape),
+        "loss": np.array(found["loss"], dtype=np.float32).reshape(shape),
+    }
+
+
+def name_by_correlation(profiles: Profiles, *, classifier: ClassifierConfig) -> Arrays:
+    """Name the ship of the most similar profile that is learned.
+
+    Parameters
+    ----------
+    profiles, classifier
+        As for `name_by_network`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The variables of the store's group, from the axes of the settings on.
+
+    Notes
+    -----
+    Similarity is the cosine of profile vectors. Of noisy profiles those of all other replicates
+    of the same number of frames are learned. Where the true aspect is left out, profiles of all
+    ships at it are.
+    """
+    axes = classifier.expand()
+    tests = profile_vector(profiles.averaged)
+    ship, aspect = profiles.ship, profiles.aspect
+    replicates = len(tests)
+    similarity = np.empty((len(axes.training), len(axes.left_out), *tests.shape[:3]))
+    named = np.empty(similarity.shape, dtype=np.intp)
+    for i, training in enumerate(axes.training):
+        for r, n in np.ndindex(tests.shape[:2]):
+            learned = profile_vector(profiles.expected)[None]
+            if training == NOISY:
+                learned = tests[[k for k in range(replicates) if k != r], n]
+            copies = len(learned)
+            neighbour = CorrelationNeighbour().fit(
+                learned.reshape(-1, learned.shape[-1]), np.tile(ship, copies)
+            )
+            cosines = neighbour.similarity(tests[r, n])
+            same = aspect[:, None] == np.tile(aspect, copies)
+            for j, left_out in enumerate(axes.left_out):
+                allowed = np.where(same & left_out, -np.inf, cosines)
+                best = allowed.argmax(axis=1)
+                named[i, j, r, n] = np.tile(ship, copies)[best]
+                similarity[i, j, r, n] = np.take_along_axis(allowed, best[:, None], axis=1)[:, 0]
+    return {
+        "predicted": profiles.spread(named, NONE, np.int16),
+        "correct": profiles.spread(named == ship, NONE, np.int8),
+        "similarity": profiles.spread(similarity, np.nan, np.float32),
+    }
+
+
+def name_by_likelihood(
+    profiles: Profiles,
+    covariance: NDArray[np.float32],
+    *,
+    classifier: ClassifierConfig,
+    floor: float,
+) -> Arrays:
+    """Name the ship that is most probable, given the exact mean and covariance of its profiles.
+
+    Parameters
+    ----------
+    profiles, classifier
+        As for `name_by_network`.
+    covariance : (view, lag, bin) float32 ndarray
+        Of one frame of each view.
+    floor : float
+        Noise floor within the expected profiles.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The variables of the store's group, from the axes of the settings on.
+
+    Notes
+    -----
+    Every view is a template, of a gain as well known as `classifier.gain_sigma` says. Where the
+    true aspect is left out, templates of all ships at it are.
+    """
+    axes = classifier.expand()
+    ship, aspect = profiles.ship, profiles.aspect
+    replicates, counts, views, bins = profiles.averaged.shape
+    samples = profiles.averaged.reshape(-1, bins)
+    frames = np.broadcast_to(np.array(profiles.frame_count)[:, None], (replicates, counts, views))
+    same = np.tile(aspect, replicates * counts)[:, None] == aspect
+    every = []
+    for gain_sigma in axes.gain_sigma:
+        templates = GaussianTemplates(gain_sigma=gain_sigma, nugget=classifier.nugget)
+        templates.fit(profiles.expected, covariance, ship, floor=floor)
+        logs = templates.log_likelihood(samples, frames.reshape(-1))
+        every += [templates.posterior_of(logs, exclude=same & left) for left in axes.left_out]
+    shape = (len(axes.gain_sigma), len(axes.left_out), replicates, counts, views, -1)
+    posteriors = np.reshape(every, shape)
+    named = templates.classes_[posteriors.argmax(axis=-1)]
+    place = np.searchsorted(templates.classes_, ship)
+    true = np.take_along_axis(
+        posteriors, np.broadcast_to(place[:, None], (*posteriors.shape[:-1], 1)), axis=-1
+    )[..., 0]
+    return {
+        "predicted": profiles.spread(named, NONE, np.int16),
+        "correct": profiles.spread(named == ship, NONE, np.int8),
+        "probability": profiles.spread(true, np.nan, np.float32),
+    }
