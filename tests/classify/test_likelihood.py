@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from scipy import linalg, stats
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 
 from ncti.classify import GaussianTemplates, lower_band
+from ncti.classify.likelihood import WIDEST
+from ncti.ladar import RangeExtent, banded_frame_moments, sample_frames
 
 LEVEL = 1e-3
 BINS, LAGS = 24, 5
@@ -142,9 +145,10 @@ def test_a_prior_that_closes_leaves_the_known_value(name):
 @pytest.mark.parametrize("name", ["gain_sigma", "floor_sigma"])
 def test_a_prior_that_opens_costs_its_logarithm_and_no_more(name):
     X = templates()[0][::-1] + 0.1
-    narrow, wide = logs_at(X, **{name: 1e3}), logs_at(X, **{name: 1e4})
+    narrow, wide, widest = (logs_at(X, **{name: sigma}) for sigma in (1e3, 1e4, WIDEST))
     # What is left goes as the prior's precision, 1e-6, times the misfit of some hundred nats.
     np.testing.assert_allclose(narrow - wide, np.log(10), rtol=0, atol=1e-3)
+    np.testing.assert_allclose(wide - widest, np.log(100), rtol=0, atol=1e-5)
 
 
 def test_what_is_unknown_does_not_tell_templates_apart():
@@ -227,6 +231,58 @@ def test_probabilities_are_the_frequencies_of_the_model(frames):
     assert misfit_of_probabilities(sharper[:, 0], label == classifier.classes_[0]) < LEVEL
 
 
+def said_and_right(ifovs: int, target_free_ifovs: int, frames: int):
+    """Mean probability of the answer, share of right ones, p-value of the misfit; 12,000 frames.
+
+    Six views alike of three labels, each of `ifovs` IFOVs at 20 dB, drawn with their speckle.
+    """
+    rng, draws = np.random.default_rng(1), 2000
+    common = rng.random((ifovs, 24))
+    extents = []
+    for _ in range(6):
+        fraction = np.zeros((ifovs, 64))
+        fraction[:, 20:44] = common + 0.6 * rng.random((ifovs, 24))
+        fraction /= fraction.sum(axis=1, keepdims=True)
+        cell = np.zeros((ifovs, 2), int)
+        extents.append(RangeExtent(fraction, np.arange(64) - 31.5, 1.0, cell, 150e-6, 1e5))
+    parameters = {"pulse_width": 30e-9, "cnr": 100.0, "target_free_ifovs": target_free_ifovs}
+    moments = [banded_frame_moments(extent, **parameters) for extent in extents]
+    mean, band = zip(*moments, strict=True)
+    label = np.repeat([0, 1, 2], 2)
+    classifier = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0)
+    classifier.fit(np.array(mean), np.array(band), label)
+    X = np.concatenate(
+        [
+            sample_frames(extent, frame_count=draws * frames, rng=rng, **parameters)
+            .reshape(draws, frames, -1)
+            .mean(axis=1)
+            for extent in extents
+        ]
+    )
+    posterior = classifier.posterior(X, frames)
+    truth = np.repeat(label, draws)
+    misfit = min(misfit_of_probabilities(posterior[:, k], truth == k) for k in range(3))
+    return posterior.max(axis=1).mean(), np.mean(posterior.argmax(axis=1) == truth), misfit
+
+
+@pytest.mark.parametrize(
+    ("ifovs", "target_free_ifovs", "frames"), [(8, 0, 4), (8, 0, 16), (2, 200, 4), (2, 200, 16)]
+)
+def test_probabilities_are_the_frequencies_of_sampled_frames(ifovs, target_free_ifovs, frames):
+    """Speckle and noise as drawn, not as the model has them; chi-square at 1e-3."""
+    *_, misfit = said_and_right(ifovs, target_free_ifovs, frames)
+    assert misfit > LEVEL / 3
+
+
+def test_a_sum_of_two_magnitudes_is_not_gaussian_enough():
+    """Where the model ends: two IFOVs in one frame, skewed by 0.45, leave it too sure."""
+    said, right, misfit = said_and_right(2, 0, 1)
+    assert misfit < LEVEL / 3
+    assert said > right
+    said, right, misfit = said_and_right(2, 0, 16)
+    assert misfit > LEVEL / 3
+
+
 def test_templates_left_out_are_as_if_never_given():
     means, floor, dense = templates()
     X = means + 0.3
@@ -282,7 +338,7 @@ def test_bad_templates_are_named(changed, message):
 
 
 @pytest.mark.parametrize("name", ["gain_sigma", "floor_sigma", "nugget"])
-@pytest.mark.parametrize("value", [-1.0, np.nan, "wide"])
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf, 1e200, "wide"])
 def test_bad_parameters_are_named(name, value):
     means, floor, dense = templates()
     with pytest.raises(ValueError, match=name):
@@ -294,6 +350,14 @@ def test_bad_averages_are_named():
     classifier = GaussianTemplates().fit(means, lower_band(dense), LABELS, floor)
     with pytest.raises(ValueError, match=r"X has shape \(4, 23\), but must be \(sample, 24\)"):
         classifier.predict(means[:, 1:], 4)
+    with pytest.raises(ValueError, match=r"X has shape \(0, 24\)"):
+        classifier.predict(means[:0], 4)
+    with pytest.raises(ValueError, match=r"X reaches .*e\+200"):
+        classifier.predict(means * 1e200, 4)
+    with pytest.raises(ValueError, match=r"exclude has shape \(3, 4\), but must be \(4, 4\)"):
+        classifier.predict(means, 4, exclude=np.zeros((3, 4), bool))
+    with pytest.raises(NotFittedError):
+        GaussianTemplates().predict(means, 4)
     with pytest.raises(ValueError, match="X is nan"):
         classifier.predict(means * np.nan, 4)
     with pytest.raises(ValueError, match="frame_count is 0"):
