@@ -36,11 +36,12 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
     grow_every : int, default=10
         Epochs of a cycle. Each cycle but the first begins with one more hidden node, up to
         `max_hidden`, and with the next level of gain.
-    tolerance : float, default=0.1
-        Root mean square error of all outputs at which to stop, in (0, 1).
-    epochs : int, default=350
+    tolerance : float, default=0.35
+        Root mean square error of all outputs at which to stop, in (0, 1). The best constant
+        answer has 2 sqrt(p (1 - p)), p = 1 / classes: 0.55 for twelve.
+    epochs : int, default=1000
         Presentations of the training set after which to stop, whatever the error.
-    learning_rate : float, default=0.035
+    learning_rate : float, default=0.015
         Step along the gradient of half the squared error of a training vector. Too large a
         step drives all nodes into saturation, from where none returns.
     annealing : bool, default=True
@@ -48,7 +49,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         from the start.
     initial_gain, final_gain : float, default=0.5 and 1.0
         Gain level of the first cycle and of cycle `max_hidden` and all that follow.
-    scaling : {"none", "common", "standard"}, default="none"
+    scaling : {"none", "common", "standard"}, default="common"
         What is done to the inputs: nothing; the mean of each feature over the training set is
         subtracted and all features are divided by one standard deviation; or each by its own.
     random_state : int, RandomState instance or None, default=None
@@ -100,6 +101,19 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
     in cycle k = 0, 1, ... (for K = 0: final_gain). The factor is learned for each node: it
     starts at 1 and is held within [0.1, 10].
 
+    What the source does not say, and what of it matters (its four ships, 124 profiles of 30 ns
+    with the floor removed, 4,000 target-free IFOVs):
+
+    - When to stop decides the table. The tolerance of 0.35, reached after some 215 epochs with
+      22 nodes, gives the source's Table 2 within its sampling noise; whatever the learning rate
+      and the gains, the table follows the error. Trained on, the network learns every
+      broadside and loses averages of few frames.
+    - Scaling. Raw profiles of a high floor do not train unless centred. One spread for all
+      features keeps bins without a ship quiet; each its own makes noise of them.
+    - Annealing hardly speeds anything up. Each at its best learning rate, it takes a third more
+      epochs to the tolerance than a fixed gain and as many to an error of 0.1; on unscaled
+      inputs, from 0.5 to 2, as many and a sixth fewer. Seeds differ less with it.
+
     A gain is not a freedom of its own: a level g does what weights and offsets times g do, at
     g^2 times the step (G. Thimm, P. Moerland and E. Fiesler 1996, Neural Computation 8, 451,
     doi:10.1162/neco.1996.8.2.451). A low level is thus a small step in a small network. On
@@ -124,13 +138,13 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         *,
         max_hidden: int = 25,
         grow_every: int = 10,
-        tolerance: float = 0.1,
-        epochs: int = 350,
-        learning_rate: float = 0.035,
+        tolerance: float = 0.35,
+        epochs: int = 1000,
+        learning_rate: float = 0.015,
         annealing: bool = True,
         initial_gain: float = 0.5,
         final_gain: float = 1.0,
-        scaling: str = "none",
+        scaling: str = "common",
         random_state: int | np.random.RandomState | None = None,
     ) -> None:
         self.max_hidden = max_hidden

@@ -264,7 +264,14 @@ def test_nothing_overflows(gain, size, scaling, rate):
     X, y = bumps(np.random.default_rng(11), each=3, features=20)
     X /= np.abs(X).max()
     network = fit(
-        X * size, y, initial_gain=gain, final_gain=gain, scaling=scaling, learning_rate=rate
+        X * size,
+        y,
+        initial_gain=gain,
+        final_gain=gain,
+        scaling=scaling,
+        learning_rate=rate,
+        epochs=350,
+        tolerance=1e-9,
     )
     parts = [*network.weights_, *network.offsets_, *network.gains_]
     assert all(np.isfinite(part).all() for part in parts)
