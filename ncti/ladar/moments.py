@@ -166,24 +166,26 @@ def banded_frame_moments(
     lags = _reach(filled / noise[0], n_z=n_z, bin_count=bins)
     covariance = np.zeros((lags, bins))
     covariance[0] = (2 - math.pi / 2) * (variance.sum(axis=0) + target_free_ifovs * noise[0])
+    floor = noise[0] * _bracket(np.square(noise[:lags] / noise[0]))  # of one target-free IFOV
     for lag in range(1, lags):
-        alone = noise[0] * _bracket(np.square(noise[lag] / noise[0]))
         ifov, n = np.nonzero(live[:, :-lag] | live[:, lag:])
         scale = sigma[ifov, n] * sigma[ifov, n + lag]
         field = math.exp(-2 * lag**2 / n_z**2) * power[ifov, 2 * n + lag] + noise[lag]
-        excess = scale * _bracket(np.square(field / scale)) - alone
+        excess = scale * _bracket(np.square(field / scale)) - floor[lag]
         band = np.bincount(n, weights=excess, minlength=bins - lag)
-        covariance[lag, : bins - lag] = band + everywhere * alone
+        covariance[lag, : bins - lag] = band + everywhere * floor[lag]
     return mean * math.sqrt(math.pi / 2), covariance / frame_count
 
 
 def _bracket(m: Floats) -> Floats:
     """2 E(m) - (1 - m) K(m) - pi/2, m in [0, 1]: see `magnitude_covariance`."""
     m = np.minimum(m, 1.0)
-    series = (math.pi / 2) * m * (1 / 4 + m * (1 / 64 + m / 256))
+    bracket: Floats = (math.pi / 2) * m * (1 / 4 + m * (1 / 64 + m / 256))
+    large = m >= 0.01
+    m = m[large]
     with np.errstate(invalid="ignore"):  # 0 * inf at m = 1, where the product tends to 0
         k_term = np.where(m < 1.0, (1 - m) * ellipk(m), 0.0)
-    bracket: Floats = np.where(m < 0.01, series, 2 * ellipe(m) - k_term - math.pi / 2)
+    bracket[large] = 2 * ellipe(m) - k_term - math.pi / 2
     return bracket
 
 
