@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 import ncti.ships
-from sweeps.benchmark import accuracy, images, invariance, paper, views
+from sweeps.benchmark import accuracy, classifiers, images, invariance, paper, views
 from sweeps.benchmark.reports import Report, machine, show, write_json
 
 REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
@@ -19,8 +19,15 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
     "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
     "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
+    "classifier_times": lambda asked: classifiers.measure(repeats=asked.repeats),
+    "vigilances": lambda asked: classifiers.measure_vigilances(repeats=asked.repeats),
     "paper": lambda asked: paper.measure(repeats=asked.repeats),
 }
+SETS = {
+    "classifiers": ("classifier_times", "vigilances"),
+    "all": tuple(REPORTS),
+}
+"""Reports that one name asks for."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -29,10 +36,11 @@ def main(arguments: list[str] | None = None) -> None:
         prog="python -m sweeps.benchmark",
         description="Time a view by engine (views), the error of a range extent against its time "
         "(accuracy), what of a silhouette's map outlives shift, scale and rotation (invariance), "
-        "infrared images a second (images), the infrared part of the experiment (infrared), and "
-        "time and memory of the whole experiment (paper).",
+        "infrared images a second (images), the infrared part of the experiment (infrared), the "
+        "classifiers beside scikit-learn's (classifiers: classifier_times, vigilances), and time "
+        "and memory of the whole experiment (paper).",
     )
-    parser.add_argument("report", nargs="?", choices=[*REPORTS, "all"], default="all")
+    parser.add_argument("report", nargs="?", choices=[*REPORTS, *SETS], default="all")
     parser.add_argument(
         "--repeats", type=int, default=3, metavar="N", help="how often to measure everything (3)"
     )
@@ -53,7 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
     console.print(", ".join(f"{key} {value}" for key, value in here.items()), highlight=False)
     reports: dict[str, Report] = {}
     for name, run in REPORTS.items():
-        if asked.report in (name, "all"):
+        if name in SETS.get(asked.report, (asked.report,)):
             try:
                 reports[name] = run(asked)
             except RuntimeError as error:
