@@ -74,7 +74,7 @@ def test_shared_cosines_answer_as_a_network_each(task):
 
 def test_one_name_asks_for_all_reports_of_classifiers(monkeypatch, tmp_path, capsys):
     def named(name):
-        return lambda asked: Report(name, (Column("x", "x", "d"),), [{"x": 1}])
+        return lambda asked: Report("", (Column("name", "name"),), [{"name": name}])
 
     for name in command.REPORTS:
         monkeypatch.setitem(command.REPORTS, name, named(name))
