@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from sweeps.errors import ConfigurationError, SweepIncomplete
 from sweeps.prepare import prepare
 from sweeps.run import run_sweep
-from sweeps.schema import axis_keys, register, unknown_key
+from sweeps.schema import axis_keys, keys_of, register, unknown_key
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 
@@ -151,6 +151,13 @@ def explain(error: Exception) -> str:
     key = re.search(r"full_key: (\S+)", text)
     if key and re.search(r"Key '.*' (is )?not in", text):
         return unknown_key(key[1])
+    switch = re.search(r"Value '(.*)' is not a valid bool", text)
+    if key and switch:
+        return f"{key[1]} is {switch[1]!r}, but must be true or false"
+    group = re.search(r"not a subclass of \w+\. value: (.*)|Cannot merge DictConfig with", text)
+    if key and group:
+        given = group[1] or "a list"
+        return f"{key[1]} is {given}, but must hold {', '.join(keys_of(key[1]))}"
     value = re.search(
         r"Value '(?P<value>.*)' of type .* could not be converted to (?P<type>\w+)"
         r"|Cannot convert .* to (?P<text>string): '(?P<given>.*)'",
@@ -162,12 +169,12 @@ def explain(error: Exception) -> str:
         return f"{key[1]} is {given!r}, but must be of type {kind.lower()}"
     if key and "is not Optional" in text:
         return f"{key[1]} is null, but must be given"
-    group = re.search(
+    choice = re.search(
         r"Could not find '(.+)/(.+)'.*?Available options in .*?:(.*?)\n\S", text, re.S
     )
-    if group:
-        options = ", ".join(group[3].split())
-        return f"{group[1]} is {group[2]!r}, but must be one of {options}"
+    if choice:
+        options = ", ".join(choice[3].split())
+        return f"{choice[1]} is {choice[2]!r}, but must be one of {options}"
     return " ".join(text.split())
 
 
