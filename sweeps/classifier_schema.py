@@ -7,8 +7,9 @@ from typing import Any
 
 from sweeps.grid import ClassifierGrid, between, count_axis, number_axis, switch_axis, word_axis
 
-ACN, MNN, CORRELATION, LIKELIHOOD = "acn", "mnn", "correlation", "likelihood"
-CLASSIFIERS = (ACN, MNN, CORRELATION, LIKELIHOOD)
+ACN, MNN, CORRELATION, LIKELIHOOD, FUSION = "acn", "mnn", "correlation", "likelihood", "fusion"
+CLASSIFIERS = (ACN, MNN, CORRELATION, LIKELIHOOD, FUSION)
+WITH_MOMENTS = (LIKELIHOOD, FUSION)  # which need covariances
 EXPECTED, NOISY = "expected", "noisy"
 INPUTS = ("raw", "floor_removed", "standardised")
 

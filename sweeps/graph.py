@@ -15,6 +15,7 @@ from sweeps import store
 from sweeps.classification import classify_profiles, classify_silhouettes
 from sweeps.classifier_schema import ClassifierConfig
 from sweeps.cluster import Executor
+from sweeps.fusion import name_by_both, places_of
 from sweeps.infrared import view_images
 from sweeps.layout import (
     ACN,
@@ -235,11 +236,37 @@ def _name_profiles(
         answers = name_by_network(profiles, classifier=classifier, random_states=seeds)
     elif cell.group == ANSWERS["correlation"]:
         answers = name_by_correlation(profiles, classifier=classifier)
+    elif cell.group == ANSWERS["fusion"]:
+        answers = _name_by_both(profiles, cell, path, config)
     else:
         covariance = store.read_covariance(path, cell.place)[there]
         floor = floor_of(config, cell.place)
         answers = name_by_likelihood(profiles, covariance, classifier=classifier, floor=floor)
     store.write_cell(path, cell.group, cell.index, answers)
+
+
+def _name_by_both(
+    profiles: Profiles, cell: Cell, path: Path, config: SweepConfig
+) -> dict[str, NDArray[Any]]:
+    grid = config.grid.expand()
+    infrared = config.infrared.expand(grid)
+    place = places_of({"grid": grid.range, "infrared": infrared.range}, cell.place)
+    template, silhouette = store.read_silhouettes(path, place)
+    there = profiles.there
+    features = template.shape[-2] * template.shape[-1]
+    # (view, phase, ...) to (phase, ..., view, feature)
+    templates = np.swapaxes(template[there].reshape(len(profiles.ship), -1, features), 0, 1)
+    seen = silhouette[there]
+    seen = np.moveaxis(seen.reshape(*seen.shape[:4], features), 0, 3)
+    return name_by_both(
+        profiles,
+        store.read_covariance(path, cell.place)[there],
+        templates,
+        seen,
+        gain_sigma=config.classifier.expand().gain_sigma[0],
+        nugget=config.classifier.nugget,
+        floor=floor_of(config, cell.place),
+    )
 
 
 def _shown(value: float | str) -> str:

@@ -23,7 +23,8 @@ import dask.array as da
 import numpy as np
 import xarray as xr
 
-from sweeps.classifier_schema import CLASSIFIERS
+from sweeps.classifier_schema import CLASSIFIERS, WITH_MOMENTS
+from sweeps.fusion import CHANNELS
 from sweeps.infrared import ANGLE, RADIUS, STEPS, image_windows
 from sweeps.schema import INFRARED, RANGE, SweepConfig
 from sweeps.stages import Ship, bin_centres, lags
@@ -75,6 +76,9 @@ AXES: dict[str, dict[str, str]] = {
     "angle": {"units": "degree", "long_name": "angle about the centroid, from the right upwards"},
     "row": {"units": "1", "long_name": "row of pixels, from the lowest"},
     "col": {"units": "1", "long_name": "column of pixels, from the left"},
+    "channel": {"long_name": "sensor that names the ship"},
+    "infrared_frame_count": {"units": "1", "long_name": "infrared frames averaged"},
+    "draw": {"units": "1", "long_name": "number of the pair of a replicate and a phase"},
     "radius": {"units": "1", "long_name": "place between inner (0) and outer (1) log radius"},
     "lag": {"units": "m", "long_name": "lag of a covariance, down-range"},
 }
@@ -89,6 +93,7 @@ LOOK = ("range", "super_resolution", "frame_count")
 # Dimensions only when they have several values; a single one is a scalar coordinate.
 _OF_MNN = ("epochs", "grow_every", "mnn_learning_rate", "inputs", "annealing")
 _OF_CORRELATION, _OF_LIKELIHOOD = ("training", "left_out"), ("gain_sigma", "left_out")
+_OF_FUSION = ("channel", "super_resolution", "infrared_frame_count")
 OPTIONAL = (
     *_OF_MNN,
     "training",
@@ -122,7 +127,7 @@ class Variable:
     long_name: str
     units: str = "1"
     step: float = 1.0  # integers count steps of this size
-    classifier: str | None = None  # None: there whoever names the ships
+    classifier: str | tuple[str, ...] | None = None  # None: there whoever names the ships
 
 
 _PROFILE = {"group": PROFILES, "sensor": RANGE, "whole": len(VIEW), "fill": np.nan, "dtype": "f4"}
@@ -151,9 +156,10 @@ def _named(
     name: str,
     own: tuple[str, ...],
     *more: tuple[Any, ...],
+    draws: tuple[str, ...] = AVERAGE,
 ) -> tuple[Variable, ...]:
     """What a classifier of range profiles answers, besides the Adaptive Clustering Network."""
-    tested = (*CELL, *own, *AVERAGE, *VIEW)
+    tested = (*CELL, *own, *draws, *VIEW)
     state = {"dtype": "i1", "fill": MISSING, "group": STATES[ANSWERS[name]]}
     return _variables(
         {
@@ -237,7 +243,7 @@ VARIABLES = (
             "covariance",
             (*VIEW, "pulse_width", "range", "target_free_ifovs", "lag", "down_range"),
             "covariance of one frame at this bin and the one a lag further",
-            {"classifier": "likelihood"},
+            {"classifier": WITH_MOMENTS},
         ),
     ),
     *_variables(
@@ -356,6 +362,23 @@ VARIABLES = (
         ),
     ),
     *_named(
+        "fusion",
+        _OF_FUSION,
+        (
+            "probability",
+            (*CELL, *_OF_FUSION, "draw", "frame_count", *VIEW),
+            "posterior probability of the true ship",
+            {"fill": np.nan, "dtype": "f4"},
+        ),
+        (
+            "sharpness",
+            (*CELL, *_OF_FUSION, "draw", "frame_count"),
+            "what a step of a sensor's score is worth in log-probability",
+            {"fill": np.nan, "dtype": "f4"},
+        ),
+        draws=("draw", "frame_count"),
+    ),
+    *_named(
         "likelihood",
         _OF_LIKELIHOOD,
         (
@@ -415,6 +438,10 @@ class Axes:
                 "target_free_ifovs": config.ladar.floor_axis(),
                 "down_range": bin_centres(config.ladar),
                 "lag": lags(config),
+                "channel": CHANNELS,
+                "super_resolution": infrared.super_resolution,
+                "infrared_frame_count": infrared.frame_count,
+                "draw": range(max(len(grid.replicate), len(infrared.phase))),
                 **{
                     axis: values
                     for axis, values in asdict(named).items()
@@ -465,7 +492,9 @@ class Axes:
         groups: dict[tuple[str, str], dict[str, xr.Variable]] = {}
         for variable in VARIABLES:
             sensor = variable.sensor or next(iter(self.values))
-            asked = variable.classifier in (None, *self.classifiers)
+            asked = variable.classifier is None or bool(
+                set(self.classifiers) & {*np.atleast_1d(variable.classifier).tolist()}
+            )
             if sensor in self.values and asked:
                 there = groups.setdefault((variable.group, sensor), {})
                 there[variable.name] = self._unwritten(variable, sensor)

@@ -26,7 +26,7 @@ from ncti.infrared import (
 )
 from ncti.ladar import RECEIVERS, shortest_pulse
 from ncti.render import ROLL, engines
-from sweeps.classifier_schema import LIKELIHOOD, NOISY, ClassifierConfig
+from sweeps.classifier_schema import FUSION, NOISY, WITH_MOMENTS, ClassifierConfig
 from sweeps.errors import ConfigurationError
 from sweeps.grid import (
     Grid,
@@ -277,17 +277,36 @@ class SweepConfig:
                 f"grid.replicate is {self.grid.replicate}, but must be at least 2 where "
                 "classifier.training has noisy: what is learned must not be what is tested"
             )
-        if LIKELIHOOD in self.classifier.expand().name and self.ladar.receiver != "full_profile":
-            raise ConfigurationError(
-                f"ladar.receiver is {self.ladar.receiver!r}, but must be full_profile for the "
-                "likelihood classifier, which knows the moments of no other"
-            )
+        names = self.classifier.expand().name
+        for name in set(names) & set(WITH_MOMENTS):
+            if self.ladar.receiver != "full_profile":
+                raise ConfigurationError(
+                    f"ladar.receiver is {self.ladar.receiver!r}, but must be full_profile for the "
+                    f"classifier {name}, which knows the moments of no other"
+                )
+        if FUSION in names:
+            self._check_fusion(grid)
         shortest = shortest_pulse(self.ladar.bin_width) * 1e9
         if RANGE in self.sensors and min(grid.pulse_width) < shortest:
             raise ConfigurationError(
                 f"grid.pulse_width has {min(grid.pulse_width):g}, but must be at least "
                 f"{shortest:.3g} for ladar.bin_width {self.ladar.bin_width:g} m"
             )
+
+    def _check_fusion(self, grid: Grid) -> None:
+        """Refuse what one sensor would see and the other would not."""
+        if self.sensor != "both":
+            raise ConfigurationError(
+                f"sensor is {self.sensor!r}, but must be both for the classifier fusion"
+            )
+        there = self.infrared.expand(grid).range
+        for slant_range in grid.range:
+            if slant_range not in there:
+                raise ConfigurationError(
+                    f"grid.range has {slant_range:g}, but every value must be one of "
+                    f"infrared.range, {', '.join(f'{one:g}' for one in there)}, for the "
+                    "classifier fusion"
+                )
 
     @property
     def sensors(self) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from ncti.ladar import (
 from ncti.render import Lattice, RangeImage, range_image
 from ncti.render.flight import depression_angle
 from sweeps.cache import Arrays, StageCache, code_digest
-from sweeps.classifier_schema import LIKELIHOOD
+from sweeps.classifier_schema import WITH_MOMENTS
 from sweeps.grid import InfraredGrid
 from sweeps.schema import (
     RANGE,
@@ -125,7 +125,8 @@ def lags(config: SweepConfig) -> NDArray[np.float64]:
 
     Asked for only where a classifier needs covariances; they reach as far with no ship there.
     """
-    if LIKELIHOOD not in config.classifier.expand().name or RANGE not in config.sensors:
+    names = set(config.classifier.expand().name)
+    if not names & set(WITH_MOMENTS) or RANGE not in config.sensors:
         return np.zeros(1)
     ladar = config.ladar
     grid = config.grid.expand()

@@ -172,7 +172,7 @@ def _formed(classified: xr.Dataset, what: str) -> Table:
 
 def _scored(correct: xr.DataArray, prefix: str, what: str) -> Table:
     """Fraction correct by aspect bin, whatever axes there are besides the view's."""
-    draws = ("replicate",) if "replicate" in correct.dims else ()
+    draws = tuple(name for name in ("replicate", "draw") if name in correct.dims)
     answers = correct.transpose(..., *draws, "ship", "aspect")
     score = (replicated_accuracy if draws else accuracy_by_aspect)(
         answers.values == 1, answers.aspect.values, answered=answers.values >= 0

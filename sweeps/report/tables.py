@@ -26,6 +26,8 @@ ORDER = (
     "interpolation",
     "learning_rate",
     "vigilance",
+    "channel",
+    "infrared_frame_count",
     "training",
     "gain_sigma",
     "left_out",
