@@ -18,18 +18,17 @@ INPUTS = ("raw", "floor_removed", "standardised")
 class NetworkConfig:
     """The source's multilayered neural network."""
 
-    epochs: Any = 350
+    epochs: Any = 1000
     grow_every: Any = 10
-    learning_rate: Any = 0.035
-    inputs: Any = "floor_removed"
+    learning_rate: Any = 0.015
+    tolerance: Any = 0.35
+    inputs: Any = "standardised"
     annealing: Any = True
     max_hidden: int = 25
-    tolerance: float = 0.1
 
     def __post_init__(self) -> None:
         """Check the ranges of what is no axis."""
         between("classifier.mnn.max_hidden", self.max_hidden, 1, 1000)
-        between("classifier.mnn.tolerance", self.tolerance, 1e-6, 0.999)
 
 
 @dataclass
@@ -67,6 +66,9 @@ class ClassifierConfig:
             grow_every=count_axis(key + "mnn.grow_every", self.mnn.grow_every, maximum=1_000_000),
             mnn_learning_rate=number_axis(
                 key + "mnn.learning_rate", self.mnn.learning_rate, minimum=1e-6, maximum=1000
+            ),
+            tolerance=number_axis(
+                key + "mnn.tolerance", self.mnn.tolerance, minimum=1e-6, maximum=0.999
             ),
             inputs=word_axis(key + "mnn.inputs", self.mnn.inputs, INPUTS),
             annealing=switch_axis(key + "mnn.annealing", self.mnn.annealing),

@@ -17,7 +17,18 @@ from sweeps.classifier_schema import ClassifierConfig
 from sweeps.cluster import Executor
 from sweeps.fusion import name_by_both, places_of
 from sweeps.infrared import view_images
-from sweeps.layout import (
+from sweeps.ladar import floor_of
+from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood, name_by_network
+from sweeps.schema import INFRARED, RANGE, SweepConfig
+from sweeps.seeds import cell_rng
+from sweeps.stages import Ship, View, ViewPlan, view_profiles
+from sweeps.tabulation import (
+    tabulate_answers,
+    tabulate_images,
+    tabulate_profiles,
+    tabulate_silhouettes,
+)
+from sweeps.variables import (
     ACN,
     ACN_INFRARED,
     ANSWERS,
@@ -31,16 +42,6 @@ from sweeps.layout import (
     RECONSTRUCTION,
     TABLES_INFRARED,
     TABLES_OF,
-)
-from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood, name_by_network
-from sweeps.schema import INFRARED, RANGE, SweepConfig
-from sweeps.seeds import cell_rng
-from sweeps.stages import Ship, View, ViewPlan, floor_of, view_profiles
-from sweeps.tabulation import (
-    tabulate_answers,
-    tabulate_images,
-    tabulate_profiles,
-    tabulate_silhouettes,
 )
 
 

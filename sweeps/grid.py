@@ -107,6 +107,8 @@ class ClassifierGrid:
         Presentations, and how many of them before another hidden node.
     mnn_learning_rate : tuple of float
         Of the multilayered network.
+    tolerance : tuple of float
+        Root mean square error at which its training stops.
     inputs : tuple of str
         What it sees of a profile.
     annealing : tuple of bool
@@ -121,6 +123,7 @@ class ClassifierGrid:
     epochs: tuple[int, ...]
     grow_every: tuple[int, ...]
     mnn_learning_rate: tuple[float, ...]
+    tolerance: tuple[float, ...]
     inputs: tuple[str, ...]
     annealing: tuple[bool, ...]
 

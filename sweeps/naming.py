@@ -85,7 +85,9 @@ def name_by_network(
     axes = classifier.expand()
     labels, group = aspect_bins(profiles.aspects)
     truth = profiles.ship * len(labels) + group[profiles.aspect]
-    settings = [axes.epochs, axes.grow_every, axes.mnn_learning_rate, axes.inputs, axes.annealing]
+    settings: list[tuple[Any, ...]]
+    settings = [axes.epochs, axes.grow_every, axes.mnn_learning_rate]
+    settings += [axes.tolerance, axes.inputs, axes.annealing]
     shape = tuple(map(len, settings))
     batches = profiles.averaged.shape[:2]
     found: dict[str, list[Any]] = {
@@ -96,7 +98,7 @@ def name_by_network(
         "loss": [],
     }
     for number, place in enumerate(np.ndindex(shape)):
-        epochs, grow_every, rate, inputs, annealing = (
+        epochs, grow_every, rate, tolerance, inputs, annealing = (
             values[k] for values, k in zip(settings, place, strict=True)
         )
         network = GainAnnealedNetwork(
@@ -105,7 +107,7 @@ def name_by_network(
             learning_rate=rate,
             annealing=annealing,
             max_hidden=classifier.mnn.max_hidden,
-            tolerance=classifier.mnn.tolerance,
+            tolerance=tolerance,
             scaling="common" if inputs == "standardised" else "none",
             random_state=int(random_states[number]),
         )
@@ -151,9 +153,11 @@ def name_by_correlation(profiles: Profiles, *, classifier: ClassifierConfig) -> 
     -----
     Similarity is the cosine of profile vectors. Of noisy profiles those of all other replicates
     of the same number of frames are learned. Where the true aspect is left out, profiles of all
-    ships at it are.
+    ships at it are. A profile that nowhere rises above its floor has no direction: it names no
+    ship, which counts as wrong, and what is learned of it answers for none.
     """
     axes = classifier.expand()
+    _require_another_aspect(profiles, axes.left_out)
     tests = profile_vector(profiles.averaged)
     ship, aspect = profiles.ship, profiles.aspect
     replicates = len(tests)
@@ -170,10 +174,12 @@ def name_by_correlation(profiles: Profiles, *, classifier: ClassifierConfig) -> 
             )
             cosines = neighbour.similarity(tests[r, n])
             same = aspect[:, None] == np.tile(aspect, copies)
+            blank = ~neighbour.templates_.any(axis=1)
+            flat = ~tests[r, n].any(axis=1)
             for j, left_out in enumerate(axes.left_out):
-                allowed = np.where(same & left_out, -np.inf, cosines)
+                allowed = np.where((same & left_out) | blank, -np.inf, cosines)
                 best = allowed.argmax(axis=1)
-                named[i, j, r, n] = np.tile(ship, copies)[best]
+                named[i, j, r, n] = np.where(flat, NONE, np.tile(ship, copies)[best])
                 similarity[i, j, r, n] = np.take_along_axis(allowed, best[:, None], axis=1)[:, 0]
     return {
         "predicted": profiles.spread(named, NONE, np.int16),
@@ -211,6 +217,7 @@ def name_by_likelihood(
     true aspect is left out, templates of all ships at it are.
     """
     axes = classifier.expand()
+    _require_another_aspect(profiles, axes.left_out)
     ship, aspect = profiles.ship, profiles.aspect
     replicates, counts, views, bins = profiles.averaged.shape
     samples = profiles.averaged.reshape(-1, bins)
@@ -234,3 +241,11 @@ def name_by_likelihood(
         "correct": profiles.spread(named == ship, NONE, np.int8),
         "probability": profiles.spread(true, np.nan, np.float32),
     }
+
+
+def _require_another_aspect(profiles: Profiles, left_out: tuple[bool, ...]) -> None:
+    if any(left_out) and len(np.unique(profiles.aspect)) < 2:
+        raise ValueError(
+            "classifier.left_out has True, but must be false where no two aspects are there: "
+            "nothing would be left to learn"
+        )

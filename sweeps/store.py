@@ -34,18 +34,10 @@ from zarr.storage import MemoryStore, StoreLike
 
 from sweeps.errors import ConfigurationError
 from sweeps.infrared import STEPS, infrared_code
-from sweeps.layout import (
-    DONE,
-    FAILED,
-    GROUPS,
-    IMAGES,
-    PROFILES,
-    STATES,
-    STATUS,
-    Axes,
-)
+from sweeps.layout import Axes
 from sweeps.schema import INFRARED, RANGE, SweepConfig
 from sweeps.stages import RENDERING, Ship, profile_code, rendering_code
+from sweeps.variables import DONE, FAILED, GROUPS, IMAGES, PROFILES, STATES, STATUS
 
 CODE = {RENDERING: rendering_code, RANGE: profile_code, INFRARED: infrared_code}
 

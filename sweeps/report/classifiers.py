@@ -22,6 +22,7 @@ SETTINGS = {
     "epochs": "{:g} epochs",
     "grow_every": "a node every {:g} epochs",
     "mnn_learning_rate": "learning rate {:g}",
+    "tolerance": "to an error of {:g}",
     "inputs": "{} inputs",
     "annealing": "annealed",
 }

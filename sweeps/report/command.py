@@ -11,14 +11,6 @@ from rich.console import Console
 
 from sweeps import store
 from sweeps.classifier_schema import CLASSIFIERS
-from sweeps.layout import (
-    DETECTION,
-    IMAGES,
-    RECONSTRUCTION,
-    TABLES,
-    TABLES_INFRARED,
-    TABLES_OF,
-)
 from sweeps.report.classifiers import classifier_rows, print_classifiers
 from sweeps.report.screen import (
     print_accuracy,
@@ -37,6 +29,7 @@ from sweeps.report.silhouettes import (
     silhouette_category_rows,
 )
 from sweeps.report.tables import Row, accuracy_rows, category_rows, has_source_views
+from sweeps.variables import DETECTION, IMAGES, RECONSTRUCTION, TABLES, TABLES_INFRARED, TABLES_OF
 
 OTHER_VIEWS = "The source's figures are of its own 124 views, four ships from bow to beam."
 

@@ -34,6 +34,7 @@ ORDER = (
     "epochs",
     "grow_every",
     "mnn_learning_rate",
+    "tolerance",
     "inputs",
     "annealing",
     "frame_count",

@@ -8,7 +8,7 @@ import xarray as xr
 
 from ncti.features import profile_vector
 from ncti.ladar import noise_floor
-from sweeps.layout import AXES, GROUPS
+from sweeps.variables import AXES, GROUPS
 
 
 def test_store_opens_as_the_readme_says(smoke_store):

@@ -12,6 +12,7 @@ from ncti.render.flight import depression_angle
 from sweeps import stages
 from sweeps.cache import code_digest
 from sweeps.grid import InfraredGrid
+from sweeps.ladar import bin_centres
 from sweeps.schema import InfraredConfig, LadarConfig, RenderConfig, SceneConfig
 from sweeps.stages import Ship, View, ViewPlan, depression_at, view_profiles
 
@@ -76,7 +77,7 @@ def test_a_view_is_the_library_in_the_units_of_the_configuration(duncan, tmp_pat
     by_hand = expected_profile(extent, pulse_width=30e-9, cnr=10**3.2)
     ours = view_profiles(View(duncan, 63, plan))["expected"][0, 0, 0]
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
-    np.testing.assert_array_equal(stages.bin_centres(plan.ladar), extent.down_range)
+    np.testing.assert_array_equal(bin_centres(plan.ladar), extent.down_range)
 
 
 def test_extinction_reaches_the_profile_in_its_units(duncan, tmp_path):
