@@ -19,13 +19,14 @@ from sweeps.prepare import prepare
 from sweeps.schema import axis_keys
 
 # Least and most of a key, and words that it may be.
-NUMBERS = {"nugget": (1e-9, 1000), "mnn.tolerance": (1e-6, 0.999)}
+NUMBERS = {"nugget": (1e-9, 1000)}
 COUNTS = {"max_passes": (1, 1_000_000), "mnn.max_hidden": (1, 1000)}
 SWITCH = "learn_in_test"
 NUMBER_AXES = {
     "learning_rate": (1e-6, 1),
     "gain_sigma": (0, 1000),
     "mnn.learning_rate": (1e-6, 1000),
+    "mnn.tolerance": (1e-6, 0.999),
 }
 COUNT_AXES = {"mnn.epochs": (1, 1_000_000), "mnn.grow_every": (1, 1_000_000)}
 WORD_AXES = {
@@ -205,8 +206,8 @@ def test_both_ends_of_an_axis_are_allowed(key):
     ends = (NUMBER_AXES | COUNT_AXES)[key]
     config = configured(f"classifier.{key}=[{ends[0]},{ends[1]}]")
     assert value_of(config, key) == ends
-    config = configured(f"classifier.{key}={{start: 1, stop: 1, step: 1}}")
-    assert value_of(config, key) == (1,)
+    config = configured(f"classifier.{key}={{start: {ends[1]}, stop: {ends[1]}, step: 1}}")
+    assert value_of(config, key) == ends[1:]
 
 
 @pytest.mark.parametrize("key", ["training", "mnn.inputs"])
@@ -300,6 +301,7 @@ EXPERIMENTS = {
     "table2": (
         ("mnn",),
         {
+            "mnn.tolerance": (0.1, 0.35),
             "mnn.inputs": ("raw", "floor_removed", "standardised"),
             "mnn.annealing": (True, False),
         },
