@@ -175,12 +175,13 @@ def name_by_correlation(profiles: Profiles, *, classifier: ClassifierConfig) -> 
             cosines = neighbour.similarity(tests[r, n])
             same = aspect[:, None] == np.tile(aspect, copies)
             blank = ~neighbour.templates_.any(axis=1)
-            flat = ~tests[r, n].any(axis=1)
             for j, left_out in enumerate(axes.left_out):
                 allowed = np.where((same & left_out) | blank, -np.inf, cosines)
                 best = allowed.argmax(axis=1)
-                named[i, j, r, n] = np.where(flat, NONE, np.tile(ship, copies)[best])
-                similarity[i, j, r, n] = np.take_along_axis(allowed, best[:, None], axis=1)[:, 0]
+                found = np.take_along_axis(allowed, best[:, None], axis=1)[:, 0]
+                none = np.isneginf(found) | ~tests[r, n].any(axis=1)
+                named[i, j, r, n] = np.where(none, NONE, np.tile(ship, copies)[best])
+                similarity[i, j, r, n] = np.where(none, 0.0, found)
     return {
         "predicted": profiles.spread(named, NONE, np.int16),
         "correct": profiles.spread(named == ship, NONE, np.int8),
