@@ -10,7 +10,16 @@ from pathlib import Path
 from rich.console import Console
 
 import ncti.ships
-from sweeps.benchmark import accuracy, classifiers, images, invariance, paper, views
+from sweeps.benchmark import (
+    accuracy,
+    classification,
+    classifiers,
+    convergence,
+    images,
+    invariance,
+    paper,
+    views,
+)
 from sweeps.benchmark.reports import Report, machine, show, write_json
 
 REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
@@ -21,10 +30,13 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
     "classifier_times": lambda asked: classifiers.measure(repeats=asked.repeats),
     "vigilances": lambda asked: classifiers.measure_vigilances(repeats=asked.repeats),
+    "convergence": lambda asked: convergence.measure(repeats=asked.repeats),
+    "course": lambda asked: convergence.measure_course(),
+    "classification": lambda asked: classification.measure(repeats=asked.repeats),
     "paper": lambda asked: paper.measure(repeats=asked.repeats),
 }
 SETS = {
-    "classifiers": ("classifier_times", "vigilances"),
+    "classifiers": ("classifier_times", "vigilances", "convergence", "course", "classification"),
     "all": tuple(REPORTS),
 }
 """Reports that one name asks for."""
@@ -36,9 +48,11 @@ def main(arguments: list[str] | None = None) -> None:
         prog="python -m sweeps.benchmark",
         description="Time a view by engine (views), the error of a range extent against its time "
         "(accuracy), what of a silhouette's map outlives shift, scale and rotation (invariance), "
-        "infrared images a second (images), the infrared part of the experiment (infrared), the "
-        "classifiers beside scikit-learn's (classifiers: classifier_times, vigilances), and time "
-        "and memory of the whole experiment (paper).",
+        "infrared images a second (images), the infrared part of the experiment (infrared), "
+        "classifiers beside scikit-learn's (classifier_times), vigilances that share cosines "
+        "(vigilances), training with and without gain annealing (convergence, course), the "
+        "classification part of the experiment (classification), the last five together "
+        "(classifiers), and time and memory of the whole experiment (paper).",
     )
     parser.add_argument("report", nargs="?", choices=[*REPORTS, *SETS], default="all")
     parser.add_argument(

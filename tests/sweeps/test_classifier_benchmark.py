@@ -4,11 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from sklearn.exceptions import ConvergenceWarning
 
-from ncti.classify import CorrelationNeighbour
+from ncti.classify import CorrelationNeighbour, GainAnnealedNetwork
+from sweeps import graph
 from sweeps.benchmark import __main__ as command
-from sweeps.benchmark import classifiers
+from sweeps.benchmark import classification, classifiers, convergence
 from sweeps.benchmark.reports import Column, Report
+from sweeps.cluster import InlineExecutor
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +88,75 @@ def test_one_name_asks_for_all_reports_of_classifiers(monkeypatch, tmp_path, cap
     assert written < set(command.REPORTS)
     printed = capsys.readouterr().out
     assert all(name in printed for name in written)
+
+
+def test_training_is_compared_state_by_state(task):
+    report = convergence.measure(repeats=2, task=task, states=2, rates=(0.05,))
+    assert [row["annealing"] for row in report.rows] == ["yes", "no"]
+    for row, annealing in zip(report.rows, (True, False), strict=True):
+        networks = [
+            GainAnnealedNetwork(annealing=annealing, learning_rate=0.05, random_state=state).fit(
+                task.training, task.label
+            )
+            for state in range(2)
+        ]
+        assert row["met"] == 2
+        assert all(network.converged_ for network in networks)
+        epochs = [network.n_iter_ for network in networks]
+        assert (row["epochs"].low, row["epochs"].high) == (min(epochs), max(epochs))
+        assert row["ms"].n == 4
+        assert row["ms"].low > 0
+        assert 0 <= row["right_percent"].low <= row["right_percent"].high <= 100
+    assert report.rows[0]["ratio"] > 0
+    assert report.rows[1]["ratio"] == 1
+
+
+def test_training_that_takes_too_long_is_not_met(task, monkeypatch):
+    monkeypatch.setattr(convergence, "LONGEST", 3)
+    report = convergence.measure(repeats=1, task=task, states=2, rates=(0.05,))
+    for row in report.rows:
+        assert row["met"] == 0
+        assert row["epochs"].low == row["epochs"].high == 3
+
+
+def test_course_is_that_of_one_long_training(task):
+    counts = (5, 20, 45)
+    report = convergence.measure_course(task=task, states=1, epochs=counts)
+    places = [(row["epochs"], row["annealing"]) for row in report.rows]
+    assert places == [(count, way) for count in counts for way in ("yes", "no")]
+    for annealing in (True, False):
+        network = GainAnnealedNetwork(
+            annealing=annealing, tolerance=convergence.NEVER, epochs=60, random_state=0
+        )
+        with pytest.warns(ConvergenceWarning):
+            network.fit(task.training, task.label)
+        word = "yes" if annealing else "no"
+        errors = [row["error"].median for row in report.rows if row["annealing"] == word]
+        # The same operations in the same order.
+        assert errors == [network.loss_curve_[count] ** 0.5 for count in counts]
+
+
+def test_classification_is_timed_by_group_and_as_a_whole():
+    report = classification.measure(repeats=2, experiment="smoke")
+    *groups, whole, tables = report.rows
+    assert [(row["part"], row["cells"]) for row in groups] == [("acn", 3), ("acn_infrared", 2)]
+    assert (whole["part"], whole["cells"]) == (classification.WHOLE, 5)
+    assert (tables["part"], tables["cells"]) == (classification.TABLES, None)
+    for row in report.rows:
+        assert row["seconds"].n == 2
+        assert row["seconds"].low > 0
+
+
+def test_one_group_leaves_out_the_cells_of_others():
+    cells = [graph.Cell(group, {}, (), group) for group in ("one", "other", "one")]
+    only = classification.OneGroup(InlineExecutor(), "one")
+    tasks = list(enumerate(cells))
+    outcomes = only.run(lambda number, cell: number, tasks)
+    assert [result for _, result, _ in outcomes] == [0, 2]
+
+
+def test_a_cell_that_fails_is_no_time(monkeypatch):
+    failure = graph.Failure("classification of acn", "out of tea")
+    monkeypatch.setattr(graph, "run_classification", lambda *_: iter([None, failure]))
+    with pytest.raises(RuntimeError, match=r"^classification of acn: out of tea$"):
+        classification.classify(InlineExecutor(), None, None)
