@@ -97,9 +97,33 @@ def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
         array = np.asarray(values)
     except ValueError:
         raise ValueError(f"{name} is {_line(values)}, but must be an array of numbers") from None
-    for value in array.ravel().tolist():
-        require(name, value, **bounds)
+    if array.dtype.kind not in "iuf" or not _all_inside(array, **bounds):
+        for value in array.ravel().tolist():
+            require(name, value, **bounds)
     return np.asarray(array, dtype=np.float64)
+
+
+def _all_inside(
+    array: NDArray[Any],
+    *,
+    positive: bool = False,
+    whole: bool = False,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    below: float = math.inf,
+) -> bool:
+    """Whether `require` takes all of an array, at the cost of a few looks at it as a whole."""
+    if not array.size:
+        return True
+    least, most = array.min(), array.max()  # a NaN is both
+    return bool(
+        least >= minimum
+        and most <= maximum
+        and -math.inf < least
+        and most < below
+        and not (positive and least <= 0)
+        and not (whole and (array % 1).any())
+    )
 
 
 def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:

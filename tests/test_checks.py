@@ -7,8 +7,9 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
 
 from ncti.checks import require, require_all, require_each, require_generator
 
@@ -139,3 +140,34 @@ def test_a_generator(value):
     require_generator("rng", np.random.default_rng(3))
     with pytest.raises(ValueError, match=r"^rng is .*, but must be a numpy\.random\.Generator$"):
         require_generator("rng", value)
+
+
+@settings(max_examples=300)
+@given(
+    arrays(
+        float,
+        array_shapes(min_dims=0, max_dims=2, min_side=0, max_side=4),
+        elements=st.one_of(
+            st.sampled_from([0.0, -0.0, 1.0, 2.5, np.nan, np.inf, -np.inf]), st.floats()
+        ),
+    ),
+    st.fixed_dictionaries(
+        {},
+        optional={
+            "positive": st.booleans(),
+            "whole": st.booleans(),
+            "minimum": st.sampled_from([-1.0, 0.0, 1.0]),
+            "maximum": st.sampled_from([1.0, 2.5]),
+            "below": st.sampled_from([1.0, 2.5]),
+        },
+    ),
+)
+def test_a_look_at_the_whole_is_a_look_at_every_element(values, bounds):
+    try:
+        for value in values.ravel().tolist():
+            require("x", value, **bounds)
+    except ValueError as error:
+        with pytest.raises(ValueError, match="^" + re.escape(str(error)) + "$"):
+            require_all("x", values, **bounds)
+    else:
+        np.testing.assert_array_equal(require_all("x", values, **bounds), values)

@@ -10,8 +10,9 @@ from pathlib import Path
 from rich.console import Console
 
 from sweeps import store
-from sweeps.classifier_schema import CLASSIFIERS
+from sweeps.classifier_schema import ACN, CLASSIFIERS, FUSION
 from sweeps.report.classifiers import classifier_rows, print_classifiers
+from sweeps.report.fusion import fusion_rows, print_fusion
 from sweeps.report.screen import (
     print_accuracy,
     print_categories,
@@ -97,12 +98,20 @@ def _range_tables(path: Path, console: Console) -> dict[str, list[Row]]:
 
 def _classifier_tables(path: Path, console: Console) -> dict[str, list[Row]]:
     """Print all classifiers of range profiles beside one another, if there is more than the ACN."""
-    there = [name for name in CLASSIFIERS if store.has_group(path, TABLES_OF[name])]
-    if there in ([], ["acn"]):
-        return {}
-    rows = classifier_rows({name: store.read_group(path, TABLES_OF[name]).load() for name in there})
-    print_classifiers(rows, console)
-    return {"classifiers": rows}
+    there = {
+        name: store.read_group(path, TABLES_OF[name]).load()
+        for name in CLASSIFIERS
+        if store.has_group(path, TABLES_OF[name])
+    }
+    rows: dict[str, list[Row]] = {}
+    together = there.pop(FUSION, None)
+    if there and set(there) != {ACN}:
+        rows["classifiers"] = classifier_rows(there)
+        print_classifiers(rows["classifiers"], console)
+    if together is not None:
+        rows["fusion"] = fusion_rows(together)
+        print_fusion(rows["fusion"], console)
+    return rows
 
 
 def _infrared_tables(path: Path, console: Console) -> dict[str, list[Row]]:
