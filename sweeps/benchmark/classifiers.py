@@ -110,6 +110,7 @@ class Task:
 
 
 @lru_cache(maxsize=2)
+@threadpool_limits.wrap(1)  # as in a worker: threads of small products cost more than they save
 def source_task(
     ships: Sequence[str] = SHIPS,
     aspects: Sequence[float] = ASPECTS,
