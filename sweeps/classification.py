@@ -23,6 +23,7 @@ def classify_profiles(
     averaged: NDArray[np.float32],
     there: NDArray[np.bool_],
     *,
+    learned: NDArray[np.bool_],
     vigilances: tuple[float, ...],
     classifier: ClassifierConfig,
 ) -> Arrays:
@@ -36,6 +37,8 @@ def classify_profiles(
         Test profiles of the same views.
     there : (ship, aspect) bool ndarray
         Views that are done; the others are left out.
+    learned : (ship, aspect) bool ndarray
+        Those that are trained with; the others are only named.
     vigilances : tuple of float
         Vigilances in training.
     classifier : ClassifierConfig
@@ -44,17 +47,18 @@ def classify_profiles(
     Returns
     -------
     dict of str to ndarray
-        training_category, training_correct, training_confused :
-        (learning_rate, vigilance, ship, aspect)
-        category, predicted, correct :
-        (learning_rate, vigilance, replicate, frame_count, ship, aspect)
+        training_category, training_confused : (learning_rate, vigilance, ship, aspect)
+        training_correct : (learning_rate, vigilance, label_rule, ship, aspect)
+        category, similarity : (learning_rate, vigilance, replicate, frame_count, ship, aspect)
+        predicted : the same with label_rule after vigilance; correct : with (label_rule,
+        score_rule)
         passes : (learning_rate, vigilance), negative where the categories did not settle
     """
     answers = classify(
         profile_vector(expected[there]),
         profile_vector(averaged[:, :, there]),
         there,
-        orders=[np.arange(np.count_nonzero(there))],
+        orders=[np.flatnonzero(learned[there])],
         vigilances=vigilances,
         classifier=classifier,
     )
@@ -66,6 +70,7 @@ def classify_silhouettes(
     silhouette: NDArray[np.floating],
     there: NDArray[np.bool_],
     *,
+    learned: NDArray[np.bool_],
     orders: list[NDArray[np.intp]],
     vigilances: tuple[float, ...],
     classifier: ClassifierConfig,
@@ -82,7 +87,7 @@ def classify_silhouettes(
         Views that are done; the others are left out.
     orders : list of (ship * aspect,) intp ndarray
         Orders of presentation in training.
-    vigilances, classifier
+    learned, vigilances, classifier
         As for `classify_profiles`.
 
     Returns
@@ -102,6 +107,7 @@ def classify_silhouettes(
     tests = seen.reshape(*seen.shape[:-2], features)
     place = np.full(there.size, NONE)
     place[np.flatnonzero(there)] = np.arange(len(training))
+    place[~learned.reshape(-1)] = NONE
     return classify(
         training,
         tests,
@@ -143,48 +149,62 @@ def classify(
         `tests` in place of (replicate, frame_count).
     """
     ship, aspect = np.nonzero(there)
-    rates = classifier.learning_rates()
-    trainings = (len(orders), len(rates), len(vigilances))
+    axes = classifier.expand()
+    trainings = (len(orders), len(axes.learning_rate), len(vigilances))
     batches = tests.shape[:-2]
-    trained = (*trainings, *there.shape)
-    tested = (*trainings, *batches, *there.shape)
+    labels, scores = (len(axes.label_rule),), (len(axes.score_rule),)
+    views = there.shape
     result: Arrays = {
-        "training_category": np.full(trained, NONE, dtype=np.int32),
-        "training_correct": np.full(trained, NONE, dtype=np.int8),
-        "training_confused": np.full(trained, NONE, dtype=np.int8),
-        "category": np.full(tested, NONE, dtype=np.int32),
-        "predicted": np.full(tested, NONE, dtype=np.int16),
-        "correct": np.full(tested, NONE, dtype=np.int8),
+        "training_category": np.full((*trainings, *views), NONE, dtype=np.int32),
+        "training_correct": np.full((*trainings, *labels, *views), NONE, dtype=np.int8),
+        "training_confused": np.full((*trainings, *views), NONE, dtype=np.int8),
+        "category": np.full((*trainings, *batches, *views), NONE, dtype=np.int32),
+        "similarity": np.full((*trainings, *batches, *views), np.nan, dtype=np.float32),
+        "predicted": np.full((*trainings, *labels, *batches, *views), NONE, dtype=np.int16),
+        "correct": np.full((*trainings, *labels, *scores, *batches, *views), NONE, dtype=np.int8),
         "passes": np.zeros(trainings, dtype=np.int32),
     }
     # What vigilances, learning rates and orders share is computed once.
     similarities = Similarities.of(training, tests.reshape(-1, tests.shape[-1]))
     for place in np.ndindex(trainings):
-        order, rate, vigilance = orders[place[0]], rates[place[1]], vigilances[place[2]]
-        settings: dict[str, Any] = {"learning_rate": rate, "max_passes": classifier.max_passes}
+        order, vigilance = orders[place[0]], vigilances[place[2]]
+        settings: dict[str, Any] = {
+            "learning_rate": axes.learning_rate[place[1]],
+            "max_passes": classifier.max_passes,
+        }
         found = cluster(similarities, vigilance=vigilance, order=order, **settings)
-        names = found.names(ship)
-        formed = category_formation(found.labels, ship, aspect)
-        views = np.searchsorted(formed.ships, ship), np.searchsorted(formed.aspects, aspect)
-        result["passes"][place] = found.passes if found.converged else -found.passes
-        result["training_category"][place][there] = found.labels
-        result["training_correct"][place][there] = _named(names, found.labels) == ship
-        result["training_confused"][place][there] = formed.confused[views]
+        learned = np.zeros(len(ship), dtype=bool)
+        learned[order] = True
+        formed = category_formation(found.labels[learned], ship[learned], aspect[learned])
+        at = (
+            np.searchsorted(formed.ships, ship[learned]),
+            np.searchsorted(formed.aspects, aspect[learned]),
+        )
+        matched, cosine = found.match(similarities)
+        category, similarity = matched.reshape(*batches, -1), cosine.reshape(*batches, -1)
         if classifier.learn_in_test:
             network = AdaptiveClusteringNetwork(vigilance=vigilance, **settings)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
                 network.fit(training[order], ship[order])
-            category = np.array(
-                [network.match(tests[test], learning=True)[0] for test in np.ndindex(batches)]
-            ).reshape(*batches, -1)
-            named = _named(network.category_labels_, category)
-        else:
-            category = found.match(similarities)[0].reshape(*batches, -1)
-            named = _named(names, category)
+            for test in np.ndindex(batches):
+                category[test], similarity[test] = network.match(tests[test], learning=True)
+        known = there.copy()
+        known[there] = learned
+        result["passes"][place] = found.passes if found.converged else -found.passes
+        result["training_category"][place][there] = found.labels
+        result["training_confused"][place][known] = formed.confused[at]
         result["category"][place][..., there] = category
-        result["predicted"][place][..., there] = named
-        result["correct"][place][..., there] = named == ship
+        result["similarity"][place][..., there] = similarity
+        for i, rule in enumerate(axes.label_rule):
+            names = found.names(ship) if rule == "majority" else found.first_names(ship, order)
+            right = _named(names, found.labels) == ship
+            named = _named(names, category)
+            result["training_correct"][place][i, known] = right[learned]
+            result["predicted"][place][i][..., there] = named
+            for j, score in enumerate(axes.score_rule):
+                same = named == ship if score == "ship" else category == found.labels
+                result["correct"][place][i, j][..., there] = same & (category != NONE)
     return result
 
 

@@ -5,12 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from sweeps.grid import ClassifierGrid, between, count_axis, number_axis, switch_axis, word_axis
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.errors import ConfigurationError
+from sweeps.grid import (
+    ClassifierGrid,
+    between,
+    count_axis,
+    number_axis,
+    ship_axis,
+    switch_axis,
+    word_axis,
+)
 
 ACN, MNN, CORRELATION, LIKELIHOOD, FUSION = "acn", "mnn", "correlation", "likelihood", "fusion"
 CLASSIFIERS = (ACN, MNN, CORRELATION, LIKELIHOOD, FUSION)
 WITH_MOMENTS = (LIKELIHOOD, FUSION)  # which need covariances
 EXPECTED, NOISY = "expected", "noisy"
+LABEL_RULES, SCORE_RULES = ("majority", "first"), ("ship", "category")
 INPUTS = ("raw", "floor_removed", "standardised")
 
 
@@ -39,6 +52,11 @@ class ClassifierConfig:
     learning_rate: Any = 0.1
     max_passes: int = 200
     learn_in_test: bool = False
+    label_rule: Any = "majority"
+    score_rule: Any = "ship"
+    unknown: Any = None
+    training_aspect: Any = None
+    test_vigilance: Any = field(default_factory=lambda: {"start": 0, "stop": 1, "step": 0.01})
     training: Any = EXPECTED
     left_out: Any = False
     gain_sigma: Any = 1.0
@@ -59,6 +77,11 @@ class ClassifierConfig:
             learning_rate=number_axis(
                 key + "learning_rate", self.learning_rate, minimum=1e-6, maximum=1
             ),
+            label_rule=word_axis(key + "label_rule", self.label_rule, LABEL_RULES),
+            score_rule=word_axis(key + "score_rule", self.score_rule, SCORE_RULES),
+            test_vigilance=number_axis(
+                key + "test_vigilance", self.test_vigilance, minimum=0, maximum=1
+            ),
             training=word_axis(key + "training", self.training, (EXPECTED, NOISY)),
             left_out=switch_axis(key + "left_out", self.left_out),
             gain_sigma=number_axis(key + "gain_sigma", self.gain_sigma, minimum=0, maximum=1000),
@@ -73,6 +96,52 @@ class ClassifierConfig:
             inputs=word_axis(key + "mnn.inputs", self.mnn.inputs, INPUTS),
             annealing=switch_axis(key + "mnn.annealing", self.mnn.annealing),
         )
+
+    def learned(self, ships: tuple[str, ...], aspects: tuple[float, ...]) -> NDArray[np.bool_]:
+        """Which views are learned; the others are only named, and ships among them unknown.
+
+        Parameters
+        ----------
+        ships : (ship,) tuple of str
+            Names of the ships of the grid.
+        aspects : (aspect,) tuple of float
+            Its aspects [deg].
+
+        Returns
+        -------
+        (ship, aspect) bool ndarray
+
+        Raises
+        ------
+        ConfigurationError
+            If an unknown ship is no ship of the grid, a training aspect none of its aspects, or
+            nothing is left to learn.
+        """
+        key = "classifier."
+        unknown = () if self.unknown is None else ship_axis(key + "unknown", self.unknown)
+        for name in unknown:
+            if name not in ships:
+                raise ConfigurationError(
+                    f"{key}unknown has {name!r}, but every value must be one of grid.ship, "
+                    f"{', '.join(ships)}"
+                )
+        if len(unknown) == len(ships):
+            raise ConfigurationError(
+                f"{key}unknown has every ship of grid.ship, but must leave one to learn"
+            )
+        taught = aspects
+        if self.training_aspect is not None:
+            taught = number_axis(
+                key + "training_aspect", self.training_aspect, minimum=0, below=360
+            )
+            for aspect in taught:
+                if aspect not in aspects:
+                    raise ConfigurationError(
+                        f"{key}training_aspect has {aspect:g}, but every value must be one of "
+                        "grid.aspect"
+                    )
+        known = np.array([ship not in unknown for ship in ships])
+        return known[:, None] & np.isin(aspects, taught)
 
     def learning_rates(self) -> tuple[float, ...]:
         """Every value of `learning_rate`, checked."""

@@ -77,8 +77,11 @@ def name_by_both(
     named = np.empty((*shape, views), dtype=np.intp)
     true = np.empty((*shape, views))
     sharpness = np.full(shape, np.nan)
-    of_profile = _calibrate(by_profile, ship)
-    of_silhouette = _calibrate(by_silhouette, ship)
+    taught = profiles.taught
+    by_profile, by_silhouette = by_profile[..., taught], by_silhouette[..., taught]
+    labels = ship[taught]
+    of_profile = _calibrate(by_profile[..., taught, :], labels)
+    of_silhouette = _calibrate(by_silhouette[..., taught, :], labels)
     for k, m, d, n in np.ndindex(shape[1:]):
         r, phase = d % replicates, d % phases
         alone = by_profile[r, n], by_silhouette[phase, k, m]
@@ -90,10 +93,10 @@ def name_by_both(
             fuse(*alone, sharpness=mine),
         )
         for c, answer in enumerate(answers):
-            classes, posterior = label_posterior(answer, ship)
+            classes, posterior = label_posterior(answer, labels)
             named[c, k, m, d, n] = classes[posterior.argmax(axis=1)]
-            place = np.searchsorted(classes, ship)[:, None]
-            true[c, k, m, d, n] = np.take_along_axis(posterior, place, axis=1)[:, 0]
+            # 0 for a ship that nobody taught.
+            true[c, k, m, d, n] = (posterior * (classes == ship[:, None])).sum(axis=1)
     return {
         "predicted": profiles.spread(named, NONE, np.int16),
         "correct": profiles.spread(named == ship, NONE, np.int8),

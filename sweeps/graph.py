@@ -19,6 +19,7 @@ from sweeps.fusion import name_by_both, places_of
 from sweeps.infrared import view_images
 from sweeps.ladar import floor_of
 from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood, name_by_network
+from sweeps.rejection import tabulate_rejection
 from sweeps.schema import INFRARED, RANGE, SweepConfig
 from sweeps.seeds import cell_rng
 from sweeps.stages import Ship, View, ViewPlan, view_profiles
@@ -40,6 +41,7 @@ from sweeps.variables import (
     OPTIONAL,
     PROFILES,
     RECONSTRUCTION,
+    REJECTION,
     TABLES_INFRARED,
     TABLES_OF,
 )
@@ -79,13 +81,15 @@ def run_classification(
     shared = (config.classifier, path)
     grid = config.grid.expand()
     silhouettes = config.infrared.expand(grid)
+    learned = config.learned()
     tasks: list[tuple[Any, ...]] = []
     for cell in cells(config):
         if cell.group == ACN:
-            tasks.append((_classify_profiles, cell, *shared, grid.vigilance))
+            tasks.append((_classify_profiles, cell, *shared, learned, grid.vigilance))
         elif cell.group == ACN_INFRARED:
             orders = presentation_orders(config)
-            tasks.append((_classify_silhouettes, cell, *shared, silhouettes.vigilance, orders))
+            vigilances = silhouettes.vigilance
+            tasks.append((_classify_silhouettes, cell, *shared, learned, vigilances, orders))
         else:
             tasks.append((_name_profiles, cell, *shared, config))
     for (_, cell, *_), _, error in executor.run(_call, tasks):
@@ -165,18 +169,28 @@ def presentation_orders(config: SweepConfig) -> list[NDArray[np.intp]]:
 def write_tables(config: SweepConfig, path: Path) -> None:
     """Tabulate what is classified into the store."""
     tables = {}
+    known = np.flatnonzero(config.learned().any(axis=1))
     names = config.classifier.expand().name
     if RANGE in config.sensors:
         for name in names:
-            classified = store.read_group(path, ANSWERS[name]).load()
+            # Unknown ships cannot be named right: see `tables/rejection_...`.
+            classified = store.read_group(path, ANSWERS[name]).load().isel(ship=known)
             table = (tabulate_profiles if name == "acn" else tabulate_answers)(classified)
             tables[TABLES_OF[name]] = table.assign_attrs(receiver=config.ladar.receiver)
     if INFRARED in config.sensors:
         if "acn" in names:
-            silhouettes = tabulate_silhouettes(store.read_group(path, ACN_INFRARED).load())
+            named = store.read_group(path, ACN_INFRARED).load().isel(ship=known)
+            silhouettes = tabulate_silhouettes(named)
             tables[TABLES_INFRARED] = silhouettes
         images = store.read_group(path, IMAGES)[["detection_probability", "reconstruction_error"]]
         tables[DETECTION], tables[RECONSTRUCTION] = tabulate_images(images.load())
+    learned = config.learned()
+    if not learned.all():
+        vigilances = config.classifier.expand().test_vigilance
+        for answers, rejection in REJECTION.values():
+            if store.has_group(path, answers):
+                named = store.read_group(path, answers).load()
+                tables[rejection] = tabulate_rejection(named, learned, vigilances)
     store.write_tables(path, tables)
 
 
@@ -196,12 +210,16 @@ def _call(function: Callable[..., None], *arguments: Any) -> None:
 
 
 def _classify_profiles(
-    cell: Cell, classifier: ClassifierConfig, path: Path, vigilances: tuple[float, ...]
+    cell: Cell,
+    classifier: ClassifierConfig,
+    path: Path,
+    learned: NDArray[np.bool_],
+    vigilances: tuple[float, ...],
 ) -> None:
     expected, averaged = store.read_profiles(path, cell.place)
     there = store.views_done(path)
     answers = classify_profiles(
-        expected, averaged, there, vigilances=vigilances, classifier=classifier
+        expected, averaged, there, learned=learned, vigilances=vigilances, classifier=classifier
     )
     store.write_cell(path, cell.group, cell.index, answers)
 
@@ -210,13 +228,20 @@ def _classify_silhouettes(
     cell: Cell,
     classifier: ClassifierConfig,
     path: Path,
+    learned: NDArray[np.bool_],
     vigilances: tuple[float, ...],
     orders: list[NDArray[np.intp]],
 ) -> None:
     template, silhouette = store.read_silhouettes(path, cell.place)
     there = store.views_done(path)
     answers = classify_silhouettes(
-        template, silhouette, there, orders=orders, vigilances=vigilances, classifier=classifier
+        template,
+        silhouette,
+        there,
+        learned=learned,
+        orders=orders,
+        vigilances=vigilances,
+        classifier=classifier,
     )
     store.write_cell(path, cell.group, cell.index, answers)
 
@@ -229,7 +254,12 @@ def _name_profiles(
     there = store.views_done(path)
     grid = config.grid.expand()
     profiles = Profiles(
-        expected[there], averaged[:, :, there], there, np.array(grid.aspect), grid.frame_count
+        expected[there],
+        averaged[:, :, there],
+        there,
+        np.array(grid.aspect),
+        grid.frame_count,
+        config.learned(),
     )
     if cell.group == ANSWERS["mnn"]:
         rng = cell_rng(config.seed, stage="mnn", cell=cell.name)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
+import ncti.ships
 from sweeps.errors import ConfigurationError
 
 T = TypeVar("T", str, float, bool)
@@ -97,6 +99,10 @@ class ClassifierGrid:
         The classifiers.
     learning_rate : tuple of float
         Of the Adaptive Clustering Network.
+    label_rule, score_rule : tuple of str
+        How its categories get a name, and what counts as right.
+    test_vigilance : tuple of float
+        Similarities below which an answer is taken back.
     training : tuple of str
         What correlation is learned from: expected or noisy profiles.
     left_out : tuple of bool
@@ -117,6 +123,9 @@ class ClassifierGrid:
 
     name: tuple[str, ...]
     learning_rate: tuple[float, ...]
+    label_rule: tuple[str, ...]
+    score_rule: tuple[str, ...]
+    test_vigilance: tuple[float, ...]
     training: tuple[str, ...]
     left_out: tuple[bool, ...]
     gain_sigma: tuple[float, ...]
@@ -145,6 +154,11 @@ def word_axis(key: str, spec: Any, allowed: Sequence[str]) -> tuple[str, ...]:
                 f"{key} has {word!r}, but every value must be one of {', '.join(allowed)}"
             )
     return _distinct(key, [str(word) for word in words])
+
+
+def ship_label(name: str) -> str:
+    """What a ship is called: by its name, or by the name of its file."""
+    return name if name in ncti.ships.names() else Path(name).stem
 
 
 def number_axis(

@@ -63,6 +63,8 @@ class Axes:
         shared = asdict(grid) | {
             "ship": tuple(ship.label for ship in ships),
             "learning_rate": named.learning_rate,
+            "label_rule": named.label_rule,
+            "score_rule": named.score_rule,
         }
         values = {
             RANGE: shared

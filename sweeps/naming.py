@@ -33,6 +33,8 @@ class Profiles:
         Aspects [deg].
     frame_count : tuple of int
         Frames averaged.
+    learned : (ship, aspect) bool ndarray, optional
+        Views that are learned, the others being only named; all when not given.
     """
 
     expected: NDArray[np.float32]
@@ -40,6 +42,13 @@ class Profiles:
     there: NDArray[np.bool_]
     aspects: NDArray[np.float64]
     frame_count: tuple[int, ...]
+    learned: NDArray[np.bool_] | None = None
+
+    @property
+    def taught(self) -> NDArray[np.bool_]:
+        """(view,): whether each view is learned."""
+        every: NDArray[np.bool_] = self.there if self.learned is None else self.learned
+        return every[self.there]
 
     @property
     def ship(self) -> NDArray[np.intp]:
@@ -115,7 +124,7 @@ def name_by_network(
         training, tests = seen(profiles.expected), seen(profiles.averaged)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` tells
-            network.fit(training, truth)
+            network.fit(training[profiles.taught], truth[profiles.taught])
         found["trained"].append(network.predict(training))
         found["named"].append(network.predict(tests.reshape(-1, tests.shape[-1])))
         found["epochs"].append(network.n_iter_)
@@ -129,7 +138,9 @@ def name_by_network(
         "predicted_bin": profiles.spread(named % len(labels), NONE, np.int16),
         "correct": profiles.spread(right, NONE, np.int8),
         "ship_correct": profiles.spread(ship == profiles.ship, NONE, np.int8),
-        "training_correct": profiles.spread(trained == truth, NONE, np.int8),
+        "training_correct": profiles.spread(
+            np.where(profiles.taught, trained == truth, NONE), NONE, np.int8
+        ),
         "presentations": np.array(found["epochs"], dtype=np.int32).reshape(shape),
         "hidden": np.array(found["nodes"], dtype=np.int16).reshape(shape),
         "loss": np.array(found["loss"], dtype=np.float32).reshape(shape),
@@ -174,7 +185,7 @@ def name_by_correlation(profiles: Profiles, *, classifier: ClassifierConfig) -> 
             )
             cosines = neighbour.similarity(tests[r, n])
             same = aspect[:, None] == np.tile(aspect, copies)
-            blank = ~neighbour.templates_.any(axis=1)
+            blank = ~neighbour.templates_.any(axis=1) | ~np.tile(profiles.taught, copies)
             for j, left_out in enumerate(axes.left_out):
                 allowed = np.where((same & left_out) | blank, -np.inf, cosines)
                 best = allowed.argmax(axis=1)
@@ -229,14 +240,14 @@ def name_by_likelihood(
         templates = GaussianTemplates(gain_sigma=gain_sigma, nugget=classifier.nugget)
         templates.fit(profiles.expected, covariance, ship, floor=floor)
         logs = templates.log_likelihood(samples, frames.reshape(-1))
-        every += [templates.posterior_of(logs, exclude=same & left) for left in axes.left_out]
+        for left_out in axes.left_out:
+            hidden = ~profiles.taught | (same & left_out)
+            every.append(templates.posterior_of(logs, exclude=hidden))
     shape = (len(axes.gain_sigma), len(axes.left_out), replicates, counts, views, -1)
     posteriors = np.reshape(every, shape)
     named = templates.classes_[posteriors.argmax(axis=-1)]
-    place = np.searchsorted(templates.classes_, ship)
-    true = np.take_along_axis(
-        posteriors, np.broadcast_to(place[:, None], (*posteriors.shape[:-1], 1)), axis=-1
-    )[..., 0]
+    # 0 for a ship that nobody taught.
+    true = (posteriors * (templates.classes_ == ship[:, None])).sum(axis=-1)
     return {
         "predicted": profiles.spread(named, NONE, np.int16),
         "correct": profiles.spread(named == ship, NONE, np.int8),

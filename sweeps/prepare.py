@@ -16,6 +16,7 @@ from ncti.features.profile import EDGE
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render import EngineError, choose_engine
 from sweeps.errors import ConfigurationError
+from sweeps.grid import ship_label
 from sweeps.schema import INFRARED, RANGE, SweepConfig, keys_of, unknown_key
 from sweeps.stages import Ship, depression_at, load_ship
 from sweeps.store import check_target, check_writable, provenance
@@ -131,7 +132,7 @@ def _ships(names: tuple[str, ...], config: SweepConfig, cache: Path) -> tuple[Sh
     longest = max(config.grid.expand().pulse_width) * 1e-9 * SPEED_OF_LIGHT
     for name in names:
         known = name in ncti.ships.names()
-        label = name if known else Path(name).stem
+        label = ship_label(name)
         source = name if known else str(Path(name).absolute())
         if label in ships:
             raise ConfigurationError(

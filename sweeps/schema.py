@@ -11,7 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, is_dataclass
 from typing import Any, get_type_hints
 
+import numpy as np
 from hydra.core.config_store import ConfigStore
+from numpy.typing import NDArray
 from omegaconf import MISSING
 
 from ncti.features import SEGMENTATION_METHODS
@@ -36,6 +38,7 @@ from sweeps.grid import (
     number_axis,
     one_of,
     ship_axis,
+    ship_label,
     word_axis,
 )
 
@@ -277,6 +280,7 @@ class SweepConfig:
                 f"grid.replicate is {self.grid.replicate}, but must be at least 2 where "
                 "classifier.training has noisy: what is learned must not be what is tested"
             )
+        self.learned()
         names = self.classifier.expand().name
         for name in set(names) & set(WITH_MOMENTS):
             if self.ladar.receiver != "full_profile":
@@ -307,6 +311,12 @@ class SweepConfig:
                     f"infrared.range, {', '.join(f'{one:g}' for one in there)}, for the "
                     "classifier fusion"
                 )
+
+    def learned(self) -> NDArray[np.bool_]:
+        """(ship, aspect) bool ndarray: the views that classifiers learn."""
+        grid = self.grid.expand()
+        labels = tuple(ship_label(name) for name in grid.ship)
+        return self.classifier.learned(labels, grid.aspect)
 
     @property
     def sensors(self) -> tuple[str, ...]:

@@ -37,10 +37,16 @@ ANSWERS = {name: f"classification/{name}" for name in CLASSIFIERS}
 STATES = {ACN: STATUS, ACN_INFRARED: STATUS_INFRARED} | {
     ANSWERS[name]: f"status_{name}" for name in CLASSIFIERS if name != "acn"
 }
+REJECTION = {  # by the classifier's name: its answers, its table of rejections
+    "acn": ("classification/acn", "tables/rejection_acn"),
+    "correlation": ("classification/correlation", "tables/rejection_correlation"),
+    "acn_infrared": ("classification/acn_infrared", "tables/rejection_acn_infrared"),
+}
 TABLES_OF = {name: f"tables/{name}" for name in CLASSIFIERS}
 GROUPS = (
     *(PROFILES, STATUS, IMAGES, ACN_INFRARED, *ANSWERS.values(), *STATES.values()),
     *(TABLES_INFRARED, DETECTION, RECONSTRUCTION, *TABLES_OF.values()),
+    *(table for _, table in REJECTION.values()),
 )
 
 AXES: dict[str, dict[str, str]] = {
@@ -51,6 +57,8 @@ AXES: dict[str, dict[str, str]] = {
     "range": {"units": "km", "long_name": "slant range"},
     "learning_rate": {"units": "1", "long_name": "learning rate in training"},
     "vigilance": {"units": "1", "long_name": "vigilance in training"},
+    "label_rule": {"long_name": "how a category gets its ship: most, or first of its members"},
+    "score_rule": {"long_name": "what is right: the ship, or the category of the same view"},
     "target_free_ifovs": {"units": "1", "long_name": "target-free IFOVs accumulated a frame"},
     "training": {"long_name": "what is learned: expected profiles, or other draws of noisy ones"},
     "gain_sigma": {"units": "1", "long_name": "prior standard deviation of the target's gain"},
@@ -93,6 +101,8 @@ OF_CORRELATION, OF_LIKELIHOOD = ("training", "left_out"), ("gain_sigma", "left_o
 OF_FUSION = ("channel", "super_resolution", "infrared_frame_count")
 OPTIONAL = (
     *OF_MNN,
+    "label_rule",
+    "score_rule",
     "training",
     *OF_LIKELIHOOD,
     "learning_rate",
@@ -137,6 +147,7 @@ _IMAGE = {
 }
 _MAP = _IMAGE | {"fill": 0, "dtype": "u1", "step": 1 / STEPS}
 _STATE = {"fill": MISSING, "dtype": "i1"}
+_RULES = ("label_rule", "score_rule")
 _TRAINED = (*CELL, "learning_rate", "vigilance")
 _TRAINED_INFRARED = (*CELL_INFRARED, "order", "learning_rate", "vigilance")
 
@@ -196,7 +207,7 @@ def _answers(
         ("training_category", (*trained, *VIEW), f"category of the {what}"),
         (
             "training_correct",
-            (*trained, *VIEW),
+            (*trained, "label_rule", *VIEW),
             "1 where that category has the ship's name",
             {"dtype": "i1"},
         ),
@@ -208,12 +219,23 @@ def _answers(
         ),
         ("category", (*tested, *VIEW), f"category that the {test} falls into"),
         (
-            "predicted",
+            "similarity",
             (*tested, *VIEW),
+            "cosine to that category",
+            {"fill": np.nan, "dtype": "f4"},
+        ),
+        (
+            "predicted",
+            (*trained, "label_rule", *tested[len(trained) :], *VIEW),
             "ship named, as an index into the ship axis",
             {"dtype": "i2"},
         ),
-        ("correct", (*tested, *VIEW), "1 where the ship is right", {"dtype": "i1"}),
+        (
+            "correct",
+            (*trained, *_RULES, *tested[len(trained) :], *VIEW),
+            "1 where the answer is right",
+            {"dtype": "i1"},
+        ),
         (
             "passes",
             trained,
@@ -303,13 +325,13 @@ VARIABLES = (
         ),
         (
             "cell",
-            (*_TRAINED, *AVERAGE, *VIEW),
+            (*_TRAINED, *_RULES, *AVERAGE, *VIEW),
             "state of a cell of the grid",
             {"group": STATUS, "sensor": RANGE, "whole": len(CELL), "classifier": "acn"},
         ),
         (
             "cell",
-            (*_TRAINED_INFRARED, *LOOK, *VIEW),
+            (*_TRAINED_INFRARED, *_RULES, *LOOK, *VIEW),
             "state of a cell of the infrared channel",
             {
                 "group": STATUS_INFRARED,

@@ -79,6 +79,15 @@ class Clustering:
         np.add.at(votes, (self.labels[there], classes[there]), 1)
         return votes.argmax(axis=1)
 
+    def first_names(self, classes: Indices, order: Indices) -> Indices:
+        """(category,) intp ndarray: the class of the member presented first.
+
+        Of (sample,) classes, presented in the order given to `cluster`.
+        """
+        presented = order[self.labels[order] != NO_CATEGORY]
+        _, first = np.unique(self.labels[presented], return_index=True)
+        return classes[presented[first]]
+
     def match(self, similarities: Similarities) -> tuple[Indices, Floats]:
         """Best-matching category of each test vector and its cosine, as the network's `match`."""
         cosines = similarities.test @ self.weights.T

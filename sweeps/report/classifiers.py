@@ -16,6 +16,8 @@ from sweeps.report.tables import Row, cells, percent, source_figures
 SETTINGS = {
     "vigilance": "vigilance {:g}",
     "learning_rate": "learning rate {:g}",
+    "label_rule": "named by its {} members",
+    "score_rule": "right by {}",
     "training": "learned from {} profiles",
     "gain_sigma": "gain unknown by {:.0%}",
     "left_out": "true aspect left out",

@@ -13,6 +13,7 @@ from sweeps import store
 from sweeps.classifier_schema import ACN, CLASSIFIERS, FUSION
 from sweeps.report.classifiers import classifier_rows, print_classifiers
 from sweeps.report.fusion import fusion_rows, print_fusion
+from sweeps.report.rejection import print_rejection, rejection_rows
 from sweeps.report.screen import (
     print_accuracy,
     print_categories,
@@ -30,7 +31,15 @@ from sweeps.report.silhouettes import (
     silhouette_category_rows,
 )
 from sweeps.report.tables import Row, accuracy_rows, category_rows, has_source_views
-from sweeps.variables import DETECTION, IMAGES, RECONSTRUCTION, TABLES, TABLES_INFRARED, TABLES_OF
+from sweeps.variables import (
+    DETECTION,
+    IMAGES,
+    RECONSTRUCTION,
+    REJECTION,
+    TABLES,
+    TABLES_INFRARED,
+    TABLES_OF,
+)
 
 OTHER_VIEWS = "The source's figures are of its own 124 views, four ships from bow to beam."
 
@@ -72,6 +81,7 @@ def report(path: Path, console: Console) -> None:
     written = _range_tables(path, console)
     written |= _classifier_tables(path, console)
     written |= _infrared_tables(path, console)
+    written |= _rejection_tables(path, console)
     if not written:
         raise FileNotFoundError(path)
     folder = store.tables_folder(path)
@@ -138,6 +148,20 @@ def _infrared_tables(path: Path, console: Console) -> dict[str, list[Row]]:
     print_detection(rows["infrared_detection"], configuration["false_alarm"], console)
     print_reconstruction(rows["infrared_super_resolution"], console)
     return rows
+
+
+def _rejection_tables(path: Path, console: Console) -> dict[str, list[Row]]:
+    """Print what unknown ships come to, if there are any, and return their rows."""
+    tables = {
+        name: store.read_group(path, group).load()
+        for name, (_, group) in REJECTION.items()
+        if store.has_group(path, group)
+    }
+    if not tables:
+        return {}
+    rows = rejection_rows(tables)
+    print_rejection(rows, console)
+    return {"rejection": rows}
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from sweeps.report.silhouettes import CHOICES, POSITIONS
-from sweeps.report.tables import Row, source_figures
+from sweeps.report.tables import Row, first_rules, source_figures
 
 SOURCE = "source"
 NOTHING = "–"  # where there is no figure
@@ -53,7 +53,7 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
     vigilances = {row["vigilance"] for row in rows}
     shown = figures["vigilance"] if figures["vigilance"] in vigilances else max(vigilances)
     noted = False
-    printed = [row for row in rows if row["vigilance"] == shown]
+    printed = [row for row in first_rules(rows) if row["vigilance"] == shown]
     for setting, group in grouped(printed, keys).items():
         bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in group))
         title = f"Percent correct, ACN ({_setting(setting[:3], group[0])}, {setting[3]:g} ns, "
@@ -135,6 +135,7 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
     has them all.
     """
     console.width = max(console.width, WIDTH)
+    rows = first_rules(rows)
     figures = source_figures()["table5_percent_correct"]
     tested = [row for row in rows if row["frame_count"] is not None]
     frames = _nearest(figures["frame_count"], (row["frame_count"] for row in tested))

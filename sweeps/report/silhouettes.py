@@ -9,7 +9,7 @@ from typing import Any
 import xarray as xr
 
 from ncti.infrared import attenuation, contrast, snr
-from sweeps.report.tables import Row, cells, percent, source_figures
+from sweeps.report.tables import RULES, Row, cells, percent, source_figures
 from sweeps.tabulation import DRAWS
 
 CHOICES = ("coverage_rule", "segmentation", "inner_radius", "interpolation", "learning_rate")
@@ -135,10 +135,12 @@ def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
                 name: axes.pop(name, None)
                 for name in ("range_km", "super_resolution", "frame_count")
             }
+            rules = {name: axes.pop(name, None) for name in RULES}
             rows.append(
                 axes
                 | {"silhouettes": "training" if prefix else "cut out"}
                 | known
+                | rules
                 | {
                     "frames_in_all": frames_in_all(known),
                     "aspect_bin_deg": label,

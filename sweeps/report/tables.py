@@ -26,6 +26,8 @@ ORDER = (
     "interpolation",
     "learning_rate",
     "vigilance",
+    "label_rule",
+    "score_rule",
     "channel",
     "infrared_frame_count",
     "training",
@@ -38,8 +40,24 @@ ORDER = (
     "inputs",
     "annealing",
     "frame_count",
+    "aspects",
+    "test_vigilance",
     "aspect_bin",
 )
+
+
+# What the source leaves open of its network: the first of each is shown on the screen.
+RULES = ("label_rule", "score_rule")
+
+
+def first_rules(rows: list[Row]) -> list[Row]:
+    """Rows of the first rule for names, and the first for what is right."""
+    shown: dict[str, object] = {}
+    for row in rows:
+        for name in RULES:
+            if row.get(name) is not None:
+                shown.setdefault(name, row[name])
+    return [row for row in rows if all(row.get(name) in (None, shown.get(name)) for name in RULES)]
 
 
 @lru_cache
@@ -109,11 +127,13 @@ def accuracy_rows(tables: xr.Dataset) -> list[Row]:
         for axes, cell in cells(tables[names]):
             frames = axes.pop("frame_count", None)
             label = axes.pop("aspect_bin")
+            rules = {name: axes.pop(name, None) for name in RULES}
             fraction, low, high, n = (cell[name] for name in names)
             rows.append(
                 axes
                 | {
                     "profiles": "training" if prefix else "averaged",
+                    **rules,
                     "frame_count": frames,
                     "aspect_bin_deg": label,
                     "percent_correct": percent(fraction),
