@@ -256,8 +256,8 @@ def name_by_likelihood(
 
 
 def _require_another_aspect(profiles: Profiles, left_out: tuple[bool, ...]) -> None:
-    if any(left_out) and len(np.unique(profiles.aspect)) < 2:
+    if any(left_out) and len(np.unique(profiles.aspect[profiles.taught])) < 2:
         raise ValueError(
-            "classifier.left_out has True, but must be false where no two aspects are there: "
-            "nothing would be left to learn"
+            "classifier.left_out has True, but must be false where fewer than two aspects are "
+            "learned: nothing would be left"
         )

@@ -169,11 +169,50 @@ def test_one_aspect_cannot_be_left_out(classifier):
     profiles = made()
     only = np.zeros_like(profiles.there)
     only[:, 2] = True
-    alone = kept(profiles, only)
-    for left_out in (True, [False, True]):
-        with pytest.raises(ValueError, match=r"classifier\.left_out has True, but must be false"):
-            name_by(classifier, alone, left_out=left_out)
-    assert name_by(classifier, alone, left_out=False)["correct"][..., only].all()
+    for alone in (kept(profiles, only), replace(profiles, learned=only)):
+        for left_out in (True, [False, True]):
+            with pytest.raises(ValueError, match=r"^classifier\.left_out has True, but must be "):
+                name_by(classifier, alone, left_out=left_out)
+        assert name_by(classifier, alone, left_out=False)["correct"][..., only].all()
+
+
+@pytest.mark.parametrize("classifier", ["expected", "noisy", "likelihood", "mnn"])
+def test_views_that_are_not_learned_are_named_alone(classifier):
+    """What they would teach may be anything; what they are tested with has an answer."""
+    name, settings = classifier, {"left_out": [False, True]}
+    if classifier == "mnn":
+        settings = {"epochs": 300}
+    elif classifier != "likelihood":
+        name, settings = "correlation", settings | {"training": classifier}
+    learned = np.ones((SHIPS, len(ASPECTS)), dtype=bool)
+    learned[2] = learned[:, 1] = False
+    profiles = replace(made(), learned=learned)
+    before = name_by(name, profiles, **settings)
+    expected, averaged = profiles.expected.copy(), profiles.averaged.copy()
+    untaught = ~learned.ravel()
+    expected[untaught] = expected[untaught][:, ::-1]
+    if classifier == "noisy":  # as learned where replicate 0 is tested
+        averaged[1:, :, untaught] = averaged[1:, :, untaught][..., ::-1]
+    after = name_by(name, replace(profiles, expected=expected, averaged=averaged), **settings)
+    for kind, values in before.items():
+        if kind in OF_A_SETTING or not of_tests(kind):
+            np.testing.assert_array_equal(after[kind], values)
+            continue
+        first = values, after[kind]
+        if classifier == "noisy":
+            first = tuple(found[:, :, :1] for found in first)
+        np.testing.assert_array_equal(*first)
+        assert np.all(values >= 0)
+    # A ship that nobody taught is named as another; a learned one is known at learned aspects.
+    assert np.all(np.isin(before["predicted"], (0, 1)))
+    assert not before["correct"][..., 2, :].any()
+    right = before["ship_correct" if name == "mnn" else "correct"]
+    assert (right if name == "mnn" else right[:, :1])[..., learned].all()
+    if name == "mnn":
+        assert np.all(before["training_correct"][..., ~learned] == -1)
+        assert np.all(before["training_correct"][..., learned] >= 0)
+    if name == "likelihood":
+        assert np.all(before["probability"][..., 2, :] == 0)
 
 
 def kept(profiles, there):
