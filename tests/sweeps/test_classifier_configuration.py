@@ -27,14 +27,18 @@ NUMBER_AXES = {
     "gain_sigma": (0, 1000),
     "mnn.learning_rate": (1e-6, 1000),
     "mnn.tolerance": (1e-6, 0.999),
+    "test_vigilance": (0, 1),
 }
 COUNT_AXES = {"mnn.epochs": (1, 1_000_000), "mnn.grow_every": (1, 1_000_000)}
 WORD_AXES = {
     "name": CLASSIFIERS,
+    "label_rule": ("majority", "first"),
+    "score_rule": ("ship", "category"),
     "training": ("expected", "noisy"),
     "mnn.inputs": ("raw", "floor_removed", "standardised"),
 }
 SWITCH_AXES = ("left_out", "mnn.annealing")
+OF_THE_GRID = ("unknown", "training_aspect")  # ships and aspects of it, null by default
 OURS = ("acn", "mnn", "correlation", "likelihood")
 
 
@@ -133,6 +137,48 @@ WRONG += [
     )
 ]
 WRONG += [
+    (f"classifier.unknown={value}", ("classifier.unknown", *said))
+    for value, *said in (
+        ("horne", "has 'horne'", "one of grid.ship, duncan"),
+        ("[duncan, horne]", "has 'horne'", "one of grid.ship, duncan"),
+        ("duncan", "every ship of grid.ship", "must leave one"),
+        ("[duncan, duncan]", "has 'duncan' more than once", "must differ"),
+        ("[]", "empty", "at least one"),
+        *(
+            (value, shown, "a ship, or a list of ships")
+            for value, shown in (
+                *(("7", "is 7"), ("nan", "is nan"), ("true", "is True"), ("{a: 1}", "{'a': 1}")),
+                *(("[duncan, 7]", "['duncan', 7]"), ("[null]", "[None]"), ("[[duncan]]", "[['d")),
+            )
+        ),
+        ("''", "has ''", "one of grid.ship, duncan"),
+    )
+]
+WRONG += [
+    (f"classifier.training_aspect={value}", ("classifier.training_aspect", *said))
+    for value, *said in (
+        *(
+            (value, f"has {shown}", "at least 0 and below 360")
+            for value, shown in (
+                *(("-3", "-3"), ("360", "360"), ("nan", "nan"), ("inf", "inf"), ("bow", "'bow'")),
+                *(
+                    ("true", "True"),
+                    ("[0, null]", "None"),
+                    ("[[0]]", "[0]"),
+                    (f"{10**30}", "1"),
+                    ("''", "''"),
+                ),
+            )
+        ),
+        ("1", "has 1", "one of grid.aspect"),
+        ("[0, 4]", "has 4", "one of grid.aspect"),
+        ("{start: 0, stop: 90, step: 2}", "has 2", "one of grid.aspect"),
+        ("{start: 0, stop: 90}", "start, stop", "start, stop and step"),
+        ("[3, 3.0]", "has 3.0 more than once", "must differ"),
+        ("[]", "empty", "at least one"),
+    )
+]
+WRONG += [
     (f"classifier.{SWITCH}=null", (f"classifier.{SWITCH}", "null", "must be given")),
     *(
         (f"classifier.mnn={value}", ("classifier.mnn", *shown, "epochs, grow_every"))
@@ -175,7 +221,7 @@ def value_of(config, key):
 
 
 def test_every_key_is_tried():
-    axes = {*NUMBER_AXES, *COUNT_AXES, *WORD_AXES, *SWITCH_AXES}
+    axes = {*NUMBER_AXES, *COUNT_AXES, *WORD_AXES, *SWITCH_AXES, *OF_THE_GRID}
     tried = {*NUMBERS, *COUNTS, SWITCH, *axes}
     there = {field.name for field in fields(ClassifierConfig)} - {"mnn"}
     assert tried == there | {f"mnn.{field.name}" for field in fields(NetworkConfig)}
@@ -210,7 +256,7 @@ def test_both_ends_of_an_axis_are_allowed(key):
     assert value_of(config, key) == ends[1:]
 
 
-@pytest.mark.parametrize("key", ["training", "mnn.inputs"])
+@pytest.mark.parametrize("key", [key for key in WORD_AXES if key != "name"])
 def test_every_word_is_allowed(key):
     listed = WORD_AXES[key][::-1]
     config = configured(f"classifier.{key}=[{','.join(listed)}]", "grid.replicate=2")
@@ -233,6 +279,20 @@ def test_names_are_one_or_several_in_the_order_given():
     assert value_of(configured("classifier.name=correlation"), "name") == ("correlation",)
 
 
+def test_views_that_are_learned():
+    """All by default; without ships that are unknown, at training aspects."""
+    given = ("grid.ship=[duncan,horne]", "grid.aspect=[0,1.5,3]")
+    assert configured(*given).learned().tolist() == [[True] * 3] * 2
+    for unknown in ("duncan", "[duncan]"):
+        found = configured(*given, f"classifier.unknown={unknown}").learned()
+        assert found.tolist() == [[False] * 3, [True] * 3]
+    for aspects in ("[3,0]", "{start: 0, stop: 3, step: 3}"):
+        found = configured(*given, f"classifier.training_aspect={aspects}").learned()
+        assert found.tolist() == [[True, False, True]] * 2
+    both = ("classifier.unknown=horne", "classifier.training_aspect=1.5")
+    assert configured(*given, *both).learned().tolist() == [[False, True, False], [False] * 3]
+
+
 @pytest.mark.parametrize("value", ["noisy", "[expected,noisy]"])
 def test_noisy_profiles_are_learned_of_other_replicates(value):
     """One draw leaves nothing to learn from that is not tested."""
@@ -253,6 +313,17 @@ def test_likelihood_knows_the_moments_of_one_receiver(receiver, names):
     others = "classifier.name=[acn,mnn,correlation]"
     config = configured(*given, others, f"ladar.receiver={receiver}")
     assert config.ladar.receiver == receiver
+
+
+def test_fusion_sees_every_range_with_both_sensors():
+    name = "classifier.name=fusion"
+    told = sentence(name)
+    assert told == "sensor is 'range', but must be both for the classifier fusion"
+    ranges = ("sensor=both", "grid.range=[50,100]")
+    told = sentence(name, *ranges, "infrared.range=[25,100]")
+    assert told.startswith("grid.range has 50, but every value must be one of infrared.range, 25,")
+    config = configured(name, *ranges, "infrared.range=[25,50,100]")
+    assert value_of(config, "name") == ("fusion",)
 
 
 @pytest.mark.parametrize(
@@ -312,8 +383,12 @@ EXPERIMENTS = {
         {"training": ("expected", "noisy"), "left_out": (False, True), "gain_sigma": (0, 1)},
         4,
     ),
-    "paper": (OURS, {"gain_sigma": (0, 1), "training": ("expected",), "left_out": (False,)}, 1),
-    "smoke": (("acn",), {}, 1),
+    "paper": (
+        (*OURS, "fusion"),
+        {"gain_sigma": (0, 1), "training": ("expected",), "left_out": (False,)},
+        1,
+    ),
+    "smoke": ((*OURS, "fusion"), {}, 1),
 }
 
 
@@ -321,7 +396,7 @@ EXPERIMENTS = {
 def test_experiments_compose(name, cache):
     names, axes, replicates = EXPERIMENTS[name]
     config = prepare(composed(f"+experiment={name}", "grid.ship=duncan", f"cache={cache}")).config
-    assert set(names) <= set(value_of(config, "name"))
+    assert value_of(config, "name") == names
     for key, values in axes.items():
         assert value_of(config, key) == values
     assert config.grid.replicate == replicates
@@ -338,7 +413,7 @@ def test_an_experiment_takes_other_classifiers():
         )
     )
     assert value_of(prepare(config).config, "name") == ("correlation", "mnn")
-    config = composed("+experiment=smoke", "classifier=likelihood", "grid.ship=texas")
+    config = composed("+experiment=smoke", "classifier.name=likelihood", "grid.ship=texas")
     assert value_of(prepare(config).config, "name") == ("likelihood",)
 
 
