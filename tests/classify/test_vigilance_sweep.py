@@ -81,6 +81,20 @@ def test_it_is_the_network_on_whatever_comes(training, vigilance, learning_rate)
     )
 
 
+def test_first_names_are_those_of_the_members_presented_first():
+    """Two tight groups; the one joined by a stray first takes the stray's class."""
+    rng = np.random.default_rng(0)
+    training = np.repeat(np.eye(3)[:2], 4, axis=0) + 0.01 * rng.normal(size=(8, 3))
+    classes = np.array([0, 1, 1, 1, 2, 2, 0, 0])
+    found = cluster(Similarities.of(training, training), vigilance=0.9)
+    np.testing.assert_array_equal(found.labels, [0, 0, 0, 0, 1, 1, 1, 1])
+    np.testing.assert_array_equal(found.first_names(classes, np.arange(8)), [0, 2])
+    np.testing.assert_array_equal(found.names(classes), [1, 0])  # 0 and 2 are as many
+    backwards = np.arange(8)[::-1]
+    found = cluster(Similarities.of(training, training), vigilance=0.9, order=backwards)
+    np.testing.assert_array_equal(found.first_names(classes, backwards), [0, 1])
+
+
 def test_samples_left_out_of_the_order_are_not_learned():
     rng = np.random.default_rng(0)
     training = rng.normal(size=(9, 5))

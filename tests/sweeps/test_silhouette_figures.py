@@ -48,7 +48,7 @@ def drawn(smoke_store):
 
 
 # Panels that have data, of the smoke store: 4 rows of 3; strips and shares; 3 bins and all.
-PANELS = {"silhouettes": 12, "formation": 2, "table5": 4}
+PANELS = {"silhouettes": 21, "formation": 2, "table5": 4}
 
 
 def panels_of(figure):
@@ -83,6 +83,9 @@ def test_silhouette_shown_is_the_one_that_was_mapped(view, infrared):
         (50.0, "none"),
         (50.0, "perfect"),
         (50.0, "shifted"),
+        (100.0, "none"),
+        (100.0, "perfect"),
+        (100.0, "shifted"),
     ]
     for look in looks:
         mapped = log_polar(
@@ -149,14 +152,14 @@ def test_silhouettes_show_the_stores_images_to_scale_and_on_one_scale_a_range(
         limits.setdefault(look.slant_range, set()).add(shown.get_clim())
         assert image.get_ylabel() == "up [m]"
         assert "√(area/π)" in polar.get_ylabel()
-    assert [len(clims) for clims in limits.values()] == [1, 1]
+    assert [len(clims) for clims in limits.values()] == [1, 1, 1]
     assert [axes.get_xlabel() for axes in panels[-3:]] == [
         "across [m]",
         "across [m]",
         "angle [°], 0 right, 90 up",
     ]
     bars = [axes for axes in drawn["silhouettes"].axes if hasattr(axes, "_colorbar")]
-    assert [bar.get_xlabel() for bar in bars] == ["K", "K"]
+    assert [bar.get_xlabel() for bar in bars] == ["K", "K", "K"]
 
 
 def training(categories, confused, aspect):
@@ -256,7 +259,7 @@ def test_table5_draws_the_stores_percentages_intervals_and_spread(drawn, smoke_s
     assert panels[0].get_ylabel() == "percent correct"
     for axes, label in zip(panels, tables.aspect_bin.values, strict=True):
         assert str(label).replace("-", "–") in axes.get_title()
-        assert [tick.get_text() for tick in axes.get_xticklabels()] == ["25", "50"]
+        assert [tick.get_text() for tick in axes.get_xticklabels()] == ["25", "50", "100"]
         for way in WAYS:
             cell = tables.sel(aspect_bin=label, super_resolution=way).sortby("range")
             points, interval, spread = lines_of(axes, COLOURS[way])

@@ -1,0 +1,152 @@
+"""Ships that nobody taught: what is learned, what is rejected, and what the tables say of it."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from sweeping import command
+
+from sweeps.classifier_schema import ClassifierConfig
+from sweeps.errors import ConfigurationError
+from sweeps.rejection import tabulate_rejection
+
+SHIPS, ASPECTS = ("a", "b", "c"), (0.0, 1.5, 3.0)
+
+
+def test_everything_is_learned_unless_told_otherwise():
+    assert ClassifierConfig().learned(SHIPS, ASPECTS).all()
+
+
+def test_unknown_ships_and_aspects_between_are_not_learned():
+    config = ClassifierConfig(unknown="b", training_aspect={"start": 0, "stop": 3, "step": 3})
+    np.testing.assert_array_equal(config.learned(SHIPS, ASPECTS), [[1, 0, 1], [0, 0, 0], [1, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"unknown": "d"}, r"^classifier.unknown has 'd', .* one of grid.ship, a, b, c$"),
+        ({"unknown": ["a", "b", "c"]}, r"^classifier.unknown has every ship"),
+        ({"unknown": ["a", "a"]}, r"^classifier.unknown has 'a' more than once"),
+        ({"unknown": 3}, r"^classifier.unknown"),
+        ({"training_aspect": 2}, r"^classifier.training_aspect has 2, .* one of grid.aspect$"),
+        ({"training_aspect": []}, r"^classifier.training_aspect is empty"),
+        ({"training_aspect": float("nan")}, r"^classifier.training_aspect has nan"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(keys, said):
+    with pytest.raises(ConfigurationError, match=said):
+        ClassifierConfig(**keys).learned(SHIPS, ASPECTS)
+
+
+def test_fractions_are_counted_by_hand():
+    """Two known ships at two learned aspects and one between, one unknown ship, two draws."""
+    learned = np.array([[1, 0, 1], [1, 0, 1], [0, 0, 0]], bool)
+    similarity = np.array(
+        [
+            [[0.9, 0.8, 0.7], [0.6, 0.5, 0.4], [0.65, 0.55, 0.3]],
+            [[0.9, 0.2, 0.7], [0.6, 0.5, 0.9], [0.95, 0.1, 0.3]],
+        ]
+    )
+    correct = np.array(
+        [
+            [[1, 1, 0], [1, 0, 1], [0, 0, 0]],
+            [[1, 1, 1], [0, 0, -1], [0, -1, 0]],
+        ]
+    )
+    dims = ("replicate", "ship", "aspect")
+    classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
+    table = tabulate_rejection(classified, learned, (0.0, 0.6, 1.0))
+    at = table.sel(aspects="learned")
+    # Learned aspects of known ships: seven answers, as one view failed; four of unknown ones.
+    assert at.n_known == 7
+    assert at.n_unknown == 4
+    np.testing.assert_allclose(at.correct_known, [5 / 7, 4 / 7, 0])
+    np.testing.assert_allclose(at.rejected_known, [0, 1 / 7, 1])
+    np.testing.assert_allclose(at.rejected_unknown, [0, 2 / 4, 1])
+    at = table.sel(aspects="between")
+    assert (at.n_known, at.n_unknown) == (4, 1)
+    np.testing.assert_allclose(at.correct_known, [2 / 4, 1 / 4, 0])
+    np.testing.assert_allclose(at.rejected_known, [0, 3 / 4, 1])
+    np.testing.assert_allclose(at.rejected_unknown, [0, 1, 1])
+
+
+def test_nobody_unknown_is_nothing_to_reject():
+    dims = ("ship", "aspect")
+    classified = xr.Dataset(
+        {"similarity": (dims, np.ones((2, 3))), "correct": (dims, np.ones((2, 3), int))}
+    )
+    learned = np.array([[1, 0, 1], [1, 0, 1]], bool)
+    table = tabulate_rejection(classified, learned, (0.5,))
+    assert np.isnan(table.rejected_unknown).all()
+    np.testing.assert_array_equal(table.correct_known, 1.0)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, cache):
+    folder = tmp_path_factory.mktemp("unknown")
+    (folder / "cache").mkdir()
+    (cache / "meshes").mkdir(parents=True, exist_ok=True)
+    (folder / "cache" / "meshes").symlink_to(cache / "meshes", target_is_directory=True)
+    run = command(
+        "sensor=both",
+        "classifier.name=[acn,mnn,correlation,likelihood,fusion]",
+        "grid.ship=[duncan,connole,spruance]",
+        "grid.aspect=[0,15,30,45,60]",
+        "grid.frame_count=[16]",
+        "grid.replicate=2",
+        "classifier.unknown=connole",
+        "classifier.training_aspect=[0,30,60]",
+        "classifier.label_rule=[majority,first]",
+        "classifier.score_rule=[ship,category]",
+        "infrared.phases=2",
+        "infrared.orders=2",
+        "render.pixel=0.5",
+        "render.engine=embree",
+        "store=s.zarr",
+        folder=folder,
+        cache=folder / "cache",
+    )
+    assert run.returncode == 0, run.stderr
+    assert "Known ships named right" in run.stdout
+    return folder / "s.zarr"
+
+
+@pytest.mark.parametrize("name", ["acn", "mnn", "correlation", "likelihood", "fusion"])
+def test_no_classifier_names_a_ship_that_nobody_taught(store, name):
+    answers = xr.open_zarr(store, group=f"classification/{name}").load()
+    assert set(np.unique(answers.predicted)) <= {0, 2}
+    tables = xr.open_zarr(store, group=f"tables/{name}").load()
+    draws = 2
+    assert (tables.n.sel(aspect_bin="overall") == draws * 2 * 5).all()
+
+
+def test_only_learned_views_are_trained_with(store):
+    answers = xr.open_zarr(store, group="classification/acn").load()
+    learned = answers.training_category.squeeze() >= 0
+    expected = np.zeros((3, 5), bool)
+    expected[np.ix_([0, 2], [0, 2, 4])] = True
+    np.testing.assert_array_equal(learned.transpose("ship", "aspect"), expected)
+
+
+def test_similarity_is_told_for_every_test(store):
+    for name in ("acn", "acn_infrared", "correlation"):
+        answers = xr.open_zarr(store, group=f"classification/{name}").load()
+        assert np.isfinite(answers.similarity).all()
+        table = xr.open_zarr(store, group=f"tables/rejection_{name}").load()
+        assert set(table.aspects.values) == {"learned", "between"}
+        # The higher the vigilance, the more is rejected and the less is right.
+        for figure, sign in (("rejected_unknown", 1), ("rejected_known", 1), ("correct_known", -1)):
+            assert (sign * table[figure].diff("test_vigilance") >= 0).all(), figure
+
+
+def test_rules_for_names_and_scores_are_axes(store):
+    answers = xr.open_zarr(store, group="classification/acn").load()
+    assert answers.correct.sizes["label_rule"] == answers.correct.sizes["score_rule"] == 2
+    # Right by category is to fall where the same view fell in training.
+    same = answers.category == answers.training_category
+    found = answers.correct.sel(score_rule="category", label_rule="majority")
+    np.testing.assert_array_equal(found.transpose(*same.dims) == 1, same & (answers.category >= 0))
+    named = answers.predicted.sel(label_rule="first")
+    ship = xr.DataArray(np.arange(3), dims="ship")
+    found = answers.correct.sel(score_rule="ship", label_rule="first")
+    np.testing.assert_array_equal(found.transpose(*named.dims) == 1, named == ship)
