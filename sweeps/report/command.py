@@ -126,25 +126,24 @@ def _classifier_tables(path: Path, console: Console) -> dict[str, list[Row]]:
 
 def _infrared_tables(path: Path, console: Console) -> dict[str, list[Row]]:
     """Print the tables of the infrared channel, if there are any, and return their rows."""
-    if not store.has_group(path, TABLES_INFRARED):
+    if not store.has_group(path, DETECTION):
         return {}
-    classified, found, restored = (
-        store.read_group(path, group).load()
-        for group in (TABLES_INFRARED, DETECTION, RECONSTRUCTION)
-    )
     configuration = store.read_attributes(path)["configuration"]["infrared"]
-    rows = {
-        "infrared_sensor": sensor_rows(store.read_group(path, IMAGES), configuration),
-        "infrared_categories": silhouette_category_rows(classified),
-        "infrared_accuracy": silhouette_accuracy_rows(classified),
-        "infrared_detection": detection_rows(found),
-        "infrared_super_resolution": reconstruction_rows(restored),
-    }
+    rows = {"infrared_sensor": sensor_rows(store.read_group(path, IMAGES), configuration)}
     print_sensor(rows["infrared_sensor"], console)
-    print_silhouette_categories(rows["infrared_categories"], console)
-    print_silhouette_accuracy(rows["infrared_accuracy"], console)
-    if not has_source_views(classified):
-        console.print(OTHER_VIEWS, style="dim")
+    if store.has_group(path, TABLES_INFRARED):  # not where the ACN names no silhouettes
+        classified = store.read_group(path, TABLES_INFRARED).load()
+        rows["infrared_categories"] = silhouette_category_rows(classified)
+        rows["infrared_accuracy"] = silhouette_accuracy_rows(classified)
+        print_silhouette_categories(rows["infrared_categories"], console)
+        print_silhouette_accuracy(rows["infrared_accuracy"], console)
+        if not has_source_views(classified):
+            console.print(OTHER_VIEWS, style="dim")
+    found, restored = (
+        store.read_group(path, group).load() for group in (DETECTION, RECONSTRUCTION)
+    )
+    rows["infrared_detection"] = detection_rows(found)
+    rows["infrared_super_resolution"] = reconstruction_rows(restored)
     print_detection(rows["infrared_detection"], configuration["false_alarm"], console)
     print_reconstruction(rows["infrared_super_resolution"], console)
     return rows
