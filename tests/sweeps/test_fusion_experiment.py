@@ -1,0 +1,95 @@
+"""Profile and silhouette together: at least as good as the better of them, wherever one looks."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from sweeping import command
+
+from sweeps.fusion import CHANNELS, _calibrate, _similarity
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, cache):
+    folder = tmp_path_factory.mktemp("fusion")
+    (folder / "cache").mkdir()
+    (cache / "meshes").mkdir(parents=True, exist_ok=True)
+    (folder / "cache" / "meshes").symlink_to(cache / "meshes", target_is_directory=True)
+    run = command(
+        "+experiment=fusion",
+        "grid.range=[50,100]",
+        "grid.frame_count=[4,16]",
+        "grid.aspect={start: 0, stop: 90, step: 6}",
+        "grid.replicate=2",
+        "infrared.frame_count=16",
+        "infrared.phases=3",
+        "infrared.super_resolution=[none,perfect]",
+        "render.pixel=0.5",
+        "store=s.zarr",
+        folder=folder,
+        cache=folder / "cache",
+    )
+    assert run.returncode == 0, run.stderr
+    assert "both" in run.stdout
+    return folder / "s.zarr"
+
+
+def test_both_are_at_least_as_good_as_the_better_one(store):
+    """In every bin, at every range, number of frames and resolution, within the interval."""
+    tables = xr.open_zarr(store, group="tables/fusion").load()
+    assert tables.accuracy.size == 3 * 2 * 2 * 2 * 4
+    better = tables.accuracy.sel(channel=["range", "infrared"]).max("channel")
+    assert (tables.ci_high.sel(channel="both") >= better).all()
+    # Over all cells, which have some 15 independent errors among them, no worse on the whole.
+    assert tables.accuracy.sel(channel="both").mean() >= better.mean() - 0.02
+
+
+def test_at_50_km_and_16_frames_nearly_every_ship_is_named(store):
+    tables = xr.open_zarr(store, group="tables/fusion").load()
+    both = tables.accuracy.sel(channel="both", range=50, frame_count=16, aspect_bin="overall")
+    assert (both > 0.95).all()
+
+
+def test_draws_pair_replicates_with_phases(store):
+    answers = xr.open_zarr(store, group="classification/fusion").load()
+    assert answers.sizes["draw"] == 3
+    alone = answers.predicted.sel(channel="range")
+    # Profiles of draw 2 are those of draw 0 over again, whatever silhouettes go with them.
+    np.testing.assert_array_equal(alone.isel(draw=0), alone.isel(draw=2))
+    assert (alone == alone.isel(super_resolution=0)).all()
+    seen = answers.predicted.sel(channel="infrared")
+    assert (seen == seen.isel(frame_count=0)).all()
+    # A silhouette of 15 m pixels tells little, a good profile much.
+    weight = answers.sharpness.sel(channel=["range", "infrared"])
+    assert np.isfinite(weight).all()
+    assert np.isnan(answers.sharpness.sel(channel="both")).all()
+
+
+def test_channels_are_the_store_s(store):
+    answers = xr.open_zarr(store, group="classification/fusion")
+    assert tuple(answers.channel.values) == CHANNELS
+
+
+def test_similarity_is_the_best_cosine_over_phases():
+    rng = np.random.default_rng(0)
+    templates = rng.random((3, 5, 7)).astype(np.float32)
+    tests = rng.random((3, 2, 1, 5, 7)).astype(np.float32)
+    tests[0, 0, 0, 0] = 0  # an empty silhouette
+    found = _similarity(tests, templates)
+    for place in np.ndindex(3, 2, 1, 5, 5):
+        a = tests[place[:4]]
+        cosines = [
+            a @ b / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-30)
+            for b in templates[:, place[4]]
+        ]
+        # float32 products of seven numbers
+        assert found[place] == pytest.approx(max(cosines), abs=1e-6)
+
+
+def test_a_draw_is_not_calibrated_on_itself():
+    """A draw whose scores are all wrong does not lower its own weight, but that of the others."""
+    ship = np.repeat([0, 1], 10)
+    good = np.where(ship[:, None] == ship, 1.0, 0.0)
+    scores = np.stack([-good, good, good])
+    weights = _calibrate(scores, ship)
+    assert weights[0] > 10 * weights[1]
+    assert weights[1] == pytest.approx(weights[2])
