@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps import store
+from sweeps.axes import CELL, CELL_INFRARED, OPTIONAL
 from sweeps.classification import classify_profiles, classify_silhouettes
 from sweeps.classifier_schema import ClassifierConfig
 from sweeps.cluster import Executor
@@ -33,12 +34,9 @@ from sweeps.variables import (
     ACN,
     ACN_INFRARED,
     ANSWERS,
-    CELL,
-    CELL_INFRARED,
     DETECTION,
     FAILED,
     IMAGES,
-    OPTIONAL,
     PROFILES,
     RECONSTRUCTION,
     REJECTION,

@@ -10,25 +10,20 @@ import dask.array as da
 import numpy as np
 import xarray as xr
 
+from sweeps.axes import AXES, OF_CORRELATION, OF_LIKELIHOOD, OF_MNN, OPTIONAL, WINDOW
 from sweeps.fusion import CHANNELS
 from sweeps.infrared import ANGLE, RADIUS, image_windows
 from sweeps.ladar import bin_centres, lags
 from sweeps.schema import INFRARED, RANGE, SweepConfig
 from sweeps.stages import Ship
 from sweeps.variables import (
-    AXES,
     DONE,
     FAILED,
     IMAGES,
     MISSING,
-    OF_CORRELATION,
-    OF_LIKELIHOOD,
-    OF_MNN,
-    OPTIONAL,
     PROFILES,
     STATES,
     VARIABLES,
-    WINDOW,
     Variable,
     owned,
 )

@@ -22,10 +22,11 @@ from numpy.typing import ArrayLike, NDArray
 import ncti.ships
 from ncti.features import profile_vector
 from sweeps import store
+from sweeps.axes import OPTIONAL
 from sweeps.report import silhouette_figures
 from sweeps.report.portraits import Portrait, portrait
 from sweeps.report.tables import Row, accuracy_rows, source_figures
-from sweeps.variables import OPTIONAL, PROFILES, TABLES
+from sweeps.variables import PROFILES, TABLES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from sweeps.axes import OPTIONAL
 from sweeps.report.silhouettes import POSITIONS, silhouette_accuracy_rows
 from sweeps.report.tables import Row, has_source_views, source_figures
-from sweeps.variables import OPTIONAL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

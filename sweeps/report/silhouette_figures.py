@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from ncti.features import log_polar, segment
 from ncti.infrared import contrast, pixel_sigma
 from sweeps import store
+from sweeps.axes import OPTIONAL
 from sweeps.report.naming_figures import WAYS, draw_formation, draw_table5
-from sweeps.variables import ACN_INFRARED, IMAGES, OPTIONAL, TABLES_INFRARED
+from sweeps.variables import ACN_INFRARED, IMAGES, TABLES_INFRARED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,11 +13,12 @@ from matplotlib.patches import Rectangle
 
 from ncti.features import log_polar
 from sweeps import store
+from sweeps.axes import OPTIONAL
 from sweeps.infrared import ANGLES, RADII, STEPS
 from sweeps.report import figures, naming_figures, silhouette_figures
 from sweeps.report.naming_figures import COLOURS, WAYS, Run, draw_table5, runs_of, tints_of
 from sweeps.report.silhouette_figures import looks_of
-from sweeps.variables import ACN_INFRARED, IMAGES, OPTIONAL, TABLES_INFRARED
+from sweeps.variables import ACN_INFRARED, IMAGES, TABLES_INFRARED
 
 
 def group(path, name):

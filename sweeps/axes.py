@@ -1,0 +1,73 @@
+"""The axes of a store: their names, what they mean, and which of them go together."""
+
+from __future__ import annotations
+
+AXES: dict[str, dict[str, str]] = {
+    "ship": {"long_name": "ship"},
+    "aspect": {"units": "degree", "long_name": "aspect, 0 bow-on, 90 port beam"},
+    "pulse_width": {"units": "ns", "long_name": "pulse width, full width at 1/e^2"},
+    "frame_count": {"units": "1", "long_name": "frames averaged"},
+    "range": {"units": "km", "long_name": "slant range"},
+    "learning_rate": {"units": "1", "long_name": "learning rate in training"},
+    "vigilance": {"units": "1", "long_name": "vigilance in training"},
+    "label_rule": {"long_name": "how a category gets its ship: most, or first of its members"},
+    "score_rule": {"long_name": "what is right: the ship, or the category of the same view"},
+    "target_free_ifovs": {"units": "1", "long_name": "target-free IFOVs accumulated a frame"},
+    "training": {"long_name": "what is learned: expected profiles, or other draws of noisy ones"},
+    "gain_sigma": {"units": "1", "long_name": "prior standard deviation of the target's gain"},
+    "left_out": {"units": "1", "long_name": "1 where nothing is learned of the true aspect"},
+    "epochs": {"units": "1", "long_name": "presentations of the training profiles at most"},
+    "grow_every": {"units": "1", "long_name": "presentations before another hidden node"},
+    "mnn_learning_rate": {"units": "1", "long_name": "learning rate of the multilayered network"},
+    "tolerance": {"units": "1", "long_name": "root mean square error at which training stops"},
+    "inputs": {"long_name": "what the multilayered network sees of a profile"},
+    "annealing": {"units": "1", "long_name": "1 where gains are annealed"},
+    "down_range": {"units": "m", "long_name": "down-range from the ship origin"},
+    "super_resolution": {"long_name": "how an image gets finer than the detector"},
+    "coverage_rule": {"units": "1", "long_name": "share of a pixel that a ship fills to show"},
+    "segmentation": {"long_name": "how a silhouette is cut out of an image"},
+    "inner_radius": {"units": "1", "long_name": "inner radius of the map, in sqrt(area / pi)"},
+    "interpolation": {"long_name": "how the map samples a silhouette"},
+    "phase": {"units": "1", "long_name": "number of the ship's place on the detector's pixels"},
+    "order": {"units": "1", "long_name": "number of the order of presentation, 0 as in the grid"},
+    "replicate": {"units": "1", "long_name": "number of the draw of the noise"},
+    "angle": {"units": "degree", "long_name": "angle about the centroid, from the right upwards"},
+    "row": {"units": "1", "long_name": "row of pixels, from the lowest"},
+    "col": {"units": "1", "long_name": "column of pixels, from the left"},
+    "channel": {"long_name": "sensor that names the ship"},
+    "infrared_frame_count": {"units": "1", "long_name": "infrared frames averaged"},
+    "draw": {"units": "1", "long_name": "number of the pair of a replicate and a phase"},
+    "radius": {"units": "1", "long_name": "place between inner (0) and outer (1) log radius"},
+    "lag": {"units": "m", "long_name": "lag of a covariance, down-range"},
+}
+
+VIEW = ("ship", "aspect")
+CELL = ("pulse_width", "range", "target_free_ifovs")
+TEMPLATE = ("coverage_rule", "inner_radius", "interpolation")
+CELL_INFRARED = ("coverage_rule", "segmentation", "inner_radius", "interpolation", "phase")
+AVERAGE = ("replicate", "frame_count")
+LOOK = ("range", "super_resolution", "frame_count")
+
+# Dimensions only when they have several values; a single one is a scalar coordinate.
+OF_MNN = ("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing")
+OF_CORRELATION, OF_LIKELIHOOD = ("training", "left_out"), ("gain_sigma", "left_out")
+OF_FUSION = ("channel", "super_resolution", "infrared_frame_count")
+OPTIONAL = (
+    *OF_MNN,
+    "label_rule",
+    "score_rule",
+    "training",
+    *OF_LIKELIHOOD,
+    "learning_rate",
+    "target_free_ifovs",
+    "coverage_rule",
+    "segmentation",
+    "inner_radius",
+    "interpolation",
+    "replicate",
+)
+
+WINDOW = {
+    name: {"units": "m", "long_name": f"{name} place on the target, the ship origin within a pixel"}
+    for name in ("vertical", "horizontal")
+}
