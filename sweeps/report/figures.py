@@ -23,7 +23,7 @@ import ncti.ships
 from ncti.features import profile_vector
 from sweeps import store
 from sweeps.axes import OPTIONAL
-from sweeps.report import silhouette_figures
+from sweeps.report import classifier_figures, silhouette_figures
 from sweeps.report.portraits import Portrait, portrait
 from sweeps.report.tables import Row, accuracy_rows, source_figures
 from sweeps.variables import PROFILES, TABLES
@@ -56,6 +56,7 @@ def main() -> None:
         ("profiles", "range profiles by aspect, by ship and by number of frames"),
         ("tables", "percent correct by aspect and number of frames, beside the source's"),
         *silhouette_figures.KINDS.items(),
+        *classifier_figures.KINDS.items(),
     ):
         kinds.add_parser(kind, help=text).add_argument(
             "store", type=Path, help="store of a sweep, such as sweep.zarr"
@@ -70,6 +71,8 @@ def main() -> None:
             figure = draw_profiles(store.read_group(arguments.store, PROFILES).load())
         elif arguments.kind in silhouette_figures.KINDS:
             figure = silhouette_figures.draw(arguments.kind, arguments.store)
+        elif arguments.kind in classifier_figures.KINDS:
+            figure = classifier_figures.draw(arguments.kind, arguments.store)
         else:
             figure = draw_tables(store.read_group(arguments.store, TABLES).load())
     except ImportError:
