@@ -6,11 +6,13 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import hydra
+import psutil  # type: ignore[import-untyped]  # comes with distributed
 
 from sweeps import graph, store
 from sweeps.app import conf_folder
@@ -72,25 +74,27 @@ def measure(*, repeats: int, experiment: str = "paper") -> Report:
         plan = ViewPlan.of(config, engine=prepared.engine, cache=cache, code=code)
         store.create(path, config, ships, prepared.engine)
         cells = Counter(cell.group for cell in graph.cells(config))
-        taken: dict[str, list[float]] = {part: [] for part in (*cells, WHOLE, TABLES)}
+        taken: dict[str, list[tuple[float, float]]] = {part: [] for part in (*cells, WHOLE, TABLES)}
         with executor(config.cluster, tasks=CORES) as workers:
             _finish(graph.run_views(workers, ships, config, plan, path))
             for turn in range(repeats):
                 # Forwards, then backwards: no group always follows the same one.
                 for group in list(cells)[:: 1 if turn % 2 == 0 else -1]:
-                    taken[group].append(classify(OneGroup(workers, group), config, path))
-                taken[WHOLE].append(classify(workers, config, path))
+                    with _clocked(taken[group]):
+                        classify(OneGroup(workers, group), config, path)
+                with _clocked(taken[WHOLE]):
+                    classify(workers, config, path)
         for _ in range(repeats):
-            start = time.perf_counter()
-            graph.write_tables(config, path)  # the workers gone, as in a sweep
-            taken[TABLES].append(time.perf_counter() - start)
+            with _clocked(taken[TABLES]):
+                graph.write_tables(config, path)  # the workers gone, as in a sweep
     rows: list[dict[str, Any]] = [
         {
             "part": part.rpartition("/")[2],
             "cells": cells.total() if part == WHOLE else cells.get(part),
-            "seconds": Sample.of(seconds),
+            "seconds": Sample.of(wall for wall, _ in times),
+            "cpu_seconds": Sample.of(cpu for _, cpu in times),
         }
-        for part, seconds in taken.items()
+        for part, times in taken.items()
     ]
     return Report(
         f"Classification part of `+experiment={experiment}`, {CORES} workers, {repeats} times",
@@ -98,21 +102,36 @@ def measure(*, repeats: int, experiment: str = "paper") -> Report:
             Column("part", "part"),
             Column("cells", "cells", "d"),
             Column("seconds", "time in s", ".2f"),
+            Column("cpu_seconds", "of processors", ".2f"),
         ),
         rows,
         [
             "Median (lowest–highest). Workers started, everything imported, all views in the "
             f"store. Expected: {WHOLE} under 10 s. Groups with fewer cells than workers leave "
-            "workers idle when they are alone."
+            "workers idle when they are alone. What other processes take from the cores is not of "
+            "processors."
         ],
     )
 
 
-def classify(workers: Executor, config: SweepConfig, path: Path) -> float:
-    """Seconds of a classification; a cell that fails is a `RuntimeError`."""
-    start = time.perf_counter()
+def classify(workers: Executor, config: SweepConfig, path: Path) -> None:
+    """Run a classification; a cell that fails is a `RuntimeError`."""
     _finish(graph.run_classification(workers, config, path))
-    return time.perf_counter() - start
+
+
+@contextmanager
+def _clocked(times: list[tuple[float, float]]) -> Iterator[None]:
+    """Add the time that passes, and that this process and its workers compute [s]."""
+    cpu, start = _computed(), time.perf_counter()
+    yield
+    times.append((time.perf_counter() - start, _computed() - cpu))
+
+
+def _computed() -> float:
+    """What this process and its descendants, all of them still there, have computed [s]."""
+    this = psutil.Process()
+    each = [process.cpu_times() for process in (this, *this.children(recursive=True))]
+    return float(sum(times.user + times.system for times in each))
 
 
 def _finish(outcomes: Iterable[graph.Failure | None]) -> None:
