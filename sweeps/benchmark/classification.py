@@ -108,8 +108,8 @@ def measure(*, repeats: int, experiment: str = "paper") -> Report:
         [
             "Median (lowest–highest). Workers started, everything imported, all views in the "
             f"store. Expected: {WHOLE} under 10 s. Groups with fewer cells than workers leave "
-            "workers idle when they are alone. Of processors: what all workers computed, which other "
-            "processes slow but do not add to."
+            "workers idle when they are alone. Of processors: what all workers computed, "
+            "which other processes slow but do not add to."
         ],
     )
 
