@@ -19,6 +19,7 @@ from ncti.render import range_image
 from sweeps import graph, stages
 from sweeps.app import main, replace_axes
 from sweeps.ladar import floor_of
+from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood
 from sweeps.prepare import prepare
 from sweeps.report.classifiers import source_percent
 from sweeps.report.command import main as report
@@ -232,6 +233,37 @@ def test_floors_are_those_of_profiles_far_from_the_ship(swept):
         np.testing.assert_allclose(far, floor + on_target * noise_floor(), rtol=2**-24)
 
 
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_cell_is_named_by_its_own_profiles(number, swept):
+    """Those of its pulse width in the store, with the floor of 4,000 target-free IFOVs."""
+    config = prepare(composed(*replace_axes(SWEEP))).config
+    held = group(swept, "range_profile").isel(pulse_width=number, range=0)
+    views = {"view": ("ship", "aspect")}
+    profiles = Profiles(
+        expected=held.expected.stack(views).transpose("view", "down_range").values,
+        averaged=held.averaged.stack(views)
+        .transpose("replicate", "frame_count", "view", "down_range")
+        .values,
+        there=np.ones((2, 3), dtype=bool),
+        aspects=held.aspect.values,
+        frame_count=(2, 4),
+    )
+    covariance = held.covariance.stack(views).transpose("view", "lag", "down_range").values
+    settings = {"classifier": config.classifier}
+    with threadpool_limits(1):
+        wanted = {
+            "correlation": name_by_correlation(profiles, **settings),
+            "likelihood": name_by_likelihood(
+                profiles, covariance, floor=4000 * noise_floor(), **settings
+            ),
+        }
+    for name, arrays in wanted.items():
+        answers = group(swept, f"classification/{name}").isel(pulse_width=number, range=0)
+        for kind, values in arrays.items():
+            stored = answers[kind].values
+            np.testing.assert_allclose(stored, values.reshape(stored.shape), rtol=1e-5, atol=1e-9)
+
+
 COLUMNS = [
     "classifier",
     "range_km",
@@ -253,8 +285,12 @@ KEYS = COLUMNS[: COLUMNS.index("percent_correct")]
 
 
 def test_the_file_has_its_columns_and_a_row_a_cell(swept):
-    rows = rows_of(swept)
-    assert list(rows[0]) == COLUMNS
+    every = rows_of(swept)
+    assert list(every[0]) == COLUMNS
+    # Of what the two networks were trained with: 2 pulse widths, 4 bins.
+    taught = [row for row in every if not row["frame_count"]]
+    assert len(taught) == 2 * 4 * (2 + 4)
+    rows = [row for row in every if row["frame_count"]]
     # 2 pulse widths, 2 numbers of frames, 4 bins; settings of each, the network scored twice.
     counts = {"acn": 2, "mnn": 4, "mnn_ship": 4, "correlation": 4, "likelihood": 4}
     assert len(rows) == 2 * 2 * 4 * sum(counts.values())
@@ -277,9 +313,12 @@ def test_figures_in_the_file_are_those_of_the_store(swept):
         place = {
             "range": float(row["range_km"]),
             "pulse_width": float(row["pulse_width_ns"]),
-            "frame_count": int(row["frame_count"]),
             "aspect_bin": row["aspect_bin_deg"],
         }
+        if row["frame_count"]:
+            place["frame_count"] = int(row["frame_count"])
+        else:
+            prefix = "training_"
         for key, values in OWN[name].items():
             (place[key],) = (value for value in values if str_of(value) == row[key])
         cell = tables[name].sel(place)
