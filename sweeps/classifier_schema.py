@@ -122,8 +122,8 @@ class ClassifierConfig:
         for name in unknown:
             if name not in ships:
                 raise ConfigurationError(
-                    f"{key}unknown has {name!r}, but every value must be one of grid.ship, "
-                    f"{', '.join(ships)}"
+                    f"{key}unknown has {name!r}, but every value must be one of "
+                    f"{', '.join(ships)}, the values of grid.ship"
                 )
         if len(unknown) == len(ships):
             raise ConfigurationError(

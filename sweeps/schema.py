@@ -280,7 +280,12 @@ class SweepConfig:
                 f"grid.replicate is {self.grid.replicate}, but must be at least 2 where "
                 "classifier.training has noisy: what is learned must not be what is tested"
             )
-        self.learned()
+        taught = self.learned().any(axis=0).sum()
+        if any(self.classifier.expand().left_out) and taught < 2:
+            raise ConfigurationError(
+                f"classifier.left_out has True, but must be false where {taught} aspect is "
+                "learned: nothing would be left"
+            )
         names = self.classifier.expand().name
         for name in set(names) & set(WITH_MOMENTS):
             if self.ladar.receiver != "full_profile":
@@ -308,8 +313,8 @@ class SweepConfig:
             if slant_range not in there:
                 raise ConfigurationError(
                     f"grid.range has {slant_range:g}, but every value must be one of "
-                    f"infrared.range, {', '.join(f'{one:g}' for one in there)}, for the "
-                    "classifier fusion"
+                    f"{', '.join(f'{one:g}' for one in there)}, the values of infrared.range, for "
+                    "the classifier fusion"
                 )
 
     def learned(self) -> NDArray[np.bool_]:

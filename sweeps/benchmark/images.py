@@ -143,6 +143,7 @@ def _run(experiment: str, cache: Path, path: Path) -> dict[str, float]:
     overrides = [
         f"+experiment={experiment}",
         "sensor=infrared",
+        "classifier.name=acn",
         f"cluster.workers={CORES}",
         f"cache={cache}",
     ]

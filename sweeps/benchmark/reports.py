@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 
@@ -80,7 +81,7 @@ def show(report: Report, console: Console) -> None:
     table = Table(title=report.title, title_justify="left")
     for column in report.columns:
         text = column.spec == "s"
-        table.add_column(column.heading, justify="left" if text else "right", no_wrap=True)
+        table.add_column(escape(column.heading), justify="left" if text else "right", no_wrap=True)
     for row in report.rows:
         table.add_row(*(_text(row.get(column.key), column.spec) for column in report.columns))
     console.width = max(console.width, 100)

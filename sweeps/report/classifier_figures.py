@@ -105,7 +105,11 @@ def draw_classifiers(rows: list[Row]) -> Figure:
     width = _nearest(PULSE_WIDTH, {row["pulse_width_ns"] for row in rows})
     floor = max(row["target_free_ifovs"] for row in rows)
     slant_range = rows[0]["range_km"]
-    shown = [row for row in rows if tuple(row[key] for key in CELL) == (slant_range, width, floor)]
+    shown = [
+        row
+        for row in rows
+        if row["frame_count"] and tuple(row[key] for key in CELL) == (slant_range, width, floor)
+    ]
     figure, panels, bins = _panels(shown)
     for axes, label in zip(panels, bins, strict=True):
         here = [row for row in shown if row["aspect_bin_deg"] == label]

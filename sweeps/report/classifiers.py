@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -40,7 +41,7 @@ BOUND = "likelihood"
 
 
 def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
-    """Percent correct of every classifier in every setting, test profiles only.
+    """Percent correct of every classifier in every setting.
 
     Parameters
     ----------
@@ -50,13 +51,15 @@ def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     Returns
     -------
     list of dict
-        One row for each classifier, setting, cell, number of frames and aspect bin: percent
-        correct with its interval, number of profiles, the source's figure, and by how many
-        points it is below maximum likelihood with all templates and the best known gain.
+        One row for each classifier, setting, cell, number of frames (none for the profiles it
+        was trained with) and aspect bin: percent correct with its interval, number of profiles,
+        the source's figure, and by how many points it is below maximum likelihood with all
+        templates and the best known gain.
     """
     rows: list[Row] = []
     for name, table in tables.items():
         kinds = [(name, "")] + [(f"{name}_ship", "ship_")] * ("ship_accuracy" in table)
+        kinds += [(name, "training_")] * ("training_accuracy" in table)
         lowest = dict(zip(table.aspect_bin.values, table.aspect_low.values.tolist(), strict=True))
         for label, prefix in kinds:
             names = [prefix + part for part in ("accuracy", "ci_low", "ci_high", "n")]
@@ -66,7 +69,7 @@ def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
                     {"classifier": label}
                     | {key: axes.get(key) for key in (*CELL, *SETTINGS)}
                     | {
-                        "frame_count": axes["frame_count"],
+                        "frame_count": axes.get("frame_count"),
                         "aspect_bin_deg": axes["aspect_bin"],
                         "percent_correct": percent(fraction),
                         "ci_low": percent(low),
@@ -106,7 +109,9 @@ def source_percent(classifier: str, axes: Row, lowest: float, receiver: str) -> 
         and axes["pulse_width_ns"] == table.get("pulse_width")
         and axes.get("vigilance") == table.get("vigilance")
     )
-    row = table.get("frames", {}).get(axes["frame_count"]) if there else None
+    frames = axes.get("frame_count")
+    tested = table.get("frames", {})
+    row = (table.get("training") if frames is None else tested.get(frames)) if there else None
     if row is None or not lowest <= 90:
         return None
     found: int = row[sum(lowest >= start for start in table["bin_starts"]) - 1]
@@ -125,9 +130,14 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
         table.add_column("classifier")
         for label in bins:
             table.add_column(label if label == "overall" else f"{label}°", justify="right")
-        table.add_column("below\nbound", justify="right", style="dim")
+        bounded = any(row["points_below_bound"] is not None for row in group)
+        if bounded:
+            table.add_column("below\nbound", justify="right", style="dim")
         own = _several(group)
-        counts = sorted({row["frame_count"] for row in group}, reverse=True)
+        # Training first, as of endless frames.
+        counts = sorted(
+            {row["frame_count"] for row in group}, key=lambda n: n or math.inf, reverse=True
+        )
         for count in counts:
             lines = grouped(
                 [row for row in group if row["frame_count"] == count],
@@ -137,23 +147,25 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
                 found = {row["aspect_bin_deg"]: row for row in line}
                 below = found[bins[-1]]["points_below_bound"]
                 table.add_row(
-                    "" if number else str(count),
+                    "" if number else str(count or "training"),
                     _title(str(key[0]), line[0], own),
                     *(percent_text(found[label]) for label in bins),
-                    "" if below is None or key[0] == BOUND else f"{below:.0f}",
+                    *(["" if below is None or key[0] == BOUND else f"{below:.0f}"] * bounded),
                 )
                 theirs = [found[label]["source_percent"] for label in bins]
                 if any(figure is not None for figure in theirs):
                     figures = ("" if figure is None else str(figure) for figure in theirs)
-                    table.add_row("", "  source", *figures, "", style="dim")
+                    table.add_row("", "  source", *figures, style="dim")
             table.add_section()
         console.print(table)
-    console.print(
-        "Below bound: points that maximum likelihood with exact mean and covariance of every view "
-        "has more, overall: the classifier's share of its errors. What it lacks to 100 is the "
-        "noise's.",
-        style="dim",
-    )
+    if any(row["points_below_bound"] is not None for row in rows):
+        console.print(
+            "Below bound: points that maximum likelihood with exact mean and covariance of every "
+            "view has more, overall: the classifier's share of its errors. What it lacks to 100 is "
+            "the noise's. It is the best on average; in a few views another may do better by "
+            "chance.",
+            style="dim",
+        )
 
 
 def _place(row: Row) -> tuple[object, ...]:

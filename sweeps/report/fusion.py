@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sweeps.report.screen import WIDTH, grouped, percent_text
@@ -60,8 +61,9 @@ def print_fusion(rows: list[Row], console: Console) -> None:
         bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in group))
         title = "Percent correct by maximum likelihood on profiles, similarity of silhouettes, both"
         table = Table(title=f"{title} ({pulse_width:g} ns, {floor} target-free IFOVs)")
-        for name in ("range [km]", "frames", "channel"):
-            table.add_column(name, justify="right" if name != "channel" else "left")
+        table.add_column(escape("range [km]"), justify="right")
+        table.add_column("frames", justify="right")
+        table.add_column("channel")
         for label in bins:
             table.add_column(label if label == "overall" else f"{label}°", justify="right")
         for (slant_range, frames), cell in grouped(group, ("range_km", "frame_count")).items():

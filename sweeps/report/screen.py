@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sweeps.report.silhouettes import CHOICES, POSITIONS
@@ -22,7 +23,7 @@ def print_categories(rows: list[Row], console: Console) -> None:
     for setting, group in grouped(rows, ("range_km", "target_free_ifovs", "learning_rate")).items():
         vigilances = sorted({row["vigilance"] for row in group})
         table = Table(title=f"Categories formed by the ACN ({_setting(setting, group[0])})")
-        table.add_column("pulse width [ns]", justify="right")
+        table.add_column(escape("pulse width [ns]"), justify="right")
         table.add_column("profiles", justify="right")
         for vigilance in vigilances:
             table.add_column(f"vigilance {vigilance:g}", justify="right")
@@ -91,9 +92,9 @@ def print_sensor(rows: list[Row], console: Console) -> None:
     figures = source_figures()["table1_sensor"]
     frames = _nearest(figures["frame_count"], (row["frame_count"] for row in rows))
     table = Table(title=f"Passive-infrared sensor, {frames} frames averaged")
-    table.add_column("range [km]", justify="right")
+    table.add_column(escape("range [km]"), justify="right")
     for name in ("attenuation [dB]", "contrast [K]", "SNR"):
-        table.add_column(name, justify="right")
+        table.add_column(escape(name), justify="right")
         table.add_column(SOURCE, justify="right", style="dim")
     for row in (row for row in rows if row["frame_count"] == frames):
         cells = [f"{row['range_km']:g}"]
@@ -188,7 +189,7 @@ def print_detection(rows: list[Row], false_alarm: float, console: Console) -> No
     rules = sorted({row["coverage_rule"] for row in whole})
     ruled = f", coverage rule {rules[0]:g}" if len(rules) > 1 else ""
     table = Table(title=f"Ships detected, false alarms {false_alarm:g} a pixel{ruled} [%]")
-    table.add_column("range [km]", justify="right")
+    table.add_column(escape("range [km]"), justify="right")
     for count in frames:
         table.add_column("1 frame" if count == 1 else f"{count} frames", justify="right")
     for (slant_range,), group in grouped(whole, ("range_km",)).items():
@@ -209,7 +210,7 @@ def print_reconstruction(rows: list[Row], console: Console) -> None:
     if len(rules) > 1:
         title += f" (coverage rule {rules[0]:g})"
     table = Table(title=title)
-    table.add_column("range [km]", justify="right")
+    table.add_column(escape("range [km]"), justify="right")
     table.add_column("frames", justify="right")
     for way in ways:
         places = POSITIONS[way]
