@@ -128,7 +128,7 @@ def cells(config: SweepConfig) -> list[Cell]:
         INFRARED: asdict(config.infrared.expand(grid)),
     }
     found = []
-    names = config.classifier.expand().name
+    names = config.classifiers
     groups: list[tuple[str, str, tuple[str, ...]]]
     groups = [(RANGE, ANSWERS[name], CELL) for name in names]
     groups += [(INFRARED, ACN_INFRARED, CELL_INFRARED)] if "acn" in names else []
@@ -168,7 +168,7 @@ def write_tables(config: SweepConfig, path: Path) -> None:
     """Tabulate what is classified into the store."""
     tables = {}
     known = np.flatnonzero(config.learned().any(axis=1))
-    names = config.classifier.expand().name
+    names = config.classifiers
     if RANGE in config.sensors:
         for name in names:
             # Unknown ships cannot be named right: see `tables/rejection_...`.

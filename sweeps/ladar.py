@@ -34,7 +34,7 @@ def lags(config: SweepConfig) -> NDArray[np.float64]:
 
     Asked for only where a classifier needs covariances; they reach as far with no ship there.
     """
-    names = set(config.classifier.expand().name)
+    names = set(config.classifiers)
     if not names & set(WITH_MOMENTS) or RANGE not in config.sensors:
         return np.zeros(1)
     ladar = config.ladar

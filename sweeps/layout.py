@@ -91,7 +91,7 @@ class Axes:
             {sensor: values[sensor] for sensor in config.sensors},
             config.ladar.receiver,
             windows,
-            named.name,
+            config.classifiers,
         )
 
     def dims(self, names: tuple[str, ...], sensor: str) -> tuple[str, ...]:

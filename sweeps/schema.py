@@ -286,7 +286,7 @@ class SweepConfig:
                 f"classifier.left_out has True, but must be false where {taught} aspect is "
                 "learned: nothing would be left"
             )
-        names = self.classifier.expand().name
+        names = self.classifiers
         for name in set(names) & set(WITH_MOMENTS):
             if self.ladar.receiver != "full_profile":
                 raise ConfigurationError(
@@ -301,6 +301,17 @@ class SweepConfig:
                 f"grid.pulse_width has {min(grid.pulse_width):g}, but must be at least "
                 f"{shortest:.3g} for ladar.bin_width {self.ladar.bin_width:g} m"
             )
+
+    @property
+    def classifiers(self) -> tuple[str, ...]:
+        """Who names the ships: fusion, among others, only where both sensors see every range."""
+        names = self.classifier.expand().name
+        if names == (FUSION,):
+            return names
+        grid = self.grid.expand()
+        shared = set(grid.range) <= set(self.infrared.expand(grid).range)
+        together = self.sensor == "both" and shared
+        return tuple(name for name in names if name != FUSION or together)
 
     def _check_fusion(self, grid: Grid) -> None:
         """Refuse what one sensor would see and the other would not."""

@@ -89,7 +89,7 @@ def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
             "views": tables.view_count.max(DRAWS),
             "settled": (tables.settled.where(done, 1) == 1).all(DRAWS) & done.any(DRAWS),
         }
-    )
+    ).drop_vars(RULES, errors="ignore")  # categories form before they are named
     return [
         axes
         | {

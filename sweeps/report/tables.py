@@ -89,7 +89,9 @@ def category_rows(tables: xr.Dataset) -> list[Row]:
     """
     source = source_figures()["table3_categories"]
     rows = []
-    for axes, cell in cells(tables[["category_count", "view_count", "settled"]]):
+    formed = tables[["category_count", "view_count", "settled"]]
+    # Categories form before they are named.
+    for axes, cell in cells(formed.drop_vars(RULES, errors="ignore")):
         categories, views = cell["category_count"], cell["view_count"]
         rows.append(
             axes

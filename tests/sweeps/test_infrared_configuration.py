@@ -231,6 +231,24 @@ REPLACED = {
     "infrared.interpolation": ("[nearest,bilinear]", ("nearest", "bilinear")),
     "ladar.target_free_ifovs": ("{start: 0, stop: 4000, step: 2000}", (0, 2000, 4000)),
     "classifier.learning_rate": ("{start: 0.1, stop: 0.3, step: 0.1}", (0.1, 0.2, 0.3)),
+    "classifier.name": ("[mnn,acn]", ("mnn", "acn")),
+    "classifier.label_rule": ("[first,majority]", ("first", "majority")),
+    "classifier.score_rule": ("[category,ship]", ("category", "ship")),
+    "classifier.unknown": ("[duncan,horne]", ["duncan", "horne"]),
+    "classifier.training_aspect": (
+        "{start: 0, stop: 6, step: 3}",
+        {"start": 0, "stop": 6, "step": 3},
+    ),
+    "classifier.test_vigilance": ("{start: 0, stop: 1, step: 0.5}", (0, 0.5, 1)),
+    "classifier.training": ("[expected]", ("expected",)),
+    "classifier.left_out": ("[true,false]", (True, False)),
+    "classifier.gain_sigma": ("[0,1]", (0, 1)),
+    "classifier.mnn.epochs": ("{start: 10, stop: 20, step: 10}", (10, 20)),
+    "classifier.mnn.grow_every": ("[5,10]", (5, 10)),
+    "classifier.mnn.learning_rate": ("[0.01,0.02]", (0.01, 0.02)),
+    "classifier.mnn.tolerance": ("[0.1,0.3]", (0.1, 0.3)),
+    "classifier.mnn.inputs": ("[raw]", ("raw",)),
+    "classifier.mnn.annealing": ("[true,false]", (True, False)),
     "grid.range": ("{start: 50, stop: 100, step: 25}", (50, 75, 100)),
     "grid.aspect": ("[0,90]", (0, 90)),
     "grid.pulse_width": ("{start: 10, stop: 30, step: 20}", (10, 30)),
@@ -242,12 +260,15 @@ REPLACED = {
 
 def values_of(config, key):
     """Every value of an axis."""
-    group, name = key.split(".")
+    group, name = key.rsplit(".", 1)
     grid = config.grid.expand()
+    if key in ("classifier.unknown", "classifier.training_aspect"):
+        return getattr(config.classifier, name)
+    if group.startswith("classifier"):
+        of_network = group.endswith("mnn") and name == "learning_rate"
+        return getattr(config.classifier.expand(), "mnn_learning_rate" if of_network else name)
     if key == "ladar.target_free_ifovs":
         return config.ladar.floor_axis()
-    if key == "classifier.learning_rate":
-        return config.classifier.learning_rates()
     return getattr(grid if group == "grid" else config.infrared.expand(grid), name)
 
 
@@ -263,7 +284,8 @@ def test_an_axis_replaces_one_of_another_form(key, prefix):
     given, values = REPLACED[key]
     before = [f"++{key}=null", f"++{key}=" + ("[7]" if given[0] == "{" else "{start: 1}")]
     config = composed(*before, *replace_axes([f"{prefix}{key}={given}"]))
-    assert values_of(OmegaConf.to_object(config), key) == pytest.approx(values)
+    found = values_of(OmegaConf.to_object(config), key)
+    assert found == (values if isinstance(values, dict) else pytest.approx(values))
 
 
 @pytest.mark.parametrize("experiment", ["paper", "table5", "smoke"])

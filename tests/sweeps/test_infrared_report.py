@@ -66,6 +66,8 @@ COLUMNS = {  # units in the names
         "range_km",
         "super_resolution",
         "frame_count",
+        "label_rule",
+        "score_rule",
         "frames_in_all",
         "aspect_bin_deg",
         "percent_correct",
@@ -228,7 +230,7 @@ def test_a_training_range_at_which_ships_fill_no_pixel(stores, tmp_path, monkeyp
     run(monkeypatch, tmp_path, *given, "store=s.zarr", cached, code=1)
     told = capsys.readouterr()
     last = told.err.strip().splitlines()[-1]
-    assert last.startswith("ncti-sweep: 2 tasks failed: classification of phase=0 (")
+    assert last.startswith("ncti-sweep: 2 tasks failed: classification of acn_infrared phase=0 (")
     assert "Traceback" not in told.err
     assert "nan" not in told.out
     assert {
