@@ -25,7 +25,6 @@ def name_by_both(
     *,
     gain_sigma: float,
     nugget: float,
-    floor: float,
 ) -> Arrays:
     """Name ships by profile, by silhouette and by both.
 
@@ -39,7 +38,7 @@ def name_by_both(
         Noiseless log-polar maps.
     silhouettes : (phase, super_resolution, frame_count, view, feature) float32 ndarray
         Maps cut out of images at the range of the cell.
-    gain_sigma, nugget, floor
+    gain_sigma, nugget
         As for `sweeps.naming.name_by_likelihood`.
 
     Returns
@@ -62,7 +61,7 @@ def name_by_both(
     """
     ship = profiles.ship
     likelihood = GaussianTemplates(gain_sigma=gain_sigma, nugget=nugget)
-    likelihood.fit(profiles.expected, covariance, ship, floor=floor)
+    likelihood.fit(profiles.expected, covariance, ship, floor=profiles.floor)
     replicates, counts, views, bins = profiles.averaged.shape
     phases, ways, looks = silhouettes.shape[:3]
     draws = max(replicates, phases)

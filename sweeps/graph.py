@@ -18,7 +18,6 @@ from sweeps.classifier_schema import ClassifierConfig
 from sweeps.cluster import Executor
 from sweeps.fusion import name_by_both, places_of
 from sweeps.infrared import view_images
-from sweeps.ladar import floor_of
 from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood, name_by_network
 from sweeps.rejection import tabulate_rejection
 from sweeps.schema import INFRARED, RANGE, SweepConfig
@@ -269,8 +268,7 @@ def _name_profiles(
         answers = _name_by_both(profiles, cell, path, config)
     else:
         covariance = store.read_covariance(path, cell.place)[there]
-        floor = floor_of(config, cell.place)
-        answers = name_by_likelihood(profiles, covariance, classifier=classifier, floor=floor)
+        answers = name_by_likelihood(profiles, covariance, classifier=classifier)
     store.write_cell(path, cell.group, cell.index, answers)
 
 
@@ -294,7 +292,6 @@ def _name_by_both(
         seen,
         gain_sigma=config.classifier.expand().gain_sigma[0],
         nugget=config.classifier.nugget,
-        floor=floor_of(config, cell.place),
     )
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.ladar import RangeExtent, banded_frame_moments, carrier_to_noise, expected_profile
+from ncti.ladar import RangeExtent, banded_frame_moments, carrier_to_noise
 from sweeps.classifier_schema import WITH_MOMENTS
 from sweeps.schema import RANGE, LadarConfig, SweepConfig
 
@@ -44,19 +43,6 @@ def lags(config: SweepConfig) -> NDArray[np.float64]:
         for t, r in product(grid.pulse_width, grid.range)
     ]
     return ladar.bin_width * np.arange(max(map(len, bands)), dtype=np.float64)
-
-
-def floor_of(config: SweepConfig, cell: Mapping[str, int]) -> float:
-    """Noise floor within the expected profiles of a cell, where no ship is."""
-    grid = config.grid.expand()
-    nowhere = _nowhere(config.ladar)
-    expected = expected_profile(
-        nowhere,
-        pulse_width=grid.pulse_width[cell["pulse_width"]] * 1e-9,
-        cnr=0.0,
-        target_free_ifovs=config.ladar.floor_axis()[cell["target_free_ifovs"]],
-    )
-    return float(expected[0])
 
 
 def _nowhere(ladar: LadarConfig) -> RangeExtent:

@@ -51,6 +51,15 @@ class Profiles:
         return every[self.there]
 
     @property
+    def floor(self) -> NDArray[np.float32]:
+        """(view, 1): noise within each expected profile, the ship's own IFOVs' among it.
+
+        It is what the window's edge holds, which the configuration keeps free of ship: what the
+        target's gain leaves alone.
+        """
+        return self.expected[:, :1]
+
+    @property
     def ship(self) -> NDArray[np.intp]:
         """(view,): ship of each view."""
         return np.nonzero(self.there)[0]
@@ -205,7 +214,6 @@ def name_by_likelihood(
     covariance: NDArray[np.float32],
     *,
     classifier: ClassifierConfig,
-    floor: float,
 ) -> Arrays:
     """Name the ship that is most probable, given the exact mean and covariance of its profiles.
 
@@ -215,8 +223,6 @@ def name_by_likelihood(
         As for `name_by_network`.
     covariance : (view, lag, bin) float32 ndarray
         Of one frame of each view.
-    floor : float
-        Noise floor within the expected profiles.
 
     Returns
     -------
@@ -238,7 +244,7 @@ def name_by_likelihood(
     every = []
     for gain_sigma in axes.gain_sigma:
         templates = GaussianTemplates(gain_sigma=gain_sigma, nugget=classifier.nugget)
-        templates.fit(profiles.expected, covariance, ship, floor=floor)
+        templates.fit(profiles.expected, covariance, ship, floor=profiles.floor)
         logs = templates.log_likelihood(samples, frames.reshape(-1))
         for left_out in axes.left_out:
             hidden = ~profiles.taught | (same & left_out)

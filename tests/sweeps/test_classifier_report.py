@@ -18,7 +18,6 @@ from ncti.ladar import expected_profile, frame_moments, noise_floor, range_exten
 from ncti.render import range_image
 from sweeps import graph, stages
 from sweeps.app import main, replace_axes
-from sweeps.ladar import floor_of
 from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood
 from sweeps.prepare import prepare
 from sweeps.report.classifiers import source_percent
@@ -216,26 +215,25 @@ def test_profiles_and_covariances_are_the_librarys(swept):
         assert dense[0, 1] > 0.5 * dense[0, 0]  # it is a band, not a diagonal
 
 
-def test_floors_are_those_of_profiles_far_from_the_ship(swept):
-    """But for the noise of the ship's own IFOVs, which the profile has besides."""
-    config = prepare(composed(*replace_axes(SWEEP))).config
-    profiles = group(swept, "range_profile").sel(range=100)
+def test_floors_are_the_noise_of_all_ifovs(swept):
+    """4,000 target-free ones and the ship's own, at the edge of the window."""
+    profiles = group(swept, "range_profile").sel(range=100, ship=["duncan"], aspect=[90])
     image = range_image(
         ncti.ships.load("duncan"), aspect=90, depression=3.84, pixel=0.5, engine="embree"
     )
     on_target = len(range_extent(image, slant_range=100e3, ifov=150e-6, bin_width=1.0).fraction)
     assert on_target > 10
+    assert noise_floor() == pytest.approx((math.pi**3 / 32) ** 0.25)
     for number in range(2):
-        cell = {"pulse_width": number, "range": 0, "target_free_ifovs": 0}
-        floor = floor_of(config, cell)
-        assert floor == pytest.approx(4000 * (math.pi**3 / 32) ** 0.25, rel=1e-12)
-        far = profiles.expected.sel(ship="duncan", aspect=90).isel(pulse_width=number)[[0, -1]]
-        np.testing.assert_allclose(far, floor + on_target * noise_floor(), rtol=2**-24)
+        expected = profiles.expected.isel(pulse_width=number).values[0]
+        there = np.ones((1, 1), dtype=bool)
+        floor = Profiles(expected, expected[None, None], there, np.array([90.0]), (1,)).floor
+        np.testing.assert_allclose(floor, (4000 + on_target) * noise_floor(), rtol=2**-23)
 
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_cell_is_named_by_its_own_profiles(number, swept):
-    """Those of its pulse width in the store, with the floor of 4,000 target-free IFOVs."""
+    """Those of its pulse width in the store, whose floor is in them."""
     config = prepare(composed(*replace_axes(SWEEP))).config
     held = group(swept, "range_profile").isel(pulse_width=number, range=0)
     views = {"view": ("ship", "aspect")}
@@ -253,9 +251,7 @@ def test_a_cell_is_named_by_its_own_profiles(number, swept):
     with threadpool_limits(1):
         wanted = {
             "correlation": name_by_correlation(profiles, **settings),
-            "likelihood": name_by_likelihood(
-                profiles, covariance, floor=4000 * noise_floor(), **settings
-            ),
+            "likelihood": name_by_likelihood(profiles, covariance, **settings),
         }
     for name, arrays in wanted.items():
         answers = group(swept, f"classification/{name}").isel(pulse_width=number, range=0)

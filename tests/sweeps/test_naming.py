@@ -62,7 +62,7 @@ def name_by(classifier, profiles, **settings):
     config = ClassifierConfig(**settings)
     if classifier == "correlation":
         return name_by_correlation(profiles, classifier=config)
-    return name_by_likelihood(profiles, bands(profiles), classifier=config, floor=FLOOR)
+    return name_by_likelihood(profiles, bands(profiles), classifier=config)
 
 
 CLASSIFIERS = ("mnn", "correlation", "likelihood")
@@ -272,7 +272,6 @@ def test_likelihood_by_hand(gain_sigma):
         profiles,
         covariance,
         classifier=ClassifierConfig(gain_sigma=[0.0, 0.7], left_out=[False, True], nugget=nugget),
-        floor=FLOOR,
     )
     variance = covariance[:, 0].mean(dtype=np.float64)
     shift = GaussianTemplates().floor_sigma ** 2 * variance * np.ones((BINS, BINS))
