@@ -110,6 +110,8 @@ def check_jobs(arguments: list[str]) -> None:
     with hydra.initialize_config_dir(str(conf_folder()), version_base="1.3"):
         for overrides in jobs:
             kept = [item for item in overrides if not item.lstrip("+~").startswith("hydra")]
+            for item in kept:
+                _one_choice(item)
             try:
                 composed = hydra.compose("config", overrides=kept)
             except (TypeError, ValueError) as error:  # Hydra's answer to a malformed override
@@ -126,6 +128,15 @@ def check_jobs(arguments: list[str]) -> None:
                     )
                 stores.add(store)
             prepare(composed)
+
+
+def _one_choice(override: str) -> None:
+    """Refuse a list where a group's one file is chosen: Hydra would lay them over one another."""
+    several = re.fullmatch(r"(\w+)=(\[.*\])", override)
+    if several and (conf_folder() / several[1]).is_dir():
+        group, value = several.groups()
+        hint = "; classifier.name takes a list" if group == "classifier" else ""
+        raise ConfigurationError(f"{group} is {value}, but must be one choice{hint}")
 
 
 def _job(composed: DictConfig) -> None:

@@ -13,7 +13,7 @@ from ncti.classify import AdaptiveClusteringNetwork, Similarities, cluster
 vectors = arrays(float, st.tuples(st.integers(1, 20), st.just(4)), elements=st.integers(-3, 3))
 
 
-def compare(training, tests, order, *, vigilance, learning_rate, max_passes):
+def assert_same(training, tests, order, *, vigilance, learning_rate, max_passes):
     network = AdaptiveClusteringNetwork(
         vigilance=vigilance, learning_rate=learning_rate, max_passes=max_passes
     )
@@ -52,7 +52,7 @@ def test_it_is_the_network(vigilance, learning_rate, max_passes):
     training[[5, 40]] = 0.0
     tests = groups[rng.integers(0, 6, 50)] + 0.5 * rng.normal(size=(50, 30))
     tests[7] = 0.0
-    compare(
+    assert_same(
         training,
         tests,
         rng.permutation(80),
@@ -71,7 +71,7 @@ def test_it_is_the_network_on_whatever_comes(training, vigilance, learning_rate)
     nudged = training + 1e-3 * np.random.default_rng(0).normal(size=training.shape) * (
         training.any(axis=1, keepdims=True)
     )
-    compare(
+    assert_same(
         nudged,
         nudged[::-1] + 0.1,
         np.arange(len(training)),
@@ -107,7 +107,7 @@ def test_samples_left_out_of_the_order_are_not_learned():
 def test_more_categories_than_samples_may_come_and_go():
     """A category may move away from its only vector, which then founds another one."""
     rng = np.random.default_rng(1)
-    compare(
+    assert_same(
         rng.normal(size=(60, 3)),
         rng.normal(size=(5, 3)),
         np.arange(60),

@@ -444,3 +444,10 @@ def test_classifiers_of_several_jobs():
     check_jobs(replace_axes([*given, "classifier=acn,mnn", "classifier.mnn.epochs=[1,2],3"]))
     with pytest.raises(ConfigurationError, match=r"classifier\.mnn\.epochs has 0"):
         check_jobs(replace_axes([*given, "classifier=acn,mnn", "classifier.mnn.epochs=[1,2],0"]))
+
+
+@pytest.mark.parametrize("group", ["classifier", "scene"])
+def test_a_list_of_choices_is_refused(group):
+    """Hydra would lay one file over the other, and the last would run alone."""
+    with pytest.raises(ConfigurationError, match=rf"^{group} is \[a,b\], but must be one choice"):
+        check_jobs([f"{group}=[a,b]"])

@@ -16,7 +16,6 @@ def rows(smoke_store):
 
 @pytest.mark.parametrize("kind", classifier_figures.KINDS)
 def test_a_picture_is_drawn(kind, smoke_store, tmp_path):
-    pytest.importorskip("matplotlib")
     figure = classifier_figures.draw(kind, smoke_store)
     figure.savefig(tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 10_000
