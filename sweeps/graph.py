@@ -109,6 +109,8 @@ class Cell:
         Its place on the axes that the group's chunks are cut along.
     index : tuple of int
         The same on those axes that are dimensions of the store.
+    values : mapping of str to float or str
+        What stands there on those axes, whatever else the grid holds.
     name : str
         What to call it.
     """
@@ -116,6 +118,7 @@ class Cell:
     group: str
     place: Mapping[str, int]
     index: tuple[int, ...]
+    values: Mapping[str, float | str]
     name: str
 
 
@@ -143,6 +146,7 @@ def cells(config: SweepConfig) -> list[Cell]:
                     group,
                     {name: index for name, index, _ in named},
                     tuple(index for _, index, _ in kept),
+                    {name: value for name, _, value in named},
                     " ".join([group.rpartition("/")[2], *shown]),
                 )
             )
@@ -259,9 +263,9 @@ def _name_profiles(
         config.learned(),
     )
     if cell.group == ANSWERS["mnn"]:
-        rng = cell_rng(config.seed, stage="mnn", cell=cell.name)
-        seeds = rng.integers(2**32, size=10_000, dtype=np.uint32)
-        answers = name_by_network(profiles, classifier=classifier, random_states=seeds)
+        rng = cell_rng(config.seed, stage="mnn", **cell.values)
+        seed = int(rng.integers(2**32))
+        answers = name_by_network(profiles, classifier=classifier, random_state=seed)
     elif cell.group == ANSWERS["correlation"]:
         answers = name_by_correlation(profiles, classifier=classifier)
     elif cell.group == ANSWERS["fusion"]:

@@ -77,7 +77,7 @@ class Profiles:
 
 
 def name_by_network(
-    profiles: Profiles, *, classifier: ClassifierConfig, random_states: NDArray[np.uint32]
+    profiles: Profiles, *, classifier: ClassifierConfig, random_state: int
 ) -> Arrays:
     """Train the multilayered network on expected profiles and test it, in every setting.
 
@@ -87,8 +87,9 @@ def name_by_network(
         Of one cell.
     classifier : ClassifierConfig
         Its settings.
-    random_states : (setting,) uint32 ndarray
-        Seed of each setting's weights.
+    random_state : int
+        Seed of the first weights, the same in every setting: what differs between settings is
+        then their own doing, and no setting depends on which others there are.
 
     Returns
     -------
@@ -115,7 +116,7 @@ def name_by_network(
         "nodes": [],
         "loss": [],
     }
-    for number, place in enumerate(np.ndindex(shape)):
+    for place in np.ndindex(shape):
         epochs, grow_every, rate, tolerance, inputs, annealing = (
             values[k] for values, k in zip(settings, place, strict=True)
         )
@@ -127,7 +128,7 @@ def name_by_network(
             max_hidden=classifier.mnn.max_hidden,
             tolerance=tolerance,
             scaling="common" if inputs == "standardised" else "none",
-            random_state=int(random_states[number]),
+            random_state=random_state,
         )
         seen = (lambda given: given) if inputs == "raw" else profile_vector
         training, tests = seen(profiles.expected), seen(profiles.averaged)

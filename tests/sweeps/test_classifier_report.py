@@ -471,7 +471,7 @@ def test_one_classifier_alone(swept, tmp_path, monkeypatch, capsys):
     assert set(contents(tmp_path / "s-tables")) == {"classifiers.csv"}
     rows = rows_of(tmp_path)
     assert {row["points_below_bound"] for row in rows} == {""}
-    # Weights are drawn by cell and setting, whoever else names ships; products of this process may
+    # Weights are drawn by cell, whoever else names ships; products of this process may
     # round otherwise, which 40 epochs do not make much of.
     ours, theirs = (group(folder, "classification/mnn") for folder in (tmp_path, swept))
     xr.testing.assert_allclose(ours.loss, theirs.loss, rtol=1e-4)

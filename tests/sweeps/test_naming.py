@@ -10,9 +10,10 @@ from scipy.stats import multivariate_normal
 from test_classifier_configuration import configured
 
 from ncti.classify import GainAnnealedNetwork, GaussianTemplates
-from sweeps import graph
+from sweeps import graph, naming
 from sweeps.classifier_schema import ClassifierConfig, NetworkConfig
 from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood, name_by_network
+from sweeps.seeds import cell_rng
 
 SHIPS = 3
 # Both sides of every edge between aspect groups, and their numbers.
@@ -24,7 +25,7 @@ BINS = 60
 EDGE = 5  # bins at either end, 8 % of them, that no ship reaches
 FLOOR = 5.0
 VIEWS = SHIPS * len(ASPECTS)
-SEEDS = np.arange(100, 200, dtype=np.uint32)
+SEED = 100
 
 # Of one frame, with noise in two neighbouring bins and a variance that differs between views.
 BAND = np.array([1.0, 0.4, 0.1])
@@ -58,7 +59,7 @@ def name_by(classifier, profiles, **settings):
     if classifier == "mnn":
         network = NetworkConfig(**{"epochs": 40, **settings})
         config = ClassifierConfig(mnn=network)
-        return name_by_network(profiles, classifier=config, random_states=SEEDS)
+        return name_by_network(profiles, classifier=config, random_state=SEED)
     config = ClassifierConfig(**settings)
     if classifier == "correlation":
         return name_by_correlation(profiles, classifier=config)
@@ -363,15 +364,14 @@ def test_every_setting_of_the_network_is_the_librarys():
     vectors = scale / scale.max(axis=-1, keepdims=True)
     scale = directions(profiles.averaged)
     seen = scale / scale.max(axis=-1, keepdims=True)
-    settings = list(product(*axes.values()))
-    for number, (place, setting) in enumerate(zip(np.ndindex(shape), settings, strict=True)):
+    for place, setting in zip(np.ndindex(shape), product(*axes.values()), strict=True):
         given = dict(zip(axes, setting, strict=True))
         inputs = given.pop("inputs")
         network = GainAnnealedNetwork(
             **given,
             max_hidden=4,
             scaling="common" if inputs == "standardised" else "none",
-            random_state=int(SEEDS[number]),
+            random_state=SEED,
         )
         with pytest.warns(match="raise epochs"):
             network.fit(profiles.expected if inputs == "raw" else vectors, truth.ravel())
@@ -392,51 +392,124 @@ def test_every_setting_of_the_network_is_the_librarys():
     assert 0 < answers["correct"].mean() < 1
 
 
-def test_seeds_decide_what_a_network_becomes():
+def test_the_seed_decides_what_a_network_becomes():
     profiles = made(noise=1.0)
-    config = ClassifierConfig(mnn=NetworkConfig(epochs=10, annealing=[True, False]))
+    config = ClassifierConfig(mnn=NetworkConfig(epochs=10))
     first, again, other = (
-        name_by_network(profiles, classifier=config, random_states=np.array(seeds, np.uint32))
-        for seeds in ([1, 2], [1, 2], [1, 3])
+        name_by_network(profiles, classifier=config, random_state=seed) for seed in (1, 1, 2)
     )
     for name, values in first.items():
         np.testing.assert_array_equal(again[name], values)
-    settings = (0, 0, 0, 0, 0)
-    assert other["loss"][(*settings, 0)] == first["loss"][(*settings, 0)]
-    assert other["loss"][(*settings, 1)] != first["loss"][(*settings, 1)]
+    assert np.all(other["loss"] != first["loss"])
+
+
+def test_a_setting_does_not_depend_on_the_others():
+    """Each of several settings is what it is alone, from the same first weights."""
+    profiles = made(noise=1.0)
+    several = {"epochs": [5, 12], "inputs": ["raw", "standardised"], "annealing": [True, False]}
+    whole = name_by("mnn", profiles, **several)
+    for place in np.ndindex(2, 2, 2):
+        values = (kept[k] for kept, k in zip(several.values(), place, strict=True))
+        alone = name_by("mnn", profiles, **dict(zip(several, values, strict=True)))
+        epochs, inputs, annealing = place
+        for name, answers in alone.items():
+            of_it = whole[name][epochs, 0, 0, 0, inputs, annealing]
+            np.testing.assert_array_equal(answers[(0,) * 6], of_it)
+
+
+def named_cells(monkeypatch, *overrides):
+    """Answers of every cell of a sweep by the multilayered network, by the cell's values.
+
+    A cell's profiles are made up from its values, so that they do not depend on the grid.
+    """
+    config = configured("classifier.name=mnn", "grid.ship=[duncan,horne]", *overrides)
+    found = {}
+
+    def cell_profiles(_, place):
+        (cell,) = (cell for cell in graph.cells(config) if cell.place == place)
+        rng = cell_rng(0, stage="made up", **cell.values)
+        expected = FLOOR + rng.exponential(size=(2, 2, BINS))
+        return expected, expected + 0.5 * rng.standard_normal((1, 1, 2, 2, BINS))
+
+    monkeypatch.setattr(graph.store, "read_profiles", cell_profiles)
+    monkeypatch.setattr(graph.store, "views_done", lambda *_: np.ones((2, 2), dtype=bool))
+    for cell in graph.cells(config):
+        key = tuple(cell.values[name] for name in ("pulse_width", "range", "target_free_ifovs"))
+        monkeypatch.setattr(
+            graph.store, "write_cell", lambda *given, key=key: found.update({key: given[-1]})
+        )
+        graph._name_profiles(cell, config.classifier, None, config)
+    return found
+
+
+SEVERAL = (
+    *("grid.pulse_width=[10,30]", "grid.range=[50,100]", "ladar.target_free_ifovs=[0,4000]"),
+    *("grid.aspect=[0,90]", "grid.frame_count=4"),
+    *("classifier.mnn.epochs=[5,12]", "classifier.mnn.annealing=[true,false]"),
+)
+
+
+def test_a_part_of_the_grid_has_the_answers_of_the_whole(monkeypatch):
+    """Weights are keyed by what a cell is, not by its place nor by which axes have one value."""
+    whole = named_cells(monkeypatch, *SEVERAL)
+    assert len(whole) == 8
+    part = named_cells(
+        monkeypatch,
+        *("grid.pulse_width=30", "grid.range=[100,50]", "ladar.target_free_ifovs=4000"),
+        *SEVERAL[3:5],
+        *("classifier.mnn.epochs=12", "classifier.mnn.annealing=[false,true]"),
+    )
+    assert set(part) == {(30, 100, 4000), (30, 50, 4000)}
+    for key, answers in part.items():
+        assert answers["loss"].size == 2
+        for name, values in answers.items():
+            # epochs first, annealing last of the six axes of the settings
+            same = whole[key][name][1:, :, :, :, :, ::-1]
+            np.testing.assert_array_equal(values, same)
 
 
 def seeds_of(monkeypatch, *overrides):
-    """Seeds that each cell of a sweep gives its networks."""
-    config = configured("classifier.name=mnn", *overrides)
-    views = len(config.grid.expand().ship), len(config.grid.expand().aspect)
-    profiles = np.zeros((*views, BINS)), np.zeros((1, 1, *views, BINS))
+    """Seed that each cell of a sweep gives its networks."""
     given = []
-    monkeypatch.setattr(graph.store, "read_profiles", lambda *_: profiles)
-    monkeypatch.setattr(graph.store, "views_done", lambda *_: np.ones(views, dtype=bool))
-    monkeypatch.setattr(graph.store, "write_cell", lambda *_: None)
-    monkeypatch.setattr(
-        graph, "name_by_network", lambda *_, random_states, **__: given.append(random_states)
-    )
-    for cell in graph.cells(config):
-        graph._name_profiles(cell, config.classifier, None, config)
+
+    def network(profiles, *, classifier, random_state):
+        given.append(random_state)
+
+    monkeypatch.setattr(graph, "name_by_network", network)
+    named_cells(monkeypatch, *overrides)
+    monkeypatch.undo()
     return given
 
 
-def test_every_cell_has_seeds_of_its_own(monkeypatch):
-    """They depend on the cell and the sweep's seed, and differ between settings."""
-    several = ("grid.pulse_width=[10,30]", "grid.range=[50,100]", "grid.aspect=[0,90]")
-    given = seeds_of(monkeypatch, *several)
-    assert len(given) == 4
-    for first, second in zip(given, seeds_of(monkeypatch, *several), strict=True):
-        np.testing.assert_array_equal(first, second)
-    given += seeds_of(monkeypatch, *several, "seed=1")
-    heads = np.array([seeds[:100] for seeds in given])
-    # Of 800 numbers below 2^32, some two are equal with a probability of 1e-4; these are not.
-    assert len(np.unique(heads)) == heads.size
-    # Fewer values on other axes leave a cell's own.
-    alone = seeds_of(monkeypatch, "grid.pulse_width=30", "grid.range=100", "grid.aspect=[0,90]")
-    np.testing.assert_array_equal(alone[0], given[3])
+def test_every_cell_has_a_seed_of_its_own(monkeypatch):
+    """It depends on the cell's values and the sweep's seed alone."""
+    given = seeds_of(monkeypatch, *SEVERAL)
+    assert given == seeds_of(monkeypatch, *SEVERAL)
+    given += seeds_of(monkeypatch, *SEVERAL, "seed=1")
+    # Of 16 numbers below 2^32, some two are equal with a probability of 3e-8.
+    assert len(set(given)) == len(given) == 16
+
+
+def test_as_many_settings_as_axes_hold(monkeypatch):
+    """Networks that learn nothing, for their number alone: each gets the same first weights."""
+    seeds = []
+
+    class Idle:
+        n_iter_, n_hidden_, loss_curve_ = 1, 1, (0.0,)
+
+        def __init__(self, *, random_state, **_):
+            seeds.append(random_state)
+
+        def fit(self, X, y):
+            return self
+
+        def predict(self, X):
+            return np.zeros(len(X), dtype=np.intp)
+
+    monkeypatch.setattr(naming, "GainAnnealedNetwork", Idle)
+    answers = name_by("mnn", made(), epochs={"start": 1, "stop": 10_001, "step": 1})
+    assert answers["loss"].shape == (10_001, 1, 1, 1, 1, 1)
+    assert seeds == [SEED] * 10_001
 
 
 # Which views are lost: a ship, an aspect beside another of its group.
