@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def label_posterior(
-    scores: ArrayLike, labels: ArrayLike, *, sharpness: float = 1.0
+    scores: ArrayLike, labels: ArrayLike, *, sharpness: float = 1.0, exclude: ArrayLike = False
 ) -> tuple[NDArray, Floats]:
     """Probability of each label, from the scores of templates that carry them.
 
@@ -29,18 +29,21 @@ def label_posterior(
         What each template stands for.
     sharpness : float
         What a step of the score is worth, in natural logarithms of the density.
+    exclude : (sample, template) or (template,) array_like of bool, default=False
+        Templates that do not answer for a sample, such as the one it was drawn from.
 
     Returns
     -------
     classes : (class,) ndarray
         The labels, in order.
     posterior : (sample, class) float64 ndarray
-        Rows sum to 1. Labels are equally likely beforehand, and so are the templates of one.
+        Rows sum to 1. Labels are equally likely beforehand, and so are the templates of a label
+        that answer; a label without any has probability 0.
 
     Raises
     ------
     ValueError
-        If shapes do not match or a score is not finite.
+        If shapes do not match, a score is not finite, or all templates of a sample are left out.
     """
     values = require_all("scores", scores)
     names = np.asarray(labels)
@@ -49,11 +52,21 @@ def label_posterior(
             f"scores has shape {values.shape}, but must be (sample, template) with "
             f"{names.size} templates, one a label"
         )
+    left_out = np.asarray(exclude, dtype=bool)
+    if left_out.shape not in ((), names.shape, values.shape):
+        raise ValueError(
+            f"exclude has shape {left_out.shape}, but must be {values.shape} or {names.shape}"
+        )
+    # One row where all samples have the same templates.
+    answers = ~np.broadcast_to(left_out, values.shape if left_out.ndim == 2 else (1, names.size))
+    if not answers.any(axis=1).all():
+        raise ValueError("exclude leaves out all templates of a sample, but must leave one")
     classes, label = np.unique(names, return_inverse=True)
+    member = (label[:, None] == np.arange(len(classes))).astype(np.float64)
     # The best template of a sample weighs 1, so that nothing overflows and no sum is 0.
-    weights = np.exp(sharpness * (values - values.max(axis=1, keepdims=True)))
-    member = label[:, None] == np.arange(len(classes))
-    by_class = weights @ (member / member.sum(axis=0))
+    best = values.max(axis=1, keepdims=True, initial=-np.inf, where=answers)
+    weights = np.exp(sharpness * np.minimum(values - best, 0.0)) * answers
+    by_class = (weights @ member) / np.maximum(answers @ member, 1.0)
     return classes, by_class / by_class.sum(axis=1, keepdims=True)
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
-from scipy.special import logsumexp
 from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
 from ncti.checks import require_all
+from ncti.classify.fusion import label_posterior
 
 WIDEST = 1e6  # of any prior: flat beside what a profile tells, and its square no problem
 
@@ -255,23 +255,9 @@ class GaussianTemplates(BaseEstimator):
         Raises
         ------
         ValueError
-            If all templates of a sample are left out.
+            As `ncti.classify.label_posterior`, whose rule this is.
         """
-        logs = np.asarray(logs, dtype=np.float64)
-        left_out = np.asarray(exclude, dtype=bool)
-        if left_out.shape not in ((), logs.shape[1:], logs.shape):
-            raise ValueError(
-                f"exclude has shape {left_out.shape}, but must be {logs.shape} or {logs.shape[1:]}"
-            )
-        answers = ~np.broadcast_to(left_out, logs.shape)
-        if not answers.any(axis=1).all():
-            raise ValueError("exclude leaves out all templates of a sample, but must leave one")
-        logs = np.where(answers, logs, -np.inf)
-        member = self.labels_ == np.arange(len(self.classes_))[:, None]
-        by_class = np.stack([logsumexp(logs[:, of], axis=1) for of in member], axis=1)
-        by_class -= np.log(np.maximum(answers @ member.T.astype(np.intp), 1))
-        posterior: Floats = np.exp(by_class - logsumexp(by_class, axis=1, keepdims=True))
-        return posterior
+        return label_posterior(logs, self.labels_, exclude=exclude)[1]
 
     def predict(
         self, X: ArrayLike, frame_count: ArrayLike, *, exclude: ArrayLike = False

@@ -45,6 +45,28 @@ def test_a_label_with_more_templates_is_no_likelier():
     np.testing.assert_allclose(posterior, [[0.5, 0.5]])
 
 
+@pytest.mark.parametrize("sharpness", [0.0, 0.3, 2.0])
+def test_templates_left_out_are_as_if_never_there(sharpness):
+    """By one rule for all samples, and by one for each; a label left with none is impossible."""
+    rng = np.random.default_rng(6)
+    # Those left out are the best by far, beyond what an exponential holds.
+    scores = 3 * rng.normal(size=(9, 20))
+    hidden = rng.random((9, 20)) < 0.5
+    hidden[:, :5], hidden[4, 5:10] = hidden[0, :5], True
+    scores[hidden] += 2000
+    answers = label_posterior(scores, LABELS, sharpness=sharpness, exclude=hidden)[1]
+    for row, (score, gone, answer) in enumerate(zip(scores, hidden, answers, strict=True)):
+        few = score[None, ~gone]
+        classes, alone = label_posterior(few, LABELS[~gone], sharpness=sharpness)
+        wanted = np.zeros(4)
+        wanted[classes] = alone[0]
+        # Sums of 20 terms in another order, over rounding of differences of some 10.
+        np.testing.assert_allclose(answer, wanted, rtol=1e-13)
+        same = label_posterior(scores[[row]], LABELS, sharpness=sharpness, exclude=gone)[1]
+        np.testing.assert_allclose(same[0], answer, rtol=1e-13)
+    assert answers[4, 1] == 0
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 50.0])
 def test_exact_densities_are_found_to_be_exact(scale):
     """Scores that are log densities over a scale have that scale as their sharpness.
@@ -123,6 +145,11 @@ def test_sensors_of_unlike_worth_lose_nothing_together():
 def test_what_does_not_fit_is_refused():
     with pytest.raises(ValueError, match=r"^scores has shape"):
         label_posterior(np.zeros((2, 3)), [0, 1])
+    with pytest.raises(ValueError, match=r"^exclude has shape \(3,\), but must be \(2, 4\) or"):
+        label_posterior(np.zeros((2, 4)), [0, 1, 2, 3], exclude=[True, False, False])
+    for everything in (True, [[False, True], [True, True]]):
+        with pytest.raises(ValueError, match=r"^exclude leaves out all templates"):
+            label_posterior(np.zeros((2, 2)), [0, 1], exclude=everything)
     with pytest.raises(ValueError, match=r"^truth has"):
         fit_sharpness(np.zeros((2, 3)), [0, 1, 2], [0, 7])
     with pytest.raises(ValueError, match=r"^scores have shapes"):
