@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -242,14 +243,13 @@ def name_by_likelihood(
     samples = profiles.averaged.reshape(-1, bins)
     frames = np.broadcast_to(np.array(profiles.frame_count)[:, None], (replicates, counts, views))
     same = np.tile(aspect, replicates * counts)[:, None] == aspect
-    every = []
-    for gain_sigma in axes.gain_sigma:
-        templates = GaussianTemplates(gain_sigma=gain_sigma, nugget=classifier.nugget)
-        templates.fit(profiles.expected, covariance, ship, floor=profiles.floor)
-        logs = templates.log_likelihood(samples, frames.reshape(-1))
-        for left_out in axes.left_out:
-            hidden = ~profiles.taught | (same & left_out)
-            every.append(templates.posterior_of(logs, exclude=hidden))
+    templates = GaussianTemplates(nugget=classifier.nugget)
+    templates.fit(profiles.expected, covariance, ship, floor=profiles.floor)
+    of_gains = templates.log_likelihood(samples, frames.reshape(-1), gain_sigma=axes.gain_sigma)
+    every = [
+        templates.posterior_of(logs, exclude=~profiles.taught | (same & left_out))
+        for logs, left_out in product(of_gains, axes.left_out)
+    ]
     shape = (len(axes.gain_sigma), len(axes.left_out), replicates, counts, views, -1)
     posteriors = np.reshape(every, shape)
     named = templates.classes_[posteriors.argmax(axis=-1)]

@@ -149,7 +149,8 @@ class GaussianTemplates(BaseEstimator):
         self.mean_ = means
         variance = float(bands[:, 0].mean())
         self.cholesky_ = np.empty_like(bands)
-        # Prior directions of gain and floor, whitened: all that the likelihood takes of them.
+        # Directions of a unit of gain and of the floor's prior, whitened: all that the likelihood
+        # takes of them.
         self._nuisance = np.empty((count, bins, 2))
         for t, band in enumerate(bands):
             whole = band.copy()
@@ -162,11 +163,12 @@ class GaussianTemplates(BaseEstimator):
                     "not positive definite with it"
                 ) from None
             shift = np.full(bins, self.floor_sigma * math.sqrt(variance))
-            directions = np.stack([self.gain_sigma * signal[t], shift], axis=1)
-            self._nuisance[t] = _whiten(self.cholesky_[t], directions)
+            self._nuisance[t] = _whiten(self.cholesky_[t], np.stack([signal[t], shift], axis=1))
         return self
 
-    def log_likelihood(self, X: ArrayLike, frame_count: ArrayLike) -> Floats:
+    def log_likelihood(
+        self, X: ArrayLike, frame_count: ArrayLike, *, gain_sigma: ArrayLike | None = None
+    ) -> Floats:
         """Logarithm of the density of each average under each template.
 
         Parameters
@@ -175,17 +177,20 @@ class GaussianTemplates(BaseEstimator):
             Averages of frames, noise floor included.
         frame_count : int or (sample,) array_like
             Frames in each average.
+        gain_sigma : (...) array_like, optional
+            Prior standard deviations of the gain to take, one after the other, in place of the
+            classifier's own: they share the whitening of X, which is most of the work.
 
         Returns
         -------
-        (sample, template) float64 ndarray
+        (..., sample, template) float64 ndarray
             Natural logarithm of the density.
 
         Raises
         ------
         ValueError
             If X is empty, has another number of bins or an element that is not finite or whose
-            square overflows, or a count is below 1.
+            square overflows, a count is below 1, or a deviation is out of range.
         """
         check_is_fitted(self)
         samples = require_all("X", X)
@@ -200,17 +205,23 @@ class GaussianTemplates(BaseEstimator):
             raise ValueError(
                 f"frame_count has shape {frames.shape}, but must be one number or ({len(samples)},)"
             )
+        gains = require_all(
+            "gain_sigma",
+            self.gain_sigma if gain_sigma is None else gain_sigma,
+            minimum=0,
+            maximum=WIDEST,
+        )
         n = np.broadcast_to(frames, len(samples))
-        result = np.empty((len(samples), len(self.mean_)))
+        result = np.empty((gains.size, len(samples), len(self.mean_)))
         with np.errstate(over="ignore", invalid="ignore"):
             for t in range(len(self.mean_)):
-                result[:, t] = self._log_density(t, samples, n)
+                result[:, :, t] = self._log_density(t, samples, n, gains.ravel())
         if not np.isfinite(result).all():
             raise ValueError(
                 f"X reaches {np.abs(samples).max():g}, but its squared distance to the templates "
                 "must be a finite number"
             )
-        return result
+        return result.reshape(*gains.shape, len(samples), -1)
 
     def posterior(
         self, X: ArrayLike, frame_count: ArrayLike, *, exclude: ArrayLike = False
@@ -277,21 +288,25 @@ class GaussianTemplates(BaseEstimator):
         answer = self.posterior(X, frame_count, exclude=exclude).argmax(axis=1)
         return self.classes_[answer]
 
-    def _log_density(self, template: int, samples: Floats, frames: Floats) -> Floats:
-        """(sample,) float64 ndarray: that of averages of (sample,) frames under one template.
+    def _log_density(self, template: int, samples: Floats, frames: Floats, gains: Floats) -> Floats:
+        """(gain, sample) float64 ndarray: that of averages of (sample,) frames of one template.
 
         With U, the whitened prior directions of gain and floor, the covariance of n frames is
-        L (I + n U U') L' / n: the lemmas need the 2 x 2 matrix I + n U'U alone.
+        L (I + n U U') L' / n: the lemmas need the 2 x 2 matrix I + n U'U alone. A gain's
+        deviation only scales the first direction.
         """
-        factor, nuisance = self.cholesky_[template], self._nuisance[template]
+        factor, unit = self.cholesky_[template], self._nuisance[template]
         white = _whiten(factor, (samples - self.mean_[template]).T)
-        inner = np.eye(2) + frames[:, None, None] * (nuisance.T @ nuisance)
-        overlap = frames[:, None] * (nuisance.T @ white).T
-        distance = frames * np.einsum("bs,bs->s", white, white)
-        distance -= np.sum(overlap * np.linalg.solve(inner, overlap[..., None])[..., 0], axis=1)
-        log_volume = 2 * np.log(factor[0]).sum() + np.linalg.slogdet(inner).logabsdet
-        log_volume += len(white) * np.log(2 * math.pi / frames)
-        density: Floats = -(distance + log_volume) / 2
+        alone = frames * np.einsum("bs,bs->s", white, white)
+        alone += 2 * np.log(factor[0]).sum() + len(white) * np.log(2 * math.pi / frames)
+        gram, along = unit.T @ unit, (unit.T @ white).T
+        density: Floats = np.empty((len(gains), len(samples)))
+        for k, gain in enumerate(gains):
+            scale = np.array([gain, 1.0])
+            inner = np.eye(2) + frames[:, None, None] * (gram * np.outer(scale, scale))
+            overlap = frames[:, None] * (along * scale)
+            known = np.sum(overlap * np.linalg.solve(inner, overlap[..., None])[..., 0], axis=1)
+            density[k] = -(alone - known + np.linalg.slogdet(inner).logabsdet) / 2
         return density
 
 

@@ -70,6 +70,24 @@ def test_each_average_has_its_own_frames():
     np.testing.assert_allclose(together, alone, rtol=1e-13)
 
 
+@pytest.mark.parametrize("floor_sigma", [0.0, 0.7])
+def test_gains_that_share_the_whitening_are_those_of_classifiers_of_their_own(floor_sigma):
+    """Rounding alone, of differences of some hundred nats with condition numbers below 1e5."""
+    means, floor, dense = templates()
+    X = means.mean(axis=0) + np.random.default_rng(1).standard_normal((6, BINS))
+    frames = [1, 4, 8, 1, 32, 4]
+    sigmas = np.array([[0.0, 0.05, 1.0], [3.0, 1e3, WIDEST]])
+    given = means, lower_band(dense)[:, :LAGS], LABELS, floor
+    shared = GaussianTemplates(floor_sigma=floor_sigma).fit(*given)
+    logs = shared.log_likelihood(X, frames, gain_sigma=sigmas)
+    assert logs.shape == (*sigmas.shape, *X.shape[:1], len(means))
+    for place in np.ndindex(sigmas.shape):
+        own = GaussianTemplates(gain_sigma=sigmas[place], floor_sigma=floor_sigma).fit(*given)
+        np.testing.assert_allclose(logs[place], own.log_likelihood(X, frames), rtol=1e-10)
+    # The classifier's own is left as it is.
+    np.testing.assert_array_equal(shared.log_likelihood(X, frames), logs[0, 2])
+
+
 def test_an_average_of_frames_is_one_frame_of_less_noise():
     means, floor, dense = templates()
     X = means[::-1] + 0.1
@@ -362,6 +380,8 @@ def test_bad_averages_are_named():
         classifier.predict(means * np.nan, 4)
     with pytest.raises(ValueError, match="frame_count is 0"):
         classifier.predict(means, 0)
+    with pytest.raises(ValueError, match=r"^gain_sigma is -1.*at least 0 and at most 1e\+06"):
+        classifier.log_likelihood(means, 4, gain_sigma=[0, -1])
     with pytest.raises(ValueError, match=r"frame_count has shape \(2,\)"):
         classifier.predict(means, [1, 2])
     with pytest.raises(ValueError, match=r"covariance has shape \(4, 3\)"):
