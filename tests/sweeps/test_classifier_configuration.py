@@ -359,12 +359,12 @@ def test_files_hold_the_defaults_of_the_schema(name):
         assert set(OURS) <= set(found.name)
         assert list(found.name) == [name for name in CLASSIFIERS if name in found.name]
     else:
-        assert found.name == ("acn" if name == "settings" else name)
+        assert found.name == name
     assert replace(found, name=ClassifierConfig().name) == ClassifierConfig()
 
 
 def test_every_classifier_has_a_file():
-    assert {*CLASSIFIERS, "all", "settings"} == set(CONFIGURED)
+    assert {*CLASSIFIERS, "all"} == set(CONFIGURED)
 
 
 # What an experiment asks for: classifiers, axes that it has, replicates.
@@ -421,6 +421,9 @@ def test_an_experiment_takes_other_classifiers():
     ("arguments", "said"),
     [
         (["classifier=nearest"], ("classifier is 'nearest'", *CONFIGURED)),
+        # What all of them share is no classifier.
+        (["classifier=settings"], ("classifier is 'settings'", *CONFIGURED)),
+        (["classifier=classifier_settings"], ("classifier is 'classifier_settings'", *CONFIGURED)),
         (["classifier.name=[acn,nearest]"], ("classifier.name has 'nearest'", *CLASSIFIERS)),
         (["classifier.mnn=5"], ("classifier.mnn is 5", "epochs")),
         (["classifier.mnn=[5]"], ("classifier.mnn is a list", "epochs")),
