@@ -14,6 +14,7 @@ ALLOWED = {
     "ncti.render": {"ncti.checks", "ncti.ships"},
     "ncti.ladar": {"ncti.checks", "ncti.ships", "ncti.render"},
     "ncti.infrared": {"ncti.checks", "ncti.ships", "ncti.render"},
+    "ncti.irar": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
     "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
     "ncti.classify": {"ncti.checks"},
     "ncti.evaluate": {"ncti.checks"},

@@ -1,0 +1,76 @@
+"""Histogram-cluster average: one range from looks of which some are false."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ncti.checks import require
+
+_BLOCK = 4096  # pixels at a time, that a processor's cache holds
+
+
+def histogram_cluster_average(ranges: ArrayLike, *, window: float) -> NDArray[np.float64]:
+    """Mean of the most populated cluster of ranges.
+
+    Parameters
+    ----------
+    ranges : (..., look) array_like
+        Ranges of the looks [m], corrected for motion; NaN is no look.
+    window : float
+        Widest cluster [m]: four standard deviations of a range measurement.
+
+    Returns
+    -------
+    (...) float64 ndarray
+        Ranges [m], NaN where there is no look.
+
+    Raises
+    ------
+    ValueError
+        If a range is infinite or the window not positive.
+
+    Notes
+    -----
+    Article, 'Data Enhancement and Compensation', which names the filter and does not define it.
+    Here: a window of fixed width slides over the sorted ranges, and the window that holds the
+    most is averaged; of equally many, the tightest, then the nearest. Without false ranges it
+    costs little against the mean, as four standard deviations hold nearly all looks; a false
+    range counts only where it falls beside true ones. Two looks that disagree have no majority:
+    the nearer one wins.
+    """
+    require("window", window, positive=True)
+    looks = np.asarray(ranges, dtype=np.float64)
+    if looks.ndim == 0:
+        raise ValueError("ranges is one number, but must have an axis of looks")
+    if np.isinf(looks).any():
+        raise ValueError("ranges holds an infinite value, but must be finite or NaN")
+    if not looks.size:
+        return np.full(looks.shape[:-1], np.nan)
+    ordered = np.sort(looks, axis=-1).reshape(-1, looks.shape[-1])  # NaN last
+    found = np.empty(len(ordered))
+    for block in range(0, len(ordered), _BLOCK):
+        found[block : block + _BLOCK] = _densest(ordered[block : block + _BLOCK].T, window)
+    return found.reshape(looks.shape[:-1])
+
+
+def _densest(looks: NDArray[np.float64], window: float) -> NDArray[np.float64]:
+    """The mean of the densest window for (look, pixel) ranges in order, (pixel,)."""
+    looks = np.ascontiguousarray(looks)
+    depth = len(looks)
+    # How many the window that begins at each look holds, itself among them.
+    size = np.zeros(looks.shape, dtype=np.int32)
+    for lag in range(depth):
+        held = looks[lag:] - looks[: depth - lag] <= window
+        if not held.any():
+            break
+        size[: depth - lag] += held.view(np.int8)
+    most = size.max(axis=0)
+    rank = np.arange(depth)[:, None]
+    reach = np.take_along_axis(looks, np.minimum(rank + most - 1, depth - 1), axis=0) - looks
+    begin = np.where(size == most, reach, np.inf).argmin(axis=0)
+    inside = (rank >= begin) & (rank < begin + most)
+    nearest = np.take_along_axis(looks, begin[None], axis=0)[0]
+    # Relative to the nearest, so that equal ranges have exactly their own mean.
+    beyond = np.where(inside, looks - nearest, 0.0).sum(axis=0)
+    return np.where(most > 0, nearest + beyond / np.maximum(most, 1), np.nan)

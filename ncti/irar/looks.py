@@ -1,0 +1,185 @@
+"""Looks: the overlapping samples of an overscanned image, gathered pixel by pixel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ncti.checks import require, require_all
+
+
+def gather_looks(
+    row: ArrayLike,
+    column: ArrayLike,
+    *,
+    rows: ArrayLike,
+    columns: int,
+    valid: ArrayLike | None = None,
+) -> NDArray[np.intp]:
+    """Which samples fall into each pixel of an image.
+
+    Parameters
+    ----------
+    row, column : (...) array_like
+        Place of each sample in the image [pixels]; a sample without a place is NaN.
+    rows : (k,) array_like
+        Centres of the image's rows [pixels], ascending: `np.arange(n)` for output pixels, which
+        share no sample, or finer steps for windows that overlap, as at line rate.
+    columns : int
+        Number of columns, centred on 0, 1, ...
+    valid : (...) bool array_like, optional
+        Samples to gather; all without it.
+
+    Returns
+    -------
+    (k, columns, look) intp ndarray
+        Indices into the flattened samples, in ascending row (samples of one row in their own
+        order), then -1 up to the depth of the fullest pixel, which is at least 1.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ, the rows are not finite and ascending, or the columns are not a
+        whole number of at least 1.
+
+    Notes
+    -----
+    Article, 'Data Enhancement and Compensation': overlapping values at each pixel. Pixel (k, c)
+    holds the samples with rows[k] - 1/2 <= row < rows[k] + 1/2 and c - 1/2 <= column < c + 1/2.
+    """
+    row, column = np.asarray(row, dtype=np.float64), np.asarray(column, dtype=np.float64)
+    if row.shape != column.shape:
+        raise ValueError(f"column has shape {column.shape}, but must have that of row, {row.shape}")
+    centres = require_all("rows", rows)
+    if centres.ndim != 1 or (np.diff(centres) < 0).any():
+        raise ValueError(
+            f"rows is {np.array2string(centres, threshold=6)}, but must be ascending centres"
+        )
+    require("columns", columns, whole=True, minimum=1)
+    wide, high = int(columns), len(centres)
+    place = np.searchsorted(np.arange(wide + 1) - 0.5, column.ravel(), side="right") - 1
+    # A sample belongs to the windows first to last - 1: those that have begun and not ended.
+    first = np.searchsorted(centres + 0.5, row.ravel(), side="right")
+    last = np.searchsorted(centres - 0.5, row.ravel(), side="right")
+    inside = (place >= 0) & (place < wide) & (first < last)
+    if valid is not None:
+        gathered = np.asarray(valid, dtype=bool)
+        if gathered.shape != row.shape:
+            raise ValueError(
+                f"valid has shape {gathered.shape}, but must have that of row, {row.shape}"
+            )
+        inside &= gathered.ravel()
+    samples = np.flatnonzero(inside)
+    samples = samples[np.lexsort((row.ravel()[samples], place[samples]))]
+    # Sorted so, neither count falls within a column: counting tells where each window's begin.
+    offset = place[samples] * (high + 1)
+    begin, end = (
+        np.cumsum(np.bincount(offset + window[samples], minlength=wide * (high + 1)))
+        .reshape(wide, high + 1)[:, :high]
+        .T
+        for window in (last, first)
+    )
+    depth = max(1, int((end - begin).max(initial=0)))
+    at = begin[..., None] + np.arange(depth)
+    at[at >= end[..., None]] = len(samples)
+    index: NDArray[np.intp] = np.append(samples, -1)[at]
+    return index
+
+
+def looks_of(
+    values: ArrayLike, index: NDArray[np.intp], *, fill: float = math.nan
+) -> NDArray[np.float64]:
+    """The looks of each pixel.
+
+    Parameters
+    ----------
+    values : (...) array_like
+        A value a sample, in any unit.
+    index : (row, column, look) intp ndarray
+        As from `gather_looks`.
+    fill : float
+        What stands where there is no more look.
+
+    Returns
+    -------
+    (row, column, look) float64 ndarray
+        Values in the unit given.
+
+    Raises
+    ------
+    ValueError
+        If the index points beyond the samples.
+    """
+    flat = np.asarray(values, dtype=np.float64).ravel()
+    if index.max(initial=-1) >= flat.size:
+        raise ValueError(
+            f"index is {int(index.max())} at most, but must be below the {flat.size} values"
+        )
+    return np.append(flat, fill)[index]  # -1 is the last
+
+
+def average(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Mean over the looks of each pixel.
+
+    Parameters
+    ----------
+    values : (...) array_like
+        A value a sample, in any unit; NaN is no look.
+    index : (row, column, look) intp ndarray
+        As from `gather_looks`.
+
+    Returns
+    -------
+    (row, column) float64 ndarray
+        Means, NaN where there is no look.
+
+    Raises
+    ------
+    ValueError
+        If the index points beyond the samples.
+
+    Notes
+    -----
+    Article, 'Data Enhancement and Compensation': frame averaging. Of N independent looks the
+    signal-to-noise ratio is sqrt(N) times that of one, which for fully developed speckle is 1.
+    The looks must not share their speckle: averaging correlated ones gains less, equal ones
+    nothing.
+    """
+    looks = looks_of(values, index)
+    there = ~np.isnan(looks)
+    count = there.sum(axis=-1)
+    total = np.where(there, looks, 0.0).sum(axis=-1)
+    return np.where(count > 0, total / np.maximum(count, 1), math.nan)
+
+
+def median(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Median over the looks of each pixel.
+
+    Parameters
+    ----------
+    values : (...) array_like
+        A value a sample, in any unit; NaN is no look.
+    index : (row, column, look) intp ndarray
+        As from `gather_looks`.
+
+    Returns
+    -------
+    (row, column) float64 ndarray
+        Medians, the mean of the middle two of an even number; NaN where there is no look.
+
+    Raises
+    ------
+    ValueError
+        If the index points beyond the samples.
+
+    Notes
+    -----
+    Not in the article: what `histogram_cluster_average` is compared with.
+    """
+    looks = np.sort(looks_of(values, index), axis=-1)  # NaN last
+    count = np.count_nonzero(~np.isnan(looks), axis=-1)[..., None]
+    low = np.take_along_axis(looks, np.maximum(count - 1, 0) // 2, axis=-1)
+    high = np.take_along_axis(looks, np.minimum(count // 2, looks.shape[-1] - 1), axis=-1)
+    return ((low + high) / 2)[..., 0]

@@ -1,0 +1,139 @@
+"""Histogram-cluster average: the majority's mean, whatever the others say."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from scipy import stats
+
+from ncti.irar import histogram_cluster_average
+
+# Quarters tie often, and their differences are exact.
+quarters = st.integers(-40, 40).map(lambda n: n / 4)
+maybe = st.one_of(quarters, st.just(math.nan))
+
+
+def plain_average(looks, window):
+    """The definition, window by window."""
+    known = sorted(r for r in looks if not math.isnan(r))
+    held = [[r for r in known if 0 <= r - begin <= window] for begin in known]
+    if not held:
+        return math.nan
+    return np.mean(min(held, key=lambda h: (-len(h), h[-1] - h[0], h[0])))
+
+
+@given(
+    arrays(float, array_shapes(min_dims=1, max_dims=3, min_side=1, max_side=9), elements=maybe),
+    st.sampled_from([0.25, 1.0, 4.0, 30.0]),
+)
+def test_it_is_the_mean_of_the_most_populated_window(ranges, window):
+    found = histogram_cluster_average(ranges, window=window)
+    assert found.shape == ranges.shape[:-1]
+    flat = ranges.reshape(-1, ranges.shape[-1])
+    expected = [plain_average(looks, window) for looks in flat]
+    np.testing.assert_allclose(found.ravel(), expected, rtol=0, atol=1e-13)
+
+
+@given(
+    arrays(float, (3, 7), elements=maybe),
+    st.permutations(range(7)),
+    st.integers(-4000, 4000),
+)
+def test_order_origin_and_missing_looks_do_not_matter(ranges, order, origin):
+    found = histogram_cluster_average(ranges, window=2.0)
+    moved = histogram_cluster_average(ranges[:, order] + origin, window=2.0) - origin
+    np.testing.assert_allclose(moved, found, rtol=0, atol=1e-11)
+    padded = np.concatenate([np.full((3, 4), math.nan), ranges], axis=-1)
+    np.testing.assert_array_equal(histogram_cluster_average(padded, window=2.0), found)
+
+
+def test_ties_go_to_the_tightest_then_the_nearest():
+    assert histogram_cluster_average([0.0, 3.0, 50.0, 51.0], window=4.0) == 50.5
+    assert histogram_cluster_average([0.0, 1.0, 50.0, 51.0], window=4.0) == 0.5
+    assert histogram_cluster_average([7.0, 90.0], window=4.0) == 7.0
+    # Two windows of three share two looks; the tighter one is the farther.
+    assert histogram_cluster_average([0.0, 3.0, 4.0, 5.0], window=4.0) == 4.0
+
+
+def test_limits():
+    looks = np.random.default_rng(0).normal(3900, 1, (50, 9))
+    wide = histogram_cluster_average(looks, window=1e6)
+    np.testing.assert_allclose(wide, looks.mean(axis=-1), rtol=1e-14)
+    narrow = histogram_cluster_average(looks, window=1e-12)
+    np.testing.assert_array_equal(narrow, looks.min(axis=-1))  # nine clusters of one
+    same = np.full((2, 10), 3900.1)
+    np.testing.assert_array_equal(histogram_cluster_average(same, window=4.0), [3900.1, 3900.1])
+
+
+def test_pixels_do_not_mix_where_the_work_is_cut():
+    ranges = np.random.default_rng(1).uniform(0, 20, (9000, 5))
+    whole = histogram_cluster_average(ranges, window=3.0)
+    parts = [histogram_cluster_average(part, window=3.0) for part in np.split(ranges, 9)]
+    np.testing.assert_array_equal(whole, np.concatenate(parts))
+
+
+@pytest.mark.parametrize("shape", [(0,), (3, 0), (0, 4)])
+def test_no_look_is_no_range(shape):
+    found = histogram_cluster_average(np.zeros(shape), window=4.0)
+    assert found.shape == shape[:-1] and np.isnan(found).all()
+    assert math.isnan(histogram_cluster_average([math.nan] * 3, window=4.0))
+
+
+def test_false_ranges_cost_less_than_in_mean_and_median():
+    """10 % false ranges over a 250 m gate, 8 looks, 40,000 pixels, sigma 1 m, window 4 m.
+
+    The mean's error is closed form, sqrt((0.9 + 0.1 gate^2 / 12) / 8) = 8.08 m. Averaging only
+    the true looks, by who knew them, bounds every filter: 0.38 m. A false cluster can win only
+    where true looks are about as few as those false ones that meet by chance, so rarer than 5
+    false looks of 8 (4e-4); those pixels aside, the filter is within 10 % of the bound. All
+    standard errors are below 1 %.
+    """
+    rng = np.random.default_rng(7)
+    gate, pixels, count = 250.0, 40_000, 8
+    false = rng.random((pixels, count)) < 0.1
+    error = rng.normal(size=(pixels, count))
+    error[false] = rng.uniform(-gate / 2, gate / 2, np.count_nonzero(false))
+
+    def rms(values):
+        return math.sqrt(np.mean(values**2))
+
+    mean, middle = rms(error.mean(axis=-1)), rms(np.median(error, axis=-1))
+    filtered = histogram_cluster_average(3900 + error, window=4.0) - 3900
+    assert mean == pytest.approx(math.sqrt((0.9 + 0.1 * gate**2 / 12) / count), rel=0.03)
+    assert rms(filtered) < 0.75 * middle < 0.1 * mean
+    known = np.where(false, math.nan, error)[~false.all(axis=-1)]
+    bound = rms(np.nanmean(known, axis=-1))
+    lost = np.abs(filtered) > 4
+    assert np.mean(lost) < stats.binom.sf(4, count, 0.1)
+    assert bound < rms(filtered[~lost]) < 1.1 * bound
+
+
+def test_without_false_ranges_it_is_nearly_the_mean():
+    """Gaussian looks, 40,000 pixels: at most 10 % above sigma / sqrt(8)."""
+    looks = np.random.default_rng(8).normal(size=(40_000, 8))
+    rms = math.sqrt(np.mean(histogram_cluster_average(looks, window=4.0) ** 2))
+    assert 1.0 < rms * math.sqrt(8) < 1.1
+
+
+def test_input_is_left_alone():
+    ranges = np.array([[3.0, 1.0, math.nan, 2.0]])
+    before = ranges.copy()
+    histogram_cluster_average(ranges, window=4.0)
+    np.testing.assert_array_equal(ranges, before)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "window", "message"),
+    [
+        ([1.0], 0.0, r"window is 0\.0"),
+        ([1.0], math.nan, "window is nan"),
+        ([1.0, math.inf], 4.0, "infinite"),
+        (3.0, 4.0, "axis of looks"),
+    ],
+)
+def test_bad_input_is_named(ranges, window, message):
+    with pytest.raises(ValueError, match=message):
+        histogram_cluster_average(ranges, window=window)
