@@ -1,19 +1,65 @@
 """Infrared airborne radar: a flight simulated, its images corrected, its range profiles."""
 
+from ncti.irar.chain import (
+    Correction,
+    Snapshot,
+    Window,
+    correct,
+    profile,
+    segmented,
+    true_snapshot,
+)
 from ncti.irar.clusters import histogram_cluster_average
+from ncti.irar.flight import Flight, ship_heading
 from ncti.irar.looks import average, gather_looks, looks_of, median
+from ncti.irar.mirror import mirror_rotation
 from ncti.irar.profiling import range_profile
+from ncti.irar.registration import (
+    azimuth_shift,
+    mirror_displacement,
+    motion_displacement,
+    raw_places,
+    rotated,
+    snapshot_places,
+)
+from ncti.irar.scan import Pass, Scan, fly
+from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
 from ncti.irar.segmentation import noise_threshold, segment
+from ncti.irar.speckle import speckle_correlation
 from ncti.irar.time_delay import time_delay_integrate
 
 __all__ = [
+    "Correction",
+    "Flight",
+    "Pass",
+    "Returns",
+    "Scan",
+    "ScanPlan",
+    "Snapshot",
+    "Window",
     "average",
+    "azimuth_shift",
+    "correct",
+    "fly",
     "gather_looks",
     "histogram_cluster_average",
     "looks_of",
     "median",
+    "mirror_displacement",
+    "mirror_rotation",
+    "motion_displacement",
     "noise_threshold",
+    "plan_scan",
+    "profile",
     "range_profile",
+    "raw_places",
+    "rotated",
+    "scan_scene",
     "segment",
+    "segmented",
+    "ship_heading",
+    "snapshot_places",
+    "speckle_correlation",
     "time_delay_integrate",
+    "true_snapshot",
 ]

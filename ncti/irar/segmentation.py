@@ -99,9 +99,10 @@ def noise_threshold(*, cells: float, looks: int, false_alarm: float) -> float:
     require("false_alarm", false_alarm, minimum=1e-9, maximum=0.5)
     count = int(looks)
     steps = math.ceil((math.log(cells) + _BEYOND) / _STEP)
-    edges = (np.arange(steps + 1) - 0.5) * _STEP
-    below = -np.expm1(-np.maximum(edges, 0.0))
-    share = np.diff(below**cells)
+    edges = (np.arange(1, steps + 1) - 0.5) * _STEP
+    # The tail itself: 1 - P would round it away.
+    tail = np.append(1.0, -np.expm1(cells * np.log1p(-np.exp(-edges))))
+    share = -np.diff(tail)
     # Of value j the sum takes what lies in (j - 1/2, j + 1/2] steps.
     size = fft.next_fast_len(count * steps, real=True)
     total = fft.irfft(fft.rfft(share, size) ** count, size)[: count * steps]

@@ -4,6 +4,7 @@ from ncti.render.choice import available_engines, choose_engine, engines, start_
 from ncti.render.draw import range_image
 from ncti.render.engine import Engine, EngineError
 from ncti.render.image import Lattice, RangeImage
+from ncti.render.rays import RayHits, cast_rays
 from ncti.render.view import ROLL, View
 
 __all__ = [
@@ -12,8 +13,10 @@ __all__ = [
     "EngineError",
     "Lattice",
     "RangeImage",
+    "RayHits",
     "View",
     "available_engines",
+    "cast_rays",
     "choose_engine",
     "engines",
     "range_image",

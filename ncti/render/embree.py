@@ -34,13 +34,21 @@ class EmbreeEngine:
         # From the near plane, so that float32 sees distances of the size of the ship only.
         start = (1.0 + k * lattice.near) * across + (lattice.near * away - solid.centre)
         direction = k * across + away if k > 0.0 else away
-        with self._lock:
-            facet = self._scene(solid).run(
-                start.astype(np.float32).reshape(-1, 3),
-                direction.astype(np.float32).reshape(-1, 3),
-            )
+        facet = self.cast(
+            solid,
+            start.astype(np.float32).reshape(-1, 3),
+            direction.astype(np.float32).reshape(-1, 3),
+        )
         pixel = np.flatnonzero(facet >= 0)
         return pixel, facet[pixel].astype(np.intp)
+
+    def cast(
+        self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]
+    ) -> NDArray[np.intp]:
+        """(ray,): first facet on each ray from near the solid, about its centre; -1 if none."""
+        with self._lock:
+            facet: NDArray[np.intp] = self._scene(solid).run(start, direction)
+        return facet
 
     def _scene(self, solid: Solid) -> EmbreeScene:
         scene = self._scenes.get(solid)

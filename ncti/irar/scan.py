@@ -1,0 +1,232 @@
+"""A pass as the sensor records it: raw intensity, range and infrared images."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from ncti.checks import require_generator
+from ncti.infrared.radiometry import contrast
+from ncti.irar.flight import Flight
+from ncti.irar.receiver import noiseless, peaks
+from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
+from ncti.irar.speckle import speckle, speckle_correlation
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Floats = NDArray[np.float64]
+
+UNITS = {
+    "slant_range": "m",
+    "depression": "degree",
+    "aircraft_speed": "m s-1",
+    "ship_speed": "m s-1",
+    "aircraft_heading": "degree",
+    "aircraft_track": "degree",
+    "ship_heading": "degree",
+    "offset": "degree",
+    "pointing": "degree",
+    "mirror_angle": "degree",
+    "ifov": "rad",
+    "line_rate": "Hz",
+    "pulse_rate": "Hz",
+    "pulse_width": "s",
+    "range_sigma": "m",
+    "range_gate": "m",
+    "nedt": "K",
+    "jitter": "rad",
+    "jitter_time": "s",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Raw images of one pass.
+
+    Attributes
+    ----------
+    plan : ScanPlan
+        The flight and its lines.
+    intensity : (line, sample) float32 ndarray
+        Of the strongest return, in noise powers; 0 where none passed the threshold.
+    range : (line, sample) float64 ndarray
+        Of that return [m]; NaN where there is none.
+    infrared : (detector, line, sample) float32 ndarray
+        Apparent temperature over the sea's [K]; detector k looks k samples behind the first.
+    """
+
+    plan: ScanPlan
+    intensity: NDArray[np.float32]
+    range: Floats
+    infrared: NDArray[np.float32]
+
+    @property
+    def flight(self) -> Flight:
+        """The pass, with its pointing settled."""
+        return self.plan.flight
+
+    @property
+    def time(self) -> Floats:
+        """(line, sample): after the snapshot [s]."""
+        return self.plan.time(np.arange(self.flight.samples))
+
+    def to_xarray(self) -> xr.Dataset:
+        """The raw images as an xarray data set, every parameter of the flight among its attributes.
+
+        A parameter `name` with a unit has it as `name_units`.
+        """
+        import xarray as xr
+
+        flight = self.flight
+        image = ("line", "sample")
+        given = {field.name: getattr(flight, field.name) for field in fields(flight)}
+        if given["aircraft_track"] is None:
+            given["aircraft_track"] = flight.aircraft_heading
+        given["aspect"] = flight.aspect
+        units = UNITS | {"aspect": "degree"}
+        attributes = given | {f"{name}_units": units[name] for name in given if name in units}
+        return xr.Dataset(
+            {
+                "intensity": (
+                    image,
+                    self.intensity,
+                    {"units": "1", "long_name": "peak intensity over mean noise power"},
+                ),
+                "range": (image, self.range, {"units": "m", "long_name": "range of that peak"}),
+                "infrared": (
+                    ("detector", *image),
+                    self.infrared,
+                    {"units": "K", "long_name": "apparent temperature over the sea's"},
+                ),
+            },
+            coords={
+                "time": (
+                    image,
+                    self.time,
+                    {"units": "s", "long_name": "time after the beam crossed the ship's origin"},
+                ),
+                "line": ("line", self.plan.first + np.arange(self.plan.lines)),
+            },
+            attrs=attributes,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """A pass before its noise: from it any number of scans are drawn, and the noiseless one.
+
+    Attributes
+    ----------
+    plan : ScanPlan
+        The flight and its lines.
+    returns : Returns
+        What the ship sends back, with `flight.detectors` - 1 columns before the first sample.
+    """
+
+    plan: ScanPlan
+    returns: Returns
+
+    @property
+    def _active(self) -> Returns:
+        return self.returns.without_leading(self.plan.flight.detectors - 1)
+
+    def _infrared(self, rng: np.random.Generator | None) -> NDArray[np.float32]:
+        flight = self.plan.flight
+        seen = self.returns.coverage() * contrast(flight.slant_range)
+        # Detector k sees at sample j the column k before it.
+        last = flight.detectors - 1
+        shape = (flight.detectors, self.plan.lines, flight.samples)
+        images = np.empty(shape, dtype=np.float32)
+        for k, image in enumerate(images):
+            image[...] = seen[:, last - k : last - k + flight.samples]
+        if rng is not None:
+            images += np.float32(flight.nedt) * rng.standard_normal(shape, dtype=np.float32)
+        return images
+
+    def noiseless(self) -> Scan:
+        """The scan without speckle, noise, range error or dropouts."""
+        intensity, range_ = noiseless(self._active, flight=self.plan.flight)
+        return Scan(self.plan, intensity, range_, self._infrared(None))
+
+    def record(self, rng: np.random.Generator) -> Scan:
+        """One scan, with speckle, noise, false ranges and dropouts.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of randomness.
+        """
+        require_generator("rng", rng)
+        flight = self.plan.flight
+        returns = self._active
+        amplitudes = speckle(
+            (*returns.shape, returns.rays), correlation=speckle_correlation(flight), rng=rng
+        )
+        time = self.plan.time(np.arange(flight.samples))
+        nominal = np.linalg.norm(flight.position(time), axis=-1)
+        intensity, range_ = peaks(returns, amplitudes, nominal, flight=flight, rng=rng)
+        return Scan(self.plan, intensity, range_, self._infrared(rng))
+
+
+def fly(
+    mesh: trimesh.Trimesh,
+    flight: Flight,
+    *,
+    rng: np.random.Generator | None = None,
+    reflectivity: Floats | None = None,
+    lambertian: bool = False,
+) -> Pass:
+    """One pass of the aircraft by a ship.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The ship, in its frame.
+    flight : Flight
+        The pass.
+    rng : numpy.random.Generator, optional
+        Source of the attitude's jitter; needed where the flight has some.
+    reflectivity, lambertian
+        As for `scan_scene`.
+
+    Returns
+    -------
+    Pass
+        What the beam meets; `record` and `noiseless` make scans of it.
+
+    Raises
+    ------
+    ValueError
+        If the flight cannot see the whole ship, or has jitter and no generator.
+    """
+    plan = plan_scan(mesh, flight)
+    attitude = None
+    if flight.jitter > 0:
+        require_generator("rng", rng)
+        assert rng is not None
+        attitude = _wander(plan, rng)
+    returns = scan_scene(
+        mesh,
+        plan,
+        leading=flight.detectors - 1,
+        attitude=attitude,
+        reflectivity=reflectivity,
+        lambertian=lambertian,
+    )
+    return Pass(plan, returns)
+
+
+def _wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:
+    """(line, 2): attitude errors, a first-order Markov sequence [rad]."""
+    flight = plan.flight
+    kept = math.exp(-1 / (flight.line_rate * flight.jitter_time))
+    drawn = rng.standard_normal((plan.lines, 2)) * flight.jitter
+    for line in range(1, plan.lines):
+        drawn[line] = kept * drawn[line - 1] + math.sqrt(1 - kept**2) * drawn[line]
+    return drawn

@@ -1,0 +1,227 @@
+"""What the beam meets: the ship behind every sample of a scan, before any noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from ncti.irar.flight import Flight
+from ncti.irar.mirror import mirror_rotation
+from ncti.render import cast_rays
+
+Floats = NDArray[np.float64]
+
+RAYS = 3
+"""Rays along each side of an IFOV."""
+
+MARGIN = 3.0
+"""Pixels of sea that a scan sees around the ship."""
+
+LINES_AT_ONCE = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Returns:
+    """What the ship sends back to each sample of a scan, or to each pixel of a snapshot.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Lines and columns.
+    place : (hit,) intp ndarray
+        Flat index of the sample that a ray belongs to, ascending.
+    ray : (hit,) intp ndarray
+        Which of its rays, from 0 to `rays` - 1.
+    distance : (hit,) float64 ndarray
+        To what the ray meets [m].
+    power : (hit,) float64 ndarray
+        Returned, of the power that a flat target filling the IFOV returns.
+    rays : int
+        Of each sample.
+    """
+
+    shape: tuple[int, int]
+    place: NDArray[np.intp]
+    ray: NDArray[np.intp]
+    distance: Floats
+    power: Floats
+    rays: int
+
+    def coverage(self) -> Floats:
+        """(line, column): fraction of the IFOV that the ship fills."""
+        count = np.bincount(self.place, minlength=math.prod(self.shape))
+        return count.reshape(self.shape) / self.rays
+
+    def without_leading(self, columns: int) -> Returns:
+        """The same, without the first columns."""
+        line, column = np.divmod(self.place, self.shape[1])
+        kept = column >= columns
+        width = self.shape[1] - columns
+        place = line[kept] * width + column[kept] - columns
+        return Returns(
+            (self.shape[0], width),
+            place,
+            self.ray[kept],
+            self.distance[kept],
+            self.power[kept],
+            self.rays,
+        )
+
+
+@dataclass(frozen=True)
+class ScanPlan:
+    """Which lines a pass needs to see a ship from its waterline to its mast tops.
+
+    Attributes
+    ----------
+    flight : Flight
+        With its pointing settled.
+    first : int
+        Number of the first line; line 0 begins at time 0.
+    lines : int
+        How many there are.
+    """
+
+    flight: Flight
+    first: int
+    lines: int
+
+    def time(self, columns: NDArray[np.integer]) -> Floats:
+        """(line, column): when each sample is taken [s]."""
+        line = self.first + np.arange(self.lines)
+        return line[:, None] / self.flight.line_rate + columns / self.flight.pulse_rate
+
+
+def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
+    """When to scan and where to point so that a pass sees a whole ship.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The ship, in its frame.
+    flight : Flight
+        The pass.
+
+    Returns
+    -------
+    ScanPlan
+        From a few pixels under the ship to a few above it.
+
+    Raises
+    ------
+    ValueError
+        If a line has too few samples for the ship and its drift, or the gate is not as deep as
+        the ship.
+    """
+    right, up, away = flight.snapshot_axes @ np.asarray(mesh.vertices, dtype=np.float64).T
+    depth = float(np.ptp(away))
+    if 2 * np.abs(away).max() > flight.range_gate:
+        raise ValueError(
+            f"range_gate is {flight.range_gate:g} m, but must be at least "
+            f"{math.ceil(2 * np.abs(away).max())}, as deep as this ship about its origin"
+        )
+    # A line leans by the mirror, so that it meets what lies right of its middle later.
+    lean = math.tan(
+        math.radians(-mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle))
+    )
+    centre = float(right.min() + right.max()) / 2
+    for _ in range(3):  # the middle of the scan depends on its duration
+        meets = (up - lean * (right - centre)) / (flight.climb + lean * flight.drift)
+        middle = float(meets.min() + meets.max()) / 2
+        centre = float(right.min() + right.max()) / 2 + flight.drift * middle
+    # Near parts climb faster, and the whole ship does as it comes closer.
+    faster = 1 + (depth + flight.closing_speed * float(np.abs(meets).max())) / flight.slant_range
+    margin = MARGIN * flight.pixel / flight.climb
+    start = float(meets.min()) * (faster if meets.min() < 0 else 1 / faster) - margin
+    stop = float(meets.max()) * (faster if meets.max() > 0 else 1 / faster) + margin
+    first, last = math.floor(start * flight.line_rate), math.ceil(stop * flight.line_rate)
+    width = float(np.ptp(right)) + abs(flight.drift) * (stop - start)
+    nearest = flight.slant_range - depth / 2 - flight.closing_speed * max(stop, 0.0)
+    needed = math.ceil(width / (flight.ifov * nearest) + 2 * MARGIN)
+    if flight.pointing is None and needed > flight.samples:
+        raise ValueError(
+            f"samples is {flight.samples}, but must be at least {needed} for this ship and its "
+            "drift across the scan"
+        )
+    pointing = flight.pointing
+    if pointing is None:
+        across = centre / (flight.slant_range * math.cos(math.radians(flight.depression)))
+        pointing = flight.offset + math.degrees(across)
+    return ScanPlan(replace(flight, pointing=pointing), first, last - first + 1)
+
+
+def scan_scene(
+    mesh: trimesh.Trimesh,
+    plan: ScanPlan,
+    *,
+    leading: int = 0,
+    attitude: Floats | None = None,
+    reflectivity: Floats | None = None,
+    lambertian: bool = False,
+) -> Returns:
+    """What the ship returns to each sample of a scan, from where both then are.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The ship, in its frame.
+    plan : ScanPlan
+        The pass.
+    leading : int
+        Columns to look at before the first sample, as passive detectors do.
+    attitude : (line, 2) float64 ndarray, optional
+        Errors of the line of sight, to the right and up [rad].
+    reflectivity : (facet,) float64 ndarray, optional
+        Of each facet, relative to the others; 1 when not given.
+    lambertian : bool
+        Whether power falls with the cosine of incidence; the article's follows projected area.
+
+    Returns
+    -------
+    Returns
+        Of `leading` columns more than the flight has samples.
+    """
+    flight = plan.flight
+    columns = np.arange(-leading, flight.samples)
+    part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS * flight.ifov
+    time = plan.time(columns)
+    found = []
+    errors = np.zeros((plan.lines, 2)) if attitude is None else attitude
+    half_angle = _half_angle(mesh, plan)
+    for start in range(0, plan.lines, LINES_AT_ONCE):
+        line = slice(start, min(start + LINES_AT_ONCE, plan.lines))
+        along = np.broadcast_to(flight.scan_angles(columns), time[line].shape)
+        along = along + errors[line, :1]
+        origin = flight.position(time[line])
+        # A sample whose middle passes far from the ship's sphere is of the sea.
+        middle = flight.directions(along, np.broadcast_to(errors[line, 1:], along.shape))
+        to_ship = mesh.bounds.mean(axis=0) - origin
+        to_ship /= np.linalg.norm(to_ship, axis=-1, keepdims=True)
+        near = np.nonzero(np.einsum("...i,...i->...", to_ship, middle) > math.cos(half_angle))
+        if not len(near[0]):
+            continue
+        right = along[near][:, None, None] + part
+        above = np.broadcast_to(errors[line, 1:], along.shape)[near][:, None, None] + part[:, None]
+        right, above = np.broadcast_arrays(right, above)
+        ways = flight.directions(right, above).reshape(-1, 3)
+        starts = np.repeat(origin[near], RAYS**2, axis=0)
+        hits = cast_rays(mesh, starts, ways)
+        which, ray = np.divmod(hits.ray, RAYS**2)
+        place = (near[0][which] + start) * len(columns) + near[1][which]
+        power = np.ones(len(ray)) if reflectivity is None else reflectivity[hits.facet]
+        found.append((place, ray, hits.distance, power * hits.cosine if lambertian else power))
+    nothing = [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0), np.empty(0))]
+    place, ray, distance, power = map(np.concatenate, zip(*(found or nothing), strict=True))
+    return Returns((plan.lines, len(columns)), place, ray, distance, power / RAYS**2, RAYS**2)
+
+
+def _half_angle(mesh: trimesh.Trimesh, plan: ScanPlan) -> float:
+    """Angle about the middle of the ship beyond which no sample meets it [rad]."""
+    radius = float(np.linalg.norm(mesh.extents)) / 2
+    columns = np.arange(2) * (plan.flight.samples - 1)
+    nearest = float(np.linalg.norm(plan.flight.position(plan.time(columns)), axis=-1).min())
+    return math.asin(min(1.0, radius / max(nearest - radius, radius))) + 2 * plan.flight.ifov
