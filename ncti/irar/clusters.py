@@ -34,10 +34,10 @@ def histogram_cluster_average(ranges: ArrayLike, *, window: float) -> NDArray[np
     -----
     Article, 'Data Enhancement and Compensation', which names the filter and does not define it.
     Here: a window of fixed width slides over the sorted ranges, and the window that holds the
-    most is averaged; of equally many, the tightest, then the nearest. Without false ranges it
-    costs little against the mean, as four standard deviations hold nearly all looks; a false
-    range counts only where it falls beside true ones. Two looks that disagree have no majority:
-    the nearer one wins.
+    most is averaged; of equally many, the tightest, then the nearest. Without false ranges a
+    window of four standard deviations leaves out a true look now and then: the error is 5 %
+    above that of the mean at 8 looks. A false range counts only where it falls beside true
+    ones. Two looks that disagree have no majority, and the nearer one wins.
     """
     require("window", window, positive=True)
     looks = np.asarray(ranges, dtype=np.float64)
