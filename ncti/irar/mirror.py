@@ -45,7 +45,7 @@ def beam(
         Of that beam, gamma [deg].
     mirror_angle : float
         Half the azimuth by which the mirror turns the beam, psi [deg]: at 45 the beam reaches it
-        from abeam.
+        from abeam, on the right of the line of sight, where the article's sign puts it.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def beam(
     the pass, sends it down: a line of the scan is then not level, see `mirror_rotation`.
     """
     towards = compass(azimuth, -depression)
-    source = azimuth - 2 * mirror_angle  # where the beam comes from, turned clockwise by 2 psi
+    source = azimuth + 2 * mirror_angle  # where the beam comes from
     normal = towards + compass(source, 0.0)
     normal /= np.linalg.norm(normal)
     # The mirror image of a turn to the right is one to the left.

@@ -178,7 +178,7 @@ def mirror_displacement(
         row, column = _image(flight, flight.directions(angles, np.zeros_like(angles)))
         return row - level_row, column - level_column
     lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle, form=form)
-    return -math.tan(math.radians(lean)) * angles / flight.ifov, np.zeros_like(angles)
+    return math.tan(math.radians(lean)) * angles / flight.ifov, np.zeros_like(angles)
 
 
 def rotated(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, Floats]:

@@ -124,9 +124,9 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
             f"range_gate is {flight.range_gate:g} m, but must be at least "
             f"{math.ceil(2 * np.abs(away).max())}, as deep as this ship about its origin"
         )
-    # A line leans by the mirror, so that it meets what lies right of its middle later.
+    # A line leans by the mirror, so that it meets what lies right of its middle later or sooner.
     lean = math.tan(
-        math.radians(-mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle))
+        math.radians(mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle))
     )
     centre = float(right.min() + right.max()) / 2
     for _ in range(3):  # the middle of the scan depends on its duration

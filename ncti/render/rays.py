@@ -79,7 +79,8 @@ def cast_rays(mesh: trimesh.Trimesh, origin: Floats, direction: Floats) -> RayHi
         none = np.empty(0, dtype=np.intp)
         return RayHits(none, np.empty(0), none, np.empty(0))
     along = direction[near]
-    start = offset[near] + (nearest[near] - radius - 1.0)[:, None] * along
+    # An origin among masts is inside the sphere, and what lies behind it is not seen.
+    start = offset[near] + np.maximum(nearest[near] - radius - 1.0, 0.0)[:, None] * along
     facet = _embree.cast(solid, start.astype(np.float32), along.astype(np.float32))
     hit = np.flatnonzero(facet >= 0)
     facet = facet[hit].astype(np.intp)
