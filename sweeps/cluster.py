@@ -8,6 +8,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
 from typing import Any, Protocol
 
 from sweeps.schema import ClusterConfig
@@ -112,7 +113,7 @@ def executor(config: ClusterConfig, *, tasks: int) -> Iterator[Executor]:
         "distributed.admin.large-graph-warning-threshold": "1GB",
     }
     with dask.config.set(settings), ExitStack() as stack:
-        with _interrupts_ignored():
+        with _interrupts_held():
             cluster = stack.enter_context(
                 LocalCluster(
                     n_workers=workers,
@@ -129,16 +130,28 @@ def executor(config: ClusterConfig, *, tasks: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """Let processes started meanwhile ignore Ctrl-C, which a terminal sends to all of them.
+def _interrupts_held() -> Iterator[None]:
+    """Keep Ctrl-C, which a terminal sends to all processes, from those that are started meanwhile.
 
-    The command itself hears it and ends its workers in order; they would add their tracebacks.
+    The command itself hears it and ends its workers in order; they would add their tracebacks. An
+    interrupt that arrives meanwhile is delivered at the end.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Processes inherit the signals that the thread which starts them blocks, and threads those of
+    # their starter: blocked here, an interrupt reaches neither the cluster's thread nor any worker,
+    # one that is started anew later among them. Python 3.11 unblocks it where it first starts its
+    # resource tracker, so that must be there already.
+    resource_tracker.ensure_running()
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    arrived = []
+    # Other threads of this process may take the signal; what it does is done in the main one.
+    if in_main_thread:
+        before = signal.signal(signal.SIGINT, lambda *_: arrived.append(True))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        if in_main_thread:
+            signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        if arrived:
+            signal.raise_signal(signal.SIGINT)

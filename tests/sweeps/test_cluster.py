@@ -1,0 +1,119 @@
+"""Workers and Ctrl-C: whom an interrupt reaches, and that none is lost."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import distributed
+import pytest
+
+from sweeps.cluster import executor
+from sweeps.schema import ClusterConfig
+
+
+def interrupt_oneself():
+    """Ctrl-C as a worker would get it; the time for it to act."""
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.1)
+    return os.getpid()
+
+
+def signals_blocked():
+    return os.getpid(), frozenset(signal.pthread_sigmask(signal.SIG_BLOCK, []))
+
+
+def results(workers, function, count):
+    outcomes = list(workers.run(function, [()] * count))
+    assert [error for *_, error in outcomes] == [None] * count
+    return {result for _, result, _ in outcomes}
+
+
+def test_a_worker_does_not_hear_an_interrupt():
+    handler, blocked = signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    with executor(ClusterConfig(kind="local", workers=1), tasks=2) as workers:
+        (first,) = results(workers, interrupt_oneself, 2)
+        assert first != os.getpid()
+        # Nor does the one that takes its place when it dies.
+        os.kill(first, signal.SIGKILL)
+        ((second, blocked_there),) = results(workers, signals_blocked, 1)
+        assert second != first
+        assert signal.SIGINT in blocked_there
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == blocked
+
+
+@pytest.fixture(params=["alone", "beside a thread that takes signals"])
+def thread(request):
+    """Another thread of this process, as a progress bar has, or none."""
+    done = threading.Event()
+    if request.param != "alone":
+        threading.Thread(target=done.wait, daemon=True).start()
+    yield
+    done.set()
+
+
+@pytest.mark.usefixtures("thread")
+@pytest.mark.parametrize("times", [0, 1, 2])
+def test_an_interrupt_while_workers_start_is_delivered_afterwards(times, monkeypatch):
+    clusters = []
+    start = distributed.LocalCluster
+
+    def interrupted(**options):
+        for _ in range(times):
+            interrupt_oneself()
+        clusters.append(start(**options))
+        return clusters[0]
+
+    monkeypatch.setattr(distributed, "LocalCluster", interrupted)
+    entered = False
+    try:
+        with executor(ClusterConfig(kind="local", workers=2), tasks=2):
+            entered = True
+    except KeyboardInterrupt:
+        assert times
+    else:
+        assert not times
+    # It was started all the same, nothing ran on it, and it was ended in order.
+    assert entered == (times == 0)
+    assert clusters[0].status == distributed.Status.closed
+
+
+def started(process):
+    """Processes that a process and its threads have started to run Python's tasks in."""
+    children = Path(f"/proc/{process.pid}/task").glob("*/children")
+    listed = " ".join(path.read_text() for path in children).split()
+    commands = (Path(f"/proc/{child}/cmdline").read_bytes() for child in listed)
+    return [command for command in commands if b"spawn_main" in command]
+
+
+def test_the_command_ends_when_interrupted_while_its_workers_start(tmp_path, cache):
+    """In a session of its own, all of whose processes hear the interrupt, as of a terminal's."""
+    arguments = (
+        *("grid.ship=duncan", "grid.aspect=[0,45,90]", "grid.vigilance=0.9"),
+        *("cluster.workers=2", "store=s.zarr", f"cache={cache}"),
+    )
+    command = subprocess.Popen(
+        [sys.executable, "-m", "sweeps.app", *arguments],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        while command.poll() is None and not started(command):
+            time.sleep(0.01)
+        os.killpg(command.pid, signal.SIGINT)
+        _, told = command.communicate(timeout=120)
+    finally:
+        command.kill()
+    assert command.returncode == 130
+    last = told.strip().splitlines()[-1]
+    assert last == "ncti-sweep: interrupted; the same command goes on from here"
+    assert "Traceback" not in told
+    # No work was begun.
+    assert not (tmp_path / "s.zarr").exists()
