@@ -22,8 +22,9 @@ WAVELENGTH = 10.6e-6
 class Flight:
     """Parameters of one pass.
 
-    Time is 0 when the beam crosses the ship's origin: slant range, offset and aspect are those of
-    that moment, whose view the corrections recover (the *snapshot*).
+    Time is 0 when the ship's origin is as far down as the mirror's line of sight: slant range,
+    offset and aspect are those of that moment, whose view the corrections recover (the
+    *snapshot*).
 
     Attributes
     ----------
@@ -126,6 +127,9 @@ class Flight:
         require("ifov", self.ifov, minimum=1e-6, maximum=0.01)
         require("line_rate", self.line_rate, minimum=1, maximum=100_000)
         require("samples", self.samples, whole=True, minimum=2, maximum=10_000)
+        require("detectors", self.detectors, whole=True, minimum=1, maximum=1000)
+        for name in ("samples", "detectors"):  # 160.0 counts, but is no length of an array
+            object.__setattr__(self, name, int(getattr(self, name)))
         require("pulse_rate", self.pulse_rate, positive=True, maximum=1e9)
         if self.pulse_rate < self.line_rate * self.samples:
             raise ValueError(
@@ -137,7 +141,6 @@ class Flight:
         require("range_sigma", self.range_sigma, minimum=0, maximum=100)
         require("range_gate", self.range_gate, minimum=10, maximum=1e5)
         require("threshold", self.threshold, minimum=0, maximum=1e9)
-        require("detectors", self.detectors, whole=True, minimum=1, maximum=1000)
         require("nedt", self.nedt, minimum=0, maximum=1000)
         require("jitter", self.jitter, minimum=0, maximum=0.01)
         require("jitter_time", self.jitter_time, positive=True, maximum=1000)

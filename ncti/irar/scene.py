@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from ncti.checks import require_all
 from ncti.irar.flight import Flight
 from ncti.irar.mirror import mirror_rotation
 from ncti.render import cast_rays
@@ -20,6 +21,9 @@ RAYS = 3
 
 MARGIN = 3.0
 """Pixels of sea that a scan sees around the ship."""
+
+MOST_LINES = 20_000
+"""Of one pass: thirty times those of a flight at the source's overscan."""
 
 LINES_AT_ONCE = 64
 
@@ -114,8 +118,13 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     Raises
     ------
     ValueError
-        If a line has too few samples for the ship and its drift, or the gate is not as deep as
-        the ship.
+        If a line has too few samples for the ship and its drift, the gate is not as deep as the
+        ship, the aircraft comes too close or takes too many lines, or the ship drifts so fast
+        that lines which the mirror tilts do not climb it.
+
+    Notes
+    -----
+    With a `pointing` of its own the flight scans there, whether or not the ship fits in.
     """
     right, up, away = flight.snapshot_axes @ np.asarray(mesh.vertices, dtype=np.float64).T
     depth = float(np.ptp(away))
@@ -128,19 +137,35 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     lean = math.tan(
         math.radians(mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle))
     )
+    pace = flight.climb + lean * flight.drift
+    if pace < 0.1 * flight.climb:
+        raise ValueError(
+            f"offset is {flight.offset:g}, but must be nearer 0: the ship drifts across the tilted "
+            f"lines at {flight.drift:g} m/s, faster than they climb it"
+        )
     centre = float(right.min() + right.max()) / 2
     for _ in range(3):  # the middle of the scan depends on its duration
-        meets = (up - lean * (right - centre)) / (flight.climb + lean * flight.drift)
+        meets = (up - lean * (right - centre)) / pace
         middle = float(meets.min() + meets.max()) / 2
         centre = float(right.min() + right.max()) / 2 + flight.drift * middle
     # Near parts climb faster, and the whole ship does as it comes closer.
     faster = 1 + (depth + flight.closing_speed * float(np.abs(meets).max())) / flight.slant_range
-    margin = MARGIN * flight.pixel / flight.climb
+    margin = MARGIN * flight.pixel / pace
     start = float(meets.min()) * (faster if meets.min() < 0 else 1 / faster) - margin
     stop = float(meets.max()) * (faster if meets.max() > 0 else 1 / faster) + margin
+    nearest = flight.slant_range - depth / 2 - flight.closing_speed * max(stop, 0.0)
+    if nearest < flight.slant_range / 2:
+        raise ValueError(
+            f"slant_range is {flight.slant_range:g}, but must be at least "
+            f"{math.ceil(2 * (flight.slant_range - nearest))}, twice what this pass comes closer"
+        )
+    if (stop - start) * flight.line_rate > MOST_LINES:
+        raise ValueError(
+            f"line_rate is {flight.line_rate:g}, but must be at most "
+            f"{MOST_LINES / (stop - start):.3g}, {MOST_LINES} lines in this pass"
+        )
     first, last = math.floor(start * flight.line_rate), math.ceil(stop * flight.line_rate)
     width = float(np.ptp(right)) + abs(flight.drift) * (stop - start)
-    nearest = flight.slant_range - depth / 2 - flight.closing_speed * max(stop, 0.0)
     needed = math.ceil(width / (flight.ifov * nearest) + 2 * MARGIN)
     if flight.pointing is None and needed > flight.samples:
         raise ValueError(
@@ -176,7 +201,8 @@ def scan_scene(
     attitude : (line, 2) float64 ndarray, optional
         Errors of the line of sight, to the right and up [rad].
     reflectivity : (facet,) float64 ndarray, optional
-        Of each facet, relative to the others; 1 when not given.
+        Of each facet, relative to the flat target that the carrier-to-noise ratio is of; 1 when
+        not given.
     lambertian : bool
         Whether power falls with the cosine of incidence; the article's follows projected area.
 
@@ -184,14 +210,26 @@ def scan_scene(
     -------
     Returns
         Of `leading` columns more than the flight has samples.
+
+    Raises
+    ------
+    ValueError
+        If there is not one reflectivity of at least 0 for each facet.
     """
+    if reflectivity is not None:
+        reflectivity = require_all("reflectivity", reflectivity, minimum=0)
+        if reflectivity.shape != (len(mesh.faces),):
+            raise ValueError(
+                f"reflectivity has shape {reflectivity.shape}, but must have one value for each "
+                f"of the {len(mesh.faces)} facets"
+            )
     flight = plan.flight
     columns = np.arange(-leading, flight.samples)
     part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS * flight.ifov
     time = plan.time(columns)
     found = []
     errors = np.zeros((plan.lines, 2)) if attitude is None else attitude
-    half_angle = _half_angle(mesh, plan)
+    radius = float(np.linalg.norm(mesh.extents)) / 2
     for start in range(0, plan.lines, LINES_AT_ONCE):
         line = slice(start, min(start + LINES_AT_ONCE, plan.lines))
         along = np.broadcast_to(flight.scan_angles(columns), time[line].shape)
@@ -200,8 +238,10 @@ def scan_scene(
         # A sample whose middle passes far from the ship's sphere is of the sea.
         middle = flight.directions(along, np.broadcast_to(errors[line, 1:], along.shape))
         to_ship = mesh.bounds.mean(axis=0) - origin
-        to_ship /= np.linalg.norm(to_ship, axis=-1, keepdims=True)
-        near = np.nonzero(np.einsum("...i,...i->...", to_ship, middle) > math.cos(half_angle))
+        apart = np.linalg.norm(to_ship, axis=-1)
+        reach = np.arcsin(np.minimum(radius / apart, 1.0)) + flight.ifov
+        ahead = np.einsum("...i,...i->...", to_ship, middle)
+        near = np.nonzero(ahead > apart * np.cos(reach))
         if not len(near[0]):
             continue
         right = along[near][:, None, None] + part
@@ -217,11 +257,3 @@ def scan_scene(
     nothing = [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0), np.empty(0))]
     place, ray, distance, power = map(np.concatenate, zip(*(found or nothing), strict=True))
     return Returns((plan.lines, len(columns)), place, ray, distance, power / RAYS**2, RAYS**2)
-
-
-def _half_angle(mesh: trimesh.Trimesh, plan: ScanPlan) -> float:
-    """Angle about the middle of the ship beyond which no sample meets it [rad]."""
-    radius = float(np.linalg.norm(mesh.extents)) / 2
-    columns = np.arange(2) * (plan.flight.samples - 1)
-    nearest = float(np.linalg.norm(plan.flight.position(plan.time(columns)), axis=-1).min())
-    return math.asin(min(1.0, radius / max(nearest - radius, radius))) + 2 * plan.flight.ifov

@@ -1,4 +1,4 @@
-"""The scanning mirror: its lean by finite differences, its sign, and the printed formula's limit."""
+"""The scanning mirror: its lean by finite differences, its sign, the printed form's limit."""
 
 import math
 

@@ -1,0 +1,180 @@
+"""Flights: who is where, what the scan's rates come to, and what cannot be flown."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from flown import flight, seen_from
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ncti.irar import Flight, ship_heading
+
+angles = st.floats(-180, 180)
+POINTS = np.array([(60.0, 0, 0), (-60.0, 7, 3), (0.0, 0, 40), (0.0, -7, 0)])
+
+
+@st.composite
+def flights(draw):
+    """Passes that close on the ship, of any headings."""
+    return flight(
+        aspect=draw(st.floats(0, 360)),
+        offset=draw(st.floats(-40, 40)),
+        slant_range=draw(st.floats(1e3, 1e5)),
+        depression=draw(st.floats(1, 40)),
+        aircraft_speed=draw(st.floats(60, 250)),
+        ship_speed=draw(st.floats(0, 18)),
+        aircraft_heading=draw(angles),
+    )
+
+
+@given(st.floats(0, 359.99), st.floats(-360, 360))
+def test_aspect_and_heading_are_each_others_inverse(aspect, sight):
+    heading = ship_heading(aspect=aspect, sight=sight)
+    assert 0 <= heading < 360
+    if abs(sight) <= 180:
+        seen = Flight(slant_range=4e3, ship_heading=heading, aircraft_heading=sight, offset=0.0)
+        assert math.remainder(seen.aspect - aspect, 360) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("heading", "aspect"), [(180, 0), (270, 90), (0, 180), (90, 270), (-90, 90)]
+)
+def test_aspects_of_a_ship_to_the_north(heading, aspect):
+    """Sailing west it shows its port side to an aircraft south of it, 90 deg."""
+    seen = Flight(slant_range=4e3, ship_heading=heading, offset=0.0)
+    assert seen.aspect == aspect
+
+
+@given(flights())
+def test_the_aircraft_is_seen_where_aspect_and_depression_say(flown):
+    """u = (cos d cos a, cos d sin a, sin d) of the ship frame, at time 0."""
+    a, d = math.radians(flown.aspect), math.radians(flown.depression)
+    towards = np.array([math.cos(d) * math.cos(a), math.cos(d) * math.sin(a), math.sin(d)])
+    found = flown.position(np.zeros(()))
+    np.testing.assert_allclose(found, flown.slant_range * towards, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(flown.snapshot_axes[2], -towards, rtol=0, atol=1e-13)
+    right = np.array([-math.sin(a), math.cos(a), 0])
+    np.testing.assert_allclose(flown.snapshot_axes[0], right, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(flown.snapshot_axes[1], np.cross(towards, right), atol=1e-13)
+
+
+@given(flights(), st.floats(-10, 10), st.none() | angles)
+def test_both_move_in_a_straight_line(flown, time, track):
+    """Against east and north worked out from speeds and headings in extended precision."""
+    try:
+        flown = dataclasses.replace(flown, aircraft_track=track)
+    except ValueError:  # it opens
+        return
+    from_aircraft = (POINTS - flown.position(np.array(time))) @ flown.snapshot_axes.T
+    expected = seen_from(flown, POINTS, time).astype(float)
+    np.testing.assert_allclose(from_aircraft, expected, rtol=0, atol=1e-9)
+
+
+@given(flights())
+def test_speeds_are_the_derivatives_of_what_is_seen(flown):
+    """Closing speed, drift and climb by central differences over 2 ms, true to (v h / R)^2."""
+    step = 1e-3
+    before, after = (seen_from(flown, np.zeros(3), t) for t in (-step, step))
+
+    def horizontal(p):
+        d = math.radians(flown.depression)
+        return p[2] * math.cos(d) + p[1] * math.sin(d)
+
+    closing = float((horizontal(before) - horizontal(after)) / (2 * step))
+    drift = float((after[0] - before[0]) / (2 * step))
+    # Up in the image by angle: the ship sinks as the lines climb it.
+    sinking = [p[1] / p[2] * flown.slant_range for p in (before, after)]
+    climb = float((sinking[0] - sinking[1]) / (2 * step))
+    size = flown.aircraft_speed + flown.ship_speed
+    assert flown.closing_speed == pytest.approx(closing, abs=1e-9 * size)
+    assert flown.drift == pytest.approx(drift, abs=1e-9 * size)
+    assert flown.climb == pytest.approx(climb, abs=1e-5 * size)
+
+
+def test_the_article_has_eight_to_twelve_lines_a_pixel():
+    """A ship that sails away from the aircraft at 8 m/s: 82 m/s of closing speed, 9.5 of climb."""
+    found = [flight(aspect=175, slant_range=r) for r in (3e3, 3.9e3, 5e3)]
+    assert [f.climb for f in found] == pytest.approx([9.5] * 3, abs=0.05)
+    assert [f.lines_per_pixel for f in found] == pytest.approx([7.7, 10.0, 12.8], abs=0.06)
+    assert flight(slant_range=4e3).pixel == pytest.approx(0.82)
+
+
+def test_the_beam_points_at_the_ship_in_the_snapshot():
+    flown = flight(offset=-7.0, aircraft_heading=33.0)
+    way = flown.directions(np.zeros(()), np.zeros(()))
+    np.testing.assert_allclose(flown.snapshot_axes @ way, [0, 0, 1], atol=1e-14)
+    aside = dataclasses.replace(flown, pointing=-6.0)
+    right = (flown.snapshot_axes @ aside.directions(np.zeros(()), np.zeros(())))[0]
+    assert right == pytest.approx(math.sin(math.radians(1)) * math.cos(math.radians(6.7)))
+
+
+def test_samples_are_an_ifov_apart_about_the_middle():
+    flown = flight(samples=5, ifov=1e-4)
+    np.testing.assert_allclose(flown.scan_angles(np.arange(-1, 5)), np.arange(-3, 3) * 1e-4)
+
+
+def test_a_pulse_of_30_ns_is_four_and_a_half_metres_long():
+    assert flight(pulse_width=30e-9).pulse_length == pytest.approx(4.4969, abs=1e-4)
+
+
+def test_whole_numbers_are_lengths_of_arrays():
+    flown = flight(samples=160.0, detectors=np.float64(12))
+    assert isinstance(flown.samples, int) and isinstance(flown.detectors, int)
+
+
+RANGES = {
+    "slant_range": (99, 1.1e6),
+    "depression": (0, 61),
+    "aircraft_speed": (0, -90, 1001),
+    "ship_speed": (-1, 51),
+    "aircraft_heading": (361, -361),
+    "ship_heading": (361, -361),
+    "aircraft_track": (361, -361),
+    "offset": (361, -361),
+    "pointing": (361, -361),
+    "mirror_angle": (0, 81),
+    "ifov": (0, -1e-4, 0.02),
+    "line_rate": (0, -1, 2e5),
+    "samples": (1, 160.5, 20_000),
+    "pulse_rate": (0, -1, 2e9),
+    "cnr": (0, -1, 2e9),
+    "pulse_width": (0, -1e-9, 2e-6),
+    "range_sigma": (-1, 101),
+    "range_gate": (0, 9, 2e5),
+    "threshold": (-1, 2e9),
+    "detectors": (0, 1.5, 2000),
+    "nedt": (-0.1, 1001),
+    "jitter": (-1e-6, 0.02),
+    "jitter_time": (0, -1, 2000),
+}
+
+
+def test_every_parameter_has_its_bounds_tested():
+    assert set(RANGES) == {field.name for field in dataclasses.fields(Flight)}
+
+
+@pytest.mark.parametrize("name", RANGES)
+@pytest.mark.parametrize("kind", ["range", "nan", "inf", "text", "list"])
+def test_bad_parameters_are_named_in_one_sentence(name, kind):
+    others = {"nan": [math.nan], "inf": [math.inf, -math.inf], "text": ["1"], "list": [[1.0, 2.0]]}
+    for value in RANGES[name] if kind == "range" else others[kind]:
+        given_ = {"slant_range": 3900.0, "ship_heading": 0.0} | {name: value}
+        with pytest.raises(ValueError, match=rf"^{name} is .*, but must be [^\n]*$"):
+            Flight(**given_)
+
+
+def test_a_pulse_rate_too_low_for_the_scan_is_refused():
+    flight(line_rate=119, samples=160, pulse_rate=119 * 160)
+    with pytest.raises(ValueError, match="pulse_rate is 19000, but must be at least 19040, line_"):
+        flight(line_rate=119, samples=160, pulse_rate=19_000)
+
+
+@pytest.mark.parametrize(
+    "opening",
+    [{"offset": 90.0}, {"offset": 180.0}, {"aircraft_speed": 5.0}, {"aircraft_track": 200}],
+)
+def test_a_ship_that_opens_is_refused(opening):
+    with pytest.raises(ValueError, match=r"aircraft_speed is .* now opens at [\d.]+ m/s$"):
+        Flight(slant_range=3900.0, ship_heading=10.0, **opening)
