@@ -26,6 +26,7 @@ from ncti.irar.scan import Pass, Scan, fly
 from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
 from ncti.irar.segmentation import noise_threshold, segment
 from ncti.irar.speckle import speckle_correlation
+from ncti.irar.tilt import Tilt, tilts
 from ncti.irar.time_delay import time_delay_integrate
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "Scan",
     "ScanPlan",
     "Snapshot",
+    "Tilt",
     "Window",
     "average",
     "azimuth_shift",
@@ -60,6 +62,7 @@ __all__ = [
     "ship_heading",
     "snapshot_places",
     "speckle_correlation",
+    "tilts",
     "time_delay_integrate",
     "true_snapshot",
 ]
