@@ -34,7 +34,8 @@ def fusion_rows(tables: xr.Dataset) -> list[Row]:
     Returns
     -------
     list of dict
-        One row for each channel, cell, resolution, numbers of frames and aspect bin.
+        One row for each channel, cell, resolution, numbers of frames and aspect bin; `n` counts
+        answers, which the interval takes as fewer where those to one view are alike.
     """
     rows = []
     for axes, cell in cells(tables[list(PARTS)]):
@@ -80,7 +81,9 @@ def print_fusion(rows: list[Row], console: Console) -> None:
         console.print(table)
     console.print(
         "Each sensor's score is given its weight on other draws of the noise; both name one ship "
-        "at one aspect. Infrared frames as many as those of profiles, or the nearest number there.",
+        "at one aspect. Infrared frames as many as those of profiles, or the nearest number there. "
+        "95 % Wilson intervals; n in the CSV counts answers, which intervals take as fewer (Kish's "
+        "design effect) where those to one view are alike.",
         style="dim",
     )
 

@@ -32,7 +32,8 @@ def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     Returns
     -------
     list of dict
-        One row for each classifier, setting, cell, kind of aspect and test vigilance.
+        One row for each classifier, setting, cell, kind of aspect and test vigilance: percentages
+        with their intervals, and numbers of answers.
     """
     rows: list[Row] = []
     for name, table in tables.items():
@@ -40,7 +41,11 @@ def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
             rows.append(
                 {"classifier": name}
                 | axes
-                | {f"percent_{figure}": percent(cell[figure]) for figure in FIGURES}
+                | {
+                    prefix + figure + end: percent(cell[figure + end])
+                    for figure in FIGURES
+                    for prefix, end in (("percent_", ""), ("", "_ci_low"), ("", "_ci_high"))
+                }
                 | {key: cell[key] for key in ("n_known", "n_unknown")}
             )
     keys = list(dict.fromkeys(key for row in rows for key in row))
@@ -54,8 +59,8 @@ def print_rejection(rows: list[Row], console: Console) -> None:
     settings = [
         key
         for key in rows[0]
-        if key not in ("classifier", "aspects", "test_vigilance", "frame_count", "n_known")
-        and not key.startswith(("percent", "n_"))
+        if key not in ("classifier", "aspects", "test_vigilance", "frame_count")
+        and not key.startswith(("percent_", "n_", *FIGURES))
     ]
     rows = first_rules(rows)
     several = [
@@ -63,9 +68,10 @@ def print_rejection(rows: list[Row], console: Console) -> None:
     ]
     for name in ("classifier", *(key.replace("_", " ") for key in several), "aspects", "frames"):
         table.add_column(name)
-    table.add_column("none\nrejected", justify="right")
+    table.add_column("answers,\nknown +\nunknown", justify="right")
+    table.add_column("none", justify="right")
     for level in LEVELS:
-        table.add_column(f"{level:.0%}\nrejected", justify="right")
+        table.add_column(f"{level:.0%}", justify="right")
     table.add_column("area", justify="right")
     keys = ("classifier", *several, "aspects", "frame_count")
     for key, line in grouped(rows, keys).items():
@@ -73,23 +79,32 @@ def print_rejection(rows: list[Row], console: Console) -> None:
             np.array([row[f"percent_{name}"] for row in line], dtype=float)
             for name in ("rejected_unknown", "correct_known")
         )
-        figures = [np.nanmax(right) if np.isfinite(right).any() else np.nan]
-        figures += [
-            right[unknown >= 100 * level].max() if (unknown >= 100 * level).any() else np.nan
-            for level in LEVELS
-        ]
+        enough = [np.isfinite(right), *(unknown >= 100 * level for level in LEVELS)]
         table.add_row(
             TITLES[str(key[0])],
             *("" if value is None else f"{value}" for value in key[1:]),
-            *(NOTHING if np.isnan(figure) else f"{figure:.0f}" for figure in figures),
+            f"{line[0]['n_known']} +\n{line[0]['n_unknown']}",
+            *(_best(line, np.where(there, right, np.nan)) for there in enough),
             _area(unknown, right),
         )
     console.print(table)
     console.print(
         "Area: under the curve of known ships right over unknown ships let through; 100 where "
-        "every one is right before any unknown one is let through.",
+        "every one is right before any unknown one is let through. Below each figure its 95 % "
+        "Wilson interval. Answers to known and to unknown ships are counted; in the interval those "
+        "of several replicates count for less where they are alike for one view (Kish's design "
+        "effect), those of several phases and orders of presentation as one.",
         style="dim",
     )
+
+
+def _best(line: list[Row], right: np.ndarray) -> str:
+    """The most known ships named right, with its interval below."""
+    if np.isnan(right).all():
+        return NOTHING
+    row = line[int(np.nanargmax(right))]
+    low, high = row["correct_known_ci_low"], row["correct_known_ci_high"]
+    return f"{row['percent_correct_known']:.0f}\n{low:.0f}-{high:.0f}"
 
 
 def _area(unknown: np.ndarray, right: np.ndarray) -> str:

@@ -1,13 +1,19 @@
 """Ships that nobody taught: what is learned, what is rejected, and what the tables say of it."""
 
+import io
+import re
+
 import numpy as np
 import pytest
 import xarray as xr
+from rich.console import Console
 from sweeping import command
 
+from ncti.evaluate import replicated_accuracy, wilson_interval
 from sweeps.classifier_schema import ClassifierConfig
 from sweeps.errors import ConfigurationError
 from sweeps.rejection import tabulate_rejection
+from sweeps.report.rejection import print_rejection, rejection_rows
 
 SHIPS, ASPECTS = ("a", "b", "c"), (0.0, 1.5, 3.0)
 
@@ -53,24 +59,119 @@ def test_fractions_are_counted_by_hand():
     correct = np.array(
         [
             [[1, 1, 0], [1, 0, 1], [0, 0, 0]],
-            [[1, 1, 1], [0, 0, -1], [0, -1, 0]],
+            [[1, 1, 1], [0, 0, 1], [0, 0, 0]],
         ]
     )
+    correct[:, 1, 2] = -1  # a view that failed
     dims = ("replicate", "ship", "aspect")
     classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
     table = tabulate_rejection(classified, learned, (0.0, 0.6, 1.0))
     at = table.sel(aspects="learned")
-    # Learned aspects of known ships: seven answers, as one view failed; four of unknown ones.
-    assert at.n_known == 7
+    # Learned aspects of known ships: six answers, as one view failed; four of unknown ones.
+    assert at.n_known == 6
     assert at.n_unknown == 4
-    np.testing.assert_allclose(at.correct_known, [5 / 7, 4 / 7, 0])
-    np.testing.assert_allclose(at.rejected_known, [0, 1 / 7, 1])
+    np.testing.assert_allclose(at.correct_known, [4 / 6, 4 / 6, 0])
+    np.testing.assert_allclose(at.rejected_known, [0, 0, 1])
     np.testing.assert_allclose(at.rejected_unknown, [0, 2 / 4, 1])
     at = table.sel(aspects="between")
-    assert (at.n_known, at.n_unknown) == (4, 1)
+    assert (at.n_known, at.n_unknown) == (4, 2)
     np.testing.assert_allclose(at.correct_known, [2 / 4, 1 / 4, 0])
     np.testing.assert_allclose(at.rejected_known, [0, 3 / 4, 1])
     np.testing.assert_allclose(at.rejected_unknown, [0, 1, 1])
+
+
+FIGURES = ("rejected_unknown", "rejected_known", "correct_known")
+LEARNED = np.array([[True] * 20] * 3 + [[False] * 20] * 2)
+
+
+def answers_of(*draws, seed=0):
+    """Answers by chance to five ships at 20 aspects, the last two ships unknown."""
+    rng = np.random.default_rng(seed)
+    dims = (*draws, "ship", "aspect")
+    shape = (*(3 for _ in draws), 5, 20)
+    right = rng.integers(0, 2, shape) * LEARNED.any(axis=1)[:, None]
+    return xr.Dataset({"similarity": (dims, rng.random(shape)), "correct": (dims, right)})
+
+
+def assert_wilson(table, views):
+    """Each interval is that of its fraction of so many answers."""
+    for name in FIGURES:
+        n = views["unknown" if name.endswith("unknown") else "known"]
+        low, high = wilson_interval(np.rint(table[name] * n), n)
+        np.testing.assert_allclose(table[f"{name}_ci_low"], low, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(table[f"{name}_ci_high"], high, rtol=1e-12)
+
+
+def test_intervals_of_one_draw_are_wilson_s():
+    table = tabulate_rejection(answers_of(), LEARNED, (0.2, 0.5, 0.9)).sel(aspects="learned")
+    assert (table.n_known, table.n_unknown) == (60, 40)
+    assert_wilson(table, {"known": 60, "unknown": 40})
+
+
+def test_replicates_count_as_they_differ():
+    """Equal ones as one; others by the design effect, between one and all of them."""
+    vigilances = (0.2, 0.5, 0.9)
+    alone = answers_of()
+    same = xr.concat([alone] * 3, "replicate")
+    table = tabulate_rejection(same, LEARNED, vigilances).sel(aspects="learned")
+    assert (table.n_known, table.n_unknown) == (180, 120)
+    assert_wilson(table, {"known": 60, "unknown": 40})
+    several = answers_of("replicate")
+    table = tabulate_rejection(several, LEARNED, vigilances).sel(aspects="learned")
+    for name in FIGURES:
+        views = 40 if name.endswith("unknown") else 60
+        width = table[f"{name}_ci_high"] - table[f"{name}_ci_low"]
+        widths = [
+            np.subtract(*wilson_interval(table[name] * n, n)[::-1]) for n in (3 * views, views)
+        ]
+        assert (width >= widths[0] - 1e-12).all()
+        assert (width < widths[1]).all()
+    # Those of some accuracy are the intervals of its own table, whatever the vigilance.
+    named = several.isel(ship=slice(3))
+    whole = replicated_accuracy(named.correct.values == 1, np.arange(20))
+    table = tabulate_rejection(several, LEARNED, (0.0,)).sel(aspects="learned", test_vigilance=0)
+    np.testing.assert_allclose(table.correct_known_ci_low, whole.ci_low[-1])
+    np.testing.assert_allclose(table.correct_known_ci_high, whole.ci_high[-1])
+
+
+def test_phases_and_orders_are_no_more_views():
+    """Nor is a training that failed one."""
+    answers = answers_of("phase", "order")
+    answers.correct[0, 1] = -1
+    table = tabulate_rejection(answers, LEARNED, (0.2, 0.5)).sel(aspects="learned")
+    assert (table.n_known, table.n_unknown) == (8 * 60, 8 * 40)
+    for name in FIGURES:
+        views = 40 if name.endswith("unknown") else 60
+        low, high = wilson_interval(table[name] * views, views)
+        np.testing.assert_allclose(table[f"{name}_ci_low"], low, rtol=1e-12)
+        np.testing.assert_allclose(table[f"{name}_ci_high"], high, rtol=1e-12)
+
+
+def test_the_report_has_intervals_and_counts():
+    table = tabulate_rejection(answers_of(), LEARNED, (0.0, 0.5, 0.95, 1.0))
+    rows = rejection_rows({"correlation": table.assign_coords(frame_count=16)})
+    assert len(rows) == 2 * 4
+    for row in rows[:4]:
+        at = table.sel(aspects="learned", test_vigilance=row["test_vigilance"])
+        assert (row["n_known"], row["n_unknown"]) == (60, 40)
+        for name in FIGURES:
+            assert row[f"percent_{name}"] == pytest.approx(100 * float(at[name]), abs=0.05)
+            for end in ("ci_low", "ci_high"):
+                wanted = 100 * float(at[f"{name}_{end}"])
+                assert row[f"{name}_{end}"] == pytest.approx(wanted, abs=0.05)
+    # There are no aspects between learned ones, so nothing is known of them.
+    for row in rows[4:]:
+        ends = row["correct_known_ci_low"], row["correct_known_ci_high"]
+        assert (row["percent_correct_known"], *ends) == (None, 0, 100)
+    screen = io.StringIO()
+    print_rejection(rows, Console(file=screen))
+    printed = screen.getvalue()
+    assert "60 +" in printed
+    first = rows[0]
+    ends = first["correct_known_ci_low"], first["correct_known_ci_high"]
+    assert f"{first['percent_correct_known']:.0f}" in printed
+    assert f"{ends[0]:.0f}-{ends[1]:.0f}" in printed
+    assert not re.search(r"\b(nan|None)\b", printed)
 
 
 def test_nobody_unknown_is_nothing_to_reject():
