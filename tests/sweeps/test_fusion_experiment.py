@@ -30,7 +30,7 @@ def store(tmp_path_factory, cache):
         cache=folder / "cache",
     )
     assert run.returncode == 0, run.stderr
-    assert "both" in run.stdout
+    assert "both" in run.stdout and "Kish" in run.stdout
     return folder / "s.zarr"
 
 
