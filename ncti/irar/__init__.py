@@ -1,5 +1,6 @@
 """Infrared airborne radar: a flight simulated, its images corrected, its range profiles."""
 
+from ncti.irar.autofocus import autofocus
 from ncti.irar.chain import (
     Correction,
     Snapshot,
@@ -7,11 +8,13 @@ from ncti.irar.chain import (
     correct,
     profile,
     segmented,
+    ship_window,
     true_snapshot,
 )
 from ncti.irar.clusters import histogram_cluster_average
 from ncti.irar.flight import Flight, ship_heading
 from ncti.irar.looks import average, gather_looks, looks_of, median
+from ncti.irar.materials import reflectivity
 from ncti.irar.mirror import mirror_rotation
 from ncti.irar.profiling import range_profile
 from ncti.irar.registration import (
@@ -25,6 +28,7 @@ from ncti.irar.registration import (
 from ncti.irar.scan import Pass, Scan, fly
 from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
 from ncti.irar.segmentation import noise_threshold, segment
+from ncti.irar.signature import measured_extent
 from ncti.irar.speckle import speckle_correlation
 from ncti.irar.tilt import Tilt, tilts
 from ncti.irar.time_delay import time_delay_integrate
@@ -39,6 +43,7 @@ __all__ = [
     "Snapshot",
     "Tilt",
     "Window",
+    "autofocus",
     "average",
     "azimuth_shift",
     "correct",
@@ -46,6 +51,7 @@ __all__ = [
     "gather_looks",
     "histogram_cluster_average",
     "looks_of",
+    "measured_extent",
     "median",
     "mirror_displacement",
     "mirror_rotation",
@@ -55,11 +61,13 @@ __all__ = [
     "profile",
     "range_profile",
     "raw_places",
+    "reflectivity",
     "rotated",
     "scan_scene",
     "segment",
     "segmented",
     "ship_heading",
+    "ship_window",
     "snapshot_places",
     "speckle_correlation",
     "tilts",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
@@ -110,8 +110,9 @@ class Snapshot:
     ----------
     window : Window
         Its pixels, square, of one IFOV.
-    row : (row,) float64 ndarray
-        Centres of its rows [pixel]; closer than a pixel where it is still overscanned.
+    row, column : (row,) and (column,) float64 ndarray
+        Centres of its rows and columns [pixel]; rows are closer than a pixel where it is still
+        overscanned.
     intensity : (row, column) float64 ndarray
         Mean of the looks, in noise powers; NaN where there is no look.
     range : (row, column) float64 ndarray
@@ -124,6 +125,7 @@ class Snapshot:
 
     window: Window
     row: Floats
+    column: Floats
     intensity: Floats
     range: Floats
     infrared: Floats
@@ -221,7 +223,7 @@ def correct(
     if window is None:
         window = window_of(row, column)
     step = 1 / max(1, round(flight.lines_per_pixel)) if overscanned else 1.0
-    rows: Floats = window.bottom + np.arange(round(window.rows / step)) * step
+    rows = np.asarray(window.bottom + np.arange(round(window.rows / step)) * step, dtype=np.float64)
     index = gather_looks(row, column - window.left, rows=rows, columns=window.columns)
     if how.range_filter == "cluster":
         width = how.window * max(flight.range_sigma, 1e-3)
@@ -232,6 +234,7 @@ def correct(
     return Snapshot(
         window,
         rows,
+        window.left + np.arange(window.columns, dtype=np.float64),
         average(scan.intensity, index),
         found,
         average(infrared, index),
@@ -263,8 +266,30 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
         cells = 2.5 * max(flight.range_gate / flight.pulse_length, 1.0)
         threshold = noise_threshold(cells=cells, looks=looks, false_alarm=FALSE_ALARM)
     intensity, ranges = segment(snapshot.intensity, snapshot.range, threshold=threshold)
-    return Snapshot(
-        snapshot.window, snapshot.row, intensity, ranges, snapshot.infrared, snapshot.looks
+    return replace(snapshot, intensity=intensity, range=ranges)
+
+
+def ship_window(mesh: trimesh.Trimesh, flight: Flight, *, margin: int = 3) -> Window:
+    """The pixels that a ship fills in the snapshot.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The ship, in its frame.
+    flight : Flight
+        The pass.
+    margin : int
+        Pixels of sea around it.
+
+    Returns
+    -------
+    Window
+    """
+    right, up, away = flight.snapshot_axes @ np.asarray(mesh.vertices, dtype=np.float64).T
+    scale = flight.ifov * (flight.slant_range + away)
+    ends = window_of(up / scale, right / scale)
+    return Window(
+        ends.bottom - margin, ends.left - margin, ends.rows + 2 * margin, ends.columns + 2 * margin
     )
 
 
@@ -275,7 +300,8 @@ def true_snapshot(
     *,
     reflectivity: Floats | None = None,
     lambertian: bool = False,
-    lines: int = 1,
+    cells: int = 1,
+    resolved: bool = False,
 ) -> Snapshot:
     """What a correction should give: the noiseless view from the snapshot's place itself.
 
@@ -289,19 +315,27 @@ def true_snapshot(
         Pixels of the result.
     reflectivity, lambertian
         As for `scan_scene`.
-    lines : int
-        Rows of a pixel's height.
+    cells : int
+        Looks along each side of a pixel, evenly spread over it.
+    resolved : bool
+        Whether each of them sees its own cell only, by one ray; they see an IFOV otherwise, as
+        the sensor does.
 
     Returns
     -------
     Snapshot
+        Of `cells` times the window's rows and columns; infrared is the share of ship.
     """
-    rows = window.bottom + np.arange(window.rows * lines) / lines
-    columns = window.left + np.arange(window.columns)
-    part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS
-    right = columns[:, None, None] + part
-    up = rows[:, None, None, None] + part[:, None]
-    right, up = np.broadcast_arrays(right, up)
+    require("cells", cells, whole=True, minimum=1, maximum=64)
+    row, column = (
+        start - 0.5 + (np.arange(count * cells) + 0.5) / cells
+        for start, count in ((window.bottom, window.rows), (window.left, window.columns))
+    )
+    rays = 1 if resolved else RAYS
+    part = (np.arange(rays) - (rays - 1) / 2) / rays
+    up, right = np.broadcast_arrays(
+        row[:, None, None, None] + part[:, None], column[:, None, None] + part
+    )
     image = np.stack([right * flight.ifov, up * flight.ifov, np.ones_like(up)], axis=-1)
     image /= np.linalg.norm(image, axis=-1, keepdims=True)
     ways = (image @ flight.snapshot_axes).reshape(-1, 3)
@@ -309,12 +343,20 @@ def true_snapshot(
     hits = cast_rays(mesh, start, ways)
     power = np.ones(len(hits.ray)) if reflectivity is None else reflectivity[hits.facet]
     power = power * hits.cosine if lambertian else power
-    place, ray = np.divmod(hits.ray, RAYS**2)
-    shape = len(rows), len(columns)
-    returns = Returns(shape, place, ray, hits.distance, power / RAYS**2, RAYS**2)
+    place, ray = np.divmod(hits.ray, rays**2)
+    shape = len(row), len(column)
+    returns = Returns(shape, place, ray, hits.distance, power / rays**2, rays**2)
     intensity, ranges = noiseless(returns, flight=flight)
     looks = np.ones(shape, dtype=np.intp)
-    return Snapshot(window, rows, intensity.astype(np.float64), ranges, returns.coverage(), looks)
+    return Snapshot(
+        window,
+        row,
+        column,
+        intensity.astype(np.float64),
+        ranges,
+        returns.coverage(),
+        looks,
+    )
 
 
 def profile(
@@ -336,14 +378,17 @@ def profile(
     Returns
     -------
     (bin,) float64 ndarray
-        Summed intensity of whole pixels, in noise powers: an overscanned image weighs each row
-        by its share of a pixel. Bin n is centred on (n - (bins - 1) / 2) bin_width.
+        Summed intensity of whole pixels, in noise powers: where rows or columns are closer than
+        a pixel, each counts by its share of one. Bin n is centred on
+        (n - (bins - 1) / 2) bin_width.
 
     Notes
     -----
     Article, 'Range Profiling'.
     """
-    share = float(snapshot.row[1] - snapshot.row[0]) if len(snapshot.row) > 1 else 1.0
+    share = math.prod(
+        float(place[1] - place[0]) for place in (snapshot.row, snapshot.column) if len(place) > 1
+    )
     summed = range_profile(
         np.nan_to_num(snapshot.intensity),
         snapshot.range - flight.slant_range,
