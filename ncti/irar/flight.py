@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
-from ncti.irar.mirror import beam, compass
+from ncti.irar.mirror import compass, mirror_axes
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 
 Floats = NDArray[np.float64]
@@ -216,17 +216,34 @@ class Flight:
         start = -self.slant_range * compass(self.sight, -self.depression)
         return (start + np.asarray(time)[..., None] * self.velocity) @ self.to_ship.T
 
-    def directions(self, along: Floats, across: Floats) -> Floats:
-        """(..., 3): where the beam goes, in the ship's axes, of (...) angles as for `beam`."""
+    @property
+    def scanner_axes(self) -> Floats:
+        """(3, 3): along the scan, across it and ahead, in the ship's axes."""
         pointing = self.offset if self.pointing is None else self.pointing
-        heading = beam(
-            along,
-            across,
+        axes = mirror_axes(
             azimuth=self.aircraft_heading + pointing,
             depression=self.depression,
             mirror_angle=self.mirror_angle,
         )
-        return heading @ self.to_ship.T
+        return axes @ self.to_ship.T
+
+    def directions(self, along: Floats, across: Floats) -> Floats:
+        """(..., 3): where the beam goes, in the ship's axes.
+
+        Of (...) scan angles, to the right, and angles above the scan plane, both in the scanner
+        [rad].
+        """
+        scanner = [np.cos(across) * np.sin(along), np.sin(across), np.cos(across) * np.cos(along)]
+        return np.stack(np.broadcast_arrays(*scanner), axis=-1) @ self.scanner_axes
+
+    def angles_to(self, points: Floats, time: NDArray[np.floating]) -> tuple[Floats, Floats]:
+        """(...), (...): along and across, as for `directions`, of (..., 3) points at (...) times.
+
+        Points are in the ship's axes [m], times after the snapshot [s].
+        """
+        scanner = (points - self.position(time)) @ self.scanner_axes.T
+        along, across, ahead = np.moveaxis(scanner, -1, 0)
+        return np.arctan2(along, ahead), np.arctan2(across, np.hypot(along, ahead))
 
     def scan_angles(self, columns: NDArray[np.integer]) -> Floats:
         """(column,): scan angle of samples, perhaps before the first or beyond the last [rad]."""

@@ -30,15 +30,11 @@ def compass(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
     return np.stack([np.cos(e) * np.sin(a), np.cos(e) * np.cos(a), np.sin(e)], axis=-1)
 
 
-def beam(
-    along: Floats, across: Floats, *, azimuth: float, depression: float, mirror_angle: float = 45.0
-) -> Floats:
-    """Direction of the beam behind the mirror, by reflection.
+def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0) -> Floats:
+    """Axes of the scanner as the mirror shows them, by reflection.
 
     Parameters
     ----------
-    along, across : (...) float64 ndarray
-        Scan angle, to the right, and angle above the scan plane, both before the mirror [rad].
     azimuth : float
         Of the undeflected beam behind the mirror, clockwise from north [deg].
     depression : float
@@ -49,21 +45,22 @@ def beam(
 
     Returns
     -------
-    (..., 3) float64 ndarray
-        Unit vectors (east, north, up).
+    (3, 3) float64 ndarray
+        Unit vectors (east, north, up) along the scan, across it and ahead: to the right, up and
+        away, but for the mirror's turn about the beam, `mirror_rotation`.
 
     Notes
     -----
     The scanner moves the beam in the horizontal plane and the mirror, which stands still during
-    the pass, sends it down: a line of the scan is then not level, see `mirror_rotation`.
+    the pass, sends it down: a line of the scan is then not level.
     """
     towards = compass(azimuth, -depression)
     source = azimuth + 2 * mirror_angle  # where the beam comes from
     normal = towards + compass(source, 0.0)
     normal /= np.linalg.norm(normal)
     # The mirror image of a turn to the right is one to the left.
-    incident = -compass(source - np.degrees(along), -np.degrees(across))
-    reflected = incident - 2 * (incident @ normal)[..., None] * normal
+    axes = np.stack([compass(source + 90.0, 0.0), compass(0.0, 90.0), -compass(source, 0.0)])
+    reflected: Floats = axes - 2 * (axes @ normal)[:, None] * normal
     return reflected
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ncti.checks import require_all
 from ncti.irar.flight import Flight
-from ncti.irar.mirror import mirror_rotation
 from ncti.render import cast_rays
 
 Floats = NDArray[np.float64]
@@ -119,64 +118,85 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     ------
     ValueError
         If a line has too few samples for the ship and its drift, the gate is not as deep as the
-        ship, the aircraft comes too close or takes too many lines, or the ship drifts so fast
-        that lines which the mirror tilts do not climb it.
+        ship, the aircraft comes too close or takes too many lines, or the lines do not climb the
+        ship.
 
     Notes
     -----
     With a `pointing` of its own the flight scans there, whether or not the ship fits in.
     """
-    right, up, away = flight.snapshot_axes @ np.asarray(mesh.vertices, dtype=np.float64).T
-    depth = float(np.ptp(away))
+    corners = np.asarray(mesh.vertices, dtype=np.float64)
+    _, up, away = flight.snapshot_axes @ corners.T
     if 2 * np.abs(away).max() > flight.range_gate:
         raise ValueError(
             f"range_gate is {flight.range_gate:g} m, but must be at least "
             f"{math.ceil(2 * np.abs(away).max())}, as deep as this ship about its origin"
         )
-    # A line leans by the mirror, so that it meets what lies right of its middle later or sooner.
-    lean = math.tan(
-        math.radians(mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle))
-    )
-    pace = flight.climb + lean * flight.drift
-    if pace < 0.1 * flight.climb:
+    aimed = flight if flight.pointing is not None else _aimed(flight, corners)
+    # Lines climb by sin(depression) of the way that the aircraft comes closer.
+    closer = float(up.max()) / math.sin(math.radians(flight.depression))
+    closer = max(closer, 0.0) + float(np.ptp(away)) / 2
+    if closer > flight.slant_range / 2:
         raise ValueError(
-            f"offset is {flight.offset:g}, but must be nearer 0: the ship drifts across the tilted "
-            f"lines at {flight.drift:g} m/s, faster than they climb it"
+            f"slant_range is {flight.slant_range:g}, but must be at least {math.ceil(2 * closer)}, "
+            "twice what this pass comes closer"
         )
-    centre = float(right.min() + right.max()) / 2
-    for _ in range(3):  # the middle of the scan depends on its duration
-        meets = (up - lean * (right - centre)) / pace
-        middle = float(meets.min() + meets.max()) / 2
-        centre = float(right.min() + right.max()) / 2 + flight.drift * middle
-    # Near parts climb faster, and the whole ship does as it comes closer.
-    faster = 1 + (depth + flight.closing_speed * float(np.abs(meets).max())) / flight.slant_range
-    margin = MARGIN * flight.pixel / pace
-    start = float(meets.min()) * (faster if meets.min() < 0 else 1 / faster) - margin
-    stop = float(meets.max()) * (faster if meets.max() > 0 else 1 / faster) + margin
-    nearest = flight.slant_range - depth / 2 - flight.closing_speed * max(stop, 0.0)
-    if nearest < flight.slant_range / 2:
-        raise ValueError(
-            f"slant_range is {flight.slant_range:g}, but must be at least "
-            f"{math.ceil(2 * (flight.slant_range - nearest))}, twice what this pass comes closer"
-        )
+    name = "offset" if flight.pointing is None else "pointing"
+    meets, along, pace = _crossings(aimed, corners, name=name)
+    margin = MARGIN * flight.ifov + 4 * flight.jitter
+    within = margin / pace.min() + flight.samples / flight.pulse_rate
+    start, stop = float(meets.min()) - within, float(meets.max()) + within
     if (stop - start) * flight.line_rate > MOST_LINES:
         raise ValueError(
             f"line_rate is {flight.line_rate:g}, but must be at most "
             f"{MOST_LINES / (stop - start):.3g}, {MOST_LINES} lines in this pass"
         )
-    first, last = math.floor(start * flight.line_rate), math.ceil(stop * flight.line_rate)
-    width = float(np.ptp(right)) + abs(flight.drift) * (stop - start)
-    needed = math.ceil(width / (flight.ifov * nearest) + 2 * MARGIN)
+    needed = math.ceil(2 * (float(np.abs(along).max()) + margin) / flight.ifov)
     if flight.pointing is None and needed > flight.samples:
         raise ValueError(
             f"samples is {flight.samples}, but must be at least {needed} for this ship and its "
             "drift across the scan"
         )
-    pointing = flight.pointing
-    if pointing is None:
-        across = centre / (flight.slant_range * math.cos(math.radians(flight.depression)))
-        pointing = flight.offset + math.degrees(across)
-    return ScanPlan(replace(flight, pointing=pointing), first, last - first + 1)
+    first, last = math.floor(start * flight.line_rate), math.ceil(stop * flight.line_rate)
+    return ScanPlan(aimed, first, last - first + 1)
+
+
+def _crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, Floats, Floats]:
+    """When endless lines meet corners [s], at which scan angle [rad], and how fast [rad/s]."""
+    step = 1e-3
+    pace = np.full(len(corners), flight.climb / flight.slant_range)
+    time = np.zeros(len(corners))
+    for _ in range(20):  # by Newton's method: nearly straight lines
+        along, across = flight.angles_to(corners, time)
+        pace = (across - flight.angles_to(corners, time + step)[1]) / step
+        # Lines that the mirror tilts may be outrun by a ship that drifts across them.
+        if not (pace > 0.1 * flight.climb / flight.slant_range).all():
+            raise ValueError(
+                f"{name} is {getattr(flight, name):g}, but must be nearer "
+                f"{0 if name == 'offset' else flight.offset:g}: the lines, which the mirror tilts, "
+                f"do not climb a ship that drifts across them at {flight.drift:g} m/s"
+            )
+        change = across / pace
+        time = time + change
+        if np.abs(change).max() < 1e-6:
+            break
+    return time, along, pace
+
+
+def _aimed(flight: Flight, corners: Floats) -> Flight:
+    """The flight with the middle of its scan where the middle of the ship passes."""
+    pointing = [flight.offset, flight.offset + 0.1]
+    found: list[float] = []
+    for _ in range(8):
+        aimed = replace(flight, pointing=pointing[len(found)])
+        _, along, _ = _crossings(aimed, corners, name="offset")
+        found.append(float(along.min() + along.max()) / 2)
+        if abs(found[-1]) < flight.ifov / 10:
+            break
+        if len(found) > 1:  # by secants: nearly a straight line
+            slope = (pointing[-1] - pointing[-2]) / (found[-1] - found[-2])
+            pointing.append(pointing[-1] - found[-1] * slope)
+    return aimed
 
 
 def scan_scene(

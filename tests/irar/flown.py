@@ -65,3 +65,43 @@ def seen_from(flown, point, time):
     up = above * np.cos(down) + ahead * np.sin(down)
     away = ahead * np.cos(down) - above * np.sin(down)
     return np.stack(np.broadcast_arrays(right, up, away), axis=-1)
+
+
+def scanned_at(flown, point, time):
+    """Scan angle and angle above the scan plane of points at some times, in the scanner's axes.
+
+    (..., 2) extended precision [rad]: the scanner's axes are those of the middle of the scan,
+    turned about it by the mirror.
+    """
+    right, up, away = np.moveaxis(seen_from(flown, point, time), -1, 0)
+    down = np.radians(np.longdouble(flown.depression))
+    pointing = flown.offset if flown.pointing is None else flown.pointing
+    aside = np.radians(np.longdouble(pointing - flown.offset))
+    # About the vertical to where the scan points, then about the beam by the mirror.
+    ahead, above = away * np.cos(down) + up * np.sin(down), up * np.cos(down) - away * np.sin(down)
+    ahead, right = (
+        ahead * np.cos(aside) + right * np.sin(aside),
+        right * np.cos(aside) - ahead * np.sin(aside),
+    )
+    up, away = (
+        above * np.cos(down) + ahead * np.sin(down),
+        ahead * np.cos(down) - above * np.sin(down),
+    )
+    psi = np.radians(np.longdouble(flown.mirror_angle))
+    lean = -np.arctan2(np.sin(down) * np.sin(2 * psi), np.cos(down) + np.cos(2 * psi))
+    along = right * np.cos(lean) + up * np.sin(lean)
+    across = up * np.cos(lean) - right * np.sin(lean)
+    return np.stack([np.arctan2(along, away), np.arctan2(across, np.hypot(along, away))], axis=-1)
+
+
+def crossing(flown, point, *, early=-60.0, late=60.0):
+    """When lines of a scan that runs without end meet points [s], by bisection to 1e-12 s."""
+    early = np.full(np.shape(point)[:-1], early, np.longdouble)
+    late = np.full_like(early, late)
+    assert (scanned_at(flown, point, early)[..., 1] > 0).all()
+    assert (scanned_at(flown, point, late)[..., 1] < 0).all()
+    for _ in range(60):
+        middle = (early + late) / 2
+        above = scanned_at(flown, point, middle)[..., 1] > 0
+        early, late = np.where(above, middle, early), np.where(above, late, middle)
+    return late

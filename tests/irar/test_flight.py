@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from flown import flight, seen_from
+from flown import flight, scanned_at, seen_from
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -108,6 +108,18 @@ def test_the_beam_points_at_the_ship_in_the_snapshot():
     aside = dataclasses.replace(flown, pointing=-6.0)
     right = (flown.snapshot_axes @ aside.directions(np.zeros(()), np.zeros(())))[0]
     assert right == pytest.approx(math.sin(math.radians(1)) * math.cos(math.radians(6.7)))
+
+
+@given(flights(), st.floats(-8, 8), st.floats(10, 70), st.floats(-3, 3))
+def test_angles_to_points_are_those_of_the_scanner(flown, time, mirror_angle, aside):
+    """Against axes turned by hand in extended precision, and back again to the same points."""
+    flown = dataclasses.replace(flown, mirror_angle=mirror_angle, pointing=flown.offset + aside)
+    along, across = flown.angles_to(POINTS, np.array(time))
+    expected = scanned_at(flown, POINTS, time).astype(float)
+    np.testing.assert_allclose(np.stack([along, across], axis=-1), expected, rtol=0, atol=1e-12)
+    away = POINTS - flown.position(np.array(time))
+    away /= np.linalg.norm(away, axis=-1, keepdims=True)
+    np.testing.assert_allclose(flown.directions(along, across), away, rtol=0, atol=1e-13)
 
 
 def test_samples_are_an_ifov_apart_about_the_middle():

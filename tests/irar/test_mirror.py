@@ -8,39 +8,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ncti.irar import mirror_rotation
-from ncti.irar.mirror import beam, compass
+from ncti.irar.mirror import compass, mirror_axes
 
 depressions = st.floats(0.1, 60)
 mirror_angles = st.floats(2, 80)
 STEP = 1e-4
 
 
-def image(depression, mirror_angle, *, azimuth=0.0):
-    """(axis of the scanner, axis of the image): what turns to the right and up become."""
+def reflected(along, across, *, depression, mirror_angle, azimuth):
+    """Direction of a beam, turned in the scanner, that a plane mirror reflects.
 
-    def directions(along, across):
-        return beam(
-            np.array(along),
-            np.array(across),
-            azimuth=azimuth,
-            depression=depression,
-            mirror_angle=mirror_angle,
-        )
-
-    away, right = compass(azimuth, -depression), compass(azimuth + 90, 0)
-    axes = np.stack([right, np.cross(right, away)])
-    turned = [
-        (directions(STEP, 0.0) - directions(-STEP, 0.0)) / (2 * STEP),
-        (directions(0.0, STEP) - directions(0.0, -STEP)) / (2 * STEP),
-    ]
-    return np.array(turned) @ axes.T
-
-
-@given(depressions, mirror_angles, st.floats(-360, 360))
-def test_the_undeflected_beam_goes_where_it_points(depression, mirror_angle, azimuth):
-    middle = np.zeros(())
-    found = beam(middle, middle, azimuth=azimuth, depression=depression, mirror_angle=mirror_angle)
-    np.testing.assert_allclose(found, compass(azimuth, -depression), atol=1e-14)
+    The mirror stands so that the undeflected beam, level, comes out at the depression: its normal
+    is along the sum of the ways to the source and to the ship.
+    """
+    source, ship = compass(azimuth + 2 * mirror_angle, 0), compass(azimuth, -depression)
+    normal = (source + ship) / np.linalg.norm(source + ship)
+    incident = -compass(azimuth + 2 * mirror_angle - np.degrees(along), -np.degrees(across))
+    return incident - 2 * (incident @ normal) * normal
 
 
 @given(depressions, mirror_angles, st.floats(-360, 360))
@@ -48,24 +32,34 @@ def test_the_image_is_turned_by_the_exact_angle(depression, mirror_angle, azimut
     """Central differences of the reflection, true to STEP^2 = 1e-8, against the closed form.
 
     Reflection keeps angles: turns to the right and up become orthogonal axes of the image, turned
-    together. A beam that turns right on the ship leaves the scanner turned right.
+    together.
     """
-    turned = image(depression, mirror_angle, azimuth=azimuth)
+    where = {"depression": depression, "mirror_angle": mirror_angle, "azimuth": azimuth}
+    turned = np.array(
+        [
+            (reflected(STEP, 0, **where) - reflected(-STEP, 0, **where)) / (2 * STEP),
+            (reflected(0, STEP, **where) - reflected(0, -STEP, **where)) / (2 * STEP),
+        ]
+    )
+    away, right = compass(azimuth, -depression), compass(azimuth + 90, 0)
+    image = turned @ np.stack([right, np.cross(right, away)]).T
     angle = math.radians(mirror_rotation(depression, mirror_angle=mirror_angle))
     c, s = math.cos(angle), math.sin(angle)
-    # An object upright on the ship lies along (s, c) in scanner axes: clockwise by the angle.
-    np.testing.assert_allclose(turned, [[c, s], [-s, c]], atol=3e-8)
-    np.testing.assert_allclose(np.array([0.0, 1.0]) @ turned.T, [s, c], atol=3e-8)
+    # What stands upright, (0, 1), has s along the scan and c across it: clockwise by the angle.
+    np.testing.assert_allclose(image, [[c, s], [-s, c]], atol=3e-8)
 
 
-@given(depressions, mirror_angles)
-def test_a_turn_keeps_its_size(depression, mirror_angle):
-    """Rigid: an angle before the mirror is the same angle behind it."""
-    along = np.array([-0.02, 0.0, 0.03])
-    found = beam(along, np.zeros(3), azimuth=30, depression=depression, mirror_angle=mirror_angle)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-14)
-    apart = 2 * np.arcsin(np.linalg.norm(np.diff(found, axis=0), axis=-1) / 2)
-    np.testing.assert_allclose(apart, np.diff(along), rtol=0, atol=1e-14)
+@given(depressions, mirror_angles, st.floats(-360, 360), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1))
+def test_axes_carry_every_beam(depression, mirror_angle, azimuth, along, across):
+    """A beam's components along the axes are those it has in the scanner, whatever its angles."""
+    where = {"depression": depression, "mirror_angle": mirror_angle, "azimuth": azimuth}
+    axes = mirror_axes(**where)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-14)
+    np.testing.assert_allclose(axes[2], compass(azimuth, -depression), atol=1e-14)
+    components = axes @ reflected(along, across, **where)
+    c, s = math.cos(across), math.sin(across)
+    expected = [c * math.sin(along), s, c * math.cos(along)]
+    np.testing.assert_allclose(components, expected, atol=1e-14)
 
 
 @given(depressions)
@@ -75,8 +69,8 @@ def test_a_lateral_beam_turns_the_image_by_the_depression(depression):
 
 def test_an_upright_object_leans_to_the_left():
     """The article corrects by a clockwise rotation: its theta_v, and ours, are negative."""
-    right, up = np.linalg.solve(image(6.7, 45.0).T, [0.0, 1.0])
-    assert right < 0 < up
+    along, across, _ = mirror_axes(azimuth=0, depression=6.7) @ [0.0, 0.0, 1.0]
+    assert along < 0 < across
     assert mirror_rotation(6.7) < 0 and mirror_rotation(6.7, form="printed") < 0
     assert mirror_rotation(0.0) == 0
 

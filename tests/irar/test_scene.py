@@ -1,0 +1,252 @@
+"""What the beam meets: each line the ship as it then stands, all of it, and no ray for nothing."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from flown import crossing, flight, pole_on_box, scanned_at
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from ncti.irar import ScanPlan, mirror_rotation, plan_scan, scan_scene
+from ncti.irar.scene import MOST_LINES
+from ncti.render import cast_rays
+
+BOX = trimesh.creation.box((60.0, 9.0, 5.0)).apply_translation((0, 0, 2.5))
+
+
+def every_ray(mesh, plan, *, leading=0, attitude=None):
+    """Hits of all rays of a scan, cast at once: (line, column, ray) and distance."""
+    flown = plan.flight
+    columns = np.arange(-leading, flown.samples)
+    time = plan.time(columns)[..., None]
+    off = np.zeros((plan.lines, 2)) if attitude is None else attitude
+    third = (np.arange(9) % 3 - 1) * flown.ifov / 3
+    along = flown.scan_angles(columns)[:, None] + third + off[:, :1, None]
+    across = np.broadcast_to(
+        (np.arange(9) // 3 - 1) * flown.ifov / 3 + off[:, 1:, None], along.shape
+    )
+    way = flown.directions(along, across)
+    origin = np.broadcast_to(flown.position(time), way.shape)
+    hits = cast_rays(mesh, origin.reshape(-1, 3), way.reshape(-1, 3))
+    return hits, origin.reshape(-1, 3), way.reshape(-1, 3)
+
+
+@pytest.mark.parametrize("jitter", [False, True])
+@pytest.mark.parametrize("aspect", [175.0, 100.0])
+def test_samples_skipped_are_of_the_sea(aspect, jitter):
+    """The very hits, in the same order, that casting every ray of the scan gives."""
+    mesh = pole_on_box(60, 9, 5, 20)
+    plan = plan_scan(mesh, flight(aspect, samples=150, line_rate=40))
+    rng = np.random.default_rng(3)
+    attitude = rng.normal(scale=3e-4, size=(plan.lines, 2)) if jitter else None
+    found = scan_scene(mesh, plan, leading=11, attitude=attitude)
+    hits, _, _ = every_ray(mesh, plan, leading=11, attitude=attitude)
+    np.testing.assert_array_equal(found.place * 9 + found.ray, hits.ray)
+    # Sums of products in blocks of other sizes are rounded in another order.
+    np.testing.assert_allclose(found.distance, hits.distance, rtol=0, atol=5e-12)
+    assert (np.diff(found.place) >= 0).all() and len(found.place) > 1000
+    assert found.shape == (plan.lines, 161)
+    np.testing.assert_array_equal(found.power, np.full(len(hits.ray), 1 / 9))
+
+
+def test_distances_are_those_of_a_box_where_it_then_is():
+    """Rays cut by slabs, from where the aircraft is at each sample's own time; to 1e-9 m."""
+    plan = plan_scan(BOX, flight(140.0))
+    found = scan_scene(BOX, plan)
+    _, origin, way = every_ray(BOX, plan)
+    index = found.place * 9 + found.ray
+    low, high = BOX.bounds
+    with np.errstate(divide="ignore"):
+        cuts = np.stack([(side - origin[index]) / way[index] for side in (low, high)])
+    enter, leave = cuts.min(axis=0).max(axis=1), cuts.max(axis=0).min(axis=1)
+    inside = leave - enter > 1e-2
+    assert inside.mean() > 0.99 and len(index) > 10_000
+    np.testing.assert_allclose(found.distance[inside], enter[inside], rtol=0, atol=1e-9)
+
+
+def test_each_line_sees_the_ship_where_it_then_is():
+    """A pole that drifts: its column line by line, by dead reckoning in extended precision.
+
+    A third of a pixel is what rays resolve. Seen from where the aircraft is at time 0 the pole
+    would stand still, 20 pixels off in the end.
+    """
+    mesh = pole_on_box(60, 9, 5, 30)
+    plan = plan_scan(mesh, flight(175.0))
+    flown = plan.flight
+    coverage = scan_scene(mesh, plan).coverage()
+    times = plan.time(np.arange(flown.samples))
+    drifted = []
+    for line in np.arange(plan.lines):
+        # The height at which the line crosses the pole's middle.
+        heights = np.linspace(11.0, 34.0, 400)
+        points = np.stack([0 * heights, 0 * heights, heights], axis=-1)
+        middle = scanned_at(flown, points, times[line].mean())
+        if not middle[-1, 1] > 0 > middle[0, 1]:
+            continue
+        along = float(np.interp(0.0, middle[:, 1].astype(float), middle[:, 0].astype(float)))
+        column = along / flown.ifov + (flown.samples - 1) / 2
+        seen = coverage[line]
+        assert seen.sum() > 1
+        found = (seen * np.arange(flown.samples)).sum() / seen.sum()
+        assert found == pytest.approx(column, abs=0.34)
+        drifted.append(column)
+    assert len(drifted) > 200
+    frozen = scan_scene(mesh, _frozen(plan)).coverage()
+    lines = np.flatnonzero(frozen.sum(axis=1) > 0)
+    assert len(lines) in (0, plan.lines)  # every line sees the same
+    assert abs(drifted[-1] - drifted[0]) > 10
+
+
+def _frozen(plan):
+    """The same lines, all taken within a microsecond."""
+    fast = dataclasses.replace(plan.flight, line_rate=1e5, pulse_rate=1e9)
+    return ScanPlan(fast, 0, plan.lines)
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    aspect=st.floats(0, 360),
+    offset=st.floats(-25, 25),
+    slant_range=st.floats(1500, 30_000),
+    depression=st.floats(2, 25),
+    aircraft_speed=st.floats(40, 250),
+    ship_speed=st.floats(0, 15),
+    mirror_angle=st.floats(20, 60),
+    length=st.floats(20, 180),
+    mast=st.floats(5, 50),
+)
+def test_a_plan_sees_the_whole_ship(aspect, offset, length, mast, **given_):
+    """Every corner lies above the first line and below the last, and within the samples.
+
+    A margin of three pixels at the pace of the slowest corner is left below and above; the pace
+    changes a little within it, so that two and a half are asked for.
+    """
+    mesh = pole_on_box(length, length / 9, length / 25, mast)
+    flown = flight(aspect, offset, samples=9000, pulse_rate=1e9, range_gate=5000.0, **given_)
+    try:
+        plan = plan_scan(mesh, flown)
+    except ValueError as refusal:
+        assert str(refusal).split()[0] in ("slant_range", "offset")
+        assume(False)
+    flown = plan.flight
+    corners = np.asarray(mesh.vertices)
+    times = plan.time(np.array([0, flown.samples - 1]))
+    first = scanned_at(flown, corners, times[0, 1])[:, 1] / flown.ifov
+    last = scanned_at(flown, corners, times[-1, 0])[:, 1] / flown.ifov
+    assert first.min() > 2.5
+    assert last.max() < -2.5
+    meets = crossing(flown, corners, early=times[0, 0], late=times[-1, 1])
+    along = scanned_at(flown, corners, meets)[:, 0] / flown.ifov
+    # The samples that the plan asks for are enough.
+    needed = _samples_needed(mesh, flown)
+    assert needed / 2 - 4 < np.abs(along).max() < needed / 2 - 2.9
+
+
+def _samples_needed(mesh, flown):
+    """What a plan with too few samples says."""
+    scarce = dataclasses.replace(flown, samples=2, pointing=None)
+    with pytest.raises(ValueError, match="samples is 2, but must be at least") as refused:
+        plan_scan(mesh, scarce)
+    return int(str(refused.value).split("at least ")[1].split()[0])
+
+
+def test_coverage_adds_up_to_the_area_that_is_seen():
+    """Projected area of a box is the sum over its faces, each line a tenth of a pixel high.
+
+    Samples are an IFOV apart along the line, which the mirror tilts by L, and lines what climb and
+    drift come to across it: each stands for pixel (cos L climb + sin L drift) / line rate of area,
+    with the drift 6 % less than a pixel over the overscan. At 20 km a pass of 3 s comes 1 %
+    closer, which changes both and cancels about time 0; 20,000 rays sample to better than that.
+    """
+    flown = flight(150.0, slant_range=20_000.0, ifov=4e-5)
+    plan = plan_scan(BOX, flown)
+    found = scan_scene(BOX, plan)
+    a, d = math.radians(flown.aspect), math.radians(flown.depression)
+    towards = np.array([math.cos(d) * math.cos(a), math.cos(d) * math.sin(a), math.sin(d)])
+    length, beam, height = BOX.extents
+    area = np.abs(towards) @ [beam * height, length * height, length * beam]
+    lean = math.radians(mirror_rotation(flown.depression))
+    across = math.cos(lean) * flown.climb + math.sin(lean) * flown.drift
+    each = flown.pixel * across / flown.line_rate
+    assert found.coverage().sum() * each == pytest.approx(area, rel=0.01)
+    assert found.coverage().max() == 1.0
+    assert found.power.sum() == pytest.approx(found.coverage().sum(), rel=1e-12)
+
+
+def test_leading_columns_are_left_out_again():
+    plan = plan_scan(BOX, flight(140.0, line_rate=40))
+    long, plain = (scan_scene(BOX, plan, leading=n) for n in (11, 0))
+    cut = long.without_leading(11)
+    assert cut.shape == plain.shape
+    for name in ("place", "ray", "distance", "power"):
+        np.testing.assert_array_equal(getattr(cut, name), getattr(plain, name))
+    np.testing.assert_array_equal(cut.coverage(), long.coverage()[:, 11:])
+
+
+def test_power_follows_reflectivity_and_incidence():
+    plan = plan_scan(BOX, flight(140.0, line_rate=40))
+    rng = np.random.default_rng(5)
+    reflectivity = rng.uniform(0, 2, len(BOX.faces))
+    plain, painted, both = (
+        scan_scene(BOX, plan, **how)
+        for how in (
+            {},
+            {"reflectivity": reflectivity},
+            {"reflectivity": reflectivity, "lambertian": True},
+        )
+    )
+    hits, _, way = every_ray(BOX, plan)
+    cosine = -(BOX.face_normals[hits.facet] * way[hits.ray]).sum(axis=1)
+    np.testing.assert_allclose(painted.power * 9, reflectivity[hits.facet])
+    np.testing.assert_allclose(both.power, painted.power * cosine, atol=1e-12)
+    np.testing.assert_array_equal(plain.place, both.place)
+
+
+def test_a_scan_that_points_elsewhere_sees_nothing():
+    flown = flight(140.0, pointing=8.0)
+    plan = plan_scan(BOX, flown)
+    assert plan.flight == flown
+    found = scan_scene(BOX, plan)
+    assert len(found.place) == 0 and found.coverage().sum() == 0
+    assert found.shape == (plan.lines, flown.samples)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"samples": 60}, r"samples is 60, but must be at least \d+ for this ship and its drift"),
+        ({"range_gate": 40.0}, "range_gate is 40 m, but must be at least 53, as deep as"),
+        ({"slant_range": 100.0}, r"slant_range is 100, but must be at least \d+, twice what"),
+        ({"line_rate": 50_000.0, "pulse_rate": 1e8}, r"line_rate is 50000, but must be at most"),
+        ({"depression": 0.01}, r"slant_range is 3900, but must be at least \d+, twice"),
+        ({"pointing": 60.0}, "pointing is 60, but must be nearer 5: the lines, which"),
+        ({"offset": 60.0}, "offset is 60, but must be nearer 0: the lines, which"),
+    ],
+)
+def test_a_pass_that_cannot_see_the_ship_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        plan_scan(BOX, flight(**({"aspect": 140.0} | changes)))
+
+
+def test_just_enough_samples_and_gate_are_taken():
+    needed = _samples_needed(BOX, flight(140.0))
+    plan_scan(BOX, flight(140.0, samples=needed))
+    with pytest.raises(ValueError, match=f"samples is {needed - 1}"):
+        plan_scan(BOX, flight(140.0, samples=needed - 1))
+    assert plan_scan(BOX, flight(140.0)).lines < MOST_LINES
+
+
+@pytest.mark.parametrize(
+    ("reflectivity", "message"),
+    [
+        (np.ones(5), r"reflectivity has shape \(5,\), but must have one value for each of the 12"),
+        (np.full(12, -0.1), "reflectivity is -0.1, but must be .* at least 0"),
+        (np.full(12, np.nan), "reflectivity is nan"),
+    ],
+)
+def test_bad_reflectivities_are_named(reflectivity, message):
+    with pytest.raises(ValueError, match=message):
+        scan_scene(BOX, plan_scan(BOX, flight(140.0)), reflectivity=reflectivity)
