@@ -132,7 +132,6 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
             f"range_gate is {flight.range_gate:g} m, but must be at least "
             f"{math.ceil(2 * np.abs(away).max())}, as deep as this ship about its origin"
         )
-    aimed = flight if flight.pointing is not None else _aimed(flight, corners)
     # Lines climb by sin(depression) of the way that the aircraft comes closer.
     closer = float(up.max()) / math.sin(math.radians(flight.depression))
     closer = max(closer, 0.0) + float(np.ptp(away)) / 2
@@ -141,6 +140,7 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
             f"slant_range is {flight.slant_range:g}, but must be at least {math.ceil(2 * closer)}, "
             "twice what this pass comes closer"
         )
+    aimed = flight if flight.pointing is not None else _aimed(flight, corners)
     name = "offset" if flight.pointing is None else "pointing"
     meets, along, pace = _crossings(aimed, corners, name=name)
     margin = MARGIN * flight.ifov + 4 * flight.jitter
