@@ -13,6 +13,13 @@ from ncti.irar.chain import (
 )
 from ncti.irar.clusters import histogram_cluster_average
 from ncti.irar.flight import Flight, ship_heading
+from ncti.irar.landmarks import (
+    Landmarks,
+    Peak,
+    landmarks,
+    profile_correlation,
+    stern_to_bridge,
+)
 from ncti.irar.looks import average, gather_looks, looks_of, median
 from ncti.irar.materials import reflectivity
 from ncti.irar.mirror import mirror_rotation
@@ -36,7 +43,9 @@ from ncti.irar.time_delay import time_delay_integrate
 __all__ = [
     "Correction",
     "Flight",
+    "Landmarks",
     "Pass",
+    "Peak",
     "Returns",
     "Scan",
     "ScanPlan",
@@ -50,6 +59,7 @@ __all__ = [
     "fly",
     "gather_looks",
     "histogram_cluster_average",
+    "landmarks",
     "looks_of",
     "measured_extent",
     "median",
@@ -59,6 +69,7 @@ __all__ = [
     "noise_threshold",
     "plan_scan",
     "profile",
+    "profile_correlation",
     "range_profile",
     "raw_places",
     "reflectivity",
@@ -70,6 +81,7 @@ __all__ = [
     "ship_window",
     "snapshot_places",
     "speckle_correlation",
+    "stern_to_bridge",
     "tilts",
     "time_delay_integrate",
     "true_snapshot",

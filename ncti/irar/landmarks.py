@@ -1,0 +1,331 @@
+"""Landmarks of a near-stern range profile: hangar, stern, masts and bridge in numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import find_peaks
+
+from ncti.checks import require
+
+MAST = (40.0, 50.0)  # m past the hangar; frigates of the Perry class
+FORE_MAST = (51.0, 56.0)
+FORWARD = (57.0, 64.0)
+REACH = 1.5  # m; half of what counts as one peak
+TRANSOM = 5.0  # m from the stern end
+DECK = 4.0  # m from the stern end
+APRON = 4.0  # m before the hangar, of its own slope
+END = 0.05  # of the highest peak
+FRONT = 0.98  # of all that returns
+PROMINENCE = 0.05  # of the hangar's height
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A peak beside the hangar's.
+
+    Attributes
+    ----------
+    offset : float
+        How far past the hangar it lies [m], negative towards the stern; NaN for no peak.
+    height : float
+        Its highest bin over the hangar's.
+    energy : float
+        What returns within 1.5 m of it over the same of the hangar: hardly changes with the
+        place of the bins, as heights do.
+    """
+
+    offset: float
+    height: float
+    energy: float
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """What is told from a near-stern profile of a frigate.
+
+    Attributes
+    ----------
+    hangar : float
+        Down-range of the hangar's spike [m].
+    hangar_height : float
+        Its highest bin, in the profile's unit.
+    stern : float
+        From the stern end to the hangar [m].
+    bridge : float
+        From the hangar to the front of the forward structure [m].
+    transom : Peak
+        Highest within 5 m of the stern end, spike or not.
+    mast, fore_mast : Peak
+        Main mast, and the mast just forward of it.
+    forward : Peak
+        Aft face of the block that bears the bridge.
+    deck_spikes : tuple of float
+        Offsets of the peaks between transom and hangar [m].
+    """
+
+    hangar: float
+    hangar_height: float
+    stern: float
+    bridge: float
+    transom: Peak
+    mast: Peak
+    fore_mast: Peak
+    forward: Peak
+    deck_spikes: tuple[float, ...]
+
+    @property
+    def stern_to_bridge(self) -> float:
+        """Length from the stern end to the front of the forward structure [m]."""
+        return self.stern + self.bridge
+
+
+def landmarks(
+    profile: ArrayLike,
+    down_range: ArrayLike,
+    *,
+    hangar: tuple[float, float] | None = None,
+    mast: tuple[float, float] = MAST,
+    fore_mast: tuple[float, float] = FORE_MAST,
+    forward: tuple[float, float] = FORWARD,
+    end: float = END,
+    front: float = FRONT,
+    prominence: float = PROMINENCE,
+) -> Landmarks:
+    """Landmarks of a near-stern profile.
+
+    Parameters
+    ----------
+    profile : (bin,) array_like
+        Returned intensity in each range bin, noise floor removed, in any unit.
+    down_range : (bin,) array_like
+        Centres of the bins [m], increasing evenly away from the sensor.
+    hangar : (float, float), optional
+        Where the hangar's spike may lie [m]; the highest peak of all without it.
+    mast, fore_mast, forward : (float, float)
+        Where these peaks may lie past the hangar [m]; each is the highest there.
+    end, front : float
+        See `stern_to_bridge`.
+    prominence : float
+        Share of the hangar's height by which a peak stands out, in (0, 1).
+
+    Returns
+    -------
+    Landmarks
+        A peak that is not there has the offset NaN and the height and energy 0.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, the bins are not even, a value is not finite, a parameter is
+        out of range, or nothing returns where the hangar should be.
+
+    Notes
+    -----
+    Article, 'Discussion of Range Profiles from Ships' and 'Validation of Synthetic Range
+    Profiles' (Figures 14 and 16), which tells by eye what is here a number: the hangar's spike,
+    the length from stern to bridge, the transom's spike, the masts, and the spikes that a
+    point-sampled flight deck leaves.
+
+    A peak's place is the centroid of what rises above half of it, within 1.5 m. Heights depend
+    on where the bins' edges fall, those of a hangar 1.8 m deep by a quarter; energies hardly do.
+
+    The windows are those of the Perry class: profiles of other classes need their own. So
+    does the hangar, where something else is the highest, as the Connole's stack is.
+    """
+    values, centres, width = _profile(profile, down_range)
+    require("prominence", prominence, positive=True, below=1.0)
+    low, high = (centres[0], centres[-1]) if hangar is None else _window("hangar", hangar)
+    inside = (centres >= low) & (centres <= high)
+    if not inside.any() or not values[inside].max() > 0:
+        raise ValueError(
+            f"hangar is {hangar!r}, but must be where the profile has a return above 0"
+        )
+    top = int(np.flatnonzero(inside)[values[inside].argmax()])
+    spike, height = _centroid(values, centres, top), float(values[top])
+    energy = _energy(values, centres, spike, width)
+
+    def peak(index: int) -> Peak:
+        at = _centroid(values, centres, index)
+        share = _energy(values, centres, at, width) / energy
+        return Peak(at - spike, float(values[index]) / height, share)
+
+    # Zeros on both sides make a peak of what the window cuts.
+    tops = find_peaks(np.pad(values, 1), prominence=prominence * height)[0] - 1
+
+    def highest(name: str, window: tuple[float, float]) -> Peak:
+        near, far = _window(name, window)
+        offsets = centres[tops] - spike
+        found = tops[(offsets >= near) & (offsets <= far)]
+        return peak(int(found[values[found].argmax()])) if found.size else Peak(math.nan, 0.0, 0.0)
+
+    stern, last = _ends(values, centres, width, end=end, front=front)
+    aft = np.flatnonzero((centres >= stern) & (centres <= stern + TRANSOM) & (centres < spike))
+    transom = peak(int(aft[values[aft].argmax()])) if aft.size else Peak(math.nan, 0.0, 0.0)
+    # The deck begins beyond the transom, however far that slopes.
+    begins = max(stern + DECK, spike + np.nan_to_num(transom.offset, nan=-math.inf) + REACH)
+    deck = (centres[tops] > begins) & (centres[tops] < spike - APRON)
+    return Landmarks(
+        hangar=spike,
+        hangar_height=height,
+        stern=spike - stern,
+        bridge=last - spike,
+        transom=transom,
+        mast=highest("mast", mast),
+        fore_mast=highest("fore_mast", fore_mast),
+        forward=highest("forward", forward),
+        deck_spikes=tuple(_centroid(values, centres, n) - spike for n in tops[deck]),
+    )
+
+
+def stern_to_bridge(
+    profile: ArrayLike, down_range: ArrayLike, *, end: float = END, front: float = FRONT
+) -> float:
+    """Length that a near-stern profile shows, from the stern to the front of the bridge.
+
+    Parameters
+    ----------
+    profile : (bin,) array_like
+        Returned intensity in each range bin, noise floor removed, in any unit.
+    down_range : (bin,) array_like
+        Centres of the bins [m], increasing evenly away from the sensor.
+    end : float
+        Share of the highest peak that the first bin of the ship reaches, in (0, 1).
+    front : float
+        Share of all returns that have come by the front of the bridge, in (0, 1).
+
+    Returns
+    -------
+    float
+        Length in range [m]: cos(depression) cos(aspect) of the length on deck, but for what
+        the heights of both ends differ.
+
+    Raises
+    ------
+    ValueError
+        As `landmarks`.
+
+    Notes
+    -----
+    Article, 'Validation of Synthetic Range Profiles', which finds it the same in model and
+    measurement. The stern is steep, and its place the centre of its first bin. The front,
+    seen from behind, fades out over roofs, so that no height tells its place, and what lies
+    beyond is hidden but for little.
+    """
+    values, centres, width = _profile(profile, down_range)
+    if not values.max() > 0:
+        raise ValueError("profile is nowhere above 0, but must hold a ship")
+    stern, last = _ends(values, centres, width, end=end, front=front)
+    return last - stern
+
+
+def profile_correlation(
+    first: ArrayLike, second: ArrayLike, *, exclude: ArrayLike | None = None
+) -> Floats:
+    """Correlation of profiles on the same bins.
+
+    Parameters
+    ----------
+    first, second : (..., bin) array_like
+        Profiles, in any unit.
+    exclude : (bin,) array_like of bool, optional
+        Bins left out, such as those within 4 m of the hangar, which else decides alone.
+
+    Returns
+    -------
+    (...) float64 ndarray
+        Pearson's coefficient, in [-1, 1], whatever gain and floor; 0 where a profile is flat,
+        and so like nothing.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, a value is not finite or fewer than two bins are left.
+    """
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    for name, values in (("first", a), ("second", b)):
+        if values.ndim < 1 or not np.isfinite(values).all():
+            raise ValueError(f"{name} is not an array of finite numbers, but must be profiles")
+    if a.shape[-1] != b.shape[-1]:
+        raise ValueError(f"second has {b.shape[-1]} bins, but must have {a.shape[-1]} as first")
+    kept = np.ones(a.shape[-1], dtype=bool)
+    if exclude is not None:
+        left_out = np.asarray(exclude)
+        if left_out.dtype != np.bool_ or left_out.shape != kept.shape:
+            raise ValueError(
+                f"exclude has shape {left_out.shape} of {left_out.dtype}, but must be one "
+                f"boolean for each of {kept.size} bins"
+            )
+        kept = ~left_out
+    if kept.sum() < 2:
+        raise ValueError(f"exclude leaves {kept.sum()} bins, but must leave at least 2")
+    a, b = _centred(a[..., kept]), _centred(b[..., kept])
+    return np.asarray(np.clip((a * b).sum(axis=-1), -1.0, 1.0))
+
+
+def _centred(values: Floats) -> Floats:
+    """Profiles of mean 0 and norm 1, or zero."""
+    deviation = values - values.mean(axis=-1, keepdims=True)
+    norm = np.sqrt((deviation**2).sum(axis=-1, keepdims=True))
+    # Rounding leaves a flat profile a few ulp off its own mean.
+    flat = norm <= 1e-12 * np.abs(values).max(axis=-1, keepdims=True) * values.shape[-1]
+    return np.where(flat, 0.0, deviation / np.where(flat, 1.0, norm))
+
+
+def _ends(
+    values: Floats, centres: Floats, width: float, *, end: float, front: float
+) -> tuple[float, float]:
+    """Down-range of the stern and of the front of the bridge."""
+    require("end", end, positive=True, below=1.0)
+    require("front", front, positive=True, below=1.0)
+    stern = int(np.flatnonzero(values >= end * values.max())[0])
+    come = np.concatenate([[0.0], np.cumsum(np.maximum(values[stern:], 0.0))])
+    edges = centres[stern] - width / 2 + width * np.arange(come.size)
+    return float(centres[stern]), float(np.interp(front * come[-1], come, edges))
+
+
+def _centroid(values: Floats, centres: Floats, top: int) -> float:
+    """Place of the peak whose highest bin is `top`."""
+    near = np.abs(centres - centres[top]) <= REACH
+    weight = np.where(near, np.maximum(values - values[top] / 2, 0.0), 0.0)
+    return float(weight @ centres / weight.sum())
+
+
+def _energy(values: Floats, centres: Floats, place: float, width: float) -> float:
+    """What returns within reach of a place, bins that are cut counted in part."""
+    low = np.maximum(centres - width / 2, place - REACH)
+    high = np.minimum(centres + width / 2, place + REACH)
+    return float(values @ (np.maximum(high - low, 0.0) / width))
+
+
+def _profile(profile: ArrayLike, down_range: ArrayLike) -> tuple[Floats, Floats, float]:
+    """Values, centres and width of the bins."""
+    values = np.asarray(profile, dtype=np.float64)
+    centres = np.asarray(down_range, dtype=np.float64)
+    if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
+        raise ValueError(
+            f"profile has shape {values.shape}, but must be three or more finite numbers in a row"
+        )
+    if centres.shape != values.shape:
+        raise ValueError(
+            f"down_range has shape {centres.shape}, but must have that of profile, {values.shape}"
+        )
+    steps = np.diff(centres)
+    width = float(steps.mean())
+    if not (width > 0 and np.allclose(steps, width, rtol=1e-6, atol=0.0)):
+        raise ValueError(
+            f"down_range steps by {steps.min():g} to {steps.max():g} m, but must increase evenly"
+        )
+    return values, centres, width
+
+
+def _window(name: str, ends: tuple[float, float]) -> tuple[float, float]:
+    low, high = ends
+    require(f"{name}[0]", low)
+    require(f"{name}[1]", high, minimum=low)
+    return float(low), float(high)

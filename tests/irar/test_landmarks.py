@@ -1,0 +1,254 @@
+"""Landmarks of near-stern profiles: places put in by hand, and those of the rendered frigates."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.special import erf
+
+from ncti import ships
+from ncti.irar import landmarks, profile_correlation, stern_to_bridge
+from ncti.render import range_image
+
+DEPRESSION = 6.7  # deg
+PIXEL = 0.8  # m
+CENTRES = np.arange(-125, 125) + 0.5
+
+
+def binned(places, areas, half_widths, centres=CENTRES):
+    """Uniform boxes in range, summed into bins: the part of each that lies before each edge."""
+    step = centres[1] - centres[0]
+    edges = np.append(centres - step / 2, centres[-1] + step / 2)
+    before = np.zeros(edges.size)
+    for r, a, h in zip(places, areas, np.maximum(half_widths, 1e-9), strict=True):
+        before += a * np.clip((edges - (r - h)) / (2 * h), 0, 1)
+    return np.diff(before)
+
+
+def view(name, pixel=PIXEL):
+    return range_image(
+        ships.load(name),
+        aspect=175,
+        depression=DEPRESSION,
+        pixel=pixel,
+        roll=0,
+        slant_range=4000,
+    )
+
+
+def ship_profile(image, *, spread, shift=0.0):
+    """A range image's profile; each pixel a point, or over its own extent in range."""
+    hit = image.hit
+    slope = np.abs(image.gradient[hit].astype(float)).sum(axis=-1)
+    extent = spread * image.pixel * slope / 2
+    area = np.full(hit.sum(), image.pixel**2)
+    return binned(image.down_range[hit], area, extent, CENTRES + shift)
+
+
+@pytest.fixture(scope="module", params=["duncan", "roberts"])
+def frigate(request):
+    return request.param, view(request.param)
+
+
+# The hangar's offset from amidships, areas and depths of a schematic frigate.
+PARTS = {
+    "transom": (-66.5, 20.0, 0.7),
+    "hangar": (-41.3, 60.0, 0.9),
+    "mast": (3.1, 17.0, 0.6),
+    "fore mast": (12.9, 8.0, 0.6),
+    "forward": (18.0, 19.0, 0.7),
+}
+
+
+def schematic(shift=0.0):
+    places, areas, halves = map(list, zip(*PARTS.values(), strict=True))
+    # A smooth flight deck, and roofs as far as the bridge's front.
+    places += [-54.0, -7.5]
+    areas += [30.0, 40.0]
+    halves += [12.0, 33.0]
+    return binned(places, areas, halves, CENTRES + shift)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.2, 0.4, 0.6, 0.8])
+def test_places_put_in_come_back(shift):
+    """Within half a bin, wherever its edges fall; a little more where two places differ."""
+    found = landmarks(schematic(shift), CENTRES + shift)
+    hangar = PARTS["hangar"][0]
+    assert found.hangar == pytest.approx(hangar, abs=0.5)
+    assert found.mast.offset == pytest.approx(PARTS["mast"][0] - hangar, abs=0.7)
+    assert found.fore_mast.offset == pytest.approx(PARTS["fore mast"][0] - hangar, abs=0.7)
+    assert found.forward.offset == pytest.approx(PARTS["forward"][0] - hangar, abs=0.7)
+    assert found.transom.offset == pytest.approx(PARTS["transom"][0] - hangar, abs=0.7)
+    assert found.stern == pytest.approx(hangar + 67.2, abs=1.0)
+    # The roofs' far end, less 2 % of all that returns at their 40 / 66 a metre.
+    front = 25.5 - 0.02 * 194 / (40 / 66)
+    assert found.bridge == pytest.approx(front - hangar, abs=0.5)
+    assert found.stern_to_bridge == pytest.approx(
+        stern_to_bridge(schematic(shift), CENTRES + shift), abs=1e-9
+    )
+    assert found.deck_spikes == ()
+
+
+def test_energies_hold_where_heights_do_not():
+    """Half a bin moves the ratio of heights by a quarter and more, of energies by a tenth."""
+    found = [landmarks(schematic(s), CENTRES + s).mast for s in np.arange(0, 1, 0.1)]
+    heights, energies = np.array([(p.height, p.energy) for p in found]).T
+    assert np.ptp(heights) / heights.mean() > 0.25
+    assert np.ptp(energies) / energies.mean() < 0.1
+
+
+def test_gain_and_range_zero_do_not_matter():
+    plain = landmarks(schematic(), CENTRES)
+    moved = landmarks(7.0 * schematic(), CENTRES + 4000)
+    assert moved.hangar == pytest.approx(plain.hangar + 4000)
+    assert moved.hangar_height == pytest.approx(7.0 * plain.hangar_height)
+    for name in ("stern", "bridge"):
+        assert getattr(moved, name) == pytest.approx(getattr(plain, name))
+    for name in ("transom", "mast", "fore_mast", "forward"):
+        for was, now in zip(
+            dataclasses.astuple(getattr(plain, name)),
+            dataclasses.astuple(getattr(moved, name)),
+            strict=True,
+        ):
+            assert now == pytest.approx(was)
+
+
+def test_peak_that_is_not_there_is_not_found():
+    bare = binned([-66.5, -41.3], [20.0, 60.0], [0.7, 0.9])
+    found = landmarks(bare, CENTRES)
+    for peak in (found.mast, found.fore_mast, found.forward):
+        assert math.isnan(peak.offset)
+        assert (peak.height, peak.energy) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("true", "bound"), [(-41.5, 1e-6), (-41.0, 1e-6), (-41.3, 0.25), (-41.8, 0.25)]
+)
+def test_gaussian_peak_is_placed_by_its_centroid(true, bound):
+    """Exact by symmetry on a bin or between two, else within a quarter of a bin."""
+    edges = np.append(CENTRES - 0.5, CENTRES[-1] + 0.5)
+    bins = np.diff(erf((edges - true) / (0.5 * math.sqrt(2))))
+    assert landmarks(bins, CENTRES).hangar == pytest.approx(true, abs=bound)
+
+
+# Relative to the hangar: metres, and shares of its height at bins with whole edges.
+FIGURE_16 = {
+    "duncan": {"stern": 26, "transom": 0.37, "mast": (44, 0.26), "forward": (59, 0.33)},
+    "roberts": {"stern": 28, "transom": 0.23, "mast": (45, 0.28), "forward": (60, 0.28)},
+}
+
+
+@pytest.mark.parametrize("spread", [0.0, 1.0])
+def test_frigates_show_what_figure_16_shows(frigate, spread):
+    """Places within a bin; heights within the quarter that a bin's place makes."""
+    name, image = frigate
+    expected = FIGURE_16[name]
+    found = landmarks(ship_profile(image, spread=spread), CENTRES)
+    assert found.stern == pytest.approx(expected["stern"], abs=1.0)
+    assert found.transom.height == pytest.approx(expected["transom"], rel=0.25)
+    for peak, (offset, height) in (
+        (found.mast, expected["mast"]),
+        (found.forward, expected["forward"]),
+    ):
+        assert peak.offset == pytest.approx(offset, abs=1.0)
+        assert peak.height == pytest.approx(height, rel=0.25)
+    assert found.fore_mast.offset == pytest.approx(54, abs=1.5)
+
+
+def test_deck_is_a_comb_where_pixels_are_points(frigate):
+    """Three spikes a pixel's length apart in range, wherever the bins lie; none when spread."""
+    _, image = frigate
+    apart = PIXEL / math.sin(math.radians(DEPRESSION))
+    for shift in (0.0, 0.25, 0.5, 0.75):
+        comb = landmarks(ship_profile(image, spread=0.0, shift=shift), CENTRES + shift)
+        assert len(comb.deck_spikes) == 3
+        # Two spacings between the outer ones, whose places are good to half a bin each.
+        assert np.ptp(comb.deck_spikes) / 2 == pytest.approx(apart, abs=0.5)
+        smooth = landmarks(ship_profile(image, spread=1.0, shift=shift), CENTRES + shift)
+        assert smooth.deck_spikes == ()
+
+
+def test_comb_is_gone_from_fine_points():
+    """Pixels of 0.1 m have spikes 0.9 m apart, closer than bins: a comb is no ship's doing."""
+    assert landmarks(ship_profile(view("duncan", 0.1), spread=0.0), CENTRES).deck_spikes == ()
+
+
+def test_both_frigates_are_as_long_from_stern_to_bridge():
+    """Article: the same length. On deck 135.6 and 138.1 m less 42 m of bow, by cos(5 deg)."""
+    lengths = [
+        stern_to_bridge(ship_profile(view(name, 0.1), spread=1.0), CENTRES)
+        for name in ("duncan", "roberts")
+    ]
+    assert lengths[1] == pytest.approx(lengths[0], abs=3.0)
+    for length, stern in zip(lengths, (135.6, 138.1), strict=True):
+        on_deck = (stern - 42.0) * math.cos(math.radians(5)) * math.cos(math.radians(DEPRESSION))
+        assert length == pytest.approx(on_deck, abs=4.0)
+
+
+def test_hangar_is_looked_for_where_it_may_be():
+    """The Connole's highest peak is her stack; her hangar is 25 m behind it."""
+    profile = ship_profile(view("connole"), spread=1.0)
+    assert landmarks(profile, CENTRES).hangar == pytest.approx(-5.5, abs=1.0)
+    assert landmarks(profile, CENTRES, hangar=(-40, -20)).hangar == pytest.approx(-31, abs=1.0)
+
+
+def test_correlation_is_pearson_on_the_bins_kept():
+    rng = np.random.default_rng(0)
+    first, second = rng.random((2, 4, 30))
+    kept = np.ones(30, dtype=bool)
+    kept[10:15] = False
+    found = profile_correlation(first, second, exclude=~kept)
+    expected = [np.corrcoef(a[kept], b[kept])[0, 1] for a, b in zip(first, second, strict=True)]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(profile_correlation(first, 3 * first + 5), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(profile_correlation(first, -first), -1.0, rtol=1e-12)
+
+
+def test_a_common_spike_hides_what_the_rest_differs_by():
+    rng = np.random.default_rng(1)
+    first, second = rng.random((2, 50))
+    first[20] = second[20] = 30.0
+    spike = np.abs(np.arange(50) - 20) <= 4
+    assert profile_correlation(first, second) > 0.97
+    assert profile_correlation(first, second, exclude=spike) < 0.5
+
+
+def test_flat_profile_is_like_nothing():
+    assert profile_correlation(np.full(9, 0.1), np.arange(9.0)) == 0.0
+    assert profile_correlation(np.zeros(9), np.zeros(9)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"profile": np.ones((2, 2))}, r"profile has shape \(2, 2\)"),
+        ({"profile": np.full(250, np.nan)}, "finite numbers"),
+        ({"down_range": CENTRES[:-1]}, r"down_range has shape \(249,\)"),
+        ({"down_range": CENTRES[::-1]}, "must increase evenly"),
+        ({"down_range": CENTRES**3}, "must increase evenly"),
+        ({"profile": np.zeros(250)}, "hangar is None"),
+        ({"hangar": (100.0, 120.0)}, r"hangar is \(100.0, 120.0\)"),
+        ({"mast": (50.0, 40.0)}, r"mast\[1\] is 40.0"),
+        ({"end": 0.0}, "end is 0.0"),
+        ({"front": 1.0}, "front is 1.0"),
+        ({"prominence": -1.0}, "prominence is -1.0"),
+    ],
+)
+def test_refusals(change, message):
+    given = {"profile": schematic(), "down_range": CENTRES} | change
+    with pytest.raises(ValueError, match=message):
+        landmarks(given.pop("profile"), given.pop("down_range"), **given)
+
+
+def test_refusals_of_correlation():
+    with pytest.raises(ValueError, match="second has 4 bins"):
+        profile_correlation(np.zeros(5), np.zeros(4))
+    with pytest.raises(ValueError, match="first is not"):
+        profile_correlation([np.nan, 1, 2], [1, 2, 3])
+    with pytest.raises(ValueError, match="exclude has shape"):
+        profile_correlation(np.zeros(5), np.zeros(5), exclude=[1, 2])
+    with pytest.raises(ValueError, match="exclude leaves 1 bins"):
+        profile_correlation(np.zeros(3), np.zeros(3), exclude=[True, True, False])
+    with pytest.raises(ValueError, match="nowhere above 0"):
+        stern_to_bridge(np.zeros(250), CENTRES)
