@@ -15,6 +15,7 @@ from sweeps.benchmark import (
     classification,
     classifiers,
     convergence,
+    flights,
     images,
     invariance,
     paper,
@@ -33,6 +34,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "convergence": lambda asked: convergence.measure(repeats=asked.repeats),
     "course": lambda asked: convergence.measure_course(),
     "classification": lambda asked: classification.measure(repeats=asked.repeats),
+    "flights": lambda asked: flights.measure(repeats=asked.repeats),
     "paper": lambda asked: paper.measure(repeats=asked.repeats),
 }
 SETS = {
@@ -52,7 +54,8 @@ def main(arguments: list[str] | None = None) -> None:
         "classifiers beside scikit-learn's (classifier_times), vigilances that share cosines "
         "(vigilances), training with and without gain annealing (convergence, course), the "
         "classification part of the experiment (classification), the last five together "
-        "(classifiers), and time and memory of the whole experiment (paper).",
+        "(classifiers), a flight of the airborne sensor step by step (flights), and time and "
+        "memory of the whole experiment (paper).",
     )
     parser.add_argument("report", nargs="?", choices=[*REPORTS, *SETS], default="all")
     parser.add_argument(
