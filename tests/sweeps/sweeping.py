@@ -38,6 +38,14 @@ def command(*overrides, folder: Path, cache: Path | None = None, timeout: float 
     )
 
 
+def fresh(folder, cache):
+    """A stage cache of its own that shares only the ships with the machine's."""
+    (folder / "cache").mkdir()
+    (folder / "cache" / "meshes").symlink_to(cache / "meshes", target_is_directory=True)
+    (cache / "meshes").mkdir(parents=True, exist_ok=True)
+    return folder / "cache"
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file below a folder, by its relative path."""
     return {

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 import xarray as xr
-from sweeping import TINY, command, contents
+from sweeping import TINY, command, contents, fresh
 
 import ncti.ships
 from sweeps import graph, stages, store
@@ -33,14 +33,6 @@ def two_workers(tmp_path_factory, cache):
     )
     assert done.returncode == 0, done.stderr
     return folder
-
-
-def fresh(folder, cache):
-    """A stage cache of its own that shares only the ships with the machine's."""
-    (folder / "cache").mkdir()
-    (folder / "cache" / "meshes").symlink_to(cache / "meshes", target_is_directory=True)
-    (cache / "meshes").mkdir(parents=True, exist_ok=True)
-    return folder / "cache"
 
 
 def test_one_and_two_workers_make_the_same_store(two_workers, tmp_path, cache):
