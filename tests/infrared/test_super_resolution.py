@@ -1,4 +1,4 @@
-"""Super-resolution: what is left between an image and the true scene, the reason for the default."""
+"""Super-resolution: what is left between image and true scene, and the default that follows."""
 
 import numpy as np
 import pytest
