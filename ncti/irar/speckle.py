@@ -31,21 +31,19 @@ def speckle_correlation(flight: Flight) -> float:
     -----
     A beam and a receiver matched to it, both Gaussian with 1/e^2 intensity diameter phi R on the
     ship, weigh its rough surface with the field E(x)^2. When the sensor moves by D across the line
-    of sight, the phase of E^2 tilts; when the footprint moves by d, E^2 moves along. The overlap
-    of the two gives, for a delta-correlated surface,
+    of sight, the phase of E^2 tilts; and as the beam keeps its direction, the footprint moves
+    along by as much. The overlap gives, for a delta-correlated surface,
 
-        mu = exp(-(pi phi D / (2 lambda))^2 - (2 d / (phi R))^2).
+        mu = exp(-(pi phi D / (2 lambda))^2 - (2 D / (phi R))^2).
 
-    D is what matters: at 90 m/s, 5 deg off and 6.7 deg down it is 0.1 m a line against a speckle
-    lobe of lambda / phi = 5 cm, mu = 1e-4 or less; at a hundredth of the speed mu is nearly 1 and
-    averaging lines gains nothing. Of neighbouring samples d is a whole IFOV and mu = exp(-4); they
-    are drawn independently.
+    The tilt is what matters: at 90 m/s, 5 deg off and 6.7 deg down D is 0.1 m a line against a
+    speckle lobe of lambda / phi = 5 cm, mu = 1e-4 or less; at a hundredth of the speed mu is
+    nearly 1 and averaging lines gains nothing. Of neighbouring samples the footprints are a whole
+    IFOV apart and mu = exp(-4); they are drawn independently.
     """
-    right, up, _ = flight.snapshot_axes @ flight.to_ship @ flight.velocity
-    across = math.hypot(right, up) / flight.line_rate
-    footprint = math.hypot(flight.climb, flight.drift) / flight.line_rate
+    across = math.hypot(flight.climb, flight.drift) / flight.line_rate
     lobe = math.pi * flight.ifov * across / (2 * WAVELENGTH)
-    return math.exp(-(lobe**2) - (2 * footprint / flight.pixel) ** 2)
+    return math.exp(-(lobe**2) - (2 * across / flight.pixel) ** 2)
 
 
 def speckle(
@@ -65,7 +63,13 @@ def speckle(
     Returns
     -------
     (line, column, ray) complex64 ndarray
-        Of unit mean power; a first-order Markov sequence of lines.
+        Of unit mean power.
+
+    Notes
+    -----
+    A first-order Markov sequence of lines: k lines apart the correlation is mu^k, where the
+    surface has mu^(k^2). Of frames that are partly correlated it understates what averaging
+    gains; where they are independent, or the same, it is exact.
     """
     drawn = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     drawn *= np.float32(math.sqrt(0.5))

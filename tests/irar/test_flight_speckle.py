@@ -1,0 +1,109 @@
+"""Speckle from line to line: the closed form against a rough surface, and the lines drawn."""
+
+import math
+
+import numpy as np
+import pytest
+from flown import flight
+from scipy import stats
+
+from ncti.irar import speckle_correlation
+from ncti.irar.flight import WAVELENGTH
+from ncti.irar.speckle import INDEPENDENT, speckle
+
+
+def rough_surface(flown, lines, *, surfaces, scatterers=400, seed=0):
+    """Fields of successive lines off rough surfaces across the line of sight (surface, line).
+
+    Phasors of scatterers at random places, by their exact two-way paths; weighed by beam and
+    receiver, each of 1/e^2 intensity diameter phi R, about where the beam then points.
+    """
+    rng = np.random.default_rng(seed)
+    step = flown.snapshot_axes @ flown.to_ship @ flown.velocity / flown.line_rate
+    waist = flown.pixel / 2
+    places = rng.uniform(-2 * waist, 2 * waist, (surfaces, scatterers, 2))
+    phase = rng.uniform(0, 2 * math.pi, (surfaces, scatterers))
+    fields = []
+    for line in range(lines):
+        moved = line * step
+        across = ((places - moved[:2]) ** 2).sum(axis=-1)
+        away = flown.slant_range - moved[2]
+        path = across / (away + np.sqrt(away**2 + across))  # beyond the distance itself
+        weight = np.exp(-2 * across / waist**2)
+        fields.append((weight * np.exp(1j * (phase + 4 * math.pi * path / WAVELENGTH))).sum(-1))
+    return np.stack(fields, axis=-1)
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 8.0, 15.0, 25.0])
+def test_the_closed_form_is_that_of_a_rough_surface(speed):
+    """4,000 surfaces: a correlation is known to sqrt((1 - mu^2) / 2 / 4000), 4 of which (1e-4).
+
+    The wavefront's curvature along the scatterers, alike in both lines, cancels.
+    """
+    flown = flight(offset=5.0, aircraft_speed=speed, ship_speed=0.0)
+    mu = speckle_correlation(flown)
+    fields = rough_surface(flown, 3, surfaces=4000, seed=int(10 * speed))
+    power = np.mean(np.abs(fields) ** 2)
+    for lag, expected in ((1, mu), (2, mu**4)):
+        found = np.abs(np.mean(fields[:, lag] * fields[:, 0].conj())) / power
+        level = (
+            4 * math.sqrt((1 - expected**2) / 8000) + 5e-3
+        )  # 400 scatterers, not infinitely many
+        assert found == pytest.approx(expected, abs=level)
+
+
+def test_lines_of_the_study_are_independent():
+    """At its speeds and ranges, either way across: by the closed form and off a surface."""
+    for slant_range in (3e3, 3.9e3, 5e3):
+        for offset in (-5.0, 5.0):
+            flown = flight(offset=offset, slant_range=slant_range)
+            assert speckle_correlation(flown) < INDEPENDENT
+    fields = rough_surface(flight(), 2, surfaces=2000)
+    found = np.abs(np.mean(fields[:, 1] * fields[:, 0].conj())) / np.mean(np.abs(fields) ** 2)
+    assert found < 4 / math.sqrt(4000)
+
+
+def test_lines_of_a_slow_flight_are_the_same():
+    slow = flight(aircraft_speed=0.9, ship_speed=0.0)
+    assert speckle_correlation(slow) > 0.998
+    still = flight(aircraft_speed=1e-9, ship_speed=0.0)
+    assert speckle_correlation(still) == 1.0
+
+
+def test_a_wider_beam_decorrelates_sooner():
+    """As its lobe lambda / phi narrows; and with more lines a second later."""
+    wide, narrow = (
+        speckle_correlation(flight(aircraft_speed=20, ship_speed=0, ifov=ifov))
+        for ifov in (400e-6, 100e-6)
+    )
+    assert wide < narrow
+    dense = flight(aircraft_speed=20, ship_speed=0, line_rate=1000, pulse_rate=1e6)
+    assert speckle_correlation(dense) > speckle_correlation(flight(aircraft_speed=20, ship_speed=0))
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3, 0.8, 0.99])
+def test_drawn_lines_are_a_markov_sequence(mu):
+    """Of 200 lines in 2,000 columns: correlation mu^k at lag k, unit power, no phase preferred.
+
+    Each pair of lines gives 2,000 independent products; means over pairs are known to a standard
+    error of 1 / sqrt(2000) or better, four of which are allowed.
+    """
+    drawn = speckle((200, 1000, 2), correlation=mu, rng=np.random.default_rng(7)).reshape(200, -1)
+    assert drawn.dtype == np.complex64
+    level = 4 / math.sqrt(2000)
+    assert np.mean(np.abs(drawn[0]) ** 2) == pytest.approx(1, abs=level)
+    assert np.mean(np.abs(drawn[-1]) ** 2) == pytest.approx(1, abs=level)
+    for lag in (1, 2, 5):
+        found = np.mean(drawn[lag:] * drawn[:-lag].conj())
+        assert found == pytest.approx(mu**lag, abs=level)
+    assert abs(np.mean(drawn**2)) < level
+    for line in (0, 199):
+        assert stats.kstest(np.abs(drawn[line]) ** 2, "expon").pvalue > 1e-3
+    across = drawn.reshape(200, 1000, 2)
+    assert abs(np.mean(across[:, :, 0] * across[:, :, 1].conj())) < level
+    assert abs(np.mean(across[:, 1:] * across[:, :-1].conj())) < level
+
+
+def test_full_correlation_is_the_same_speckle_on_every_line():
+    drawn = speckle((50, 20, 3), correlation=1.0, rng=np.random.default_rng(1))
+    np.testing.assert_array_equal(drawn, np.broadcast_to(drawn[0], drawn.shape))
