@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from ncti.checks import require
 
-TRANSOM_DEPTH = 6.0
-"""Length of the stern in which facets that look aft are the transom [m]; at 45 deg it takes 4."""
+TRANSOM_DEPTH = 4.0
+"""Length of the stern in which facets that look aft are the transom [m]: as long as one takes that
+slopes at 45 deg, and short of the step to the flight deck."""
 
 LOOKS_AFT = 0.5
 """Least component of a transom facet's normal towards the stern."""

@@ -84,9 +84,9 @@ def measure(*, repeats: int) -> Report:
         columns,
         rows,
         [
-            "On one core; steps in ms, medians; N lines a pixel. `fly` casts the rays, `record` draws "
-            "speckle, noise and infrared images, `correct` registers, averages and filters by pixel, "
-            "`fine` the same at line rate, `profile` segments and sums. Expected: under 5 s."
+            "On one core; steps in ms, medians; N lines a pixel. `fly` casts rays, `record` draws "
+            "speckle, noise and infrared images, `correct` registers, averages and filters, `fine` "
+            "does so at line rate, `profile` segments and sums. Expected: under 5 s."
         ],
     )
 

@@ -1,0 +1,84 @@
+"""Closing speed from upright faces, against the speed that was flown."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flown import flight
+from trimesh.creation import box
+
+from ncti import ships
+from ncti.irar import autofocus, correct, fly, profile, segmented, ship_window, true_snapshot
+from ncti.irar.autofocus import RISE, WIDTH, closing_per_speed, slope_spectrum
+
+ERRORS = (-0.05, -0.01, 0.01, 0.05)
+
+
+def believed(flown, error):
+    """A flight whose closing speed is believed wrong by a share of it."""
+    change = error * flown.closing_speed / closing_per_speed(flown)
+    return replace(flown, aircraft_speed=flown.aircraft_speed + change)
+
+
+def closing_error(found, flown):
+    return found.closing_speed / flown.closing_speed - 1
+
+
+def test_spectrum_of_one_slope_is_the_kernel():
+    slope, count = slope_spectrum(np.array([0.25]), steepest=1.0)
+    # counted in steps of 0.01: half a step of the kernel's steepest flank, exp(-1/2) / WIDTH
+    assert np.abs(count - np.exp(-(((slope - 0.25) / WIDTH) ** 2) / 2)).max() < 0.005 / WIDTH
+    assert slope[0] == pytest.approx(-1) and slope[-1] == pytest.approx(1)
+
+
+@pytest.mark.parametrize("aspect", [0, 90, 150, 175])
+def test_a_block_with_upright_sides_gives_its_closing_speed(aspect):
+    block = box((100, 16, 20)).apply_translation((0, 0, 10))
+    scan = fly(block, flight(aspect=aspect, samples=260, pulse_rate=31e3)).noiseless()
+    flown = scan.flight
+    # Half a step of the spectrum, 0.005 m/m, and as much for the lines' spacing where a face ends.
+    # Columns of a pixel's looks are known to a quarter of it, which turns a face that is looked at
+    # from aside.
+    aside = abs((aspect + 45) % 90 - 45)
+    turned = 0.25 * flown.pixel * np.tan(np.radians(aside)) / RISE
+    slope = 2 * 0.005 + turned
+    for error in ERRORS:
+        found = autofocus(scan, believed(flown, error))
+        assert abs(closing_error(found, flown)) < slope * flown.climb / flown.closing_speed
+
+
+@pytest.mark.parametrize(("name", "aspect"), [("roberts", 175), ("connole", 150), ("duncan", 90)])
+def test_most_of_an_error_of_five_per_cent_is_recovered(name, aspect):
+    mesh = ships.load(name)
+    flown = fly(mesh, flight(aspect=aspect, samples=300, pulse_rate=36e3))
+    window = ship_window(mesh, flown.plan.flight)
+    truth = profile(true_snapshot(mesh, flown.plan.flight, window), flown.plan.flight)
+    scan = flown.record(np.random.default_rng(5))
+
+    def likeness(belief):
+        seen = segmented(correct(scan, belief=belief, window=window, overscanned=True), belief)
+        return np.corrcoef(profile(seen, flown.plan.flight), truth)[0, 1]
+
+    for error in (-0.05, 0.05):
+        belief = believed(flown.plan.flight, error)
+        found = autofocus(scan, belief)
+        assert abs(closing_error(found, flown.plan.flight)) < 0.5 * abs(error)
+        assert likeness(found) > likeness(belief) + 0.1
+
+
+def test_errors_beyond_the_reach_are_not_looked_for():
+    block = box((100, 16, 20)).apply_translation((0, 0, 10))
+    flown = fly(block, flight()).plan.flight
+    scan = fly(block, flown).noiseless()
+    found = autofocus(scan, believed(flown, 0.05), reach=0.01)
+    assert closing_error(found, flown) > 0.05 - 3 * 0.011
+
+
+def test_what_is_refused():
+    block = box((20, 16, 10)).apply_translation((0, 0, 5))
+    flown = fly(block, flight()).plan.flight
+    scan = fly(block, flown).noiseless()
+    with pytest.raises(ValueError, match="reach is 0, but must be"):
+        autofocus(scan, flown, reach=0)
+    with pytest.raises(ValueError, match="nothing that stands"):
+        autofocus(replace(scan, intensity=np.zeros_like(scan.intensity)), flown)

@@ -1,0 +1,93 @@
+"""Measured images gathered into wider beams: area, places, and the profiles that follow."""
+
+import numpy as np
+import pytest
+from flown import CLEAN, flight
+
+from ncti import ships
+from ncti.irar import (
+    Snapshot,
+    Window,
+    correct,
+    fly,
+    measured_extent,
+    segmented,
+    ship_window,
+)
+from ncti.ladar import expected_profile, range_extent
+from ncti.render import range_image
+
+
+def plate(flown, *, rows, columns, distance, intensity, bottom=0, left=0, spacing=1.0):
+    """A snapshot in which every pixel sees the same."""
+    row = bottom + np.arange(round(rows / spacing)) * spacing
+    shape = len(row), columns
+    return Snapshot(
+        Window(bottom, left, rows, columns),
+        row,
+        left + np.arange(columns, dtype=float),
+        np.full(shape, float(intensity)),
+        np.full(shape, flown.slant_range + distance),
+        np.zeros(shape),
+        np.ones(shape, dtype=int),
+    )
+
+
+@pytest.mark.parametrize("spacing", [1.0, 0.1])
+def test_a_plate_keeps_its_area_in_its_bin(spacing):
+    flown = flight(cnr=100.0)
+    image = plate(flown, rows=40, columns=30, distance=7.3, intensity=50, spacing=spacing)
+    extent = measured_extent(image, flown, slant_range=100e3)
+    # half the intensity of a filled IFOV: half the area of 40 by 30 pixels
+    area = extent.fraction.sum() * 15.0**2
+    assert area == pytest.approx(0.5 * 40 * 30 * flown.pixel**2)
+    filled = extent.fraction.any(axis=0)
+    assert extent.down_range[filled] == pytest.approx([7.5])
+    assert (extent.fraction <= 1).all()
+
+
+def test_cells_are_those_of_the_lattice_about_the_origin():
+    flown = flight()
+    image = plate(flown, rows=1, columns=1, distance=0, intensity=1, bottom=-25, left=30)
+    extent = measured_extent(image, flown, slant_range=100e3)
+    assert extent.cell.tolist() == [[30 * flown.pixel // 15, -25 * flown.pixel // 15]]
+
+
+def test_intensity_above_a_filled_beam_counts_as_filled():
+    flown = flight(cnr=100.0)
+    image = plate(flown, rows=4, columns=4, distance=0, intensity=1e6)
+    extent = measured_extent(image, flown, slant_range=100e3)
+    assert extent.fraction.sum() * 15.0**2 == pytest.approx(16 * flown.pixel**2)
+
+
+def test_pixels_without_range_or_outside_the_window_do_not_count():
+    flown = flight()
+    image = plate(flown, rows=2, columns=2, distance=0, intensity=1)
+    image.range[0, 0] = np.nan
+    image.range[0, 1] += 500
+    whole = plate(flown, rows=2, columns=2, distance=0, intensity=1)
+    part = measured_extent(image, flown, slant_range=100e3).fraction.sum()
+    assert part == pytest.approx(
+        measured_extent(whole, flown, slant_range=100e3).fraction.sum() / 2
+    )
+    image.range[:] = np.nan
+    with pytest.raises(ValueError, match="window is 250 m, but must hold some"):
+        measured_extent(image, flown, slant_range=100e3)
+
+
+@pytest.mark.parametrize("aspect", [175, 90, 30])
+def test_a_measured_profile_is_that_of_the_range_profiler(aspect):
+    mesh = ships.load("roberts")
+    flown = fly(mesh, flight(aspect=aspect, samples=300, pulse_rate=36e3))
+    seen = flown.plan.flight
+    scan = flown.record(np.random.default_rng(3))
+    window = ship_window(mesh, seen)
+    image = segmented(correct(scan, window=window, overscanned=True), seen)
+    measured = measured_extent(image, seen, slant_range=100e3)
+    drawn = range_image(mesh, aspect=seen.aspect, depression=seen.depression, engine="embree")
+    learned = range_extent(drawn, slant_range=100e3)
+    profiles = [
+        expected_profile(extent, pulse_width=30e-9, cnr=CLEAN, target_free_ifovs=0)
+        for extent in (measured, learned)
+    ]
+    assert np.corrcoef(*profiles)[0, 1] > 0.99
