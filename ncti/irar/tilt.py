@@ -58,9 +58,10 @@ def tilts(image: ArrayLike, truth: ArrayLike, *, floor: float = 0.03) -> Tilt:
     Parameters
     ----------
     image : (row, column) array_like
-        Intensity, in any unit, rows growing upward; 0 or NaN where there is no return.
+        Intensity, in any unit, rows growing upward; NaN where nothing is known.
     truth : (row * k, column * k) array_like
-        The same view without noise, in any unit, each pixel resolved into k x k cells, k whole.
+        The same view without noise, in any unit, each pixel resolved into k x k cells, k whole;
+        NaN counts as 0. Where pixels average looks of a pixel's width, so must the cells be.
         What an exact image seems to lean grows with the cells: 0.02 deg with k = 8, 0.05 deg
         with k = 4, 0.4 deg with k = 1.
     floor : float
@@ -98,6 +99,8 @@ def tilts(image: ArrayLike, truth: ArrayLike, *, floor: float = 0.03) -> Tilt:
     """
     require("floor", floor, positive=True, maximum=1.0)
     seen, cells = _image("image", image), _image("truth", truth)
+    known = ~np.isnan(seen)
+    seen, cells = np.nan_to_num(seen), np.nan_to_num(cells)
     rows, columns = seen.shape
     factor = cells.shape[0] // rows
     if factor < 1 or cells.shape != (rows * factor, columns * factor):
@@ -115,7 +118,7 @@ def tilts(image: ArrayLike, truth: ArrayLike, *, floor: float = 0.03) -> Tilt:
     if refinement > 1:
         cells = _refined(_refined(cells, refinement).T, refinement).T
     ship = _Cells.of(cells / own, factor * refinement, seen.shape)
-    return _fit(seen / level, ship, _start(seen / level, ship), floor)
+    return _fit(seen / level, known, ship, _start(seen / level, ship), floor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +192,7 @@ class _Cells:
         return inside + 1, share, (after - before) / self.side
 
 
-def _fit(seen: Floats, ship: _Cells, place: Floats, floor: float) -> Tilt:
+def _fit(seen: Floats, known: NDArray[np.bool_], ship: _Cells, place: Floats, floor: float) -> Tilt:
     """Robust least squares from a start."""
     gain, offset, scatter = 1.0, 0.0, 1.0
     covariance = np.full((8, 8), np.nan)
@@ -197,17 +200,18 @@ def _fit(seen: Floats, ship: _Cells, place: Floats, floor: float) -> Tilt:
     for level, passes in steps:
         for _ in range(passes):
             model, slopes = ship.image(place)
-            lit = model > 0
+            lit, dark = (model > 0) & known, (model == 0) & known
             if lit.sum() < 8:
                 return Tilt(*[math.nan] * 6)
             expected = gain * model + offset
             residual = seen - expected
-            around = np.median(np.abs(residual[~lit])) * 1.4826 if not lit.all() else 0.0
+            around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
             spread = np.maximum(expected, 0.0) + max(level, around / scatter)
             unit = residual / spread
-            bright = model > model.max() / 5
+            bright = lit & (model > model.max() / 5)
             scatter = max(1.4826 * np.median(np.abs(unit[bright])), _LEAST_SCATTER)
             weight = np.maximum(1.0 - (unit / (_TUKEY * scatter)) ** 2, 0.0) / spread
+            weight *= known
             terms = np.concatenate(
                 [gain * slopes, model[..., None], np.ones((*model.shape, 1))], axis=-1
             ).reshape(-1, 8)
@@ -297,10 +301,10 @@ def _blocks(cells: Floats, factor: int) -> Floats:
 
 
 def _image(name: str, values: ArrayLike) -> Floats:
-    """Intensities, 0 where there are none."""
+    """Intensities, NaN where there are none."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 2 or 0 in array.shape:
         raise ValueError(f"{name} has shape {array.shape}, but must have rows and columns")
     if np.isinf(array).any():
         raise ValueError(f"{name} holds an infinite value, but must be numbers or NaN")
-    return np.nan_to_num(array)
+    return array
