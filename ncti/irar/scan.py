@@ -30,6 +30,7 @@ UNITS = {
     "aircraft_heading": "degree",
     "aircraft_track": "degree",
     "ship_heading": "degree",
+    "aspect": "degree",
     "offset": "degree",
     "pointing": "degree",
     "mirror_angle": "degree",
@@ -79,7 +80,8 @@ class Scan:
     def to_xarray(self) -> xr.Dataset:
         """The raw images as an xarray data set, every parameter of the flight among its attributes.
 
-        A parameter `name` with a unit has it as `name_units`.
+        A parameter `name` has its unit as `name_units`, "1" where it is a number of things or a
+        ratio.
         """
         import xarray as xr
 
@@ -89,8 +91,7 @@ class Scan:
         if given["aircraft_track"] is None:
             given["aircraft_track"] = flight.aircraft_heading
         given["aspect"] = flight.aspect
-        units = UNITS | {"aspect": "degree"}
-        attributes = given | {f"{name}_units": units[name] for name in given if name in units}
+        attributes = given | {f"{name}_units": UNITS.get(name, "1") for name in given}
         return xr.Dataset(
             {
                 "intensity": (
@@ -111,7 +112,21 @@ class Scan:
                     self.time,
                     {"units": "s", "long_name": "time after the beam crossed the ship's origin"},
                 ),
-                "line": ("line", self.plan.first + np.arange(self.plan.lines)),
+                "line": (
+                    "line",
+                    self.plan.first + np.arange(self.plan.lines),
+                    {"units": "1", "long_name": "line, 0 the first after time 0"},
+                ),
+                "sample": (
+                    "sample",
+                    np.arange(flight.samples),
+                    {"units": "1", "long_name": "sample of a line, from the left"},
+                ),
+                "detector": (
+                    "detector",
+                    np.arange(flight.detectors),
+                    {"units": "1", "long_name": "passive detector, 0 the leading one"},
+                ),
             },
             attrs=attributes,
         )
@@ -139,7 +154,8 @@ class Pass:
     def _infrared(self, rng: np.random.Generator | None) -> NDArray[np.float32]:
         flight = self.plan.flight
         seen = self.returns.coverage() * contrast(flight.slant_range)
-        # Detector k sees at sample j the column k before it.
+        # Detector k sees at sample j the column k before it, here when the first one saw it: in the
+        # k samples between, half a millisecond at most, the ship drifts by millimetres.
         last = flight.detectors - 1
         shape = (flight.detectors, self.plan.lines, flight.samples)
         images = np.empty(shape, dtype=np.float32)
@@ -210,7 +226,7 @@ def fly(
     if flight.jitter > 0:
         require_generator("rng", rng)
         assert rng is not None
-        attitude = _wander(plan, rng)
+        attitude = wander(plan, rng)
     returns = scan_scene(
         mesh,
         plan,
@@ -222,8 +238,21 @@ def fly(
     return Pass(plan, returns)
 
 
-def _wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:
-    """(line, 2): attitude errors, a first-order Markov sequence [rad]."""
+def wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:
+    """Attitude errors of the line of sight, a first-order Markov sequence of lines.
+
+    Parameters
+    ----------
+    plan : ScanPlan
+        The pass, whose flight has `jitter` and `jitter_time`.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    (line, 2) float64 ndarray
+        To the right and up, in the scanner [rad].
+    """
     flight = plan.flight
     kept = math.exp(-1 / (flight.line_rate * flight.jitter_time))
     drawn = rng.standard_normal((plan.lines, 2)) * flight.jitter

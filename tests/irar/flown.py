@@ -22,19 +22,15 @@ def pole_on_box(length=120.0, beam=14.0, height=6.0, pole=30.0, width=1.6):
     return trimesh.util.concatenate([hull, mast])
 
 
-def wall(lines, samples, *, distance=None, **changes):
-    """A scan of a wall that faces the line of sight and fills it all, at one distance [m]."""
+def wall(lines, samples, **changes):
+    """A scan of a wall that fills it all, at the range of the ship's origin as that changes."""
     seen = flight(samples=samples, pulse_rate=1e6, **changes)
     plan = ScanPlan(seen, 0, lines)
-    last = seen.detectors - 1
-    shape = lines, samples + last
-    count = lines * (samples + last)
-    far = np.full(count * 9, seen.slant_range if distance is None else distance)
-    returns = Returns(
-        shape, np.repeat(np.arange(count), 9), np.tile(np.arange(9), count), far,
-        np.full(count * 9, 1 / 9), 9,
-    )  # fmt: skip
-    return Pass(plan, returns)
+    time = plan.time(np.arange(1 - seen.detectors, samples))
+    distance = np.linalg.norm(seen.position(time), axis=-1).ravel()
+    place, ray = np.divmod(np.arange(9 * distance.size), 9)
+    power = np.full(place.size, 1 / 9)
+    return Pass(plan, Returns(time.shape, place, ray, distance[place], power, 9))
 
 
 def seen_from(flown, point, time):

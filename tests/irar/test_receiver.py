@@ -108,13 +108,13 @@ def test_peak_and_place_do_not_depend_on_the_bins(fraction, pulse_width):
     """A return of unit amplitude, anywhere between bins that a faint one 30 m nearer begins.
 
     A parabola through exp(-4 r^2 / l^2) at the bin next to the peak and its neighbours, l / 4
-    apart, is off by 1.44 % of the power half a bin from it, and by 2.1 % of a bin a quarter from
+    apart, is off by 1.44 % of the power half a bin from it, and by 2.4 % of a bin a quarter from
     it; the noise here by 0.06 %.
     """
     returns = rays([RANGE - 30.0, RANGE + fraction], [1e-9, 1.0])
     intensity, range_ = received(returns, still=True, cnr=CLEAN, pulse_width=pulse_width)
     np.testing.assert_allclose(intensity, CLEAN, rtol=0.0144 + 6e-4)
-    np.testing.assert_allclose(range_, RANGE + fraction, rtol=0, atol=0.021 + 1e-3)
+    np.testing.assert_allclose(range_, RANGE + fraction, rtol=0, atol=0.024 + 1e-3)
 
 
 @pytest.mark.parametrize(
