@@ -62,7 +62,7 @@ def azimuth_shift(
     Raises
     ------
     ValueError
-        If a speed is negative, or range, IFOV, rate or scans not positive.
+        If a speed is negative, an angle not finite, or range, IFOV, rate or scans not positive.
 
     Notes
     -----
@@ -73,12 +73,18 @@ def azimuth_shift(
     rate, and with N = 1. N lines make a row, so N gives the shift per row. With the
     pulse-repetition frequency it is smaller by the number of samples of a line.
     """
-    require("aircraft_speed", aircraft_speed, minimum=0)
-    require("ship_speed", ship_speed, minimum=0)
-    for name, value in (("slant_range", slant_range), ("ifov", ifov)):
+    for name, value in (("aircraft_speed", aircraft_speed), ("ship_speed", ship_speed)):
+        require(name, value, minimum=0)
+    require("aircraft_heading", aircraft_heading)
+    require("ship_heading", ship_heading)
+    require("offset", offset)
+    for name, value in (
+        ("slant_range", slant_range),
+        ("ifov", ifov),
+        ("rate", rate),
+        ("scans", scans),
+    ):
         require(name, value, positive=True)
-    require("rate", rate, positive=True)
-    require("scans", scans, positive=True)
     theta = math.radians(offset)
     ship = math.radians(aircraft_heading + offset + 270.0 - ship_heading)
     bracket = aircraft_speed * math.sin(theta) - ship_speed * math.cos(ship)
@@ -169,6 +175,10 @@ def mirror_displacement(
     Article, 'Data Processing', which asks for a rotation (`rotated`). With one scanned detector
     the lines lean and the rows still climb straight up with the aircraft: a shear. The rotation
     levels the waterline too, and leans the mast by as much.
+
+    A sample of a line that leans by L is sin(L) higher than the one before it, and cos(L) to its
+    right. At psi = 45 deg the printed tangent is that sine exactly, by chance, so that the printed
+    shear levels the waterline; only its columns stay 1 - cos(L) too wide.
     """
     if form not in MIRROR_FORMS:
         raise ValueError(f"form is {form!r}, but must be one of {', '.join(MIRROR_FORMS)}")

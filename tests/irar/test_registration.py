@@ -1,0 +1,371 @@
+"""Registration: where static points land, step by step and all at once, and what is left over."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from flown import crossing, flight, scanned_at, seen_from
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ncti.irar import (
+    azimuth_shift,
+    mirror_displacement,
+    mirror_rotation,
+    motion_displacement,
+    raw_places,
+    rotated,
+    snapshot_places,
+)
+
+SAMPLES = 160
+HEIGHTS = np.linspace(6.0, 36.0, 31)
+POLE = np.stack([0 * HEIGHTS, 0 * HEIGHTS, HEIGHTS], axis=-1)
+ABEAM = np.linspace(-55.0, 55.0, 23)
+
+
+@st.composite
+def flights(draw):
+    """Passes of any heading that scan a little beside the ship."""
+    offset = draw(st.floats(-20, 20))
+    return flight(
+        aspect=draw(st.floats(0, 360)),
+        offset=offset,
+        slant_range=draw(st.floats(1500, 30_000)),
+        depression=draw(st.floats(2, 25)),
+        aircraft_speed=draw(st.floats(60, 250)),
+        ship_speed=draw(st.floats(0, 15)),
+        aircraft_heading=draw(st.floats(-180, 180)),
+        pointing=offset + draw(st.floats(-1, 1)),
+        mirror_angle=draw(st.floats(20, 60)),
+        samples=SAMPLES,
+    )
+
+
+def level(flown):
+    """Points of the waterline that lie level in the snapshot, abeam of the line of sight."""
+    right, _, _ = flown.snapshot_axes
+    return ABEAM[:, None] * right
+
+
+def registered(flown, points, *, mirror="exact", azimuth="pixel", height="pixel", motion="pixel"):
+    """Rows, columns and ranges that the steps give to points where endless lines meet them.
+
+    Between samples the steps are interpolated: they are smooth.
+    """
+    time = crossing(flown, points)
+    along = scanned_at(flown, points, time)[:, 0]
+    sample = (along / flown.ifov + (flown.samples - 1) / 2).astype(float)
+    assert sample.min() > 0 and sample.max() < flown.samples - 1
+    reach = np.linalg.norm(seen_from(flown, points, time), axis=-1).astype(float)
+    shape = len(points), flown.samples
+    times = np.broadcast_to(time.astype(float)[:, None], shape)
+    ranges = np.broadcast_to(reach[:, None], shape)
+    numbers = np.arange(flown.samples)
+    row, column = (np.broadcast_to(part, shape) for part in raw_places(flown, numbers))
+    if mirror != "none":
+        up, right = mirror_displacement(flown, numbers, form=mirror)
+        row, column = row + up, column + right
+    move = {
+        m: motion_displacement(flown, times, ranges, method=m)
+        for m in {height, azimuth, motion} - {"none"}
+    }
+    row = row + move[height][0]
+    column = column + (move[azimuth][1] if azimuth != "none" else 0)
+    ranges = ranges + (move[motion][2] if motion != "none" else 0)
+
+    def at(image):
+        return np.array(
+            [np.interp(s, numbers, line) for s, line in zip(sample, image, strict=True)]
+        )
+
+    return at(row), at(column), at(ranges)
+
+
+def true_places(flown, points):
+    """Rows, columns and ranges in the snapshot, in extended precision."""
+    right, up, away = np.moveaxis(seen_from(flown, points, 0.0), -1, 0)
+    reach = np.sqrt(right**2 + up**2 + away**2)
+    return [
+        np.asarray(a, float) for a in (up / away / flown.ifov, right / away / flown.ifov, reach)
+    ]
+
+
+def tilt(row, column, *, upright):
+    """Lean of a straight line [deg]: to the right of an upright one, rising of a level one."""
+    x, y = (row, column) if upright else (column, row)
+    return math.degrees(math.atan(np.polyfit(x, y, 1)[0]))
+
+
+@given(flights(), st.integers(0, 2**32))
+def test_the_steps_add_up_to_the_whole(flown, seed):
+    """Raw place, mirror and motion, to rounding: of 1e5 columns, 1e-10."""
+    rng = np.random.default_rng(seed)
+    time = rng.uniform(-3, 3, (4, SAMPLES))
+    ranges = flown.slant_range + rng.uniform(-150, 150, time.shape)
+    ranges[rng.random(time.shape) < 0.1] = np.nan
+    numbers = np.arange(SAMPLES)
+    whole = snapshot_places(flown, time, ranges)
+    row, column = raw_places(flown, numbers)
+    up, right = mirror_displacement(flown, numbers)
+    down, left, closer = motion_displacement(flown, time, ranges)
+    np.testing.assert_allclose(row + up + down, whole[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(column + right + left, whole[1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ranges + closer, whole[2], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(np.isnan(whole[2]), np.isnan(ranges))
+    assert not np.isnan(whole[0]).any() and not np.isnan(closer).any()
+
+
+@given(flights(), st.integers(0, 2**32))
+def test_points_land_where_the_snapshot_sees_them(flown, seed):
+    """What a sample meets, by its time and range, against extended precision from speeds alone.
+
+    Coordinates of 30 km rounded in float64 are known to 1e-11 m: rows and columns to 1e-7 pixel.
+    """
+    rng = np.random.default_rng(seed)
+    time = rng.uniform(-3, 3, (3, SAMPLES))
+    ranges = np.linalg.norm(flown.position(time), axis=-1) + rng.uniform(-100, 100, time.shape)
+    row, column, there = snapshot_places(flown, time, ranges)
+    angles = flown.scan_angles(np.arange(SAMPLES))
+    ways = flown.directions(angles, np.zeros(SAMPLES))
+    points = flown.position(time) + ranges[..., None] * ways
+    # These are points of the scan: each lies on its line, at its sample.
+    seen = scanned_at(flown, points, time)
+    np.testing.assert_allclose(seen[..., 1].astype(float), 0, atol=1e-12)
+    np.testing.assert_allclose(
+        seen[..., 0].astype(float), np.broadcast_to(angles, time.shape), atol=1e-12
+    )
+    for found, expected in zip((row, column, there), true_places(flown, points), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
+
+
+@given(flights())
+def test_without_motion_only_the_mirror_is_left(flown):
+    """At time 0 every method leaves a sample where it is, but for those that follow the origin."""
+    time = np.zeros((1, SAMPLES))
+    ranges = np.full((1, SAMPLES), flown.slant_range - 20)
+    for method in ("pixel", "line", "constant"):
+        for part in motion_displacement(flown, time, ranges, method=method):
+            np.testing.assert_allclose(part, 0, atol=1e-9)
+
+
+@given(flights())
+def test_one_shift_is_the_derivative_of_the_exact_one(flown):
+    """Of the ship's origin, by central differences over 2 ms in extended precision.
+
+    The equation is that of a shift per scan with the line rate; `constant` uses it.
+    """
+    step = 1e-3
+    before, after = (seen_from(flown, np.zeros(3), t) for t in (-step, step))
+    moved = (after[0] / after[2] - before[0] / before[2]) / flown.ifov / (2 * step)
+    each = float(moved) / flown.line_rate
+    given_ = {
+        name: getattr(flown, name)
+        for name in (
+            "aircraft_speed", "aircraft_heading", "ship_speed", "ship_heading", "offset",
+            "slant_range", "ifov",
+        )
+    }  # fmt: skip
+    found = azimuth_shift(**given_, rate=flown.line_rate)
+    scale = (flown.aircraft_speed + flown.ship_speed) / (flown.pixel * flown.line_rate)
+    assert found == pytest.approx(each, abs=1e-5 * scale)
+    rows = azimuth_shift(**given_, rate=flown.line_rate, scans=flown.lines_per_pixel)
+    assert rows == pytest.approx(found * flown.lines_per_pixel)
+    # With a pulse rate that just serves the scan it is too small by the samples of a line.
+    pulses = azimuth_shift(**given_, rate=flown.line_rate * flown.samples)
+    assert pulses * flown.samples == pytest.approx(found)
+    time = np.full((1, SAMPLES), 2.0)
+    column = motion_displacement(flown, time, time, method="constant")[1]
+    np.testing.assert_allclose(column, -found * flown.line_rate * 2.0)
+
+
+@given(flights())
+def test_all_methods_move_the_origin_alike_at_first(flown):
+    """Rows, columns and ranges after a millisecond: of the origin, as far as it moves."""
+    flown = dataclasses.replace(flown, pointing=None, samples=3)
+    step = 1e-3
+    time = np.full((1, 3), step)
+    ranges = np.full((1, 3), np.linalg.norm(flown.position(np.array(step))))
+    moved = [
+        [part[0, 1] for part in motion_displacement(flown, time, ranges, method=method)]
+        for method in ("pixel", "line", "constant")
+    ]
+    size = (flown.aircraft_speed + flown.ship_speed) * step
+    scale = [size / flown.pixel, size / flown.pixel, size]
+    for other in moved[1:]:
+        assert (np.abs(np.subtract(other, moved[0])) < 2e-3 * np.array(scale)).all()
+
+
+@pytest.mark.parametrize("offset", [5.0, -5.0])
+def test_a_mast_is_straight_with_each_pixels_shift_only(offset):
+    """Of a mast 30 m high and 45 m before the ship's origin: its lean against the truth.
+
+    None: the drift over the climb, 37 and 42 deg at time 0. One shift: some degrees, as range and
+    direction change while the ship passes. Each line's: that of the origin, which z behind it is
+    too large by drift z / R, and leaves x beside it the closing speed's x / R; with the two of one
+    sign 1 deg. Each pixel's: nothing.
+    """
+    flown = flight(175.0, offset, samples=400, pulse_rate=1e6)
+    mast = np.stack([45.0 + 0 * HEIGHTS, 0 * HEIGHTS, HEIGHTS], axis=-1)
+    upright = tilt(*true_places(flown, mast)[:2], upright=True)
+    leans = {
+        method: tilt(*registered(flown, mast, azimuth=method)[:2], upright=True) - upright
+        for method in ("none", "constant", "line", "pixel")
+    }
+    drift = math.degrees(math.atan(flown.drift / flown.climb))
+    assert leans["none"] == pytest.approx(drift, abs=6)
+    assert 2 < abs(leans["constant"]) < 6
+    x, _, z = flown.snapshot_axes @ [45.0, 0, 0]
+    slope = (x * flown.closing_speed - z * flown.drift) / (flown.slant_range * flown.climb)
+    assert leans["line"] == pytest.approx(math.degrees(slope), abs=0.3)
+    if offset == 5:
+        assert leans["line"] == pytest.approx(-1, abs=0.3)
+    assert abs(leans["pixel"]) < 1e-3
+
+
+def test_a_ship_straight_ahead_needs_no_shift():
+    """Without drift a mast stands whatever the method."""
+    flown = flight(175.0, 0.0, ship_speed=0.0)
+    for method in ("none", "constant", "line", "pixel"):
+        row, column, _ = registered(flown, POLE, azimuth=method)
+        assert tilt(row, column, upright=True) == pytest.approx(0, abs=0.01)
+
+
+@pytest.mark.parametrize("depression", [6.7, 15.0])
+@pytest.mark.parametrize("mirror_angle", [45.0, 35.0])
+def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror_angle):
+    """Lines lean by L, so that x of a level line takes x / cos L of samples and x tan L of climb.
+
+    Raw, the waterline rises by sin |L| a sample and the mast stands. The shear by the exact
+    reflection mends both; turned by L as a whole the waterline is level but for L^3 / 2, and the
+    mast leans. The printed shear leaves tan L_printed - sin L a sample: nothing at 45 deg, where
+    its small-angle form happens to be the sine.
+    """
+    kind = {"samples": 400, "pulse_rate": 1e6, "slant_range": 20_000.0, "ifov": 4e-5}
+    flown = flight(
+        175.0, 0.0, ship_speed=0.0, depression=depression, mirror_angle=mirror_angle, **kind
+    )
+    lean, printed = (
+        math.radians(mirror_rotation(depression, mirror_angle=mirror_angle, form=form))
+        for form in ("exact", "printed")
+    )
+    sine, tangent = math.sin(-lean), math.tan(-lean)
+    expected = {
+        "none": (0, sine),
+        "exact": (0, 0),
+        "printed": (0, math.tan(printed) - math.sin(lean)),
+        "rotation": (tangent, (sine - tangent) / (1 + sine * tangent)),
+    }
+    water = level(flown)
+    for how, slopes in expected.items():
+        for points, upright, slope in zip((POLE, water), (True, False), slopes, strict=True):
+            row, column, _ = registered(flown, points, mirror="none" if how == "rotation" else how)
+            if how == "rotation":
+                row, column = rotated(row, column, clockwise=-math.degrees(lean))
+            found = tilt(row, column, upright=upright)
+            assert found == pytest.approx(math.degrees(math.atan(slope)), abs=0.05), how
+    if mirror_angle == 45:
+        assert expected["printed"][1] == pytest.approx(0, abs=1e-12)
+
+
+def test_a_drifting_ship_is_not_levelled_by_a_rotation_either():
+    """5 deg off, the waterline stays within a degree of level and the mast leans by some 7."""
+    flown = flight(175.0, samples=400, pulse_rate=1e6)
+    leans = []
+    for points, upright in ((POLE, True), (level(flown), False)):
+        row, column, _ = registered(flown, points, mirror="none")
+        turned = rotated(row, column, clockwise=-mirror_rotation(flown.depression))
+        leans.append(tilt(*turned, upright=upright))
+    assert leans[0] == pytest.approx(flown.depression, abs=1)
+    assert abs(leans[1]) < 1
+
+
+def test_static_points_keep_their_place_and_range():
+    """A pole and a waterline seen over four seconds, each pixel corrected: 1e-3 pixel, 1 mm.
+
+    What is left is the interpolation between samples. Without any of the steps they are off by
+    pixels, the range by the 80 m a second at which the aircraft comes closer.
+    """
+    flown = flight(175.0, samples=400, pulse_rate=1e6)
+    for points in (POLE, level(flown)):
+        found = registered(flown, points)
+        for values, expected in zip(found, true_places(flown, points), strict=True):
+            np.testing.assert_allclose(values, expected, rtol=0, atol=1e-3)
+        plain = registered(flown, points, motion="none")[2]
+        assert np.abs(plain - true_places(flown, points)[2]).max() > 50
+
+
+def test_a_lines_range_correction_is_off_by_what_turns():
+    """`line` follows the origin: a point x to the right is off by x times the angle that the line
+    of sight turns through, the drift over the range, and by what the wavefront bends more as the
+    range falls. The constant rate is off by the change of the closing speed."""
+    flown = flight(175.0, samples=400, pulse_rate=1e6)
+    water = level(flown)
+    time = crossing(flown, water).astype(float)
+    line = registered(flown, water, motion="line")[2] - true_places(flown, water)[2]
+    reach = np.linalg.norm(flown.position(time), axis=-1)
+    bend = ABEAM**2 / 2 * (1 / reach - 1 / flown.slant_range)
+    expected = ABEAM * flown.drift * time / reach + bend
+    np.testing.assert_allclose(line, expected, rtol=0, atol=0.02)
+    assert np.abs(expected).max() > 0.05
+    constant = registered(flown, POLE, motion="constant")[2] - true_places(flown, POLE)[2]
+    assert 0.01 < np.abs(constant).max() < 3
+
+
+@given(st.floats(-80, 80), st.floats(-50, 50), st.floats(-50, 50))
+def test_a_rotation_turns_clockwise_and_back(angle, row, column):
+    places = np.array(row), np.array(column)
+    turned = rotated(*places, clockwise=angle)
+    assert np.hypot(*turned) == pytest.approx(math.hypot(row, column), abs=1e-12)
+    np.testing.assert_allclose(rotated(*turned, clockwise=-angle), places, atol=1e-12)
+    up, right = rotated(np.array(1.0), np.array(0.0), clockwise=10.0)
+    assert right == pytest.approx(math.sin(math.radians(10))) and up > 0
+
+
+def test_samples_without_a_range_are_placed_at_the_ships():
+    flown = flight(175.0)
+    time = np.full((1, SAMPLES), 1.0)
+    nominal = np.full((1, SAMPLES), np.linalg.norm(flown.position(np.array(1.0))))
+    known, unknown = (snapshot_places(flown, time, r) for r in (nominal, nominal * math.nan))
+    np.testing.assert_array_equal(known[:2], unknown[:2])
+    assert np.isnan(unknown[2]).all() and not np.isnan(known[2]).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("aircraft_speed", -1),
+        ("ship_speed", -0.1),
+        ("slant_range", 0),
+        ("ifov", 0),
+        ("rate", 0),
+        ("scans", 0),
+        ("rate", math.nan),
+        ("offset", math.nan),
+        ("aircraft_heading", math.inf),
+        ("ship_heading", "north"),
+    ],
+)
+def test_bad_parameters_of_a_shift_are_named(name, value):
+    given_ = {
+        "aircraft_speed": 90.0,
+        "aircraft_heading": 0.0,
+        "ship_speed": 8.0,
+        "ship_heading": 0.0,
+        "offset": 5.0,
+        "slant_range": 3900.0,
+        "ifov": 205e-6,
+        "rate": 119.0,
+    } | {name: value}
+    with pytest.raises(ValueError, match=f"{name} is {value!r}, but must be"):
+        azimuth_shift(**given_)
+
+
+def test_unknown_methods_are_named():
+    flown = flight()
+    time = np.zeros((1, SAMPLES))
+    with pytest.raises(ValueError, match="method is 'row', but must be one of pixel, line, con"):
+        motion_displacement(flown, time, time, method="row")
+    with pytest.raises(ValueError, match="form is 'turn', but must be one of exact, printed"):
+        mirror_displacement(flown, np.arange(3), form="turn")
