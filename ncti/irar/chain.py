@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from ncti.checks import require
 from ncti.irar.clusters import histogram_cluster_average
@@ -35,6 +36,9 @@ RANGE_FILTERS = ("cluster", "median", "mean")
 MIRROR_METHODS = (*MIRROR_FORMS, "rotation", "none")
 FALSE_ALARM = 1e-3
 """Probability that a pixel of the sea passes the threshold."""
+
+STANDS_OUT = 3.0
+"""Intensity of samples that are of the ship, over the median one, which is of the sea."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,6 +136,33 @@ class Snapshot:
     looks: NDArray[np.intp]
 
 
+def nearest_ship_range(scan: Scan) -> Floats:
+    """Range of the ship's sample nearest to each sample.
+
+    Parameters
+    ----------
+    scan : Scan
+        Raw images.
+
+    Returns
+    -------
+    (line, sample) float64 ndarray
+        [m]; the measured ranges where nothing stands out of the sea.
+
+    Notes
+    -----
+    By how much a sample moves depends on its range a little, by up to half a pixel over a ship's
+    depth. A sample of the sea beside the ship has a range that noise chose: it must move as the
+    ship's edge does, or it eats into it.
+    """
+    there = scan.intensity > STANDS_OUT * np.median(scan.intensity)
+    if not there.any():
+        return scan.range
+    nearest = distance_transform_edt(~there, return_distances=False, return_indices=True)
+    found: Floats = scan.range[tuple(nearest)]
+    return found
+
+
 def places(
     scan: Scan, correction: Correction, *, belief: Flight | None = None
 ) -> tuple[Floats, Floats, Floats]:
@@ -161,9 +192,8 @@ def places(
         row, column = row + up, column + right
     # A method that two directions share is worked out once.
     wanted = {correction.azimuth, correction.height, correction.motion} - {"none"}
-    moved = {
-        method: motion_displacement(flight, time, scan.range, method=method) for method in wanted
-    }
+    reach = nearest_ship_range(scan)
+    moved = {method: motion_displacement(flight, time, reach, method=method) for method in wanted}
     row = row + moved[correction.height][0]
     column = column + (moved[correction.azimuth][1] if correction.azimuth != "none" else 0.0)
     column = np.broadcast_to(column, row.shape)

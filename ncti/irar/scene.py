@@ -15,7 +15,7 @@ from ncti.render import cast_rays
 
 Floats = NDArray[np.float64]
 
-RAYS = 3
+RAYS = 5
 """Rays along each side of an IFOV."""
 
 MARGIN = 3.0
