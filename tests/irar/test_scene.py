@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ncti.irar import ScanPlan, mirror_rotation, plan_scan, scan_scene
-from ncti.irar.scene import MOST_LINES
+from ncti.irar.scene import MOST_LINES, RAYS
 from ncti.render import cast_rays
 
 BOX = trimesh.creation.box((60.0, 9.0, 5.0)).apply_translation((0, 0, 2.5))
@@ -23,11 +23,9 @@ def every_ray(mesh, plan, *, leading=0, attitude=None):
     columns = np.arange(-leading, flown.samples)
     time = plan.time(columns)[..., None]
     off = np.zeros((plan.lines, 2)) if attitude is None else attitude
-    third = (np.arange(9) % 3 - 1) * flown.ifov / 3
-    along = flown.scan_angles(columns)[:, None] + third + off[:, :1, None]
-    across = np.broadcast_to(
-        (np.arange(9) // 3 - 1) * flown.ifov / 3 + off[:, 1:, None], along.shape
-    )
+    part = (np.arange(RAYS) - (RAYS - 1) / 2) * flown.ifov / RAYS
+    along = flown.scan_angles(columns)[:, None] + np.tile(part, RAYS) + off[:, :1, None]
+    across = np.broadcast_to(np.repeat(part, RAYS) + off[:, 1:, None], along.shape)
     way = flown.directions(along, across)
     origin = np.broadcast_to(flown.position(time), way.shape)
     hits = cast_rays(mesh, origin.reshape(-1, 3), way.reshape(-1, 3))
@@ -44,12 +42,12 @@ def test_samples_skipped_are_of_the_sea(aspect, jitter):
     attitude = rng.normal(scale=3e-4, size=(plan.lines, 2)) if jitter else None
     found = scan_scene(mesh, plan, leading=11, attitude=attitude)
     hits, _, _ = every_ray(mesh, plan, leading=11, attitude=attitude)
-    np.testing.assert_array_equal(found.place * 9 + found.ray, hits.ray)
+    np.testing.assert_array_equal(found.place * RAYS**2 + found.ray, hits.ray)
     # Sums of products in blocks of other sizes are rounded in another order.
     np.testing.assert_allclose(found.distance, hits.distance, rtol=0, atol=5e-12)
     assert (np.diff(found.place) >= 0).all() and len(found.place) > 1000
     assert found.shape == (plan.lines, 161)
-    np.testing.assert_array_equal(found.power, np.full(len(hits.ray), 1 / 9))
+    np.testing.assert_array_equal(found.power, np.full(len(hits.ray), 1 / RAYS**2))
 
 
 def test_distances_are_those_of_a_box_where_it_then_is():
@@ -57,7 +55,7 @@ def test_distances_are_those_of_a_box_where_it_then_is():
     plan = plan_scan(BOX, flight(140.0))
     found = scan_scene(BOX, plan)
     _, origin, way = every_ray(BOX, plan)
-    index = found.place * 9 + found.ray
+    index = found.place * RAYS**2 + found.ray
     low, high = BOX.bounds
     with np.errstate(divide="ignore"):
         cuts = np.stack([(side - origin[index]) / way[index] for side in (low, high)])
@@ -200,7 +198,7 @@ def test_power_follows_reflectivity_and_incidence():
     )
     hits, _, way = every_ray(BOX, plan)
     cosine = -(BOX.face_normals[hits.facet] * way[hits.ray]).sum(axis=1)
-    np.testing.assert_allclose(painted.power * 9, reflectivity[hits.facet])
+    np.testing.assert_allclose(painted.power * RAYS**2, reflectivity[hits.facet])
     np.testing.assert_allclose(both.power, painted.power * cosine, atol=1e-12)
     np.testing.assert_array_equal(plain.place, both.place)
 
