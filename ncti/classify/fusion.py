@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
+from scipy.special import logsumexp
 
-from ncti.checks import require_all
-
-SHARPEST = 1e6  # beyond it every difference in score is certainty
+from ncti.checks import require, require_all
 
 Floats = NDArray[np.float64]
 
@@ -43,20 +43,11 @@ def label_posterior(
     Raises
     ------
     ValueError
-        If shapes do not match, a score is not finite, or all templates of a sample are left out.
+        If shapes do not match, a score is not finite, the sharpness is no finite number from 0
+        on, or all templates of a sample are left out.
     """
-    values = require_all("scores", scores)
-    names = np.asarray(labels)
-    if values.ndim != 2 or names.shape != values.shape[1:]:
-        raise ValueError(
-            f"scores has shape {values.shape}, but must be (sample, template) with "
-            f"{names.size} templates, one a label"
-        )
-    left_out = np.asarray(exclude, dtype=bool)
-    if left_out.shape not in ((), names.shape, values.shape):
-        raise ValueError(
-            f"exclude has shape {left_out.shape}, but must be {values.shape} or {names.shape}"
-        )
+    values, names, left_out = _checked(scores, labels, exclude)
+    require("sharpness", sharpness, minimum=0)
     # One row where all samples have the same templates.
     answers = ~np.broadcast_to(left_out, values.shape if left_out.ndim == 2 else (1, names.size))
     if not answers.any(axis=1).all():
@@ -71,66 +62,85 @@ def label_posterior(
 
 
 def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> float:
-    """The sharpness at which the true labels of some samples are most probable.
+    """The sharpness that makes the most of the true labels of some samples.
 
     Parameters
     ----------
     scores, labels
-        As for `label_posterior`.
+        As for `label_posterior`; a sample or more.
     truth : (sample,) array_like
         True label of each sample.
 
     Returns
     -------
     float
-        Between 0, where the scores tell nothing, and `SHARPEST`.
+        0 where no sample tells its labels apart, else above 0, in the inverse of the scores' unit.
 
     Raises
     ------
     ValueError
-        As `label_posterior`, or if a true label is no template's.
+        As `label_posterior`, if a true label is no template's, or there is not one a sample.
 
     Notes
     -----
     Temperature scaling (C. Guo, G. Pleiss, Y. Sun and K. Q. Weinberger 2017, On calibration of
-    modern neural networks, ICML, arXiv:1706.04599): one number, fitted by maximum likelihood on
-    samples that are not those to be named. It leaves the order of templates alone, so that a
-    single sensor's best template stays the best; it decides how much one sensor counts beside
-    another.
+    modern neural networks, ICML, arXiv:1706.04599): one number, fitted on samples that are not
+    those to be named. It leaves the order of templates alone; it decides how much one sensor
+    counts beside another.
+
+    Where every true label has the best score, likelihood grows with the sharpness for ever. But
+    n right answers in n do not say that the next one is: the labels are fitted with probability
+    (n + 1)/(n + 2), the rest spread over the other labels, as J. Platt did (1999, Probabilistic
+    outputs for support vector machines, in Advances in Large Margin Classifiers, MIT Press). That
+    is worth one wrong answer in all, and errs towards a smaller sharpness: where nothing is
+    wrong, the best label is about n times as likely as the rest. What is a log density already
+    has the sharpness 1 and needs no fit.
     """
-    values = require_all("scores", scores)
-    names, true = np.asarray(labels), np.asarray(truth)
+    values, names, _ = _checked(scores, labels)
+    true = np.asarray(truth)
+    if true.shape != values.shape[:1] or not true.size:
+        raise ValueError(
+            f"truth has shape {true.shape}, but must be one label a sample, ({len(values)},), of "
+            "one sample or more"
+        )
     unknown = np.setdiff1d(true, names)
     if unknown.size:
         raise ValueError(f"truth has {unknown[0]!r}, but must be among the labels")
+    classes, label = np.unique(names, return_inverse=True)
+    spread = float(np.ptp(values, axis=1).mean())
+    if spread == 0.0 or len(classes) == 1:
+        return 0.0
+    share = (label[:, None] == np.arange(len(classes))) / np.bincount(label)
+    # The best template of every label, and how far the others are below it: no sum is 0.
+    best = np.stack([values[:, label == k].max(axis=1) for k in range(len(classes))], axis=1)
+    behind = values - best[:, label]
+    lead = best - best.max(axis=1, keepdims=True)
+    wrong = 1.0 / (len(values) + 2)
+    wanted = np.where(true[:, None] == classes, 1.0 - wrong, wrong / (len(classes) - 1))
 
     def surprise(log_sharpness: float) -> float:
-        classes, posterior = label_posterior(values, names, sharpness=math.exp(log_sharpness))
-        right = np.take_along_axis(posterior, np.searchsorted(classes, true)[:, None], axis=1)
-        return -float(np.log(np.maximum(right, 1e-300)).mean())
+        sharpness = math.exp(log_sharpness)
+        density = sharpness * lead + np.log(np.exp(sharpness * behind) @ share)
+        return float((logsumexp(density, axis=1) - (wanted * density).sum(axis=1)).mean())
 
-    spread = float(np.ptp(values, axis=1).mean())
-    if spread == 0.0:
-        return 0.0
-    # Scores of any size: the search is over what their spread is worth, from nothing to certainty.
-    low, high = math.log(1e-4 / spread), math.log(min(1e4 / spread, SHARPEST))
-    # Coarse steps first: the surprise may have a plateau at either end.
-    steps = np.linspace(low, max(high, low + 1.0), 33)
-    best = int(np.argmin([surprise(step) for step in steps]))
-    bounds = (steps[max(best - 1, 0)], steps[min(best + 1, len(steps) - 1)])
+    # Scores of any size: from next to nothing on the whole spread to certainty of its smallest
+    # part. Coarse steps first, as there may be a plateau at the lower end.
+    steps = np.log(np.geomspace(1e-4, 1e10, 31)) - math.log(spread)
+    lowest = int(np.argmin([surprise(step) for step in steps]))
+    bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])
     found = minimize_scalar(surprise, bounds=bounds, method="bounded")
     return math.exp(float(found.x))
 
 
-def fuse(*scores: ArrayLike, sharpness: tuple[float, ...]) -> Floats:
+def fuse(*scores: ArrayLike, sharpness: Sequence[float]) -> Floats:
     """Scores of several sensors as one.
 
     Parameters
     ----------
     *scores : (sample, template) array_like
         Scores of each sensor for the same samples and templates.
-    sharpness : tuple of float
-        What a step of each is worth: see `fit_sharpness`.
+    sharpness : sequence of float
+        What a step of each is worth: 1 of a log density, else see `fit_sharpness`.
 
     Returns
     -------
@@ -140,7 +150,8 @@ def fuse(*scores: ArrayLike, sharpness: tuple[float, ...]) -> Floats:
     Raises
     ------
     ValueError
-        If shapes differ or there are not as many sharpnesses as scores.
+        If shapes differ, there are not as many sharpnesses as scores, or one of them is no finite
+        number from 0 on.
 
     Notes
     -----
@@ -150,13 +161,34 @@ def fuse(*scores: ArrayLike, sharpness: tuple[float, ...]) -> Floats:
     a ship would.
     """
     values = [require_all("scores", one) for one in scores]
-    if len(values) != len(sharpness) or len({one.shape for one in values}) != 1:
-        shapes = ", ".join(str(one.shape) for one in values)
+    sharp = require_all("sharpness", sharpness, minimum=0)
+    shapes = {one.shape for one in values}
+    if sharp.shape != (len(values),) or len(shapes) != 1 or values[0].ndim != 2:
+        listed = ", ".join(str(one.shape) for one in values)
         raise ValueError(
-            f"scores have shapes {shapes} for {len(sharpness)} sharpnesses, but must be as many "
-            "of one shape"
+            f"scores have shapes {listed} for sharpness of shape {sharp.shape}, but must be as "
+            "many of one shape (sample, template)"
         )
     total = np.zeros(values[0].shape)
-    for one, sharp in zip(values, sharpness, strict=True):
-        total += sharp * (one - one.max(axis=1, keepdims=True))
+    for one, step in zip(values, sharp, strict=True):
+        total += step * (one - one.max(axis=1, keepdims=True, initial=-np.inf))
     return total
+
+
+def _checked(
+    scores: ArrayLike, labels: ArrayLike, exclude: ArrayLike = False
+) -> tuple[Floats, NDArray, NDArray[np.bool_]]:
+    """Scores, labels and what is left out as arrays whose shapes fit."""
+    values = require_all("scores", scores)
+    names = np.asarray(labels)
+    if values.ndim != 2 or names.shape != values.shape[1:]:
+        raise ValueError(
+            f"scores has shape {values.shape}, but must be (sample, template) with "
+            f"{names.size} templates, one a label"
+        )
+    left_out = np.asarray(exclude, dtype=bool)
+    if left_out.shape not in ((), names.shape, values.shape):
+        raise ValueError(
+            f"exclude has shape {left_out.shape}, but must be {values.shape} or {names.shape}"
+        )
+    return values, names, left_out

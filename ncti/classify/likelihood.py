@@ -268,7 +268,8 @@ class GaussianTemplates(BaseEstimator):
         ValueError
             As `ncti.classify.label_posterior`, whose rule this is.
         """
-        return label_posterior(logs, self.labels_, exclude=exclude)[1]
+        check_is_fitted(self)
+        return label_posterior(require_all("logs", logs), self.labels_, exclude=exclude)[1]
 
     def predict(
         self, X: ArrayLike, frame_count: ArrayLike, *, exclude: ArrayLike = False

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_all
 from ncti.classify.adaptive_clustering import NO_CATEGORY, SAME_DIRECTION, polar
 
 Floats = NDArray[np.float64]
@@ -42,12 +42,23 @@ class Similarities:
         Raises
         ------
         ValueError
-            If the training vectors are all zero.
+            If the training vectors are all zero, an element is not finite, or shapes do not match.
         """
-        directions, lengths = polar(np.asarray(training, dtype=np.float64))
+        learned = require_all("training", training)
+        if learned.ndim != 2 or not learned.size:
+            raise ValueError(
+                f"training has shape {learned.shape}, but must be (sample, feature) with a sample "
+                "and a feature or more"
+            )
+        shown = require_all("tests", tests)
+        if shown.ndim != 2 or shown.shape[1] != learned.shape[1]:
+            raise ValueError(
+                f"tests has shape {shown.shape}, but must be (test, {learned.shape[1]})"
+            )
+        directions, lengths = polar(learned)
         if not lengths.any():
             raise ValueError("training has only zero vectors, but must have one with a direction")
-        seen, sizes = polar(np.asarray(tests, dtype=np.float64))
+        seen, sizes = polar(shown)
         return cls(directions @ directions.T, lengths, seen @ directions.T, sizes > 0)
 
 
@@ -111,10 +122,15 @@ def cluster(
     ----------
     similarities : Similarities
         Of the vectors.
-    vigilance, learning_rate, max_passes
+    vigilance : float
+        As for the network, but in [0, 1].
+    learning_rate : float, default=0.1
         As for the network.
+    max_passes : int, default=200
+        As for the network, whose default is 100.
     order : (sample,) intp ndarray, optional
-        Samples in the order of presentation; as they come, when not given. Some may be left out.
+        Samples in the order of presentation; as they come, when not given. Some may be left out,
+        none may come twice.
 
     Returns
     -------
@@ -123,7 +139,8 @@ def cluster(
     Raises
     ------
     ValueError
-        If a parameter is out of range, or the order holds no vector with a direction.
+        If a parameter is out of range, or the order is not of different samples, one of which has
+        a direction.
 
     Notes
     -----
@@ -141,7 +158,7 @@ def cluster(
     require("learning_rate", learning_rate, positive=True, maximum=1.0)
     require("max_passes", max_passes, minimum=1, whole=True)
     count = len(similarities.lengths)
-    turn = np.arange(count) if order is None else np.asarray(order, dtype=np.intp)
+    turn = np.arange(count) if order is None else _places(order, count)
     turn = turn[similarities.lengths[turn] > 0]
     if not turn.size:
         raise ValueError("order holds no vector with a direction, but must hold at least one")
@@ -182,3 +199,14 @@ def cluster(
     labels = np.full(count, NO_CATEGORY)
     labels[turn] = category
     return Clustering(labels, rows[live, count:], passes, converged)
+
+
+def _places(order: ArrayLike, count: int) -> Indices:
+    """An order of presentation, refused unless it holds different ones of so many samples."""
+    places = require_all("order", order, whole=True, minimum=0, below=count).astype(np.intp)
+    if places.ndim != 1:
+        raise ValueError(f"order has shape {places.shape}, but must be (sample,)")
+    seen = np.bincount(places, minlength=count)
+    if seen.max() > 1:
+        raise ValueError(f"order has {seen.argmax()} more than once, but samples must differ")
+    return places

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy import stats
+from scipy import optimize, special, stats
 
 from ncti.classify import fit_sharpness, fuse, label_posterior
 
@@ -67,7 +67,7 @@ def test_templates_left_out_are_as_if_never_there(sharpness):
     assert answers[4, 1] == 0
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 50.0])
+@pytest.mark.parametrize("scale", [1e-12, 1e-3, 1.0, 50.0, 1e9])
 def test_exact_densities_are_found_to_be_exact(scale):
     """Scores that are log densities over a scale have that scale as their sharpness.
 
@@ -78,15 +78,75 @@ def test_exact_densities_are_found_to_be_exact(scale):
     which, logs, _ = looks(rng, 4000, sigma=1.5)
     found = fit_sharpness(logs / scale, LABELS, LABELS[which])
     assert found == pytest.approx(scale, rel=0.1)
+    # Nothing but the unit of the scores changes, so all are one number: to the search's tolerance.
+    alone = fit_sharpness(logs, LABELS, LABELS[which])
+    assert found == pytest.approx(scale * alone, rel=1e-4)
+
+
+def apart(rng, samples, distance):
+    """Exact log densities of looks at two templates so many standard deviations apart."""
+    truth = np.arange(samples) % 2
+    seen = truth * distance + rng.normal(size=samples)
+    return -((seen[:, None] - [0.0, distance]) ** 2) / 2, truth
+
+
+@pytest.mark.parametrize("distance", [4.0, 6.0, 8.0, 20.0])
+def test_what_is_always_right_is_no_certainty(distance):
+    """124 looks, mostly all right: the fit is what the targets (n + 1)/(n + 2) ask for.
+
+    Of two labels, whose log ratios are x, for the true one: the derivative of the mean surprise,
+    x (1/(1 + exp(-s x)) - (n + 1)/(n + 2)), is zero on average. Where no answer is in doubt, s x
+    is about log(n + 1) for the mean x of distance^2 / 2; it is above that only by the scatter of
+    x, whose relative standard deviation is 2 / distance.
+    """
+    rng = np.random.default_rng(7)
+    for _ in range(40):
+        logs, truth = apart(rng, 124, distance)
+        found = fit_sharpness(logs, [0, 1], truth)
+        ratio = (logs[:, 1] - logs[:, 0]) * np.where(truth == 1, 1, -1)
+
+        def slope(sharpness, ratio=ratio):
+            return np.mean(ratio * (special.expit(sharpness * ratio) - 125 / 126))
+
+        # The search stops at 1e-5 of the logarithm.
+        wanted = optimize.brentq(slope, 1e-6, 100)
+        assert found == pytest.approx(wanted, rel=1e-4)
+        if distance >= 6:
+            alike = np.log(125) / (distance**2 / 2)
+            assert alike * (1 - 6 / distance / np.sqrt(124)) < found < alike * (1 + 2 / distance)
+
+
+def test_a_sensor_that_is_always_right_does_not_drown_another():
+    """Looks that are all right tell that the next is by 125 to 1: so much does their score count.
+
+    It says label 1, the log densities of another sensor say label 0 by 2.5 log(126): they win.
+    """
+    rng = np.random.default_rng(8)
+    logs, truth = apart(rng, 124, 8.0)
+    sharpness = fit_sharpness(100 * logs, [0, 1], truth)
+    sure = np.array([[0.0, -2.5 * np.log(126)]])
+    wrong = np.array([[-3200.0, 0.0]])  # 100 times 8^2 / 2
+    both = label_posterior(fuse(sure, wrong, sharpness=(1.0, sharpness)), [0, 1])[1]
+    assert both[0, 0] > 0.99
+
+
+def test_one_label_needs_no_sharpness():
+    assert fit_sharpness(np.random.default_rng(0).normal(size=(5, 3)), [4, 4, 4], [4] * 5) == 0.0
 
 
 def test_scores_without_sense_count_for_little():
+    """Pure noise on 2,000 looks: twice the gain in log-likelihood is chi-square, one degree.
+
+    To the second order the posterior is off 1/4 by sharpness times differences in score, and the
+    gain is n/2 times the mean of its variance over it: held to the quantile of 1e-4.
+    """
     rng = np.random.default_rng(2)
     which, logs, _ = looks(rng, 2000, sigma=1.5)
     noise = rng.normal(size=logs.shape)
     sharpness = fit_sharpness(noise, LABELS, LABELS[which])
     _, posterior = label_posterior(noise, LABELS, sharpness=sharpness)
-    assert np.abs(posterior - 0.25).max() < 0.1
+    information = 2000 * np.mean(np.sum((posterior - 0.25) ** 2 / 0.25, axis=1))
+    assert information < stats.chi2.isf(1e-4, 1)
     assert fit_sharpness(np.zeros((5, 20)), LABELS, LABELS[:5]) == 0.0
 
 
@@ -127,19 +187,34 @@ def test_two_sensors_together_are_the_sensor_with_both_views():
     np.testing.assert_allclose(np.diff(both, axis=1), np.diff(whole, axis=1), atol=1e-9)
 
 
+def loses(ours, theirs, level):
+    """Whether fewer of the same answers are right than of others, by McNemar's exact test.
+
+    Of answers that only one of them has right, half would be ours.
+    """
+    won, lost = (ours & ~theirs).sum(), (theirs & ~ours).sum()
+    return won + lost > 0 and stats.binomtest(int(won), int(won + lost), 0.5, "less").pvalue < level
+
+
 def test_sensors_of_unlike_worth_lose_nothing_together():
-    """A good and a useless one, calibrated: at least as many right as the good one, by 3 sigma."""
+    """A good and a useless one, calibrated: no fewer right than the good one, at 1e-3.
+
+    The same test finds the loss where the useless one counts for half of what the good one does.
+    """
     rng = np.random.default_rng(5)
     which, logs, _ = looks(rng, 4000, sigma=1.0)
     useless = 100 * rng.normal(size=logs.shape)
-    half = slice(0, 2000)
+    half, rest = slice(0, 2000), slice(2000, None)
     truth = LABELS[which]
-    sharpness = tuple(fit_sharpness(s[half], LABELS, truth[half]) for s in (logs, useless))
-    rest = slice(2000, None)
-    together = label_posterior(fuse(logs[rest], useless[rest], sharpness=sharpness), LABELS)[1]
-    alone = label_posterior(logs[rest], LABELS)[1]
-    right = [(p.argmax(axis=1) == truth[rest]).mean() for p in (together, alone)]
-    assert right[0] > right[1] - 3 * np.sqrt(2 * 0.25 / 2000)
+    fitted = tuple(fit_sharpness(s[half], LABELS, truth[half]) for s in (logs, useless))
+
+    def right(*sharpness):
+        scores = fuse(logs[rest], useless[rest], sharpness=sharpness)
+        return label_posterior(scores, LABELS)[1].argmax(axis=1) == truth[rest]
+
+    alone = right(1.0, 0.0)
+    assert not loses(right(*fitted), alone, 1e-3)
+    assert loses(right(1.0, 0.5 * logs.std() / useless.std()), alone, 1e-3)
 
 
 def test_what_does_not_fit_is_refused():
@@ -156,3 +231,20 @@ def test_what_does_not_fit_is_refused():
         fuse(np.zeros((2, 3)), np.zeros((2, 4)), sharpness=(1.0, 1.0))
     with pytest.raises(ValueError, match=r"^scores"):
         label_posterior(np.full((1, 2), np.nan), [0, 1])
+    for sharpness in (np.nan, -1.0, np.inf):
+        with pytest.raises(ValueError, match=r"^sharpness is"):
+            label_posterior(np.zeros((2, 2)), [0, 1], sharpness=sharpness)
+        with pytest.raises(ValueError, match=r"^sharpness is"):
+            fuse(np.zeros((2, 2)), np.zeros((2, 2)), sharpness=(1.0, sharpness))
+    for sharpness in (1.0, (1.0, 1.0), ()):
+        with pytest.raises(ValueError, match=r"^scores have shapes"):
+            fuse(np.zeros((2, 2)), sharpness=sharpness)
+    with pytest.raises(ValueError, match=r"^scores have shapes"):
+        fuse(np.zeros(2), np.zeros(2), sharpness=(1.0, 1.0))
+    for truth in ([0], [0, 0, 0], 0, [[0, 0]]):
+        with pytest.raises(ValueError, match=r"^truth has shape"):
+            fit_sharpness(np.zeros((2, 2)), [0, 1], truth)
+    with pytest.raises(ValueError, match=r"^truth has shape"):
+        fit_sharpness(np.zeros((0, 2)), [0, 1], [])
+    with pytest.raises(ValueError, match=r"^scores has shape"):
+        fit_sharpness(np.zeros(2), [0, 1], [0])

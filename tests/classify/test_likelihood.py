@@ -378,6 +378,11 @@ def test_bad_averages_are_named():
         GaussianTemplates().predict(means, 4)
     with pytest.raises(ValueError, match="X is nan"):
         classifier.predict(means * np.nan, 4)
+    for logs in (np.nan, np.inf):
+        with pytest.raises(ValueError, match=f"^logs is {logs}"):
+            classifier.posterior_of(np.full((1, 4), logs))
+    with pytest.raises(NotFittedError):
+        GaussianTemplates().posterior_of(np.zeros((1, 4)))
     with pytest.raises(ValueError, match="frame_count is 0"):
         classifier.predict(means, 0)
     with pytest.raises(ValueError, match=r"^gain_sigma is -1.*at least 0 and at most 1e\+06"):

@@ -123,6 +123,28 @@ def test_zero_vectors_alone_are_refused():
 
 
 @pytest.mark.parametrize(
+    ("training", "tests", "named"),
+    [
+        (np.full((3, 2), np.nan), np.ones((1, 2)), "^training is nan"),
+        (np.ones((3, 2)), np.full((1, 2), np.inf), "^tests is inf"),
+        (np.ones((3, 2)), np.ones((1, 3)), r"^tests has shape \(1, 3\), but must be \(test, 2\)"),
+        (np.ones((3, 2)), np.ones(2), r"^tests has shape \(2,\)"),
+        (np.ones(3), np.ones((1, 3)), r"^training has shape \(3,\)"),
+        (np.ones((0, 2)), np.ones((1, 2)), r"^training has shape \(0, 2\)"),
+    ],
+)
+def test_vectors_that_are_none_are_refused(training, tests, named):
+    with pytest.raises(ValueError, match=named):
+        Similarities.of(training, tests)
+
+
+def test_no_test_is_no_answer():
+    found = Similarities.of(np.eye(3), np.ones((0, 3)))
+    category, similarity = cluster(found, vigilance=0.9).match(found)
+    assert category.shape == similarity.shape == (0,)
+
+
+@pytest.mark.parametrize(
     ("parameters", "named"),
     [
         ({"vigilance": 1.5}, "^vigilance is 1.5, but must be"),
@@ -130,6 +152,12 @@ def test_zero_vectors_alone_are_refused():
         ({"learning_rate": 0.0}, "^learning_rate is 0.0"),
         ({"max_passes": 2.5}, "^max_passes is 2.5"),
         ({"order": np.zeros(0, int)}, "^order holds no vector"),
+        ({"order": [0, 3]}, "^order is 3, but must be a whole number at least 0 and below 3"),
+        ({"order": [0, -1]}, "^order is -1, but must be"),
+        ({"order": [0.7, 1]}, "^order is 0.7, but must be a whole number"),
+        ({"order": [0, np.nan]}, "^order is nan"),
+        ({"order": [2, 0, 2]}, "^order has 2 more than once, but samples must differ"),
+        ({"order": [[0, 1]]}, r"^order has shape \(1, 2\), but must be \(sample,\)"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(parameters, named):
