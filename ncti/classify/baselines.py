@@ -87,26 +87,41 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         """
         return self._cosines(X)[0]
 
-    def match(self, X: ArrayLike) -> tuple[Indices, Floats]:
+    def match(self, X: ArrayLike, *, exclude: ArrayLike = False) -> tuple[Indices, Floats]:
         """Template nearest to each vector.
 
         Parameters
         ----------
         X : (sample, feature) array_like
             Vectors to classify.
+        exclude : (sample, template) or (template,) array_like of bool, default=False
+            Templates that do not answer for a sample, such as those of its own view.
 
         Returns
         -------
         template : (sample,) intp ndarray
-            Row of `templates_`; -1 for a zero vector.
+            Row of `templates_`; -1 for a zero vector, and where no template may answer.
         similarity : (sample,) float64 ndarray
-            Cosine to that template, in [-1, 1]; 0 for a zero vector.
+            Cosine to that template, in [-1, 1]; 0 where there is none.
+
+        Raises
+        ------
+        ValueError
+            When X is malformed or holds NaN or infinity, or `exclude` has another shape.
         """
         cosines, answers = self._cosines(X)
-        cosines[:, ~self.templates_.any(axis=1)] = -np.inf
-        template = (cosines >= cosines.max(axis=1, keepdims=True) - TIE).argmax(axis=1)
+        left_out = np.asarray(exclude, dtype=bool)
+        if left_out.shape not in ((), cosines.shape[1:], cosines.shape):
+            raise ValueError(
+                f"exclude has shape {left_out.shape}, but must be {cosines.shape} or "
+                f"{cosines.shape[1:]}"
+            )
+        cosines[np.broadcast_to(left_out | ~self.templates_.any(axis=1), cosines.shape)] = -np.inf
+        best = cosines.max(axis=1)
+        template = (cosines >= best[:, None] - TIE).argmax(axis=1)
         similarity = np.take_along_axis(cosines, template[:, None], axis=1)[:, 0]
-        template[~answers] = NO_TEMPLATE
+        answers &= best > -np.inf
+        template[~answers], similarity[~answers] = NO_TEMPLATE, 0.0
         return template, similarity
 
     def predict(self, X: ArrayLike) -> NDArray:

@@ -88,3 +88,33 @@ def test_zero_vectors_match_nothing():
     assert neighbour.predict([[0.0, 0.0]]) == ["void"]
     with pytest.raises(ValueError, match="only zero vectors"):
         CorrelationNeighbour().fit(np.zeros((2, 3)), [0, 1])
+
+
+def test_templates_left_out_are_as_if_never_there():
+    """Each sample's own, and those that no sample may have; a sample without any has no answer."""
+    rng = np.random.default_rng(7)
+    X, tests = rng.standard_normal((9, 20)), rng.standard_normal((30, 20))
+    X[4] = 0.0
+    neighbour = CorrelationNeighbour().fit(X, np.arange(9))
+    hidden = rng.random((30, 9)) < 0.5
+    hidden[11] = True
+    hidden[12] = np.arange(9) != 4  # only a zero vector is left
+    template, similarity = neighbour.match(tests, exclude=hidden)
+    for row in range(30):
+        left = np.flatnonzero(~hidden[row])
+        one = neighbour.match(tests[[row]], exclude=hidden[row])
+        assert template[row] == one[0][0]
+        assert similarity[row] == pytest.approx(one[1][0], abs=1e-14)
+        if row in (11, 12):
+            assert (template[row], similarity[row]) == (-1, 0)
+            continue
+        alone = CorrelationNeighbour().fit(X[left], left)
+        place, cosine = alone.match(tests[[row]])
+        assert template[row] == left[place[0]]
+        # Products of 20 terms of unit vectors.
+        assert similarity[row] == pytest.approx(cosine[0], abs=1e-14)
+    for shape in ((9, 30), (30,), (1, 9)):
+        with pytest.raises(
+            ValueError, match=r"^exclude has shape .*, but must be \(30, 9\) or \(9,"
+        ):
+            neighbour.match(tests, exclude=np.zeros(shape, bool))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -182,6 +183,28 @@ def test_a_new_node_changes_nothing_until_it_has_learned():
     network.step(new, 0.01)
     network.step(network.loss_and_gradient(X, targets, 1.0)[1], 0.01)
     assert network.loss_and_gradient(X, targets, 1.0)[0] < before
+
+
+@pytest.mark.parametrize("features", [4, 250])
+def test_new_weights_keep_the_sum_of_a_node_of_order_one(features):
+    """Uniform within 1 / sqrt(features): of inputs of variance 1 the sum has variance 1/3.
+
+    Over 2,000 nodes, by chi-square with as many degrees (the sums are nearly normal, and of few
+    features less heavy-tailed) at 1e-4 on either side.
+    """
+    random, rng, count = np.random.RandomState(1), np.random.default_rng(1), 2000
+    network = Network.seed(features, 3, random)
+    for _ in range(count - 1):
+        network.grow(random)
+    weights, offsets = network.hidden.weights, network.hidden.offsets
+    largest = 1 / np.sqrt(features)
+    for drawn in (weights, offsets):
+        assert np.abs(drawn).max() <= largest
+        # None of 2,000 or more beyond 99 % of it has a chance of 1e-8.
+        assert np.abs(drawn).max() > 0.99 * largest
+    sums = np.einsum("nf,nf->n", weights, rng.choice([-1.0, 1.0], weights.shape))
+    low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], count)
+    assert low < 3 * np.sum(sums**2) < high
 
 
 def test_without_annealing_the_loss_does_not_jump_when_a_node_is_added():

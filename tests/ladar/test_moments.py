@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from plates import plane
-from scipy import linalg, stats
+from scipy import linalg, special, stats
 
 from ncti.ladar import (
     RangeExtent,
@@ -164,3 +164,18 @@ def test_bad_parameters_are_named(parameters, named):
     for moments in (frame_moments, banded_frame_moments):
         with pytest.raises(ValueError, match=named):
             moments(view("edge"), **({"pulse_width": 30e-9, "cnr": CNR} | parameters))
+
+
+@pytest.mark.parametrize("correlation", [1e-6, 1e-3, 0.03, 0.0999, 0.1001, 0.3, 0.7, 0.95])
+def test_covariance_of_two_magnitudes_is_its_power_series(correlation):
+    """(pi/2) sum over k of (binomial(1/2, k) rho^k)^2, on both sides of rho^2 = 0.01.
+
+    Below it three terms stand for the series, off by 4 (5/128)^2 m^3 = 6.1e-9 of the first at
+    most. Above it differences of numbers of order 1 are taken: some units in the last place.
+    """
+    terms = special.binom(0.5, np.arange(1, 2000)) ** 2 * correlation ** np.arange(2, 4000, 2)
+    wanted = np.pi / 2 * terms.sum()
+    found = magnitude_covariance(np.array([[1.0, correlation], [correlation, 1.0]]))[0, 1]
+    short = 4 * (5 / 128) ** 2 * correlation**6 if correlation**2 < 0.01 else 0.0
+    rounding = 20 * np.finfo(float).eps / min(wanted, 1.0) if correlation**2 >= 0.01 else 1e-14
+    assert found == pytest.approx(wanted, rel=1.1 * short + rounding)
