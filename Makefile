@@ -10,7 +10,7 @@ smoke: setup        ## the same in seconds
 	$(BIN)/ncti-sweep +experiment=smoke $(ARGS)
 
 test: setup lint    ## lint, format, types, then every test, the smoke sweep among them
-	$(BIN)/pytest -q $(ARGS)
+	$(BIN)/pytest -q -n logical --maxprocesses 8 --dist loadfile $(ARGS)
 
 benchmark: setup    ## run time, memory, and error against run time
 	$(BIN)/python -m sweeps.benchmark $(ARGS)
