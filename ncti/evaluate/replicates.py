@@ -57,8 +57,12 @@ def replicated_accuracy(
 
         rho = (B - W) / (B + (R - 1) W),  held in [0, 1],
 
-    and is 1 where all answers are equal, which tells nothing of it. The Wilson interval is taken
-    for that many answers. With one replicate it is that of `accuracy_by_aspect`.
+    for the bins together, whose views are compared with others of their bin, and for "overall"
+    with all. Where all answers are equal they tell nothing of rho, and a few unequal ones little:
+    to B is added one imaginary view whose answers are all alike and the rarer ones, so that rho
+    is 1 until answers to one view are seen to differ, and many of them count for more. The
+    Wilson interval is taken for that many answers. With one replicate it is that of
+    `accuracy_by_aspect`.
 
     .. [1] L. Kish, Survey Sampling, Wiley 1965, section 5.4.
     """
@@ -86,14 +90,22 @@ def replicated_accuracy(
 
     share = right.mean(axis=-3)
     views = pooled(np.ones(share.shape))
-    least = np.maximum(views, 1.0)
-    fraction = pooled(share) / least
-    spread = np.maximum(pooled(share**2) / least - fraction**2, 0.0)  # between views
-    between = replicates * spread * views / np.maximum(views - 1.0, 1.0)
-    within = pooled(share * (1.0 - share)) / least * replicates / max(replicates - 1, 1)
-    scale = between + (replicates - 1) * within
-    alike = np.divide(between - within, scale, out=np.ones(scale.shape), where=scale > 1e-12)
-    worth = views * replicates / (1.0 + (replicates - 1) * np.clip(alike, 0.0, 1.0))
+    fraction = pooled(share) / np.maximum(views, 1.0)
+    # Sums of squares between and within the views of a bin.
+    between = replicates * np.maximum(pooled(share**2) - views * fraction**2, 0.0)
+    within = replicates * pooled(share * (1.0 - share))
+    rarer = replicates * np.maximum(fraction[..., -1], 1.0 - fraction[..., -1]) ** 2
+    alike = np.empty(fraction.shape)
+    for bins in (slice(0, -1), slice(-1, None)):  # those of aspects, the whole
+        seen = views[..., bins]
+        freedom = np.maximum((seen - (seen > 0)).sum(axis=-1), 1.0)
+        mean_between = (between[..., bins].sum(axis=-1) + rarer) / freedom
+        mean_within = within[..., bins].sum(axis=-1) / np.maximum(
+            seen.sum(axis=-1) * (replicates - 1), 1.0
+        )
+        rho = (mean_between - mean_within) / (mean_between + (replicates - 1) * mean_within)
+        alike[..., bins] = np.clip(rho, 0.0, 1.0)[..., None]
+    worth = views * replicates / (1.0 + (replicates - 1) * alike)
     low, high = wilson_interval(np.minimum(fraction * worth, worth), worth, confidence=confidence)
     fraction = np.where(views > 0, fraction, np.nan)
     n = np.rint(views * replicates).astype(np.intp)
