@@ -104,7 +104,7 @@ def _frozen(plan):
     return ScanPlan(fast, 0, plan.lines)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=80)
 @given(
     aspect=st.floats(0, 360),
     offset=st.floats(-25, 25),
