@@ -40,6 +40,41 @@ AXES: dict[str, dict[str, str]] = {
     "radius": {"units": "1", "long_name": "place between inner (0) and outer (1) log radius"},
     "lag": {"units": "m", "long_name": "lag of a covariance, down-range"},
 }
+FLIGHT_AXES: dict[str, dict[str, str]] = {
+    "depression": {"units": "degree", "long_name": "depression of the line of sight"},
+    "aircraft_speed": {"units": "m s-1", "long_name": "speed of the aircraft"},
+    "ship_speed": {"units": "m s-1", "long_name": "speed of the ship"},
+    "aircraft_heading": {"units": "degree", "long_name": "heading of the aircraft, from north"},
+    "offset": {"units": "degree", "long_name": "azimuth of the ship from the aircraft's heading"},
+    "line_rate": {"units": "Hz", "long_name": "lines a second"},
+    "jitter": {"units": "urad", "long_name": "standard deviation of the line of sight"},
+    "transom_gain": {
+        "units": "1",
+        "long_name": "input on the source's word: reflectivity of the transom over the ship's",
+    },
+    "mast_gain": {
+        "units": "1",
+        "long_name": "input on the source's word: reflectivity of masts over the ship's",
+    },
+    "cnr": {"units": "dB", "long_name": "carrier-to-noise ratio of an IFOV that the ship fills"},
+    "error": {"units": "1", "long_name": "number of what is believed wrong of the flight, 0 none"},
+    "autofocus": {"units": "1", "long_name": "1 where the closing speed is found in the image"},
+    "azimuth": {"long_name": "how columns follow the motion"},
+    "mirror": {"long_name": "how the mirror's turn is taken out"},
+    "range_filter": {"long_name": "what makes one range of a pixel's looks"},
+    "source": {"long_name": "where a profile comes from"},
+    "kind": {"long_name": "synthetic profile learned, synthetic test profile, or measured one"},
+    "classifier": {"long_name": "who names the ship"},
+    "column": {"units": "pixel", "long_name": "column of pixels, rightwards from the ship origin"},
+}
+ROW_OF_FLIGHTS = {"units": "pixel", "long_name": "row of pixels, upwards from the ship origin"}
+ERRORS = {
+    "error_parameter": {"long_name": "what is believed wrong of the flight"},
+    "error_value": {
+        "units": "1",
+        "long_name": "how wrong: aircraft_speed in percent, ship_speed in m/s, others in degrees",
+    },
+}
 
 VIEW = ("ship", "aspect")
 CELL = ("pulse_width", "range", "target_free_ifovs")
@@ -52,6 +87,11 @@ LOOK = ("range", "super_resolution", "frame_count")
 OF_MNN = ("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing")
 OF_CORRELATION, OF_LIKELIHOOD = ("training", "left_out"), ("gain_sigma", "left_out")
 OF_FUSION = ("channel", "super_resolution", "infrared_frame_count")
+OF_FLIGHT = (
+    *("depression", "aircraft_speed", "ship_speed", "aircraft_heading", "offset", "line_rate"),
+    *("jitter", "transom_gain", "mast_gain", "cnr", "error", "autofocus"),
+    *("azimuth", "mirror", "range_filter"),
+)
 OPTIONAL = (
     *OF_MNN,
     "label_rule",
@@ -64,6 +104,7 @@ OPTIONAL = (
     "segmentation",
     "inner_radius",
     "interpolation",
+    *OF_FLIGHT,
     "replicate",
 )
 

@@ -16,11 +16,13 @@ from sweeps.axes import CELL, CELL_INFRARED, OPTIONAL
 from sweeps.classification import classify_profiles, classify_silhouettes
 from sweeps.classifier_schema import ClassifierConfig
 from sweeps.cluster import Executor
+from sweeps.flight_variables import VALIDATION
+from sweeps.flights import view_flights
 from sweeps.fusion import name_by_both, places_of
 from sweeps.infrared import view_images
 from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood, name_by_network
 from sweeps.rejection import tabulate_rejection
-from sweeps.schema import INFRARED, RANGE, SweepConfig
+from sweeps.schema import INFRARED, IRAR, RANGE, SweepConfig
 from sweeps.seeds import cell_rng
 from sweeps.stages import Ship, View, ViewPlan, view_profiles
 from sweeps.tabulation import (
@@ -203,6 +205,8 @@ def _measure_view(path: Path, i: int, j: int, ship: Ship, aspect: float, plan: V
         measured[PROFILES] = view_profiles(view)
     if INFRARED in plan.sensors:
         measured[IMAGES] = view_images(view)
+    if IRAR in plan.sensors:
+        measured[VALIDATION] = view_flights(view)
     store.write_view(path, i, j, measured)
 
 

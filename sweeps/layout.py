@@ -10,11 +10,23 @@ import dask.array as da
 import numpy as np
 import xarray as xr
 
-from sweeps.axes import AXES, OF_CORRELATION, OF_LIKELIHOOD, OF_MNN, OPTIONAL, WINDOW
+from ncti.irar import Window
+from sweeps.axes import (
+    AXES,
+    ERRORS,
+    FLIGHT_AXES,
+    OF_CORRELATION,
+    OF_LIKELIHOOD,
+    OF_MNN,
+    OPTIONAL,
+    ROW_OF_FLIGHTS,
+    WINDOW,
+)
+from sweeps.flight_variables import KINDS, MEASURED, SOURCES, VALIDATION
 from sweeps.fusion import CHANNELS
 from sweeps.infrared import ANGLE, RADIUS, image_windows
 from sweeps.ladar import bin_centres, lags
-from sweeps.schema import INFRARED, RANGE, SweepConfig
+from sweeps.schema import INFRARED, IRAR, RANGE, SweepConfig
 from sweeps.stages import Ship
 from sweeps.variables import (
     DONE,
@@ -49,8 +61,8 @@ class Axes:
     classifiers: tuple[str, ...]
 
     @classmethod
-    def of(cls, config: SweepConfig, ships: tuple[Ship, ...]) -> Axes:
-        """The axes of a checked configuration."""
+    def of(cls, config: SweepConfig, ships: tuple[Ship, ...], window: Window | None = None) -> Axes:
+        """The axes of a checked configuration; of flights with the window of their images."""
         grid = config.grid.expand()
         infrared = config.infrared.expand(grid)
         windows = image_windows(infrared, config.infrared, config.scene)
@@ -87,6 +99,20 @@ class Axes:
                 "col": np.arange(windows["horizontal"].shape[-1]),
             },
         }
+        if window is not None:
+            flights = asdict(config.irar.expand(grid.replicate))
+            values[IRAR] = shared | {
+                **flights,
+                "error": range(len(flights["error"])),
+                "errors": flights["error"],
+                "vigilance": grid.vigilance,
+                "classifier": config.classifiers,
+                "down_range": bin_centres(config.ladar),
+                "source": SOURCES,
+                "kind": KINDS,
+                "row": window.bottom + np.arange(window.rows),
+                "column": window.left + np.arange(window.columns),
+            }
         return cls(
             {sensor: values[sensor] for sensor in config.sensors},
             config.ladar.receiver,
@@ -103,13 +129,24 @@ class Axes:
         """Coordinates of a group, with units; an optional axis of one value is a scalar one."""
         values = self.values[sensor]
         coords: dict[str, Any] = {}
-        for name, attrs in AXES.items():
+        for name, attrs in (AXES | FLIGHT_AXES).items():
             alone = name in values and name in OPTIONAL and len(values[name]) == 1
             if name in dims or (alone and name in owned(group)):
                 array = np.asarray(values[name] if name in dims else values[name][0])
                 # Strings as objects: fixed-width ones are no part of the zarr 3 format.
                 array = array.astype(object) if array.dtype.kind == "U" else array
                 coords[name] = ((name,) if name in dims else (), array, attrs)
+        if group in (VALIDATION, MEASURED):
+            for k, (name, attrs) in enumerate(ERRORS.items()):
+                array = np.array([error[k] for error in values["errors"]])
+                array = array.astype(object) if array.dtype.kind == "U" else array
+                coords[name] = (
+                    (("error",), array, attrs)
+                    if "error" in dims
+                    else ((), array.reshape(()), attrs)
+                )
+        if group == VALIDATION:
+            coords["row"] = ("row", values["row"], ROW_OF_FLIGHTS)
         if group == IMAGES:
             for name, pixel in (("vertical", "row"), ("horizontal", "col")):
                 along = ("range", "super_resolution", pixel)

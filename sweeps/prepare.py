@@ -13,11 +13,13 @@ from platformdirs import user_cache_path
 
 import ncti.ships
 from ncti.features.profile import EDGE
+from ncti.irar import Window
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render import EngineError, choose_engine
 from sweeps.errors import ConfigurationError
+from sweeps.flight_course import shared_window
 from sweeps.grid import ship_label
-from sweeps.schema import INFRARED, RANGE, SweepConfig, keys_of, unknown_key
+from sweeps.schema import INFRARED, IRAR, RANGE, SweepConfig, keys_of, unknown_key
 from sweeps.stages import Ship, depression_at, load_ship
 from sweeps.store import check_target, check_writable, provenance
 
@@ -36,12 +38,15 @@ class Prepared:
         The engine that will draw.
     cache : Path
         Where finished stages are kept.
+    window : ncti.irar.Window or None
+        Pixels of the images of flights, if there are any.
     """
 
     config: SweepConfig
     ships: tuple[Ship, ...]
     engine: str
     cache: Path
+    window: Window | None = None
 
 
 def prepare(composed: DictConfig) -> Prepared:
@@ -75,6 +80,9 @@ def prepare(composed: DictConfig) -> Prepared:
         for slant_range in grid.range:
             _seen_from("grid.range", slant_range, config)
             _resolved("grid.range", slant_range, "ladar.ifov", config.ladar.ifov, config)
+    if IRAR in config.sensors:
+        slant_range = config.irar.profile_range
+        _resolved("irar.profile_range", slant_range, "ladar.ifov", config.ladar.ifov, config)
     if INFRARED in config.sensors:
         key = "grid.range" if config.infrared.range is None else "infrared.range"
         for key, slant_range in (
@@ -90,9 +98,10 @@ def prepare(composed: DictConfig) -> Prepared:
     cache = Path(config.cache) if config.cache else user_cache_path("ncti-sweep")
     check_writable("cache", cache)
     ships = _ships(grid.ship, config, cache)
+    window = _flown_past(ships, config, cache) if IRAR in config.sensors else None
     if config.store:
         check_target(Path(config.store), provenance(config, ships, engine))
-    return Prepared(config, ships, engine, cache)
+    return Prepared(config, ships, engine, cache, window)
 
 
 def _seen_from(key: str, slant_range: float, config: SweepConfig) -> None:
@@ -149,14 +158,29 @@ def _ships(names: tuple[str, ...], config: SweepConfig, cache: Path) -> tuple[Sh
         # The returned pulse reaches beyond the ship, and both ends of the window must stay free
         # of it for the noise floor to be read there.
         needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)
-        whole = RANGE in config.sensors and config.ladar.receiver == "full_profile"
-        if whole and needed > config.ladar.window:
+        seen = config.sensor != INFRARED and config.ladar.receiver == "full_profile"
+        if seen and needed > config.ladar.window:
             raise ConfigurationError(
                 f"ladar.window is {config.ladar.window:g} m, but must be at least {needed:.0f} m "
                 f"to hold {label} and leave {EDGE:.0%} free at each end"
             )
         ships[label] = ship
     return tuple(ships.values())
+
+
+def _flown_past(ships: tuple[Ship, ...], config: SweepConfig, cache: Path) -> Window:
+    """Refuse flights that do not see a whole ship; the window that holds all that do."""
+    aspects = config.grid.expand().aspect
+    flown = config.irar.flies(tuple(ship.label for ship in ships))
+    hulls = {
+        # As far as anything of the ship reaches.
+        ship.label: load_ship(ship.source, ship.digest, cache).convex_hull
+        for ship in ships
+        if ship.label in flown
+    }
+    for label, hull in hulls.items():
+        config.irar.check_ship(label, hull, aspects)
+    return shared_window(config.irar, list(hulls.values()), aspects)
 
 
 def _fits_window(label: str, vertices: NDArray[np.float64], config: SweepConfig) -> None:

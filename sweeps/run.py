@@ -47,11 +47,12 @@ def run_sweep(prepared: Prepared, path: Path) -> None:
     grid = config.grid.expand()
     views = len(ships) * len(grid.aspect)
     code = store.code_digests(config)
-    plan = ViewPlan.of(config, engine=prepared.engine, cache=cache, code=code)
+    window = prepared.window
+    plan = ViewPlan.of(config, engine=prepared.engine, cache=cache, code=code, window=window)
     failures: list[graph.Failure] = []
 
     with _progress() as progress, executor(config.cluster, tasks=views) as workers:
-        store.create(path, config, ships, prepared.engine)
+        store.create(path, config, ships, prepared.engine, window)
         done = int(store.views_done(path).sum())
         bar = progress.add_task(f"views ({prepared.engine})", total=views, completed=done)
         _follow(progress, bar, graph.run_views(workers, ships, config, plan, path), failures)

@@ -30,6 +30,7 @@ from ncti.ladar import RECEIVERS, shortest_pulse
 from ncti.render import ROLL, engines
 from sweeps.classifier_schema import FUSION, NOISY, WITH_MOMENTS, ClassifierConfig
 from sweeps.errors import ConfigurationError
+from sweeps.flight_schema import OF_MEASURED, FlightConfig, check_learning
 from sweeps.grid import (
     Grid,
     InfraredGrid,
@@ -44,8 +45,8 @@ from sweeps.grid import (
 
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
 
-RANGE, INFRARED = "range", "infrared"
-SENSORS = {RANGE: (RANGE,), INFRARED: (INFRARED,), "both": (RANGE, INFRARED)}
+RANGE, INFRARED, IRAR = "range", "infrared", "irar"
+SENSORS = {RANGE: (RANGE,), INFRARED: (INFRARED,), "both": (RANGE, INFRARED), IRAR: (IRAR,)}
 
 # Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
 # 0.5 / sqrt(10,000), is still no less than the 1e-6 K that matched segmentation can tell from 0.
@@ -260,6 +261,7 @@ class SweepConfig:
     render: RenderConfig = field(default_factory=RenderConfig)
     ladar: LadarConfig = field(default_factory=LadarConfig)
     infrared: InfraredConfig = field(default_factory=InfraredConfig)
+    irar: FlightConfig = field(default_factory=FlightConfig)
     classifier: ClassifierConfig = field(default_factory=ClassifierConfig)
     cluster: ClusterConfig = field(default_factory=ClusterConfig)
     seed: int = 0
@@ -295,6 +297,12 @@ class SweepConfig:
                 )
         if FUSION in names:
             self._check_fusion(grid)
+        labels = tuple(ship_label(name) for name in grid.ship)
+        self.irar.flies(labels)
+        self.irar.expand()
+        if IRAR in self.sensors:
+            self.irar.check(grid.aspect)
+            check_learning(self.classifier, self.ladar.floor_axis())
         shortest = shortest_pulse(self.ladar.bin_width) * 1e9
         if RANGE in self.sensors and min(grid.pulse_width) < shortest:
             raise ConfigurationError(
@@ -304,10 +312,15 @@ class SweepConfig:
 
     @property
     def classifiers(self) -> tuple[str, ...]:
-        """Who names the ships: fusion, among others, only where both sensors see every range."""
+        """Who names the ships: fusion, among others, only where both sensors see every range.
+
+        Measured profiles are named without moments, which nobody knows.
+        """
         names = self.classifier.expand().name
         if names == (FUSION,):
             return names
+        if self.sensor == IRAR:
+            return tuple(name for name in names if name in OF_MEASURED)
         grid = self.grid.expand()
         shared = set(grid.range) <= set(self.infrared.expand(grid).range)
         together = self.sensor == "both" and shared

@@ -15,6 +15,7 @@ import trimesh
 from numpy.typing import NDArray
 
 import ncti.ships
+from ncti.irar import Window
 from ncti.ladar import (
     RangeExtent,
     banded_frame_moments,
@@ -26,6 +27,7 @@ from ncti.ladar import (
 from ncti.render import Lattice, RangeImage, range_image
 from ncti.render.flight import depression_angle
 from sweeps.cache import Arrays, StageCache, code_digest
+from sweeps.flight_schema import FlightPlan
 from sweeps.grid import InfraredGrid
 from sweeps.ladar import cnr_at, lags
 from sweeps.schema import (
@@ -83,12 +85,21 @@ class ViewPlan:
     seed: int
     cache: Path
     code: Mapping[str, str]
+    flights: FlightPlan | None = None
 
     @classmethod
     def of(
-        cls, config: SweepConfig, *, engine: str, cache: Path, code: Mapping[str, str]
+        cls,
+        config: SweepConfig,
+        *,
+        engine: str,
+        cache: Path,
+        code: Mapping[str, str],
+        window: Window | None = None,
     ) -> ViewPlan:
         """The plan of a checked configuration, with the engine that will draw.
+
+        And with the window of images, where ships are flown past.
 
         The hashes of its code are made once, before any worker starts: a worker may read the
         source after somebody has edited it.
@@ -110,6 +121,7 @@ class ViewPlan:
             seed=config.seed,
             cache=cache,
             code=code,
+            flights=FlightPlan.of(config.irar, grid, window) if window else None,
         )
 
 
@@ -296,7 +308,7 @@ class View:
         return self.hits[depression]
 
     def _make_hits(self, depression: float) -> Arrays:
-        image = self._image(depression)
+        image = self.image(depression)
         return {
             "bits": np.packbits(image.hit),
             "columns": np.array(image.hit.shape[1]),
@@ -335,7 +347,7 @@ class View:
     def _make_extent(self, slant_range: float) -> Arrays:
         ladar = self.plan.ladar
         extent = range_extent(
-            self._image(depression_at(slant_range, self.plan.scene)),
+            self.image(depression_at(slant_range, self.plan.scene)),
             slant_range=slant_range * 1e3,
             ifov=ladar.ifov * 1e-6,
             bin_width=ladar.bin_width,
@@ -349,7 +361,7 @@ class View:
             "cell": extent.cell,
         }
 
-    def _image(self, depression: float) -> RangeImage:
+    def image(self, depression: float) -> RangeImage:
         """The range image at the configured pixel, or a finer one where that has few samples.
 
         Ends of ships are small: at one pixel for all, they would err several times more than

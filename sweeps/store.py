@@ -32,14 +32,21 @@ from zarr.core.sync import sync
 from zarr.errors import ZarrUserWarning
 from zarr.storage import MemoryStore, StoreLike
 
+from ncti.irar import Window
 from sweeps.errors import ConfigurationError
+from sweeps.flights import flight_code
 from sweeps.infrared import STEPS, infrared_code
 from sweeps.layout import Axes
-from sweeps.schema import INFRARED, RANGE, SweepConfig
+from sweeps.schema import INFRARED, IRAR, RANGE, SweepConfig
 from sweeps.stages import RENDERING, Ship, profile_code, rendering_code
 from sweeps.variables import DONE, FAILED, GROUPS, IMAGES, PROFILES, STATES, STATUS
 
-CODE = {RENDERING: rendering_code, RANGE: profile_code, INFRARED: infrared_code}
+CODE = {
+    RENDERING: rendering_code,
+    RANGE: profile_code,
+    INFRARED: infrared_code,
+    IRAR: flight_code,
+}
 
 PARTIAL = ".partial"  # zarr names files so, too, until they are whole
 
@@ -105,7 +112,13 @@ def tables_folder(path: Path) -> Path:
     return path.with_name(f"{path.name.removesuffix('.zarr')}-tables")
 
 
-def create(path: Path, config: SweepConfig, ships: tuple[Ship, ...], engine: str) -> None:
+def create(
+    path: Path,
+    config: SweepConfig,
+    ships: tuple[Ship, ...],
+    engine: str,
+    window: Window | None = None,
+) -> None:
     """Lay out an empty store, or find there the store that the same sweep began.
 
     Parameters
@@ -118,6 +131,8 @@ def create(path: Path, config: SweepConfig, ships: tuple[Ship, ...], engine: str
         Ships of the grid.
     engine : str
         Render engine that will draw.
+    window : ncti.irar.Window, optional
+        Pixels of the images of flights, if there are any.
 
     Raises
     ------
@@ -135,7 +150,7 @@ def create(path: Path, config: SweepConfig, ships: tuple[Ship, ...], engine: str
         path.parent.mkdir(parents=True, exist_ok=True)
         made = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PARTIAL}")
         try:
-            _lay_out(made, Axes.of(config, ships), attributes)
+            _lay_out(made, Axes.of(config, ships, window), attributes)
             made.rename(path)
         except OSError:
             if not path.exists():  # else the same sweep, started twice, was quicker

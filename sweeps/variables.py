@@ -6,6 +6,7 @@
     classification/acn_infrared  the same of silhouettes, training_confused
     status                       view, cell
     status_infrared              cell
+    validation, ...              see `sweeps.flight_variables`
     tables/...                   see `sweeps.tabulation`
 
 Dimensions carry the names of the grid axes. A chunk belongs to one task: the first axes of a
@@ -35,8 +36,18 @@ from sweeps.axes import (
     VIEW,
 )
 from sweeps.classifier_schema import CLASSIFIERS, WITH_MOMENTS
+from sweeps.flight_variables import (
+    ANSWER,
+    CELL_MEASURED,
+    FLIGHT_GROUPS,
+    MEASURED,
+    OF_ANSWERS,
+    OF_VIEWS,
+    STATUS_MEASURED,
+    VALIDATION,
+)
 from sweeps.infrared import STEPS
-from sweeps.schema import INFRARED, RANGE
+from sweeps.schema import INFRARED, IRAR, RANGE
 
 MISSING, FAILED, DONE = -1, 0, 1
 
@@ -50,6 +61,7 @@ ANSWERS = {name: f"classification/{name}" for name in CLASSIFIERS}
 STATES = {ACN: STATUS, ACN_INFRARED: STATUS_INFRARED} | {
     ANSWERS[name]: f"status_{name}" for name in CLASSIFIERS if name != "acn"
 }
+STATES[MEASURED] = STATUS_MEASURED
 REJECTION = {  # by the classifier's name: its answers, its table of rejections
     "acn": ("classification/acn", "tables/rejection_acn"),
     "correlation": ("classification/correlation", "tables/rejection_correlation"),
@@ -60,6 +72,7 @@ GROUPS = (
     *(PROFILES, STATUS, IMAGES, ACN_INFRARED, *ANSWERS.values(), *STATES.values()),
     *(TABLES_INFRARED, DETECTION, RECONSTRUCTION, *TABLES_OF.values()),
     *(table for _, table in REJECTION.values()),
+    *FLIGHT_GROUPS,
 )
 
 
@@ -348,6 +361,17 @@ VARIABLES = (
             (*CELL, *OF_LIKELIHOOD, *AVERAGE, *VIEW),
             "posterior probability of the true ship",
             {"fill": np.nan, "dtype": "f4"},
+        ),
+    ),
+    *_variables(_PROFILE | {"group": VALIDATION, "sensor": IRAR}, *OF_VIEWS),
+    *_variables(
+        {"group": MEASURED, "sensor": IRAR, "whole": len(CELL_MEASURED), "fill": -1, "dtype": "i2"},
+        *OF_ANSWERS,
+        (
+            "cell",
+            ANSWER,
+            "state of a cell of measured profiles",
+            _STATE | {"group": STATUS_MEASURED},
         ),
     ),
 )

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from sweeps import store
 from sweeps.classifier_schema import ACN, CLASSIFIERS, FUSION
+from sweeps.flight_variables import VALIDATION
 from sweeps.report.classifiers import classifier_rows, print_classifiers
 from sweeps.report.fusion import fusion_rows, print_fusion
 from sweeps.report.rejection import print_rejection, rejection_rows
@@ -82,7 +83,7 @@ def report(path: Path, console: Console) -> None:
     written |= _classifier_tables(path, console)
     written |= _infrared_tables(path, console)
     written |= _rejection_tables(path, console)
-    if not written:
+    if not written and not store.has_group(path, VALIDATION):
         raise FileNotFoundError(path)
     folder = store.tables_folder(path)
     folder.mkdir(exist_ok=True)

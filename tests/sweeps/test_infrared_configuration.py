@@ -273,7 +273,8 @@ def values_of(config, key):
 
 
 def test_every_axis_is_replaced():
-    assert set(REPLACED) == set(axis_keys())
+    # Those of flights are in their own file.
+    assert set(REPLACED) == {key for key in axis_keys() if not key.startswith("irar.")}
 
 
 @pytest.mark.parametrize(
