@@ -16,10 +16,12 @@ from sweeps.axes import CELL, CELL_INFRARED, OPTIONAL
 from sweeps.classification import classify_profiles, classify_silhouettes
 from sweeps.classifier_schema import ClassifierConfig
 from sweeps.cluster import Executor
-from sweeps.flight_variables import VALIDATION
+from sweeps.flight_variables import CELL_MEASURED, KINDS, MEASURED, TABLES_MEASURED, VALIDATION
 from sweeps.flights import view_flights
 from sweeps.fusion import name_by_both, places_of
+from sweeps.grid import ship_label
 from sweeps.infrared import view_images
+from sweeps.measured import name_measured
 from sweeps.naming import Profiles, name_by_correlation, name_by_likelihood, name_by_network
 from sweeps.rejection import tabulate_rejection
 from sweeps.schema import INFRARED, IRAR, RANGE, SweepConfig
@@ -89,6 +91,8 @@ def run_classification(
             orders = presentation_orders(config)
             vigilances = silhouettes.vigilance
             tasks.append((_classify_silhouettes, cell, *shared, learned, vigilances, orders))
+        elif cell.group == MEASURED:
+            tasks.append((_name_measured, cell, *shared, config))
         else:
             tasks.append((_name_profiles, cell, *shared, config))
     for (_, cell, *_), _, error in executor.run(_call, tasks):
@@ -130,12 +134,14 @@ def cells(config: SweepConfig) -> list[Cell]:
     axes: dict[str, dict[str, Any]] = {
         RANGE: asdict(grid) | {"target_free_ifovs": config.ladar.floor_axis()},
         INFRARED: asdict(config.infrared.expand(grid)),
+        IRAR: asdict(grid) | asdict(config.irar.expand()),
     }
     found = []
     names = config.classifiers
     groups: list[tuple[str, str, tuple[str, ...]]]
     groups = [(RANGE, ANSWERS[name], CELL) for name in names]
     groups += [(INFRARED, ACN_INFRARED, CELL_INFRARED)] if "acn" in names else []
+    groups += [(IRAR, MEASURED, CELL_MEASURED)]
     for sensor, group, cut in (entry for entry in groups if entry[0] in config.sensors):
         lines = [list(enumerate(axes[sensor][name])) for name in cut]
         several = [name not in OPTIONAL or len(axes[sensor][name]) > 1 for name in cut]
@@ -187,6 +193,12 @@ def write_tables(config: SweepConfig, path: Path) -> None:
             tables[TABLES_INFRARED] = silhouettes
         images = store.read_group(path, IMAGES)[["detection_probability", "reconstruction_error"]]
         tables[DETECTION], tables[RECONSTRUCTION] = tabulate_images(images.load())
+    if IRAR in config.sensors:
+        classified = store.read_group(path, MEASURED).load()
+        flown = _flown(config)
+        tables[TABLES_MEASURED] = tabulate_answers(
+            classified.isel(ship=[ship for ship in known if flown[ship]])
+        )
     learned = config.learned()
     if not learned.all():
         vigilances = config.classifier.expand().test_vigilance
@@ -278,6 +290,33 @@ def _name_profiles(
         covariance = store.read_covariance(path, cell.place)[there]
         answers = name_by_likelihood(profiles, covariance, classifier=classifier)
     store.write_cell(path, cell.group, cell.index, answers)
+
+
+def _name_measured(
+    cell: Cell, classifier: ClassifierConfig, path: Path, config: SweepConfig
+) -> None:
+    """Let every classifier that can name measured profiles in one cell."""
+    grid = config.grid.expand()
+    rng = cell_rng(config.seed, stage="mnn", **cell.values)
+    answers = name_measured(
+        store.read_signatures(path, cell.place),
+        store.views_done(path),
+        aspects=grid.aspect,
+        learned=config.learned(),
+        names=config.classifiers,
+        vigilances=grid.vigilance,
+        classifier=classifier,
+        random_state=int(rng.integers(2**32)),
+    )
+    synthetic = np.array([kind != "measured" for kind in KINDS])
+    asked = (synthetic[:, None] | _flown(config))[:, :, None]
+    store.write_cell(path, cell.group, cell.index, answers, asked=asked)
+
+
+def _flown(config: SweepConfig) -> NDArray[np.bool_]:
+    """(ship,): whether each is flown past."""
+    labels = tuple(ship_label(name) for name in config.grid.expand().ship)
+    return np.isin(labels, config.irar.flies(labels))
 
 
 def _name_by_both(

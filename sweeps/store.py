@@ -34,12 +34,13 @@ from zarr.storage import MemoryStore, StoreLike
 
 from ncti.irar import Window
 from sweeps.errors import ConfigurationError
+from sweeps.flight_variables import VALIDATION
 from sweeps.flights import flight_code
 from sweeps.infrared import STEPS, infrared_code
 from sweeps.layout import Axes
 from sweeps.schema import INFRARED, IRAR, RANGE, SweepConfig
 from sweeps.stages import RENDERING, Ship, profile_code, rendering_code
-from sweeps.variables import DONE, FAILED, GROUPS, IMAGES, PROFILES, STATES, STATUS
+from sweeps.variables import DONE, FAILED, GROUPS, IMAGES, MISSING, PROFILES, STATES, STATUS
 
 CODE = {
     RENDERING: rendering_code,
@@ -287,6 +288,12 @@ def read_silhouettes(
     return template, silhouette
 
 
+def read_signatures(path: Path, cell: Mapping[str, int]) -> NDArray[np.float32]:
+    """(ship, aspect, flight, kind, bin): signatures of one cell, all flights in one axis."""
+    found = _read(path, VALIDATION, "signature", cell)
+    return found.reshape(*found.shape[:2], -1, *found.shape[-2:])
+
+
 def _read(path: Path, group: str, name: str, cell: Mapping[str, int]) -> NDArray[Any]:
     """An array at one place of some of its axes, whole on the others."""
     array = _array(path, group, name)
@@ -295,11 +302,21 @@ def _read(path: Path, group: str, name: str, cell: Mapping[str, int]) -> NDArray
 
 
 def write_cell(
-    path: Path, group: str, cell: tuple[int, ...], arrays: Mapping[str, NDArray[Any]]
+    path: Path,
+    group: str,
+    cell: tuple[int, ...],
+    arrays: Mapping[str, NDArray[Any]],
+    *,
+    asked: NDArray[np.bool_] | None = None,
 ) -> None:
-    """Write the answers of the classifier in one cell, then mark what has one done."""
+    """Write the answers of the classifier in one cell, then mark what has one done.
+
+    Where no answer is asked for, as of ships that are not flown past, it stays missing.
+    """
     _write_chunks({path / group / name: values for name, values in arrays.items()}, cell)
     state = np.where(arrays["correct"] >= 0, DONE, FAILED)
+    if asked is not None:
+        state = np.where(asked, state, MISSING)
     _write_chunks({path / STATES[group] / "cell": state}, cell)
 
 
