@@ -58,7 +58,7 @@ def name_measured(
     """
     seen = np.moveaxis(signatures[there], 0, 2)  # (flight, kind, view, bin)
     known = seen[0, KINDS.index("learned")]
-    absent: NDArray[np.bool_] = np.isnan(seen).any(axis=-1)
+    absent = np.asarray(np.isnan(seen).any(axis=-1))
     seen = np.where(absent[..., None], known, seen)
     profiles = Profiles(known, seen, there, np.array(aspects), tuple(range(len(KINDS))), learned)
     flights = seen.shape[:2]

@@ -304,7 +304,7 @@ class SweepConfig:
             self.irar.check(grid.aspect)
             check_learning(self.classifier, self.ladar.floor_axis())
         shortest = shortest_pulse(self.ladar.bin_width) * 1e9
-        if RANGE in self.sensors and min(grid.pulse_width) < shortest:
+        if self.sensor != INFRARED and min(grid.pulse_width) < shortest:
             raise ConfigurationError(
                 f"grid.pulse_width has {min(grid.pulse_width):g}, but must be at least "
                 f"{shortest:.3g} for ladar.bin_width {self.ladar.bin_width:g} m"
