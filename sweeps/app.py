@@ -142,6 +142,8 @@ def _one_choice(override: str) -> None:
 def _job(composed: DictConfig) -> None:
     """One job of Hydra's: one sweep with its own store."""
     prepared = prepare(composed)
+    for sentence in prepared.config.silent:
+        print(f"ncti-sweep: {sentence}", file=sys.stderr)
     folder = Path(HydraConfig.get().runtime.output_dir)
     run_sweep(prepared, Path(prepared.config.store or folder / "sweep.zarr"))
 

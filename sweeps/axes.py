@@ -79,14 +79,16 @@ ERRORS = {
 VIEW = ("ship", "aspect")
 CELL = ("pulse_width", "range", "target_free_ifovs")
 TEMPLATE = ("coverage_rule", "inner_radius", "interpolation")
-CELL_INFRARED = ("coverage_rule", "segmentation", "inner_radius", "interpolation", "phase")
+OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
+CELL_INFRARED = (*OF_SILHOUETTES, "phase")
 AVERAGE = ("replicate", "frame_count")
 LOOK = ("range", "super_resolution", "frame_count")
 
 # Dimensions only when they have several values; a single one is a scalar coordinate.
 OF_MNN = ("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing")
 OF_CORRELATION, OF_LIKELIHOOD = ("training", "left_out"), ("gain_sigma", "left_out")
-OF_FUSION = ("channel", "super_resolution", "infrared_frame_count")
+# Of the silhouettes that go with profiles there is one way each, told in a scalar coordinate.
+OF_FUSION = ("channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution", "infrared_frame_count")
 OF_FLIGHT = (
     *("depression", "aircraft_speed", "ship_speed", "aircraft_heading", "offset", "line_rate"),
     *("jitter", "transom_gain", "mast_gain", "cnr", "error", "autofocus"),

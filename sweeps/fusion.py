@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.classify import GaussianTemplates, fit_sharpness, fuse, label_posterior
+from sweeps.axes import OF_SILHOUETTES
 from sweeps.classification import NONE, Arrays
 from sweeps.naming import Profiles
 
@@ -23,7 +23,7 @@ def name_by_both(
     templates: NDArray[np.float32],
     silhouettes: NDArray[np.float32],
     *,
-    gain_sigma: float,
+    gain_sigma: tuple[float, ...],
     nugget: float,
 ) -> Arrays:
     """Name ships by profile, by silhouette and by both.
@@ -35,18 +35,21 @@ def name_by_both(
     covariance : (view, lag, bin) float32 ndarray
         Of one frame of each view.
     templates : (phase, view, feature) float32 ndarray
-        Noiseless log-polar maps.
+        Noiseless log-polar maps, of two phases or more.
     silhouettes : (phase, super_resolution, frame_count, view, feature) float32 ndarray
         Maps cut out of images at the range of the cell.
-    gain_sigma, nugget
+    gain_sigma : tuple of float
+        Prior standard deviations of the target's gain, one after the other.
+    nugget : float
         As for `sweeps.naming.name_by_likelihood`.
 
     Returns
     -------
     dict of str to ndarray
-        predicted, correct, probability : (channel, super_resolution, infrared_frame_count, draw,
-        frame_count, ship, aspect); sharpness : (channel, super_resolution,
-        infrared_frame_count, draw, frame_count) of range and infrared, NaN for both.
+        predicted, correct, probability : (channel, gain_sigma, super_resolution,
+        infrared_frame_count, draw, frame_count, ship, aspect); sharpness : (channel, gain_sigma,
+        super_resolution, infrared_frame_count, draw, frame_count) of range and infrared, NaN for
+        both.
 
     Notes
     -----
@@ -54,38 +57,37 @@ def name_by_both(
     first as there are, over again where there are fewer. A template is a view, a ship at an
     aspect, for both sensors.
 
-    The score of a profile is its log-likelihood; that of a silhouette the largest cosine of its
-    map to those of a template in all phases. Each is given its sharpness on the *other* draws
-    (`ncti.classify.fit_sharpness`), then they are added. An empty silhouette says nothing: all
-    its scores are 0.
+    The score of a profile is its log-likelihood, which is worth what it says: its sharpness is 1.
+    That of a silhouette is the largest cosine of its map to those of a template in all phases but
+    its own, whose place on the detector no observer would have on file; it is given its sharpness
+    on the silhouettes of the *other* phases (`ncti.classify.fit_sharpness`). Then they are added.
+    An empty silhouette says nothing: all its scores are 0.
     """
-    ship = profiles.ship
-    likelihood = GaussianTemplates(gain_sigma=gain_sigma, nugget=nugget)
+    ship, taught = profiles.ship, profiles.taught
+    likelihood = GaussianTemplates(nugget=nugget)
     likelihood.fit(profiles.expected, covariance, ship, floor=profiles.floor)
     replicates, counts, views, bins = profiles.averaged.shape
     phases, ways, looks = silhouettes.shape[:3]
     draws = max(replicates, phases)
-    by_profile = np.empty((replicates, counts, views, views))
+    by_profile = np.empty((len(gain_sigma), replicates, counts, views, views))
     for n, frames in enumerate(profiles.frame_count):
         samples = profiles.averaged[:, n].reshape(-1, bins)
-        logs = likelihood.log_likelihood(samples, frames)
-        by_profile[:, n] = logs.reshape(replicates, views, views)
+        logs = likelihood.log_likelihood(samples, frames, gain_sigma=gain_sigma)
+        by_profile[:, :, n] = logs.reshape(-1, replicates, views, views)
     by_silhouette = _similarity(silhouettes, templates)
 
-    shape = (len(CHANNELS), ways, looks, draws, counts)
+    shape = (len(CHANNELS), len(gain_sigma), ways, looks, draws, counts)
     named = np.empty((*shape, views), dtype=np.intp)
     true = np.empty((*shape, views))
     sharpness = np.full(shape, np.nan)
-    taught = profiles.taught
     by_profile, by_silhouette = by_profile[..., taught], by_silhouette[..., taught]
     labels = ship[taught]
-    of_profile = _calibrate(by_profile[..., taught, :], labels)
-    of_silhouette = _calibrate(by_silhouette[..., taught, :], labels)
-    for k, m, d, n in np.ndindex(shape[1:]):
+    worth = _calibrate(by_silhouette[..., taught, :], labels)
+    for g, k, m, d, n in np.ndindex(shape[1:]):
         r, phase = d % replicates, d % phases
-        alone = by_profile[r, n], by_silhouette[phase, k, m]
-        mine = float(of_profile[r, n]), float(of_silhouette[phase, k, m])
-        sharpness[:2, k, m, d, n] = mine
+        alone = by_profile[g, r, n], by_silhouette[phase, k, m]
+        mine = 1.0, float(worth[phase, k, m])
+        sharpness[:2, g, k, m, d, n] = mine
         answers = (
             fuse(alone[0], sharpness=mine[:1]),
             fuse(alone[1], sharpness=mine[1:]),
@@ -93,9 +95,9 @@ def name_by_both(
         )
         for c, answer in enumerate(answers):
             classes, posterior = label_posterior(answer, labels)
-            named[c, k, m, d, n] = classes[posterior.argmax(axis=1)]
+            named[c, g, k, m, d, n] = classes[posterior.argmax(axis=1)]
             # 0 for a ship that nobody taught.
-            true[c, k, m, d, n] = (posterior * (classes == ship[:, None])).sum(axis=1)
+            true[c, g, k, m, d, n] = (posterior * (classes == ship[:, None])).sum(axis=1)
     return {
         "predicted": profiles.spread(named, NONE, np.int16),
         "correct": profiles.spread(named == ship, NONE, np.int8),
@@ -105,12 +107,15 @@ def name_by_both(
 
 
 def _similarity(silhouettes: NDArray[np.float32], templates: NDArray[np.float32]) -> Scores:
-    """(phase, super_resolution, frame_count, view, template): largest cosine over phases."""
+    """(phase, super_resolution, frame_count, view, template): largest cosine over other phases."""
     phases, views, features = templates.shape
-    tests = _directions(silhouettes).reshape(-1, features)
-    cosines = tests @ _directions(templates).reshape(-1, features).T
-    best = cosines.reshape(len(tests), phases, views).max(axis=1)
-    return best.reshape(*silhouettes.shape[:-1], views).astype(np.float64)
+    known = _directions(templates)
+    best = np.empty((*silhouettes.shape[:-1], views))
+    for phase, seen in enumerate(_directions(silhouettes)):
+        others = known[np.arange(phases) != phase].reshape(-1, features)
+        cosines = seen.reshape(-1, features) @ others.T
+        best[phase] = cosines.reshape(*seen.shape[:-1], phases - 1, views).max(axis=-2)
+    return best
 
 
 def _directions(vectors: NDArray[np.float32]) -> NDArray[np.floating]:
@@ -119,36 +124,32 @@ def _directions(vectors: NDArray[np.float32]) -> NDArray[np.floating]:
 
 
 def _calibrate(scores: Scores, ship: NDArray[np.intp]) -> Scores:
-    """(draw, ...): sharpness of (draw, ..., view, template) scores, from all draws but each one.
-
-    Of a single draw from itself.
-    """
-    draws = len(scores)
+    """(phase, ...): sharpness of (phase, ..., view, template) scores, from all phases but one."""
+    phases = len(scores)
     found = np.empty(scores.shape[:-2])
     for place in np.ndindex(found.shape):
-        others = [d for d in range(draws) if d != place[0]] or [0]
+        others = [phase for phase in range(phases) if phase != place[0]]
         pooled = scores[(others, *place[1:])].reshape(-1, scores.shape[-1])
         found[place] = fit_sharpness(pooled, ship, np.tile(ship, len(others)))
     return found
 
 
-def places_of(
-    config_ranges: Mapping[str, tuple[float, ...]], cell: Mapping[str, int]
-) -> dict[str, Any]:
+def place_of(
+    ranges: tuple[float, ...], infrared_ranges: tuple[float, ...], cell: Mapping[str, int]
+) -> dict[str, int]:
     """Where the silhouettes of a cell lie on the axes of the infrared group.
 
     Parameters
     ----------
-    config_ranges : mapping of str to tuple of float
-        `grid` and `infrared`: slant ranges [km].
+    ranges, infrared_ranges : tuple of float
+        Slant ranges [km] of profiles and of silhouettes.
     cell : mapping of str to int
         Place on the axes of the range channel.
 
     Returns
     -------
     dict of str to int
-        Its range, and the first of every choice of how silhouettes are made.
+        That of its range, and of the one way in which silhouettes are made.
     """
-    slant_range = config_ranges["grid"][cell["range"]]
-    choices = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
-    return {"range": config_ranges["infrared"].index(slant_range), **dict.fromkeys(choices, 0)}
+    place = infrared_ranges.index(ranges[cell["range"]])
+    return {"range": place, **dict.fromkeys(OF_SILHOUETTES, 0)}

@@ -18,7 +18,7 @@ from sweeps.classifier_schema import ClassifierConfig
 from sweeps.cluster import Executor
 from sweeps.flight_variables import CELL_MEASURED, KINDS, MEASURED, TABLES_MEASURED, VALIDATION
 from sweeps.flights import view_flights
-from sweeps.fusion import name_by_both, places_of
+from sweeps.fusion import name_by_both, place_of
 from sweeps.grid import ship_label
 from sweeps.infrared import view_images
 from sweeps.measured import name_measured
@@ -324,7 +324,7 @@ def _name_by_both(
 ) -> dict[str, NDArray[Any]]:
     grid = config.grid.expand()
     infrared = config.infrared.expand(grid)
-    place = places_of({"grid": grid.range, "infrared": infrared.range}, cell.place)
+    place = place_of(grid.range, infrared.range, cell.place)
     template, silhouette = store.read_silhouettes(path, place)
     there = profiles.there
     features = template.shape[-2] * template.shape[-1]
@@ -337,7 +337,7 @@ def _name_by_both(
         store.read_covariance(path, cell.place)[there],
         templates,
         seen,
-        gain_sigma=config.classifier.expand().gain_sigma[0],
+        gain_sigma=config.classifier.expand().gain_sigma,
         nugget=config.classifier.nugget,
     )
 

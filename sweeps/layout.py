@@ -18,6 +18,7 @@ from sweeps.axes import (
     OF_CORRELATION,
     OF_LIKELIHOOD,
     OF_MNN,
+    OF_SILHOUETTES,
     OPTIONAL,
     ROW_OF_FLIGHTS,
     WINDOW,
@@ -81,6 +82,7 @@ class Axes:
                 "lag": lags(config),
                 "channel": CHANNELS,
                 "super_resolution": infrared.super_resolution,
+                **{name: getattr(infrared, name) for name in OF_SILHOUETTES},
                 "infrared_frame_count": infrared.frame_count,
                 "draw": range(max(len(grid.replicate), len(infrared.phase))),
                 **{

@@ -28,7 +28,8 @@ from ncti.infrared import (
 )
 from ncti.ladar import RECEIVERS, shortest_pulse
 from ncti.render import ROLL, engines
-from sweeps.classifier_schema import FUSION, NOISY, WITH_MOMENTS, ClassifierConfig
+from sweeps.axes import OF_SILHOUETTES
+from sweeps.classifier_schema import ACN, FUSION, NOISY, WITH_MOMENTS, ClassifierConfig
 from sweeps.errors import ConfigurationError
 from sweeps.flight_schema import OF_MEASURED, FlightConfig, check_learning
 from sweeps.grid import (
@@ -290,7 +291,7 @@ class SweepConfig:
             )
         names = self.classifiers
         for name in set(names) & set(WITH_MOMENTS):
-            if self.ladar.receiver != "full_profile":
+            if RANGE in self.sensors and self.ladar.receiver != "full_profile":
                 raise ConfigurationError(
                     f"ladar.receiver is {self.ladar.receiver!r}, but must be full_profile for the "
                     f"classifier {name}, which knows the moments of no other"
@@ -340,6 +341,30 @@ class SweepConfig:
                     f"{', '.join(f'{one:g}' for one in there)}, the values of infrared.range, for "
                     "the classifier fusion"
                 )
+        if self.infrared.phases < 2:
+            raise ConfigurationError(
+                f"infrared.phases is {self.infrared.phases}, but must be at least 2 for the "
+                "classifier fusion, which weighs the silhouettes of one by those of others"
+            )
+        for name in OF_SILHOUETTES:
+            count = len(getattr(self.infrared.expand(grid), name))
+            if count > 1:
+                raise ConfigurationError(
+                    f"infrared.{name} has {count} values, but must have one for the classifier "
+                    "fusion"
+                )
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """What to say of each classifier that is asked for and has nothing to name."""
+        heard = (ACN,) if self.sensor == INFRARED else self.classifiers
+        needs = {FUSION: "sensor=both and every value of grid.range among those of infrared.range"}
+        return tuple(
+            f"classifier.name has {name}, which names nothing here: it needs "
+            + needs.get(name, "sensor=range or both")
+            for name in self.classifier.expand().name
+            if name not in heard
+        )
 
     def learned(self) -> NDArray[np.bool_]:
         """(ship, aspect) bool ndarray: the views that classifiers learn."""

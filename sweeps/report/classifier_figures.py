@@ -130,8 +130,8 @@ def draw_fusion(rows: list[Row]) -> Figure:
     Parameters
     ----------
     rows : list of dict
-        From `sweeps.report.fusion.fusion_rows`. The detector's own pixels are drawn, and the
-        largest number of frames.
+        From `sweeps.report.fusion.fusion_rows`. The detector's own pixels are drawn, the
+        largest number of frames, and the gain that is known least.
 
     Returns
     -------
@@ -142,8 +142,9 @@ def draw_fusion(rows: list[Row]) -> Figure:
     frames = max(row["frame_count"] for row in rows)
     images = _nearest(frames, {row["infrared_frame_count"] for row in rows})
     way = rows[0]["super_resolution"]
-    setting = (width, floor, frames, images, way)
-    keys = [*CELL[1:], "frame_count", "infrared_frame_count", "super_resolution"]
+    gain = max(row["gain_sigma"] for row in rows)
+    setting = (width, floor, gain, frames, images, way)
+    keys = [*CELL[1:], "gain_sigma", "frame_count", "infrared_frame_count", "super_resolution"]
     shown = [row for row in rows if tuple(row[key] for key in keys) == setting]
     figure, panels, bins = _panels(shown)
     for axes, label in zip(panels, bins, strict=True):
@@ -156,6 +157,7 @@ def draw_fusion(rows: list[Row]) -> Figure:
         axes.set_xticks(ranges, [f"{slant_range:g}" for slant_range in ranges])
         axes.set_xlabel("slant range [km]")
     title = f"Profile, silhouette and both together, {frames} frames each, {width:g} ns"
+    title += ", gain " + ("unknown" if gain else "known")
     return _finished(figure, panels, title)
 
 

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from sweeps.axes import OF_SILHOUETTES
 from sweeps.report.screen import WIDTH, grouped, percent_text
 from sweeps.report.silhouettes import POSITIONS
 from sweeps.report.tables import Row, cells, percent
@@ -15,6 +16,8 @@ AXES = (
     "range_km",
     "pulse_width_ns",
     "target_free_ifovs",
+    "gain_sigma",
+    *OF_SILHOUETTES,
     "super_resolution",
     "infrared_frame_count",
     "frame_count",
@@ -34,7 +37,8 @@ def fusion_rows(tables: xr.Dataset) -> list[Row]:
     Returns
     -------
     list of dict
-        One row for each channel, cell, resolution, numbers of frames and aspect bin; `n` counts
+        One row for each channel, cell, prior of the gain, resolution, numbers of frames and
+        aspect bin, with the way in which silhouettes are made; `n` counts
         answers, which the interval takes as fewer where those to one view are alike.
     """
     rows = []
@@ -58,10 +62,12 @@ def fusion_rows(tables: xr.Dataset) -> list[Row]:
 def print_fusion(rows: list[Row], console: Console) -> None:
     """Print sensors and both: ranges, resolutions and frames down, aspect bins across."""
     console.width = max(console.width, WIDTH)
-    for (pulse_width, floor), group in grouped(rows, AXES[1:3]).items():
+    for (pulse_width, floor, gain), group in grouped(rows, AXES[1:4]).items():
         bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in group))
         title = "Percent correct by maximum likelihood on profiles, similarity of silhouettes, both"
-        table = Table(title=f"{title} ({pulse_width:g} ns, {floor} target-free IFOVs)")
+        known = "gain known" if gain == 0 else f"gain unknown by {gain:.0%}"
+        place = f"{pulse_width:g} ns, {floor} target-free IFOVs, {known}"
+        table = Table(title=f"{title} ({place})")
         table.add_column(escape("range [km]"), justify="right")
         table.add_column("frames", justify="right")
         table.add_column("channel")
@@ -80,10 +86,11 @@ def print_fusion(rows: list[Row], console: Console) -> None:
             table.add_section()
         console.print(table)
     console.print(
-        "Each sensor's score is given its weight on other draws of the noise; both name one ship "
-        "at one aspect. Infrared frames as many as those of profiles, or the nearest number there. "
-        "95 % Wilson intervals; n in the CSV counts answers, which intervals take as fewer (Kish's "
-        "design effect) where those to one view are alike.",
+        "A profile's score is its log-likelihood; a silhouette's is given its weight on other "
+        "phases, against templates of other phases; both name one ship at one aspect. Infrared "
+        "frames as many as those of profiles, or the nearest number there. 95 % Wilson "
+        "intervals; n in the CSV counts answers, which intervals take as fewer (Kish's design "
+        "effect) where those to one view are alike.",
         style="dim",
     )
 

@@ -46,6 +46,15 @@ def bands(profiles, variance=0.1):
     return whole.astype(np.float32)
 
 
+def dense(band):
+    """The covariance that a band of lags stands for."""
+    whole = np.diag(band[0].astype(np.float64))
+    for lag in range(1, len(band)):
+        beside = np.diag(band[lag, : BINS - lag].astype(np.float64), lag)
+        whole += beside + beside.T
+    return whole
+
+
 def name_by(classifier, profiles, **settings):
     """Answers of a classifier by its name."""
     if classifier == "mnn":

@@ -326,6 +326,53 @@ def test_fusion_sees_every_range_with_both_sensors():
     assert value_of(config, "name") == ("fusion",)
 
 
+@pytest.mark.parametrize("names", ["fusion", "[acn,fusion]"])
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("infrared.phases=1", "infrared.phases is 1, but must be at least 2 for the classifier "),
+        ("infrared.coverage_rule=[0.25,0.5]", "infrared.coverage_rule has 2 values, but must "),
+        ("infrared.segmentation=[matched,otsu]", "infrared.segmentation has 2 values, but must "),
+        ("infrared.inner_radius=[0.5,0.6,0.7]", "infrared.inner_radius has 3 values, but must "),
+        ("infrared.interpolation=[nearest,bilinear]", "infrared.interpolation has 2 values, but "),
+    ],
+)
+def test_fusion_sees_silhouettes_of_one_kind_in_several_phases(names, override, said):
+    """None is taken for another: a list is refused, whatever stands first in it."""
+    given = (f"classifier.name={names}", "sensor=both")
+    assert sentence(*given, override).startswith(said)
+    # Where it names nothing, it minds nothing.
+    config = configured("classifier.name=[acn,fusion]", "sensor=infrared", override)
+    assert config.classifiers == ("acn",)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "silent"),
+    [
+        (("classifier.name=[acn,mnn,correlation,likelihood]",), ()),
+        (("classifier.name=[acn,fusion]",), ("fusion",)),
+        (("classifier.name=[acn,fusion]", "sensor=both"), ()),
+        (("classifier.name=[fusion,acn]", "sensor=both", "infrared.range=25"), ("fusion",)),
+        (("classifier.name=mnn", "sensor=infrared"), ("mnn",)),
+        (
+            ("classifier.name=[likelihood,acn,correlation,fusion]", "sensor=infrared"),
+            ("likelihood", "correlation", "fusion"),
+        ),
+        (("classifier.name=likelihood", "sensor=infrared", "ladar=peak_pulse"), ("likelihood",)),
+    ],
+)
+def test_who_names_nothing_is_told(overrides, silent):
+    given = [item for item in overrides if not item.startswith("ladar=")]
+    if len(given) < len(overrides):
+        given += ["ladar.receiver=peak_pulse", "ladar.target_free_ifovs=0"]
+    told = configured(*given).silent
+    assert len(told) == len(silent)
+    for name, words in zip(silent, told, strict=True):
+        need = "sensor=both and every value" if name == "fusion" else "sensor=range or both"
+        assert words.startswith(f"classifier.name has {name}, which names nothing here: it needs ")
+        assert need in words
+
+
 @pytest.mark.parametrize(
     ("value", "shown"),
     [

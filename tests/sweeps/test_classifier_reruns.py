@@ -93,7 +93,9 @@ def test_an_imager_whose_silhouettes_nobody_names(swept, tmp_path, monkeypatch, 
     run(monkeypatch, tmp_path, *given, cache=swept / "cache")
     files = {f"infrared_{name}.csv" for name in ("sensor", "detection", "super_resolution")}
     assert set(contents(tmp_path / "s-tables")) == files
-    assert "Ships detected" in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert "Ships detected" in told.out
+    assert told.err.startswith("ncti-sweep: classifier.name has mnn, which names nothing here: ")
 
 
 def test_a_sweep_that_was_killed_goes_on(swept, tmp_path, monkeypatch):

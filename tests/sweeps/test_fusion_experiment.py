@@ -1,12 +1,17 @@
 """Profile and silhouette together: at least as good as the better of them, wherever one looks."""
 
+import io
+
 import numpy as np
 import pytest
 import xarray as xr
+from rich.console import Console
 from scipy import stats
 from sweeping import command
 
-from sweeps.fusion import CHANNELS, _calibrate, _similarity
+from sweeps.axes import OF_SILHOUETTES
+from sweeps.fusion import CHANNELS
+from sweeps.report.fusion import AXES, fusion_rows, print_fusion
 
 
 @pytest.fixture(scope="module")
@@ -21,6 +26,7 @@ def store(tmp_path_factory, cache):
         "grid.frame_count=[4,16]",
         "grid.aspect={start: 0, stop: 90, step: 6}",
         "grid.replicate=2",
+        "classifier.gain_sigma=[1,0]",
         "infrared.frame_count=16",
         "infrared.phases=3",
         "infrared.super_resolution=[none,perfect]",
@@ -37,7 +43,7 @@ def store(tmp_path_factory, cache):
 def test_both_are_at_least_as_good_as_the_better_one(store):
     """In every bin, at every range, number of frames and resolution, within the interval."""
     tables = xr.open_zarr(store, group="tables/fusion").load()
-    assert tables.accuracy.size == 3 * 2 * 2 * 2 * 4
+    assert tables.accuracy.size == 3 * 2 * 2 * 2 * 2 * 4
     better = tables.accuracy.sel(channel=["range", "infrared"]).max("channel")
     assert (tables.ci_high.sel(channel="both") >= better).all()
 
@@ -54,7 +60,7 @@ def gain_over(correct, other):
 
 
 def test_both_lose_nothing_to_the_better_one_on_the_whole(store):
-    """One-sided t at a level of 1e-3 over 64 views, each answered in 8 cells by 3 draws.
+    """One-sided t at a level of 1e-3 over 64 views, each answered in 16 cells by 3 draws.
 
     The better sensor of a cell is the one with more right answers in it: where they are alike,
     choosing it by the same answers counts against both. The standard error is 0.6 points, the
@@ -103,27 +109,31 @@ def test_channels_are_the_store_s(store):
     assert tuple(answers.channel.values) == CHANNELS
 
 
-def test_similarity_is_the_best_cosine_over_phases():
-    rng = np.random.default_rng(0)
-    templates = rng.random((3, 5, 7)).astype(np.float32)
-    tests = rng.random((3, 2, 1, 5, 7)).astype(np.float32)
-    tests[0, 0, 0, 0] = 0  # an empty silhouette
-    found = _similarity(tests, templates)
-    for place in np.ndindex(3, 2, 1, 5, 5):
-        a = tests[place[:4]]
-        cosines = [
-            a @ b / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-30)
-            for b in templates[:, place[4]]
-        ]
-        # float32 products of seven numbers
-        assert found[place] == pytest.approx(max(cosines), abs=1e-6)
-
-
-def test_a_draw_is_not_calibrated_on_itself():
-    """A draw whose scores are all wrong does not lower its own weight, but that of the others."""
-    ship = np.repeat([0, 1], 10)
-    good = np.where(ship[:, None] == ship, 1.0, 0.0)
-    scores = np.stack([-good, good, good])
-    weights = _calibrate(scores, ship)
-    assert weights[0] > 10 * weights[1]
-    assert weights[1] == pytest.approx(weights[2])
+def test_what_the_gain_is_known_to_is_an_axis(store):
+    """Not the first of a list; silhouettes have no gain. How they were made is told."""
+    answers = xr.open_zarr(store, group="classification/fusion").load()
+    assert answers.gain_sigma.values.tolist() == [1, 0]
+    assert answers.correct.dims.index("gain_sigma") == answers.correct.dims.index("channel") + 1
+    alone = answers.predicted.sel(channel="infrared")
+    assert (alone.sel(gain_sigma=0) == alone.sel(gain_sigma=1)).all()
+    by_profile = answers.predicted.sel(channel="range")
+    assert (by_profile.sel(gain_sigma=0) != by_profile.sel(gain_sigma=1)).any()
+    tables = xr.open_zarr(store, group="tables/fusion").load()
+    rows = fusion_rows(tables)
+    assert len(rows) == tables.accuracy.size
+    for row in rows:
+        place = {
+            "range": row["range_km"],
+            "aspect_bin": row["aspect_bin_deg"],
+            "pulse_width": row["pulse_width_ns"],
+            "gain_sigma": row["gain_sigma"],
+            **{name: row[name] for name in AXES[AXES.index("super_resolution") :]},
+        }
+        stored = 100 * float(tables.accuracy.sel(place))
+        assert row["percent_correct"] == pytest.approx(stored, abs=0.0501)
+        ways = [row[name] for name in OF_SILHOUETTES]
+        assert ways == [0.25, "matched", 0.5, "nearest"]
+    screen = io.StringIO()
+    print_fusion(rows, Console(file=screen))
+    printed = screen.getvalue()
+    assert printed.count("gain known") == printed.count("gain unknown by 100%") == 1

@@ -15,6 +15,7 @@ from made_profiles import (
     SHIPS,
     VIEWS,
     bands,
+    dense,
     directions,
     kept,
     made,
@@ -198,19 +199,17 @@ def test_a_flat_profile_that_was_learned_answers_for_none():
     np.testing.assert_allclose(answers["similarity"], -5 / np.sqrt(35), rtol=1e-6)
 
 
-def dense(band):
-    """The covariance that a band of lags stands for."""
-    whole = np.diag(band[0].astype(np.float64))
-    for lag in range(1, len(band)):
-        beside = np.diag(band[lag, : BINS - lag].astype(np.float64), lag)
-        whole += beside + beside.T
-    return whole
-
-
 @pytest.mark.parametrize("gain_sigma", [0.0, 0.7])
 def test_likelihood_by_hand(gain_sigma):
-    """Densities of a Gaussian with gain and floor as two more directions of its covariance."""
+    """Densities of a Gaussian with gain and floor as two more directions of its covariance.
+
+    Each view has a floor of its own, which no gain changes.
+    """
     profiles = made(noise=5.0)
+    floors = np.linspace(0, 5, VIEWS, dtype=np.float32)[:, None]
+    profiles = replace(
+        profiles, expected=profiles.expected + floors, averaged=profiles.averaged + floors
+    )
     nugget = 0.02
     covariance = bands(profiles, variance=25.0)
     answers = name_by_likelihood(
@@ -224,7 +223,7 @@ def test_likelihood_by_hand(gain_sigma):
     logs = np.empty((REPLICATES, len(FRAMES), VIEWS, VIEWS))
     for n, view in np.ndindex(len(FRAMES), VIEWS):
         mean = profiles.expected[view].astype(np.float64)
-        signal = gain_sigma * (mean - FLOOR)
+        signal = gain_sigma * (mean - mean[0])
         frame = (dense(covariance[view]) + nugget * variance * np.eye(BINS)) / FRAMES[n]
         density = multivariate_normal(mean, frame + np.outer(signal, signal) + shift)
         logs[:, n, :, view] = density.logpdf(samples[:, n])
