@@ -1,16 +1,7 @@
 """Infrared airborne radar: a flight simulated, its images corrected, its range profiles."""
 
 from ncti.irar.autofocus import autofocus
-from ncti.irar.chain import (
-    Correction,
-    Snapshot,
-    Window,
-    correct,
-    profile,
-    segmented,
-    ship_window,
-    true_snapshot,
-)
+from ncti.irar.chain import Correction, correct, profile, segmented
 from ncti.irar.clusters import histogram_cluster_average
 from ncti.irar.flight import Flight, ship_heading
 from ncti.irar.landmarks import (
@@ -36,6 +27,7 @@ from ncti.irar.scan import Pass, Scan, fly
 from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
 from ncti.irar.segmentation import noise_threshold, segment
 from ncti.irar.signature import measured_extent
+from ncti.irar.snapshot import Snapshot, Window, ship_window, true_snapshot
 from ncti.irar.speckle import speckle_correlation
 from ncti.irar.tilt import Tilt, tilts
 from ncti.irar.time_delay import time_delay_integrate

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
@@ -16,7 +15,6 @@ from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks, looks_of, median
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 from ncti.irar.profiling import RANGE_BIN, range_profile
-from ncti.irar.receiver import noiseless
 from ncti.irar.registration import (
     MOTION_METHODS,
     mirror_displacement,
@@ -25,10 +23,9 @@ from ncti.irar.registration import (
     rotated,
 )
 from ncti.irar.scan import Scan
-from ncti.irar.scene import RAYS, Returns
 from ncti.irar.segmentation import noise_threshold, segment
+from ncti.irar.snapshot import Snapshot, Window, centres, window_of
 from ncti.irar.time_delay import time_delay_integrate
-from ncti.render import cast_rays
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +33,9 @@ RANGE_FILTERS = ("cluster", "median", "mean")
 MIRROR_METHODS = (*MIRROR_FORMS, "rotation", "none")
 FALSE_ALARM = 1e-3
 """Probability that a pixel of the sea passes the threshold."""
+
+LEVEL = 7.3
+"""Noise powers about which averaged peaks of the sea are cut."""
 
 STANDS_OUT = 3.0
 """Intensity of samples that are of the ship, over the median one, which is of the sea."""
@@ -56,9 +56,6 @@ class Correction:
         What makes one range of a pixel's looks: `cluster`, `median` or `mean`.
     window : float
         Width of a cluster, over the standard deviation of a range.
-    threshold : float or None
-        Least averaged intensity of the ship, in noise powers; None: what one pixel of the sea in
-        1,000 exceeds.
     """
 
     azimuth: str = "pixel"
@@ -67,7 +64,6 @@ class Correction:
     mirror: str = "exact"
     range_filter: str = "cluster"
     window: float = 4.0
-    threshold: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse what there is not."""
@@ -84,56 +80,6 @@ class Correction:
                     f"{name} is {getattr(self, name)!r}, but must be one of {', '.join(allowed)}"
                 )
         require("window", self.window, positive=True)
-        if self.threshold is not None:
-            require("threshold", self.threshold, minimum=0)
-
-
-@dataclass(frozen=True)
-class Window:
-    """Pixels of a corrected image.
-
-    Attributes
-    ----------
-    bottom, left : int
-        Row and column of its first pixel, from the line of sight to the ship's origin.
-    rows, columns : int
-        How many there are.
-    """
-
-    bottom: int
-    left: int
-    rows: int
-    columns: int
-
-
-@dataclass(frozen=True, eq=False)
-class Snapshot:
-    """A corrected image: the ship as from the aircraft at one moment.
-
-    Attributes
-    ----------
-    window : Window
-        Its pixels, square, of one IFOV.
-    row, column : (row,) and (column,) float64 ndarray
-        Centres of its rows and columns [pixel]; rows are closer than a pixel where it is still
-        overscanned.
-    intensity : (row, column) float64 ndarray
-        Mean of the looks, in noise powers; NaN where there is no look.
-    range : (row, column) float64 ndarray
-        [m]; NaN where there is no range.
-    infrared : (row, column) float64 ndarray
-        Apparent temperature over the sea's [K]; NaN where there is no look.
-    looks : (row, column) intp ndarray
-        Samples averaged.
-    """
-
-    window: Window
-    row: Floats
-    column: Floats
-    intensity: Floats
-    range: Floats
-    infrared: Floats
-    looks: NDArray[np.intp]
 
 
 def nearest_ship_range(scan: Scan) -> Floats:
@@ -206,13 +152,6 @@ def places(
     return row, column, ranges
 
 
-def window_of(row: Floats, column: Floats) -> Window:
-    """The pixels that samples at some places fill."""
-    bottom, left = math.floor(row.min() + 0.5), math.floor(column.min() + 0.5)
-    top, right = math.floor(row.max() + 0.5), math.floor(column.max() + 0.5)
-    return Window(bottom, left, top - bottom + 1, right - left + 1)
-
-
 def correct(
     scan: Scan,
     correction: Correction | None = None,
@@ -252,8 +191,8 @@ def correct(
     row, column, ranges = places(scan, how, belief=belief)
     if window is None:
         window = window_of(row, column)
-    step = 1 / max(1, round(flight.lines_per_pixel)) if overscanned else 1.0
-    rows = np.asarray(window.bottom + np.arange(round(window.rows / step)) * step, dtype=np.float64)
+    cells = max(1, round(flight.lines_per_pixel)) if overscanned else 1
+    rows = centres(window.bottom, window.rows, cells)
     index = gather_looks(row, column - window.left, rows=rows, columns=window.columns)
     if how.range_filter == "cluster":
         width = how.window * max(flight.range_sigma, 1e-3)
@@ -264,12 +203,35 @@ def correct(
     return Snapshot(
         window,
         rows,
-        window.left + np.arange(window.columns, dtype=np.float64),
+        centres(window.left, window.columns, 1),
         average(scan.intensity, index),
         found,
         average(infrared, index),
         np.count_nonzero(index >= 0, axis=-1),
     )
+
+
+def sea_level(looks: NDArray[np.intp], flight: Flight) -> Floats:
+    """Intensity that averages of the sea exceed in one pixel of 1,000.
+
+    Parameters
+    ----------
+    looks : (...) intp ndarray
+        Samples averaged.
+    flight : Flight
+        For the gate and the pulse.
+
+    Returns
+    -------
+    (...) float64 ndarray
+        In noise powers; 0 where there is no look.
+    """
+    # Rice's crossings (`noise_peak`) at a level u are those of so many independent cells.
+    cells = math.sqrt(4 * LEVEL / math.pi) * max(flight.range_gate / flight.pulse_length, 1.0)
+    levels = np.zeros(int(looks.max(initial=0)) + 1)
+    for count in np.unique(looks[looks > 0]):
+        levels[count] = noise_threshold(cells=cells, looks=int(count), false_alarm=FALSE_ALARM)
+    return levels[looks]
 
 
 def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = None) -> Snapshot:
@@ -290,103 +252,9 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
     Snapshot
         Intensity 0 and range NaN where there is no ship; infrared as it was.
     """
-    if threshold is None:
-        looks = max(1, round(float(np.median(snapshot.looks[snapshot.looks > 0]))))
-        # At the level that a gate's peak has, Rice's crossings are those of so many cells.
-        cells = 2.5 * max(flight.range_gate / flight.pulse_length, 1.0)
-        threshold = noise_threshold(cells=cells, looks=looks, false_alarm=FALSE_ALARM)
-    intensity, ranges = segment(snapshot.intensity, snapshot.range, threshold=threshold)
+    least = sea_level(snapshot.looks, flight) if threshold is None else threshold
+    intensity, ranges = segment(snapshot.intensity, snapshot.range, threshold=least)
     return replace(snapshot, intensity=intensity, range=ranges)
-
-
-def ship_window(mesh: trimesh.Trimesh, flight: Flight, *, margin: int = 3) -> Window:
-    """The pixels that a ship fills in the snapshot.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The ship, in its frame.
-    flight : Flight
-        The pass.
-    margin : int
-        Pixels of sea around it.
-
-    Returns
-    -------
-    Window
-    """
-    right, up, away = flight.snapshot_axes @ np.asarray(mesh.vertices, dtype=np.float64).T
-    scale = flight.ifov * (flight.slant_range + away)
-    ends = window_of(up / scale, right / scale)
-    return Window(
-        ends.bottom - margin, ends.left - margin, ends.rows + 2 * margin, ends.columns + 2 * margin
-    )
-
-
-def true_snapshot(
-    mesh: trimesh.Trimesh,
-    flight: Flight,
-    window: Window,
-    *,
-    reflectivity: Floats | None = None,
-    lambertian: bool = False,
-    cells: int = 1,
-    resolved: bool = False,
-) -> Snapshot:
-    """What a correction should give: the noiseless view from the snapshot's place itself.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The ship, in its frame.
-    flight : Flight
-        The pass.
-    window : Window
-        Pixels of the result.
-    reflectivity, lambertian
-        As for `scan_scene`.
-    cells : int
-        Looks along each side of a pixel, evenly spread over it.
-    resolved : bool
-        Whether each of them sees its own cell only, by one ray; they see an IFOV otherwise, as
-        the sensor does.
-
-    Returns
-    -------
-    Snapshot
-        Of `cells` times the window's rows and columns; infrared is the share of ship.
-    """
-    require("cells", cells, whole=True, minimum=1, maximum=64)
-    row, column = (
-        start - 0.5 + (np.arange(count * cells) + 0.5) / cells
-        for start, count in ((window.bottom, window.rows), (window.left, window.columns))
-    )
-    rays = 1 if resolved else RAYS
-    part = (np.arange(rays) - (rays - 1) / 2) / rays
-    up, right = np.broadcast_arrays(
-        row[:, None, None, None] + part[:, None], column[:, None, None] + part
-    )
-    image = np.stack([right * flight.ifov, up * flight.ifov, np.ones_like(up)], axis=-1)
-    image /= np.linalg.norm(image, axis=-1, keepdims=True)
-    ways = (image @ flight.snapshot_axes).reshape(-1, 3)
-    start = np.broadcast_to(flight.position(np.zeros(())), ways.shape)
-    hits = cast_rays(mesh, start, ways)
-    power = np.ones(len(hits.ray)) if reflectivity is None else reflectivity[hits.facet]
-    power = power * hits.cosine if lambertian else power
-    place, ray = np.divmod(hits.ray, rays**2)
-    shape = len(row), len(column)
-    returns = Returns(shape, place, ray, hits.distance, power / rays**2, rays**2)
-    intensity, ranges = noiseless(returns, flight=flight)
-    looks = np.ones(shape, dtype=np.intp)
-    return Snapshot(
-        window,
-        row,
-        column,
-        intensity.astype(np.float64),
-        ranges,
-        returns.coverage(),
-        looks,
-    )
 
 
 def profile(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ncti.checks import require_all
 from ncti.irar.flight import Flight
-from ncti.render import cast_rays
+from ncti.render import RayHits, cast_rays
 
 Floats = NDArray[np.float64]
 
@@ -199,6 +200,36 @@ def _aimed(flight: Flight, corners: Floats) -> Flight:
     return aimed
 
 
+def brightness_of(
+    mesh: trimesh.Trimesh, reflectivity: Floats | None, *, lambertian: bool
+) -> Callable[[RayHits], Floats]:
+    """What tells the power that rays bring back from what they meet.
+
+    Parameters
+    ----------
+    mesh, reflectivity, lambertian
+        As for `scan_scene`.
+
+    Returns
+    -------
+    callable
+        From hits to (hit,) powers, of what a flat target of reflectivity 1 returns.
+
+    Raises
+    ------
+    ValueError
+        If there is not one reflectivity of at least 0 for each facet.
+    """
+    facets = np.ones(len(mesh.faces)) if reflectivity is None else reflectivity
+    facets = require_all("reflectivity", facets, minimum=0)
+    if facets.shape != (len(mesh.faces),):
+        raise ValueError(
+            f"reflectivity has shape {facets.shape}, but must have one value for each of the "
+            f"{len(mesh.faces)} facets"
+        )
+    return lambda hits: facets[hits.facet] * (hits.cosine if lambertian else 1.0)
+
+
 def scan_scene(
     mesh: trimesh.Trimesh,
     plan: ScanPlan,
@@ -236,13 +267,7 @@ def scan_scene(
     ValueError
         If there is not one reflectivity of at least 0 for each facet.
     """
-    if reflectivity is not None:
-        reflectivity = require_all("reflectivity", reflectivity, minimum=0)
-        if reflectivity.shape != (len(mesh.faces),):
-            raise ValueError(
-                f"reflectivity has shape {reflectivity.shape}, but must have one value for each "
-                f"of the {len(mesh.faces)} facets"
-            )
+    brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
     flight = plan.flight
     columns = np.arange(-leading, flight.samples)
     part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS * flight.ifov
@@ -272,8 +297,7 @@ def scan_scene(
         hits = cast_rays(mesh, starts, ways)
         which, ray = np.divmod(hits.ray, RAYS**2)
         place = (near[0][which] + start) * len(columns) + near[1][which]
-        power = np.ones(len(ray)) if reflectivity is None else reflectivity[hits.facet]
-        found.append((place, ray, hits.distance, power * hits.cosine if lambertian else power))
+        found.append((place, ray, hits.distance, brightness(hits)))
     nothing = [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0), np.empty(0))]
     place, ray, distance, power = map(np.concatenate, zip(*(found or nothing), strict=True))
     return Returns((plan.lines, len(columns)), place, ray, distance, power / RAYS**2, RAYS**2)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ncti.checks import require
-from ncti.irar.chain import Snapshot
 from ncti.irar.flight import Flight
+from ncti.irar.snapshot import Snapshot
 from ncti.ladar import RangeExtent
 
 
