@@ -18,6 +18,10 @@ HANGAR_REACH = 8.0  # m either side of where a spike must be to be the hangar's
 
 Floats = NDArray[np.float64]
 
+ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
+"""Share of the highest peak at which a ship begins: a bare deck returns 0.02, which is all that is
+there where a transom is dark; pixels of a level lattice spread as much beyond a sloping stern."""
+
 
 def compared(profiles: Floats, down_range: Floats, *, aspect: float) -> Arrays:
     """How alike profiles are, and their landmarks.
@@ -51,7 +55,7 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float) -> Arrays:
         near = (spike - HANGAR_REACH, spike + HANGAR_REACH)
         for k, line in enumerate(profiles):
             with suppress(ValueError):  # nothing returns there
-                found[k] = landmarks(line, down_range, hangar=near)
+                found[k] = landmarks(line, down_range, hangar=near, end=ENDS[SOURCES[k]])
     table = np.array([_figures(marks) for marks in found], dtype=np.float32).T
     offset = [math.nan if marks is None else marks.hangar for marks in found[:2]]
     return {

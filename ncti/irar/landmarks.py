@@ -18,7 +18,7 @@ REACH = 1.5  # m; half of what counts as one peak
 TRANSOM = 5.0  # m from the stern end
 DECK = 4.0  # m from the stern end
 APRON = 4.0  # m before the hangar, of its own slope
-END = 0.02  # of the highest peak: a bare flight deck returns as much
+END = 0.05  # of the highest peak
 FRONT = 0.98  # of all that returns
 PROMINENCE = 0.05  # of the hangar's height
 
