@@ -40,7 +40,7 @@ from sweeps.schema import IRAR, LadarConfig
 from sweeps.seeds import cell_rng
 from sweeps.stages import View, load_ship
 
-CELLS = 8  # of the truth along a pixel
+CELLS = 4  # of the truth along a pixel: tilts are told to 0.05 deg
 
 Floats = NDArray[np.float64]
 

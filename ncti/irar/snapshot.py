@@ -17,6 +17,9 @@ from ncti.render import cast_rays
 
 Floats = NDArray[np.float64]
 
+RAYS_AT_ONCE = 500_000
+"""Bounds the memory of a truth, whose rays may be tens of millions."""
+
 
 @dataclass(frozen=True)
 class Window:
@@ -141,32 +144,29 @@ def true_snapshot(
     ValueError
         As `scan_scene`, or if the cells are not a whole number from 1 to 64.
     """
-    brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
     require("cells", cells, whole=True, minimum=1, maximum=64)
+    brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
     row = centres(window.bottom, window.rows, cells)
     column = centres(window.left, window.columns, cells)
     rays = 1 if resolved else RAYS
     part = (np.arange(rays) - (rays - 1) / 2) / rays
-    up, right = np.broadcast_arrays(
-        row[:, None, None, None] + part[:, None], column[:, None, None] + part
-    )
-    image = np.stack([right * flight.ifov, up * flight.ifov, np.ones_like(up)], axis=-1)
-    image /= np.linalg.norm(image, axis=-1, keepdims=True)
-    ways = (image @ flight.snapshot_axes).reshape(-1, 3)
-    start = np.broadcast_to(flight.position(np.zeros(())), ways.shape)
-    hits = cast_rays(mesh, start, ways)
-    power = brightness(hits)
-    place, ray = np.divmod(hits.ray, rays**2)
-    shape = len(row), len(column)
-    returns = Returns(shape, place, ray, hits.distance, power / rays**2, rays**2)
-    intensity, ranges = noiseless(returns, flight=flight)
-    looks = np.ones(shape, dtype=np.intp)
-    return Snapshot(
-        window,
-        row,
-        column,
-        intensity.astype(np.float64),
-        ranges,
-        returns.coverage(),
-        looks,
-    )
+    parts = []
+    block = max(1, RAYS_AT_ONCE // (len(column) * rays**2))
+    for first in range(0, len(row), block):
+        up, right = np.broadcast_arrays(
+            row[first : first + block, None, None, None] + part[:, None],
+            column[:, None, None] + part,
+        )
+        image = np.stack([right * flight.ifov, up * flight.ifov, np.ones_like(up)], axis=-1)
+        image /= np.linalg.norm(image, axis=-1, keepdims=True)
+        ways = (image @ flight.snapshot_axes).reshape(-1, 3)
+        start = np.broadcast_to(flight.position(np.zeros(())), ways.shape)
+        hits = cast_rays(mesh, start, ways)
+        place, ray = np.divmod(hits.ray, rays**2)
+        shape = up.shape[:2]
+        power = brightness(hits) / rays**2
+        returns = Returns(shape, place, ray, hits.distance, power, rays**2)
+        parts.append((*noiseless(returns, flight=flight), returns.coverage()))
+    intensity, ranges, covered = map(np.concatenate, zip(*parts, strict=True))
+    looks = np.ones(intensity.shape, dtype=np.intp)
+    return Snapshot(window, row, column, intensity.astype(np.float64), ranges, covered, looks)

@@ -19,6 +19,7 @@ from ncti.irar import (
     profile,
     segmented,
     ship_window,
+    snapshot,
     true_snapshot,
 )
 from ncti.irar.chain import RANGE_FILTERS, STANDS_OUT, nearest_ship_range
@@ -335,3 +336,13 @@ def test_overscanned_rows_are_cells_of_the_pixels(roberts, flown, window):
 def test_a_truth_of_the_wrong_facets_is_refused(roberts, flown, window):
     with pytest.raises(ValueError, match="reflectivity has shape"):
         true_snapshot(roberts, flown.plan.flight, window, reflectivity=np.ones(3))
+
+
+def test_a_truth_in_blocks_is_the_truth(roberts, flown, window, monkeypatch):
+    seen = flown.plan.flight
+    whole = true_snapshot(roberts, seen, window, cells=2)
+    monkeypatch.setattr(snapshot, "RAYS_AT_ONCE", 7000)
+    parts = true_snapshot(roberts, seen, window, cells=2)
+    for name in ("intensity", "range", "infrared"):
+        # rays from blocks of other sizes are rounded in another order
+        np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), atol=1e-5)
