@@ -20,7 +20,7 @@ SETTINGS = {
     "label_rule": "named by its {} members",
     "score_rule": "right by {}",
     "training": "learned from {} profiles",
-    "gain_sigma": "gain unknown by {:.0%}",
+    "gain_sigma": "",  # see gain_text
     "left_out": "true aspect left out",
     "epochs": "{:g} epochs",
     "grow_every": "a node every {:g} epochs",
@@ -53,8 +53,14 @@ def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     list of dict
         One row for each classifier, setting, cell, number of frames (none for the profiles it
         was trained with) and aspect bin: percent correct with its interval, number of profiles,
-        the source's figure, and by how many points it is below maximum likelihood with all
-        templates and the best known gain.
+        the source's figure, and by how many points it is below the bound.
+
+    Notes
+    -----
+    The bound is maximum likelihood with the gain that is known least, the same for all rows and
+    named in them, and with the true aspect left out where the row's classifier leaves it out.
+    It names ships: what is right by category or aspect group, too, is another question. A
+    likelihood that knows more of the gain lies above it, at points below 0.
     """
     rows: list[Row] = []
     for name, table in tables.items():
@@ -80,19 +86,16 @@ def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
                         ),
                     }
                 )
-    best: dict[tuple[object, ...], float] = {}
+    likelihoods = [row for row in rows if row["classifier"] == BOUND]
+    gain = max((row["gain_sigma"] for row in likelihoods), default=None)
+    bounds = {
+        _place(row): row["percent_correct"] for row in likelihoods if row["gain_sigma"] == gain
+    }
     for row in rows:
-        if (
-            row["classifier"] == BOUND
-            and not row["left_out"]
-            and row["percent_correct"] is not None
-        ):
-            place = _place(row)
-            best[place] = max(best.get(place, 0.0), row["percent_correct"])
-    for row in rows:
-        bound, ours = best.get(_place(row)), row["percent_correct"]
-        # The bound is of ships: an answer of ship and aspect group is another question.
-        known = bound is not None and ours is not None and row["classifier"] != "mnn"
+        bound, ours = bounds.get(_place(row)), row["percent_correct"]
+        of_ships = row["classifier"] != "mnn" and row["score_rule"] in (None, "ship")
+        known = bound is not None and ours is not None and of_ships
+        row["bound_gain_sigma"] = gain if known else None
         row["points_below_bound"] = round(bound - ours, 1) if known else None
     return rows
 
@@ -159,18 +162,21 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
                     table.add_row("", "  source", *figures, style="dim")
             table.add_section()
         console.print(table)
-    if any(row["points_below_bound"] is not None for row in rows):
+    gains = {row["bound_gain_sigma"] for row in rows} - {None}
+    if gains:
         console.print(
             "Below bound: points that maximum likelihood with exact mean and covariance of every "
-            "view has more, overall: the classifier's share of its errors. What it lacks to 100 is "
-            "the noise's. It is the best on average; in a few views another may do better by "
-            "chance.",
+            f"view, {gain_text(max(gains))}, has more, overall, without the true aspect where that "
+            "is left out: the classifier's share of its errors. What it lacks to 100 is the "
+            "noise's. It is the best on average; in a few views another may do better by chance.",
             style="dim",
         )
 
 
 def _place(row: Row) -> tuple[object, ...]:
-    return tuple(row[key] for key in (*CELL, "frame_count", "aspect_bin_deg"))
+    """What a row shares with its bound; what learns every aspect has none left out."""
+    here = tuple(row[key] for key in (*CELL, "frame_count", "aspect_bin_deg"))
+    return (*here, bool(row["left_out"]))
 
 
 def _shown_vigilance(rows: list[Row]) -> float | None:
@@ -193,10 +199,17 @@ def _title(name: str, row: Row, own: Mapping[str, list[str]]) -> str:
     parts = [TITLES[name]]
     for key in own[name]:
         value = row[key]
+        if value is None:  # of what it was trained with, which no rule scores
+            continue
         if isinstance(value, bool):
             parts += [SETTINGS[key]] if value else [f"not {SETTINGS[key]}"] * (key == "annealing")
-        elif key == "gain_sigma" and value == 0:
-            parts.append("gain known")
+        elif key == "gain_sigma":
+            parts.append(gain_text(value))
         else:
             parts.append(SETTINGS[key].format(value))
     return ", ".join(parts)
+
+
+def gain_text(sigma: float) -> str:
+    """How well the gain is known."""
+    return "gain known" if sigma == 0 else f"gain unknown by {sigma:.0%}"

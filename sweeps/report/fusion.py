@@ -8,6 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from sweeps.axes import OF_SILHOUETTES
+from sweeps.report.classifiers import gain_text
 from sweeps.report.screen import WIDTH, grouped, percent_text
 from sweeps.report.silhouettes import POSITIONS
 from sweeps.report.tables import Row, cells, percent
@@ -65,8 +66,8 @@ def print_fusion(rows: list[Row], console: Console) -> None:
     for (pulse_width, floor, gain), group in grouped(rows, AXES[1:4]).items():
         bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in group))
         title = "Percent correct by maximum likelihood on profiles, similarity of silhouettes, both"
-        known = "gain known" if gain == 0 else f"gain unknown by {gain:.0%}"
-        place = f"{pulse_width:g} ns, {floor} target-free IFOVs, {known}"
+        assert isinstance(gain, float)
+        place = f"{pulse_width:g} ns, {floor} target-free IFOVs, {gain_text(gain)}"
         table = Table(title=f"{title} ({place})")
         table.add_column(escape("range [km]"), justify="right")
         table.add_column("frames", justify="right")

@@ -1,13 +1,16 @@
 """A tiny sweep of all classifiers of range profiles: what is reported of it."""
 
+import io
 import math
 import re
 
 import pytest
+import xarray as xr
 from classifier_sweep import NAMES, OWN, SCALARS, group, rows_of
+from rich.console import Console
 from sweeping import contents
 
-from sweeps.report.classifiers import source_percent
+from sweeps.report.classifiers import classifier_rows, print_classifiers, source_percent
 from sweeps.report.command import main as report
 
 COLUMNS = [
@@ -25,6 +28,7 @@ COLUMNS = [
     "ci_high",
     "n",
     "source_percent",
+    "bound_gain_sigma",
     "points_below_bound",
 ]
 KEYS = COLUMNS[: COLUMNS.index("percent_correct")]
@@ -84,28 +88,67 @@ def str_of(value):
 
 
 def test_points_below_the_bound(swept):
-    """Those of the best known gain with all templates, less one's own, of the same test."""
+    """Those of the gain that is known least, less one's own, of the same test and templates."""
     every = rows_of(swept)
     assert {row["points_below_bound"] for row in every if not row["frame_count"]} == {""}
     # Ship and aspect group is another question than the ship alone.
     assert {row["points_below_bound"] for row in every if row["classifier"] == "mnn"} == {""}
     rows = [row for row in every if row["frame_count"] and row["classifier"] != "mnn"]
     same = ("range_km", "pulse_width_ns", "target_free_ifovs", "frame_count", "aspect_bin_deg")
-    allowed = [
-        row for row in rows if row["classifier"] == "likelihood" and row["left_out"] == "False"
-    ]
-    below = []
+    below = {}
     for row in rows:
-        bounds = [
+        (bound,) = (
             float(other["percent_correct"])
-            for other in allowed
-            if all(other[key] == row[key] for key in same)
-        ]
-        assert len(bounds) == 2
-        wanted = max(bounds) - float(row["percent_correct"])
+            for other in rows
+            if other["classifier"] == "likelihood"
+            and other["gain_sigma"] == "1.0"
+            and other["left_out"] == (row["left_out"] or "False")
+            and all(other[key] == row[key] for key in same)
+        )
+        wanted = bound - float(row["percent_correct"])
         assert float(row["points_below_bound"]) == pytest.approx(wanted, abs=1e-9)
-        below.append(wanted)
-    assert min(below) <= 0 < max(below)
+        assert row["bound_gain_sigma"] == "1.0"
+        below.setdefault((row["classifier"], row["gain_sigma"], row["left_out"]), []).append(wanted)
+    assert not any(below["likelihood", "1.0", "False"] + below["likelihood", "1.0", "True"])
+    assert min(below["likelihood", "0.0", "False"]) < 0 < max(below["mnn_ship", "", ""])
+
+
+def test_the_bound_does_not_hang_on_what_else_is_swept(swept):
+    """Neither on a gain that is known better, nor on the order of gains; one gain names itself."""
+    tables = {name: group(swept, f"tables/{name}") for name in NAMES}
+    rows = classifier_rows(tables)
+    for gains in ([1], [1, 0]):
+        fewer = tables | {"likelihood": tables["likelihood"].sel(gain_sigma=gains)}
+        others = [row for row in classifier_rows(fewer) if row["classifier"] != "likelihood"]
+        assert others == [row for row in rows if row["classifier"] != "likelihood"]
+    known = tables | {"likelihood": tables["likelihood"].sel(gain_sigma=0)}
+    assert {row["bound_gain_sigma"] for row in classifier_rows(known)} == {None, 0}
+    # What leaves no aspect out has no bound where likelihood leaves all of them out.
+    left_out = tables | {"likelihood": tables["likelihood"].sel(left_out=True)}
+    for row in classifier_rows(left_out):
+        bounded = bool(row["left_out"]) and row["frame_count"] is not None
+        assert (row["points_below_bound"] is not None) == bounded
+
+
+def test_rules_for_what_is_right(swept):
+    """Only ships have a bound; what no rule scores has none in its name."""
+    tables = {name: group(swept, f"tables/{name}") for name in NAMES}
+    scored = tables["acn"].drop_vars("score_rule")
+    trained = [name for name in scored if str(name).startswith(("training_", "category", "view_"))]
+    both = xr.concat([scored.drop_vars([*trained, "settled"])] * 2, "score_rule")
+    both = both.assign_coords(score_rule=["ship", "category"])
+    rules = both.merge(scored[[*trained, "settled"]]).assign_attrs(tables["acn"].attrs)
+    rows = classifier_rows(tables | {"acn": rules})
+    of_acn = [row for row in rows if row["classifier"] == "acn"]
+    for rule, bounded in (("ship", True), ("category", False), (None, False)):
+        found = {row["points_below_bound"] is None for row in of_acn if row["score_rule"] == rule}
+        assert found == {not bounded}
+    screen = io.StringIO()
+    print_classifiers(rows, Console(file=screen, width=200))
+    printed = screen.getvalue()
+    assert "ACN, right by ship" in printed and "ACN, right by category" in printed
+    assert not re.search(r"\b(nan|None|inf)\b", printed)
+    assert "gain unknown by 100%, has more" in " ".join(printed.split())
 
 
 def test_the_sources_figures_stand_where_it_has_some(swept):
