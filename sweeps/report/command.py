@@ -11,8 +11,9 @@ from rich.console import Console
 
 from sweeps import store
 from sweeps.classifier_schema import ACN, CLASSIFIERS, FUSION
-from sweeps.flight_variables import VALIDATION
+from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
 from sweeps.report.classifiers import classifier_rows, print_classifiers
+from sweeps.report.flights import flight_rows, measured_rows, print_flights, print_measured
 from sweeps.report.fusion import fusion_rows, print_fusion
 from sweeps.report.rejection import print_rejection, rejection_rows
 from sweeps.report.screen import (
@@ -83,6 +84,7 @@ def report(path: Path, console: Console) -> None:
     written |= _classifier_tables(path, console)
     written |= _infrared_tables(path, console)
     written |= _rejection_tables(path, console)
+    written |= _flight_tables(path, console)
     if not written and not store.has_group(path, VALIDATION):
         raise FileNotFoundError(path)
     folder = store.tables_folder(path)
@@ -162,6 +164,21 @@ def _rejection_tables(path: Path, console: Console) -> dict[str, list[Row]]:
     rows = rejection_rows(tables)
     print_rejection(rows, console)
     return {"rejection": rows}
+
+
+def _flight_tables(path: Path, console: Console) -> dict[str, list[Row]]:
+    """Print what flights measure, if there are any, and return their rows."""
+    if not store.has_group(path, VALIDATION):
+        return {}
+    flights = store.read_group(path, VALIDATION)
+    images = ("profile", "signature", "intensity", "range_image", "infrared_image")
+    flights = flights.drop_vars(images).load()
+    rows = {"flights": flight_rows(flights)}
+    print_flights(flights, console)
+    if store.has_group(path, TABLES_MEASURED):
+        rows["measured"] = measured_rows(store.read_group(path, TABLES_MEASURED).load())
+        print_measured(rows["measured"], console)
+    return rows
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:

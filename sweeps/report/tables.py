@@ -173,20 +173,20 @@ def _source_percent(axes: Row, frames: int | None, lowest: float) -> int | None:
     return percent
 
 
-def cells(dataset: xr.Dataset) -> Iterator[tuple[Row, Row]]:
+def cells(dataset: xr.Dataset, order: tuple[str, ...] = ORDER) -> Iterator[tuple[Row, Row]]:
     """Axes and values of every cell of a data set, units in the names of the axes."""
     names = {"pulse_width": "pulse_width_ns", "range": "range_km"}
-    dims = [name for name in ORDER if name in dataset.dims]
+    dims = [name for name in order if name in dataset.dims]
     scalars = {
         name: dataset[name].item()
-        for name in ORDER
+        for name in order
         if name in dataset.coords and name not in dataset.dims
     }
     axes = [dataset[name].values.tolist() for name in dims]
     arrays = {name: array.transpose(*dims).values for name, array in dataset.items()}
     for index in np.ndindex(*(len(values) for values in axes)):
         here = scalars | {name: axes[i][index[i]] for i, name in enumerate(dims)}
-        row = {names.get(name, name): here[name] for name in ORDER if name in here}
+        row = {names.get(name, name): here[name] for name in order if name in here}
         yield row, {str(name): array[index].item() for name, array in arrays.items()}
 
 
