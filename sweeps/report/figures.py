@@ -4,7 +4,8 @@
     python -m sweeps.report.figures profiles STORE PICTURE
     python -m sweeps.report.figures tables STORE PICTURE
 
-and those of `sweeps.report.silhouette_figures`. They need matplotlib, from the `plot` extra.
+and those of `sweeps.report.silhouette_figures`, `classifier_figures` and `flight_figures`. They
+need matplotlib, from the `plot` extra.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import ncti.ships
 from ncti.features import profile_vector
 from sweeps import store
 from sweeps.axes import OPTIONAL
-from sweeps.report import classifier_figures, silhouette_figures
+from sweeps.report import classifier_figures, flight_figures, silhouette_figures
 from sweeps.report.portraits import Portrait, portrait
 from sweeps.report.tables import Row, accuracy_rows, source_figures
 from sweeps.variables import PROFILES, TABLES
@@ -57,6 +58,7 @@ def main() -> None:
         ("tables", "percent correct by aspect and number of frames, beside the source's"),
         *silhouette_figures.KINDS.items(),
         *classifier_figures.KINDS.items(),
+        *flight_figures.KINDS.items(),
     ):
         kinds.add_parser(kind, help=text).add_argument(
             "store", type=Path, help="store of a sweep, such as sweep.zarr"
@@ -73,6 +75,8 @@ def main() -> None:
             figure = silhouette_figures.draw(arguments.kind, arguments.store)
         elif arguments.kind in classifier_figures.KINDS:
             figure = classifier_figures.draw(arguments.kind, arguments.store)
+        elif arguments.kind in flight_figures.KINDS:
+            figure = flight_figures.draw(arguments.kind, arguments.store)
         else:
             figure = draw_tables(store.read_group(arguments.store, TABLES).load())
     except ImportError:

@@ -1,0 +1,326 @@
+"""Pictures of flights: stages of the corrections, profiles, and what wrong parameters cost.
+
+    python -m sweeps.report.figures flight STORE PICTURE
+    python -m sweeps.report.figures validation STORE PICTURE
+    python -m sweeps.report.figures sensitivity STORE PICTURE
+    python -m sweeps.report.figures measured STORE PICTURE
+
+They need matplotlib, from the `plot` extra.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import trimesh
+import xarray as xr
+
+import ncti.ships
+from ncti.irar import Scan, fly, reflectivity
+from sweeps import store
+from sweeps.axes import OF_FLIGHT
+from sweeps.flight_schema import FLOWN, FlightConfig, FlightErrors
+from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
+from sweeps.grid import number_axis, ship_axis, ship_label
+from sweeps.report.flight_stages import draw_stages
+from sweeps.report.flights import SISTERS
+from sweeps.seeds import cell_rng
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+KINDS = {
+    "flight": "every stage of the corrections of a flight, beside the truth",
+    "validation": "measured near-stern profiles beside noiseless and synthetic ones",
+    "sensitivity": "what wrong flight parameters cost, with and without autofocus",
+    "measured": "measured profiles named right by who learned synthetic ones",
+}
+OURS, THEIRS, TRUTH = "#1f4e79", "#c1440e", "0.75"
+MARKED = (  # m past the hangar, height, what is there
+    *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
+    *((45, 0.58, "main mast"), (61, 0.32, "bridge")),
+)
+UNITS = {
+    "aircraft_speed": "%",
+    "ship_speed": "m/s",
+    "aircraft_heading": "deg",
+    "ship_heading": "deg",
+    "pointing": "deg",
+}
+
+
+def draw(kind: str, path: Path) -> Figure:
+    """A picture of a store, by kind.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    path : Path
+        The store.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ValueError
+        If the store lacks what is to be drawn.
+    """
+    if kind == "flight":
+        return draw_flight(store.read_attributes(path))
+    if kind == "measured":
+        return draw_measured(store.read_group(path, TABLES_MEASURED).load())
+    flights = store.read_group(path, VALIDATION)
+    return (draw_validation if kind == "validation" else draw_sensitivity)(flights)
+
+
+def first_scan(attributes: dict[str, Any]) -> tuple[trimesh.Trimesh, Scan, str]:
+    """The first flight of a store once more, noise and all.
+
+    Parameters
+    ----------
+    attributes : dict
+        Of the store: its configuration and seed.
+
+    Returns
+    -------
+    mesh : trimesh.Trimesh
+        The ship.
+    scan : ncti.irar.Scan
+        Its raw images, those that the sweep made.
+    title : str
+        Ship, range and aspect.
+    """
+    given = attributes["configuration"]
+    irar = dict(given["irar"])
+    config = FlightConfig(**(irar | {"errors": FlightErrors(**irar["errors"])}))
+    grid = config.expand()
+    names = {ship_label(name): name for name in ship_axis("grid.ship", given["grid"]["ship"])}
+    ship = config.flies(tuple(names))[0]
+    aspect = number_axis("grid.aspect", given["grid"]["aspect"], minimum=0, below=360)[0]
+    values = {name: getattr(grid, name)[0] for name in FLOWN}
+    cell = {"ship": ship, "aspect": aspect, **values}
+    mesh = ncti.ships.load(names[ship])
+    gains = {name: values[name] for name in ("transom_gain", "mast_gain")}
+    flown = fly(
+        mesh,
+        config.flight(aspect, **values, cnr=grid.cnr[0]),
+        rng=cell_rng(given["seed"], stage="flight_attitude", **cell, replicate=0),
+        reflectivity=reflectivity(mesh, **gains),
+        lambertian=given["ladar"]["reflectance"] == "lambertian",
+    )
+    scan = flown.record(
+        cell_rng(given["seed"], stage="flight", **cell, cnr=grid.cnr[0], replicate=0)
+    )
+    return mesh, scan, f"{ship.capitalize()} at {values['range']:g} km, aspect {aspect:g}°"
+
+
+def draw_flight(attributes: dict[str, Any]) -> Figure:
+    """Stages of the first flight of a store."""
+    mesh, scan, title = first_scan(attributes)
+    return draw_stages(mesh, scan, title=title)
+
+
+def draw_validation(flights: xr.Dataset) -> Figure:
+    """Near-stern profiles: measured over noiseless, and a ship over its synthetic sister.
+
+    Parameters
+    ----------
+    flights : xarray.Dataset
+        The store's group `validation`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The source's Figures 14 to 16; the first draw of the noise, of each ship at the range that
+        suits the source, unit the hangar's peak.
+    """
+    from matplotlib.figure import Figure
+
+    near = flights.sel(aspect=175.0, method="nearest")
+    near = near.isel(replicate=0, missing_dims="ignore")
+    ships = near.ship.values.tolist()
+    shown = [(name, km) for name, km in (("connole", 3.0), SISTERS[2:]) if name in ships]
+    sisters = set(SISTERS[::2]) <= set(ships)
+    if not shown:
+        shown = [(ships[0], float(np.atleast_1d(near.range)[0]))]
+    count = len(shown) + sisters
+    figure = Figure(figsize=(11.0, 2.7 * count), dpi=140, layout="constrained")
+    panels = figure.subplots(count, 1, squeeze=False)[:, 0]
+    for axes, (name, km) in zip(panels, shown, strict=False):
+        one = _nominal(near.sel(ship=name).sel(range=km, method="nearest"))
+        place, profile = one.down_range.values, one.profile
+        _filled(axes, place, profile.sel(source="noiseless"), "noiseless")
+        _line(axes, place, profile.sel(source="measured"), OURS, "flown past and corrected")
+        likeness = float(one.profile_correlation)
+        axes.set_title(
+            f"{name.capitalize()} at {float(one.range):g} km, aspect {float(one.aspect):g}°, "
+            f"correlation {likeness:.3f}",
+            fontsize=9,
+        )
+    if sisters:
+        _sisters(panels[-1], near)
+    for axes in panels:
+        axes.set(ylabel="over the highest peak", ylim=(0, 1.08))
+        axes.legend(frameon=False, fontsize=8, loc="upper right")
+        axes.spines[["right", "top"]].set_visible(False)
+    for axes in panels[: len(shown)]:
+        axes.set(xlim=(-80, 80), xlabel="down-range from the ship's origin [m]")
+    return figure
+
+
+def _sisters(axes: Axes, near: xr.Dataset) -> None:
+    """The source's Figure 16, with what it put its differences down to put in."""
+    drawn = _nominal(near.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest"))
+    flown = near.sel(ship=SISTERS[2]).sel(range=SISTERS[3], method="nearest")
+    glint = float(np.max(np.atleast_1d(flown.mast_gain.values)))
+    dark = float(np.min(np.atleast_1d(flown.transom_gain.values)))
+    lines = [
+        (drawn, "point", TRUTH, "Duncan, synthetic, point sampled"),
+        (_nominal(flown), "measured", OURS, "Roberts, flown past"),
+    ]
+    if glint != 1 or dark != 1:
+        put_in = _nominal(flown, transom_gain=dark, mast_gain=glint)
+        label = f"the same, transom x {dark:g} and masts x {glint:g} put in"
+        lines.append((put_in, "measured", THEIRS, label))
+    for one, source, colour, label in lines:
+        profile = one.profile.sel(source=source).values
+        place = one.down_range.values - one.down_range.values[profile.argmax()]
+        if source == "point":
+            _filled(axes, place, profile, label)
+        else:
+            _line(axes, place, profile, colour, label)
+    for place, height, name in MARKED:
+        axes.annotate(name, (place, height), fontsize=8, ha="center", color="0.3")
+    axes.set_title("Sister ships near the stern, about 4 km", fontsize=9)
+    axes.set(xlim=(-40, 100), xlabel="down-range from the hangar [m]")
+
+
+def draw_sensitivity(flights: xr.Dataset) -> Figure:
+    """Correlation with the noiseless profile against the error of each flight parameter.
+
+    Parameters
+    ----------
+    flights : xarray.Dataset
+        The store's group `validation`, with an axis of errors.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Means over draws with their standard deviation; without error in every panel.
+
+    Raises
+    ------
+    ValueError
+        If there are no errors.
+    """
+    from matplotlib.figure import Figure
+
+    if flights.sizes.get("error", 1) < 2:
+        raise ValueError("irar.errors is empty, but must name parameters and their errors")
+    one = _nominal(flights.isel(ship=0, aspect=0), keep=("error", "autofocus"))
+    one = one[["profile_correlation", "closing_speed_error"]].load()
+    names = one.error_parameter.values.tolist()
+    parameters = [name for name in dict.fromkeys(names) if name in UNITS]
+    figure = Figure(figsize=(2.6 * len(parameters) + 0.8, 3.2), dpi=140, layout="constrained")
+    panels = figure.subplots(1, len(parameters), sharey=True, squeeze=False)[0]
+    ways = [(False, OURS, "as believed"), (True, THEIRS, "with autofocus")]
+    for axes, name in zip(panels, parameters, strict=True):
+        there = [named == name or named not in UNITS for named in names]
+        part = one.isel(error=there).sortby("error_value")
+        for on, colour, label in ways:
+            if "autofocus" not in part.dims and bool(part.autofocus) != on:
+                continue
+            here = part.sel(autofocus=on) if "autofocus" in part.dims else part
+            values = here.profile_correlation
+            over = [dim for dim in values.dims if dim == "replicate"]
+            scatter = values.std(over) if over else 0 * values
+            axes.errorbar(
+                here.error_value,
+                values.mean(over),
+                scatter,
+                color=colour,
+                fmt="o-",
+                ms=3,
+                label=label,
+            )
+        axes.set_xlabel(f"error of {name.replace('_', ' ')} [{UNITS[name]}]", fontsize=8)
+        axes.grid(color="0.92")
+        axes.spines[["right", "top"]].set_visible(False)
+    panels[0].set_ylabel("correlation with the noiseless profile", fontsize=8)
+    panels[0].legend(frameon=False, fontsize=8, loc="lower center")
+    ship = str(one.ship.item()).capitalize()
+    figure.suptitle(
+        f"{ship} at {float(np.atleast_1d(one.range)[0]):g} km, aspect {float(one.aspect):g}°",
+        fontsize=10,
+    )
+    return figure
+
+
+def draw_measured(tables: xr.Dataset) -> Figure:
+    """Percent named right by aspect bin: measured profiles beside synthetic ones.
+
+    Parameters
+    ----------
+    tables : xarray.Dataset
+        The store's group `tables/measured`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel a classifier and pulse width, the ship alone, with 95 % intervals.
+    """
+    from matplotlib.figure import Figure
+
+    one = _nominal(tables, keep=("pulse_width", "classifier", "kind", "aspect_bin"))
+    one = one.isel({dim: 0 for dim in ("vigilance", "range", "replicate") if dim in one.dims})
+    rows, columns = one.sizes["pulse_width"], one.sizes["classifier"]
+    figure = Figure(figsize=(3.0 * columns + 0.6, 2.5 * rows + 0.4), dpi=140, layout="constrained")
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    labels = one.aspect_bin.values.tolist()
+    for row, column in np.ndindex(rows, columns):
+        axes: Any = panels[row, column]
+        here = one.isel(pulse_width=row, classifier=column)
+        for shift, kind, colour in ((-0.12, "test", TRUTH), (0.12, "measured", OURS)):
+            part = 100 * here.sel(kind=kind)
+            middle = part.ship_accuracy.values
+            ends = [middle - part.ship_ci_low.values, part.ship_ci_high.values - middle]
+            place = np.arange(len(labels)) + shift
+            shown = "synthetic test" if kind == "test" else "measured"
+            dark = "0.45" if kind == "test" else colour
+            axes.errorbar(place, middle, ends, fmt="o", color=dark, capsize=3, label=shown)
+        axes.set_xticks(np.arange(len(labels)), labels, fontsize=8)
+        axes.set(ylim=(0, 104))
+        axes.grid(axis="y", color="0.92")
+        axes.spines[["right", "top"]].set_visible(False)
+        axes.set_title(f"{here.classifier.item()}, {here.pulse_width.item():g} ns", fontsize=9)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("ships right [%]", fontsize=8)
+    for axes in panels[-1]:
+        axes.set_xlabel("aspect [deg]", fontsize=8)
+    panels[0, 0].legend(frameon=False, fontsize=8, loc="lower left")
+    return figure
+
+
+def _nominal(flights: xr.Dataset, *, keep: tuple[str, ...] = (), **wanted: float) -> xr.Dataset:
+    """The flight of nominal inputs but for those wanted, and of the first of any other axis."""
+    for name, value in ({"transom_gain": 1.0, "mast_gain": 1.0} | wanted).items():
+        if name in flights.dims:
+            flights = flights.sel({name: value}, method="nearest")
+    others = {dim: 0 for dim in OF_FLIGHT if dim in flights.dims and dim not in keep}
+    return flights.isel(others)
+
+
+def _filled(axes: Axes, place: Any, profile: Any, label: str) -> None:
+    values = np.asarray(profile, dtype=float)
+    axes.fill_between(place, 0, values / values.max(), step="mid", color=TRUTH, lw=0, label=label)
+
+
+def _line(axes: Axes, place: Any, profile: Any, colour: str, label: str) -> None:
+    values = np.asarray(profile, dtype=float)
+    axes.step(place, values / values.max(), where="mid", color=colour, lw=1.1, label=label)
