@@ -147,6 +147,11 @@ def classify(
     dict of str to ndarray
         As of `classify_profiles`, with an axis `order` in front, and with the leading axes of
         `tests` in place of (replicate, frame_count).
+
+    Notes
+    -----
+    Where tests go on learning, those of ships that are learned come first, in the order of
+    `there`, then those of unknown ones.
     """
     ship, aspect = np.nonzero(there)
     axes = classifier.expand()
@@ -187,8 +192,11 @@ def classify(
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
                 network.fit(training[order], ship[order])
+            # Ships that are learned first: what is unknown moves no category they are held against.
+            turn = np.argsort(~np.isin(ship, ship[learned]), kind="stable")
             for test in np.ndindex(batches):
-                category[test], similarity[test] = network.match(tests[test], learning=True)
+                found_in_turn = network.match(tests[test][turn], learning=True)
+                category[test][turn], similarity[test][turn] = found_in_turn
         known = there.copy()
         known[there] = learned
         result["passes"][place] = found.passes if found.converged else -found.passes
@@ -204,7 +212,10 @@ def classify(
             result["predicted"][place][i][..., there] = named
             for j, score in enumerate(axes.score_rule):
                 same = named == ship if score == "ship" else category == found.labels
-                result["correct"][place][i, j][..., there] = same & (category != NONE)
+                # A view that was not learned has no category of its own to fall into.
+                asked = learned if score == "category" else True
+                answer = np.where(asked, same & (category != NONE), NONE)
+                result["correct"][place][i, j][..., there] = answer
     return result
 
 

@@ -238,7 +238,8 @@ def _classify_profiles(
     answers = classify_profiles(
         expected, averaged, there, learned=learned, vigilances=vigilances, classifier=classifier
     )
-    store.write_cell(path, cell.group, cell.index, answers)
+    asked = (answers["correct"] >= 0) | ~there
+    store.write_cell(path, cell.group, cell.index, answers, asked=asked)
 
 
 def _classify_silhouettes(
@@ -260,7 +261,8 @@ def _classify_silhouettes(
         vigilances=vigilances,
         classifier=classifier,
     )
-    store.write_cell(path, cell.group, cell.index, answers)
+    asked = (answers["correct"] >= 0) | ~there
+    store.write_cell(path, cell.group, cell.index, answers, asked=asked)
 
 
 def _name_profiles(

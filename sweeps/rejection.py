@@ -11,12 +11,17 @@ from ncti.evaluate import replicated_accuracy, wilson_interval
 ASPECTS = ("learned", "between")  # aspects that are learned, and those that are not
 VIEW = ("ship", "aspect")
 ENDS = {"_ci_low": "lower", "_ci_high": "upper"}
+LEAST = (0.0, 0.5, 0.8, 0.9, 0.95)  # of the answers to unknown ships that are to be rejected
 MEANINGS = {
     "rejected_unknown": "fraction of answers to unknown ships that are rejected",
     "rejected_known": "fraction of answers to known ships that are rejected",
     "correct_known": "fraction of answers to known ships that are right and not rejected",
     "n_unknown": "answers to unknown ships",
     "n_known": "answers to known ships",
+    "correct_where_rejected": "fraction of answers to known ships that are right and not rejected "
+    "where at least so many of those to unknown ones are",
+    "rejected_up_to": "largest cosine that must be rejected for that, none where all are accepted",
+    "area": "area under right over let through, as fractions of all answers",
 }
 
 
@@ -43,8 +48,17 @@ def tabulate_rejection(
         and `n_known`, answers. NaN without answers. Means over replicates, phases and orders, with
         `..._ci_low` and `..._ci_high`.
 
+        Of the whole characteristic, whatever the test vigilances: `correct_where_rejected` and
+        `rejected_up_to` over `least_rejected`, and `area`.
+
     Notes
     -----
+    The characteristic has a corner at every similarity of an answer to an unknown ship. To reject
+    a share of these answers all up to a quantile must go, and whatever else is no more similar.
+    The area under it, of known ships right over unknown ships let through, is the probability
+    that an answer to a known ship is right and more similar than one to an unknown ship, a tie
+    counting half (J. A. Hanley and B. J. McNeil 1982, Radiology 143, 29).
+
     Intervals are those of the other tables: over replicates of the noise as
     `ncti.evaluate.replicated_accuracy` has them, over phases and orders of the views that one of
     them sees.
@@ -56,20 +70,24 @@ def tabulate_rejection(
         dims="test_vigilance",
         coords={"test_vigilance": np.array(test_vigilances)},
     )
-    there = classified.correct >= 0
-    accepted = classified.similarity >= thresholds
-    right = accepted & (classified.correct == 1)
+    similarity, right = classified.similarity, classified.correct == 1
+    accepted = similarity >= thresholds
     draws = [name for name in ("replicate", "phase", "order") if name in classified.correct.dims]
     parts = []
     for name, aspects in zip(ASPECTS, (taught, ~taught), strict=True):
-        of_known, of_unknown = there & known & aspects, there & ~known & aspects
+        of_known = (classified.correct >= 0) & known & aspects
+        of_unknown = similarity.notnull() & ~known & aspects  # whatever would be right
+        up_to = _up_to(similarity, of_unknown, [*draws, *VIEW])
         counted = {
             "rejected_unknown": (~accepted, of_unknown),
             "rejected_known": (~accepted, of_known),
-            "correct_known": (right, of_known),
+            "correct_known": (accepted & right, of_known),
+            "correct_where_rejected": ((similarity > up_to) & right, of_known & up_to.notnull()),
         }
         found = {"n_unknown": of_unknown, "n_known": of_known}
         part = {figure: answers.sum([*draws, *VIEW]) for figure, answers in found.items()}
+        part["rejected_up_to"] = up_to.where(up_to > -np.inf)
+        part["area"] = _area(similarity, right & of_known, of_known, of_unknown, [*draws, *VIEW])
         for figure, (hits, answers) in counted.items():
             for suffix, values in zip(("", *ENDS), _share(hits, answers, draws), strict=True):
                 part[figure + suffix] = values
@@ -77,14 +95,68 @@ def tabulate_rejection(
     table = xr.concat(parts, "aspects")
     for name, meaning in MEANINGS.items():
         table[name].attrs = {"units": "1", "long_name": meaning}
-        for suffix, end in ENDS.items() if not name.startswith("n_") else ():
+        for suffix, end in ENDS.items() if name + "_ci_low" in table else ():
             table[name + suffix].attrs = {
                 "units": "1",
                 "long_name": f"{end} end of the 95 % Wilson interval of the {meaning}",
             }
     table.test_vigilance.attrs = {"units": "1", "long_name": "cosine that an answer must reach"}
+    table.least_rejected.attrs = {
+        "units": "1",
+        "long_name": "fraction of answers to unknown ships that is rejected at least",
+    }
     table.aspects.attrs = {"long_name": "whether anything was learned at the aspect"}
     return table
+
+
+def _up_to(similarity: xr.DataArray, of_unknown: xr.DataArray, pooled: list[str]) -> xr.DataArray:
+    """Over least_rejected: similarity up to which answers go; -inf where none, NaN of none."""
+
+    def quantiles(values: NDArray[np.floating], unknown: NDArray[np.bool_]) -> NDArray[np.floating]:
+        ranked = np.sort(values[unknown])
+        if not ranked.size:
+            return np.where(np.array(LEAST) > 0, np.nan, -np.inf)
+        count = np.ceil(np.array(LEAST) * ranked.size - 1e-9).astype(int)
+        return np.where(count > 0, ranked[np.maximum(count - 1, 0)], -np.inf)
+
+    found: xr.DataArray = xr.apply_ufunc(
+        quantiles,
+        similarity,
+        of_unknown,
+        input_core_dims=[pooled, pooled],
+        output_core_dims=[["least_rejected"]],
+        vectorize=True,
+    )
+    return found.assign_coords(least_rejected=np.array(LEAST))
+
+
+def _area(
+    similarity: xr.DataArray,
+    hits: xr.DataArray,
+    of_known: xr.DataArray,
+    of_unknown: xr.DataArray,
+    pooled: list[str],
+) -> xr.DataArray:
+    """Area under the characteristic, by counting pairs; NaN without answers of either kind."""
+
+    def area(values: NDArray[np.floating], *which: NDArray[np.bool_]) -> float:
+        right, known, unknown = which
+        ranked = np.sort(values[unknown])
+        pairs = known.sum() * ranked.size
+        below = np.searchsorted(ranked, values[right], "left")
+        upto = np.searchsorted(ranked, values[right], "right")
+        return float((below + upto).sum() / 2 / pairs) if pairs else np.nan
+
+    found: xr.DataArray = xr.apply_ufunc(
+        area,
+        similarity,
+        hits,
+        of_known,
+        of_unknown,
+        input_core_dims=[pooled] * 4,
+        vectorize=True,
+    )
+    return found
 
 
 def _share(

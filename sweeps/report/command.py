@@ -15,7 +15,7 @@ from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
 from sweeps.report.classifiers import classifier_rows, print_classifiers
 from sweeps.report.flights import flight_rows, measured_rows, print_flights, print_measured
 from sweeps.report.fusion import fusion_rows, print_fusion
-from sweeps.report.rejection import print_rejection, rejection_rows
+from sweeps.report.rejection import curve_rows, print_rejection, rejection_rows
 from sweeps.report.screen import (
     print_accuracy,
     print_categories,
@@ -161,9 +161,9 @@ def _rejection_tables(path: Path, console: Console) -> dict[str, list[Row]]:
     }
     if not tables:
         return {}
-    rows = rejection_rows(tables)
-    print_rejection(rows, console)
-    return {"rejection": rows}
+    curve = curve_rows(tables)
+    print_rejection(curve, console)
+    return {"rejection": rejection_rows(tables), "rejection_curve": curve}
 
 
 def _flight_tables(path: Path, console: Console) -> dict[str, list[Row]]:

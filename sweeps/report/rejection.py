@@ -18,7 +18,14 @@ TITLES = {
     "acn_infrared": "ACN on silhouettes",
 }
 FIGURES = ("rejected_unknown", "rejected_known", "correct_known")
-LEVELS = (0.5, 0.8, 0.9, 0.95)  # of unknown ships rejected
+CURVE = (
+    *("correct_where_rejected", "correct_where_rejected_ci_low", "correct_where_rejected_ci_high"),
+    *("rejected_up_to", "area", "n_known", "n_unknown"),
+)
+FIGURES_OF_A_CURVE = (
+    *("least_percent_rejected", "rejected_up_to", "percent_correct", "ci_low", "ci_high"),
+    *("percent_area", "n_known", "n_unknown"),
+)
 
 
 def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
@@ -37,7 +44,8 @@ def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     """
     rows: list[Row] = []
     for name, table in tables.items():
-        for axes, cell in cells(xr.broadcast(table)[0]):
+        rates = table.drop_dims("least_rejected").drop_vars("area")
+        for axes, cell in cells(xr.broadcast(rates)[0]):
             rows.append(
                 {"classifier": name}
                 | axes
@@ -52,69 +60,92 @@ def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     return [{key: row.get(key) for key in keys} for row in rows]
 
 
+def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
+    """What is still right where so many answers to unknown ships are rejected.
+
+    Parameters
+    ----------
+    tables : mapping of str to xarray.Dataset
+        The store's rejection tables by classifier.
+
+    Returns
+    -------
+    list of dict
+        One row for each classifier, setting, cell, kind of aspect and least share rejected: the
+        cosine up to which answers are, known ships right in percent with their interval, the area
+        under the curve in percent, and numbers of answers.
+    """
+    rows: list[Row] = []
+    for name, table in tables.items():
+        for axes, cell in cells(xr.broadcast(table[list(CURVE)])[0]):
+            least = axes.pop("least_rejected")
+            up_to = cell["rejected_up_to"]
+            rows.append(
+                {"classifier": name}
+                | axes
+                | {
+                    "least_percent_rejected": percent(least),
+                    "rejected_up_to": None if np.isnan(up_to) else up_to,
+                    "percent_correct": percent(cell["correct_where_rejected"]),
+                    "ci_low": percent(cell["correct_where_rejected_ci_low"]),
+                    "ci_high": percent(cell["correct_where_rejected_ci_high"]),
+                    "percent_area": percent(cell["area"]),
+                }
+                | {key: cell[key] for key in ("n_known", "n_unknown")}
+            )
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    return [{key: row.get(key) for key in keys} for row in rows]
+
+
 def print_rejection(rows: list[Row], console: Console) -> None:
-    """Print the share of known ships still named right when so many unknown ones are rejected."""
+    """Print the share of known ships still named right when so many unknown ones are rejected.
+
+    Parameters
+    ----------
+    rows : list of dict
+        From `curve_rows`.
+    console : rich.console.Console
+        Where to print.
+    """
     console.width = max(console.width, WIDTH)
     table = Table(title="Known ships named right [%] where so many unknown ships are rejected")
-    settings = [
-        key
-        for key in rows[0]
-        if key not in ("classifier", "aspects", "test_vigilance", "frame_count")
-        and not key.startswith(("percent_", "n_", *FIGURES))
-    ]
+    others = ("classifier", "aspects", "frame_count", *FIGURES_OF_A_CURVE)
     rows = first_rules(rows)
     several = [
-        key for key in settings if len({row[key] for row in rows if row[key] is not None}) > 1
+        key
+        for key in rows[0]
+        if key not in others and len({row[key] for row in rows if row[key] is not None}) > 1
     ]
     for name in ("classifier", *(key.replace("_", " ") for key in several), "aspects", "frames"):
         table.add_column(name)
     table.add_column("answers,\nknown +\nunknown", justify="right")
-    table.add_column("none", justify="right")
-    for level in LEVELS:
-        table.add_column(f"{level:.0%}", justify="right")
+    for least in dict.fromkeys(row["least_percent_rejected"] for row in rows):
+        table.add_column(f"{least:g}%" if least else "none", justify="right")
     table.add_column("area", justify="right")
     keys = ("classifier", *several, "aspects", "frame_count")
     for key, line in grouped(rows, keys).items():
-        unknown, right = (
-            np.array([row[f"percent_{name}"] for row in line], dtype=float)
-            for name in ("rejected_unknown", "correct_known")
-        )
-        enough = [np.isfinite(right), *(unknown >= 100 * level for level in LEVELS)]
+        area = line[0]["percent_area"]
         table.add_row(
             TITLES[str(key[0])],
             *("" if value is None else f"{value}" for value in key[1:]),
             f"{line[0]['n_known']} +\n{line[0]['n_unknown']}",
-            *(_best(line, np.where(there, right, np.nan)) for there in enough),
-            _area(unknown, right),
+            *(_with_interval(row) for row in line),
+            NOTHING if area is None else f"{area:.0f}",
         )
     console.print(table)
     console.print(
-        "Area: under the curve of known ships right over unknown ships let through; 100 where "
-        "every one is right before any unknown one is let through. Below each figure its 95 % "
-        "Wilson interval. Answers to known and to unknown ships are counted; in the interval those "
-        "of several replicates count for less where they are alike for one view (Kish's design "
+        "At the least test vigilance that rejects at least so many. Area: under the curve of known "
+        "ships right over unknown ships let through; 100 where every one is right before any "
+        "unknown one is let through. Below each figure its 95 % Wilson interval, for that test "
+        "vigilance. Answers to known and to unknown ships are counted; in the interval those of "
+        "several replicates count for less where they are alike for one view (Kish's design "
         "effect), those of several phases and orders of presentation as one.",
         style="dim",
     )
 
 
-def _best(line: list[Row], right: np.ndarray) -> str:
-    """The most known ships named right, with its interval below."""
-    if np.isnan(right).all():
+def _with_interval(row: Row) -> str:
+    """Known ships named right, with the interval below."""
+    if row["percent_correct"] is None:
         return NOTHING
-    row = line[int(np.nanargmax(right))]
-    low, high = row["correct_known_ci_low"], row["correct_known_ci_high"]
-    return f"{row['percent_correct_known']:.0f}\n{low:.0f}-{high:.0f}"
-
-
-def _area(unknown: np.ndarray, right: np.ndarray) -> str:
-    """Area under right over let through, in per cent."""
-    there = np.isfinite(unknown) & np.isfinite(right)
-    if not there.any():
-        return NOTHING
-    through, named = 100 - unknown[there], right[there]
-    order = np.lexsort((named, through))
-    through = np.concatenate([[0.0], through[order], [100.0]])
-    # Nothing is right where all is rejected; beyond the lowest test vigilance no more is.
-    named = np.concatenate([[0.0], named[order], [named.max()]])
-    return f"{np.trapezoid(named, through) / 100:.0f}"
+    return f"{row['percent_correct']:.0f}\n{row['ci_low']:.0f}-{row['ci_high']:.0f}"

@@ -41,6 +41,7 @@ ORDER = (
     "annealing",
     "frame_count",
     "aspects",
+    "least_rejected",
     "test_vigilance",
     "aspect_bin",
 )

@@ -12,8 +12,8 @@ from sweeping import command
 from ncti.evaluate import replicated_accuracy, wilson_interval
 from sweeps.classifier_schema import ClassifierConfig
 from sweeps.errors import ConfigurationError
-from sweeps.rejection import tabulate_rejection
-from sweeps.report.rejection import print_rejection, rejection_rows
+from sweeps.rejection import LEAST, tabulate_rejection
+from sweeps.report.rejection import curve_rows, print_rejection, rejection_rows
 
 SHIPS, ASPECTS = ("a", "b", "c"), (0.0, 1.5, 3.0)
 
@@ -80,6 +80,64 @@ def test_fractions_are_counted_by_hand():
     np.testing.assert_allclose(at.rejected_unknown, [0, 1, 1])
 
 
+def test_the_characteristic_is_counted_by_hand():
+    """Eight answers to known ships, eight to unknown ones, ties between and among them."""
+    learned = np.array([[True] * 4] * 2 + [[False] * 4] * 2)
+    similarity = np.array(
+        [
+            *([0.9, 0.8, 0.7, 0.4], [0.95, 0.6, 0.6, 0.2]),
+            *([0.1, 0.3, 0.5, 0.6], [0.6, 0.7, 0.8, 0.85]),
+        ]
+    )
+    correct = np.array([[1, 1, 0, 1], [1, 1, 1, 1], *[[0] * 4] * 2])
+    dims = ("ship", "aspect")
+    classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
+    table = tabulate_rejection(classified, learned, (0.5,)).sel(aspects="learned")
+    # Sorted unknown: .1 .3 .5 .6 .6 .7 .8 .85; of eight 0, 4, 7 (of 6.4), 8 (of 7.2 and 7.6).
+    np.testing.assert_array_equal(table.least_rejected, [0, 0.5, 0.8, 0.9, 0.95])
+    np.testing.assert_allclose(table.rejected_up_to, [np.nan, 0.6, 0.8, 0.85, 0.85])
+    # Right ones above: all 7; .9 .8 .95; .9 .95; as many.
+    np.testing.assert_allclose(table.correct_where_rejected, np.array([7, 3, 2, 2, 2]) / 8)
+    low, high = wilson_interval([7, 3, 2, 2, 2], 8)
+    np.testing.assert_allclose(table.correct_where_rejected_ci_low, low)
+    np.testing.assert_allclose(table.correct_where_rejected_ci_high, high)
+    pairs = sum(
+        (known > unknown) + 0.5 * (known == unknown)
+        for known in similarity[:2][correct[:2] == 1]
+        for unknown in similarity[2:].ravel()
+    )
+    assert table.area == pytest.approx(pairs / 64)
+    nothing = tabulate_rejection(classified, learned, (0.5,)).sel(aspects="between")
+    assert np.isnan(nothing.area)
+    assert np.isnan(nothing.correct_where_rejected).all()
+
+
+@pytest.mark.parametrize("vigilances", [(0.0,), (0.9, 0.95), tuple(np.arange(0, 1.01, 0.01))])
+def test_the_characteristic_does_not_hang_on_the_list_of_vigilances(vigilances):
+    """And is that of every possible vigilance, tried one after the other."""
+    answers = answers_of("replicate", seed=3).assign_coords(frame_count=16)
+    table = tabulate_rejection(answers, LEARNED, vigilances).sel(aspects="learned")
+    similarity, right = answers.similarity.values, answers.correct.values[:, :3] == 1
+    known, unknown = similarity[:, :3], similarity[:, 3:]
+    through, named = [1.0], [right.mean()]
+    for threshold in np.sort(similarity.ravel()):
+        through.append((unknown > threshold).mean())
+        named.append((right & (known > threshold)).mean())
+    assert table.area == pytest.approx(-np.trapezoid(named, through), rel=1e-12)
+    for least, found in zip(LEAST, table.correct_where_rejected.values, strict=True):
+        best = max(n for t, n in zip(through, named, strict=True) if 1 - t >= least - 1e-12)
+        assert found == pytest.approx(best, rel=1e-12)
+    rows = [
+        row
+        for row in curve_rows({"acn": tabulate_rejection(answers, LEARNED, vigilances)})
+        if row["aspects"] == "learned"
+    ]
+    assert [row["least_percent_rejected"] for row in rows] == [0, 50, 80, 90, 95]
+    for row, figure in zip(rows, table.correct_where_rejected.values, strict=True):
+        assert row["percent_correct"] == pytest.approx(100 * figure, abs=0.0501)
+        assert row["percent_area"] == pytest.approx(100 * float(table.area), abs=0.0501)
+
+
 FIGURES = ("rejected_unknown", "rejected_known", "correct_known")
 LEARNED = np.array([[True] * 20] * 3 + [[False] * 20] * 2)
 
@@ -138,6 +196,7 @@ def test_phases_and_orders_are_no_more_views():
     """Nor is a training that failed one."""
     answers = answers_of("phase", "order")
     answers.correct[0, 1] = -1
+    answers.similarity[0, 1] = np.nan
     table = tabulate_rejection(answers, LEARNED, (0.2, 0.5)).sel(aspects="learned")
     assert (table.n_known, table.n_unknown) == (8 * 60, 8 * 40)
     for name in FIGURES:
@@ -163,14 +222,18 @@ def test_the_report_has_intervals_and_counts():
     for row in rows[4:]:
         ends = row["correct_known_ci_low"], row["correct_known_ci_high"]
         assert (row["percent_correct_known"], *ends) == (None, 0, 100)
+    curve = curve_rows({"correlation": table.assign_coords(frame_count=16)})
+    assert len(curve) == 2 * 5
     screen = io.StringIO()
-    print_rejection(rows, Console(file=screen))
+    print_rejection(curve, Console(file=screen))
     printed = screen.getvalue()
-    assert "60 +" in printed
-    first = rows[0]
-    ends = first["correct_known_ci_low"], first["correct_known_ci_high"]
-    assert f"{first['percent_correct_known']:.0f}" in printed
-    assert f"{ends[0]:.0f}-{ends[1]:.0f}" in printed
+    lines = [line for line in printed.splitlines() if "60 +" in line or " 40 " in line]
+    assert len(lines) == 2
+    shown = [re.findall(r"[\d-]+", line.partition("learned")[2] or line) for line in lines]
+    of_learned = [row for row in curve if row["aspects"] == "learned"]
+    figures = [f"{row['percent_correct']:.0f}" for row in of_learned]
+    assert shown[0] == ["16", "60", *figures, f"{curve[0]['percent_area']:.0f}"]
+    assert shown[1] == ["40", *(f"{row['ci_low']:.0f}-{row['ci_high']:.0f}" for row in of_learned)]
     assert not re.search(r"\b(nan|None)\b", printed)
 
 
@@ -220,8 +283,10 @@ def test_no_classifier_names_a_ship_that_nobody_taught(store, name):
     answers = xr.open_zarr(store, group=f"classification/{name}").load()
     assert set(np.unique(answers.predicted)) <= {0, 2}
     tables = xr.open_zarr(store, group=f"tables/{name}").load()
-    draws = 2
-    assert (tables.n.sel(aspect_bin="overall") == draws * 2 * 5).all()
+    draws, n = 2, tables.n.sel(aspect_bin="overall")
+    if name == "acn":
+        n = n.sel(score_rule="ship")
+    assert (n == draws * 2 * 5).all()
 
 
 def test_only_learned_views_are_trained_with(store):
@@ -240,7 +305,11 @@ def test_similarity_is_told_for_every_test(store):
         assert set(table.aspects.values) == {"learned", "between"}
         # The higher the vigilance, the more is rejected and the less is right.
         for figure, sign in (("rejected_unknown", 1), ("rejected_known", 1), ("correct_known", -1)):
-            assert (sign * table[figure].diff("test_vigilance") >= 0).all(), figure
+            steps = sign * table[figure].diff("test_vigilance")
+            if "score_rule" in steps.dims:  # between learned aspects no category is right
+                assert steps.sel(score_rule="category", aspects="between").isnull().all()
+                steps = steps.sel(score_rule="ship")
+            assert (steps >= 0).all(), figure
 
 
 def test_rules_for_names_and_scores_are_axes(store):
@@ -249,7 +318,20 @@ def test_rules_for_names_and_scores_are_axes(store):
     # Right by category is to fall where the same view fell in training.
     same = answers.category == answers.training_category
     found = answers.correct.sel(score_rule="category", label_rule="majority")
-    np.testing.assert_array_equal(found.transpose(*same.dims) == 1, same & (answers.category >= 0))
+    found = found.transpose(*same.dims)
+    np.testing.assert_array_equal(found == 1, same & (answers.category >= 0))
+    # A view that was not learned has none, so that there is nothing to be right.
+    asked = xr.ones_like(found) * (answers.training_category.squeeze() >= 0)
+    np.testing.assert_array_equal(found >= 0, asked)
+    state = xr.open_zarr(store, group="status").load().cell.transpose(*answers.correct.dims)
+    np.testing.assert_array_equal(state == 1, answers.correct >= 0)
+    np.testing.assert_array_equal(state == -1, answers.correct < 0)  # missing, not failed
+    table = xr.open_zarr(store, group="tables/acn").load().sel(aspect_bin="overall")
+    assert (table.n.sel(score_rule="category") == 2 * 2 * 3).all()
+    assert (table.n.sel(score_rule="ship") == 2 * 2 * 5).all()
+    table = xr.open_zarr(store, group="tables/rejection_acn").load().sel(score_rule="category")
+    assert (table.n_known.sel(aspects="between") == 0).all()
+    assert (table.n_unknown > 0).all()
     named = answers.predicted.sel(label_rule="first")
     ship = xr.DataArray(np.arange(3), dims="ship")
     found = answers.correct.sel(score_rule="ship", label_rule="first")
