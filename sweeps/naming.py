@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sklearn.exceptions import ConvergenceWarning
 
 from ncti.classify import CorrelationNeighbour, GainAnnealedNetwork, GaussianTemplates
+from ncti.classify.baselines import NO_TEMPLATE
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.classification import NONE, Arrays
@@ -180,30 +181,32 @@ def name_by_correlation(profiles: Profiles, *, classifier: ClassifierConfig) -> 
     """
     axes = classifier.expand()
     _require_another_aspect(profiles, axes.left_out)
-    tests = profile_vector(profiles.averaged)
-    ship, aspect = profiles.ship, profiles.aspect
+    expected, tests = profile_vector(profiles.expected), profile_vector(profiles.averaged)
+    ship, aspect, bins = profiles.ship, profiles.aspect, expected.shape[-1]
     replicates = len(tests)
     similarity = np.empty((len(axes.training), len(axes.left_out), *tests.shape[:3]))
     named = np.empty(similarity.shape, dtype=np.intp)
     for i, training in enumerate(axes.training):
-        for r, n in np.ndindex(tests.shape[:2]):
-            learned = profile_vector(profiles.expected)[None]
-            if training == NOISY:
-                learned = tests[[k for k in range(replicates) if k != r], n]
-            copies = len(learned)
-            neighbour = CorrelationNeighbour().fit(
-                learned.reshape(-1, learned.shape[-1]), np.tile(ship, copies)
-            )
-            cosines = neighbour.similarity(tests[r, n])
-            same = aspect[:, None] == np.tile(aspect, copies)
-            blank = ~neighbour.templates_.any(axis=1) | ~np.tile(profiles.taught, copies)
+        # What is learned, and the tests that it answers.
+        lessons: list[tuple[NDArray[np.float64], Any]] = [(expected[None], ...)]
+        if training == NOISY:
+            lessons = [
+                (tests[[k for k in range(replicates) if k != r], n], (r, n))
+                for r, n in np.ndindex(tests.shape[:2])
+            ]
+        for learned, place in lessons:
+            known = np.tile(ship, len(learned))
+            neighbour = CorrelationNeighbour().fit(learned.reshape(-1, bins), known)
+            shown = tests[place]
+            vectors = shown.reshape(-1, bins)
+            untaught = np.tile(~profiles.taught, len(learned))
+            of_test = np.tile(aspect, len(vectors) // len(aspect))
+            same = of_test[:, None] == np.tile(aspect, len(learned))
             for j, left_out in enumerate(axes.left_out):
-                allowed = np.where((same & left_out) | blank, -np.inf, cosines)
-                best = allowed.argmax(axis=1)
-                found = np.take_along_axis(allowed, best[:, None], axis=1)[:, 0]
-                none = np.isneginf(found) | ~tests[r, n].any(axis=1)
-                named[i, j, r, n] = np.where(none, NONE, np.tile(ship, copies)[best])
-                similarity[i, j, r, n] = np.where(none, 0.0, found)
+                best, cosine = neighbour.match(vectors, exclude=untaught | (same & left_out))
+                answer = np.where(best == NO_TEMPLATE, NONE, known[best])
+                named[i, j][place] = answer.reshape(shown.shape[:-1])
+                similarity[i, j][place] = cosine.reshape(shown.shape[:-1])
     return {
         "predicted": profiles.spread(named, NONE, np.int16),
         "correct": profiles.spread(named == ship, NONE, np.int8),

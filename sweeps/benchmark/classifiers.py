@@ -98,9 +98,9 @@ class Task:
         return np.tile(self.label, len(self.tests) // len(self.ship))
 
     @property
-    def floor(self) -> float:
-        """Noise floor within the expected profiles."""
-        return float(self.expected.min())
+    def floor(self) -> Array:
+        """(view, 1): noise within each expected profile, what its window's edge holds."""
+        return self.expected[:, :1]
 
     @property
     def standardised(self) -> tuple[Array, Array]:

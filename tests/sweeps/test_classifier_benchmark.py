@@ -7,6 +7,7 @@ import pytest
 from sklearn.exceptions import ConvergenceWarning
 
 from ncti.classify import CorrelationNeighbour, GainAnnealedNetwork
+from ncti.ladar import noise_floor
 from sweeps import graph
 from sweeps.benchmark import __main__ as command
 from sweeps.benchmark import classification, classifiers, convergence
@@ -38,6 +39,24 @@ def test_tests_are_averages_of_the_views_in_their_order(task):
     assert square == pytest.approx(1, abs=5 * np.sqrt(2 * (2 * lags - 1) / averages.size))
     shifted = np.mean(((averages - np.roll(task.expected, 1, axis=0)) / deviation) ** 2)
     assert shifted > 2
+
+
+def test_each_view_has_the_floor_of_its_own_ifovs(task):
+    """Target-free ones and the ship's: abeam there are more of these than at the bow.
+
+    What the pulse's tail brings to the window's edge is a hundredth of one of them, at most.
+    """
+    floor = task.floor
+    assert floor.shape == (8, 1)
+    ifovs = floor[:, 0] / noise_floor()
+    np.testing.assert_allclose(ifovs, np.rint(ifovs), atol=0.01)
+    on_target = ifovs - classifiers.SIGNAL["target_free_ifovs"]
+    assert (on_target > 0).all()
+    assert on_target[3] > on_target[0]
+    # As high as both ends of the profile, and what rises above it is the ship's.
+    one = 0.01 * noise_floor()
+    np.testing.assert_allclose(task.expected[:, -1:], floor, atol=one)
+    assert (task.expected >= floor - one).all()
 
 
 def test_every_classifier_has_times_and_a_score(task):
@@ -153,7 +172,7 @@ def test_classification_is_timed_by_group_and_as_a_whole():
 
 
 def test_one_group_leaves_out_the_cells_of_others():
-    cells = [graph.Cell(group, {}, (), group) for group in ("one", "other", "one")]
+    cells = [graph.Cell(group, {}, (), {}, group) for group in ("one", "other", "one")]
     only = classification.OneGroup(InlineExecutor(), "one")
     tasks = list(enumerate(cells))
     outcomes = only.run(lambda number, cell: number, tasks)

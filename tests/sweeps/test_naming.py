@@ -25,7 +25,7 @@ from made_profiles import (
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from ncti.classify import GaussianTemplates
+from ncti.classify import CorrelationNeighbour, GaussianTemplates
 from sweeps.classifier_schema import ClassifierConfig
 from sweeps.naming import Profiles, name_by_likelihood
 
@@ -170,6 +170,39 @@ def test_views_that_are_not_learned_are_named_alone(classifier):
         assert np.all(before["training_correct"][..., learned] >= 0)
     if name == "likelihood":
         assert np.all(before["probability"][..., 2, :] == 0)
+
+
+@pytest.mark.parametrize("training", ["expected", "noisy"])
+def test_of_equal_profiles_the_first_ship_answers(training):
+    """Ship 2 looks like ship 0 to all bits; products round as their places in a matrix have it."""
+    profiles = made(noise=3.0)
+    expected, averaged = profiles.expected.copy(), profiles.averaged.copy()
+    third = 2 * len(ASPECTS)
+    expected[third:], averaged[:, :, third:] = (
+        expected[: len(ASPECTS)],
+        averaged[:, :, : len(ASPECTS)],
+    )
+    twins = replace(profiles, expected=expected, averaged=averaged)
+    answers = name_by("correlation", twins, training=training)
+    assert set(np.unique(answers["predicted"])) == {0, 1}
+
+
+def test_expected_profiles_are_taken_once(monkeypatch):
+    """However many replicates and numbers of frames are named by them."""
+    fitted = []
+    monkeypatch.setattr(CorrelationNeighbour, "fit", count_calls(CorrelationNeighbour.fit, fitted))
+    name_by("correlation", made(), left_out=[False, True])
+    assert len(fitted) == 1
+    name_by("correlation", made(), training="noisy")
+    assert len(fitted) == 1 + REPLICATES * len(FRAMES)
+
+
+def count_calls(function, calls):
+    def counted(*arguments):
+        calls.append(None)
+        return function(*arguments)
+
+    return counted
 
 
 def test_a_flat_profile_names_no_ship_by_correlation():
