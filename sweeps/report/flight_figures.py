@@ -223,7 +223,8 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
 
     if flights.sizes.get("error", 1) < 2:
         raise ValueError("irar.errors is empty, but must name parameters and their errors")
-    one = _nominal(flights.isel(ship=0, aspect=0), keep=("error", "autofocus"))
+    first = flights.isel(ship=0, aspect=0, range=0, missing_dims="ignore")
+    one = _nominal(first, keep=("error", "autofocus"))
     one = one[["profile_correlation", "closing_speed_error"]].load()
     names = one.error_parameter.values.tolist()
     parameters = [name for name in dict.fromkeys(names) if name in UNITS]
@@ -241,9 +242,9 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
             over = [dim for dim in values.dims if dim == "replicate"]
             scatter = values.std(over) if over else 0 * values
             axes.errorbar(
-                here.error_value,
-                values.mean(over),
-                scatter,
+                here.error_value.values,
+                values.mean(over).values,
+                scatter.values,
                 color=colour,
                 fmt="o-",
                 ms=3,
