@@ -74,7 +74,8 @@ def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> flo
     Returns
     -------
     float
-        0 where no sample tells its labels apart, else above 0, in the inverse of the scores' unit.
+        0 where all templates of every sample have one score or all have one label, else above 0,
+        in the inverse of the scores' unit.
 
     Raises
     ------
@@ -124,7 +125,7 @@ def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> flo
         return float((logsumexp(density, axis=1) - (wanted * density).sum(axis=1)).mean())
 
     # Scores of any size: from next to nothing on the whole spread to certainty of its smallest
-    # part. Coarse steps first, as there may be a plateau at the lower end.
+    # part. Coarse steps first: means over templates may make a hill before the valley.
     steps = np.log(np.geomspace(1e-4, 1e10, 31)) - math.log(spread)
     lowest = int(np.argmin([surprise(step) for step in steps]))
     bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])

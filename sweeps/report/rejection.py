@@ -108,7 +108,8 @@ def print_rejection(rows: list[Row], console: Console) -> None:
         Where to print.
     """
     console.width = max(console.width, WIDTH)
-    table = Table(title="Known ships named right [%] where so many unknown ships are rejected")
+    title = "Known ships named right [%] where so many unknown ships are rejected"
+    table = Table(title=title, pad_edge=False, collapse_padding=True)
     others = ("classifier", "aspects", "frame_count", *FIGURES_OF_A_CURVE)
     rows = first_rules(rows)
     several = [

@@ -130,6 +130,46 @@ def test_a_sensor_that_is_always_right_does_not_drown_another():
     assert both[0, 0] > 0.99
 
 
+def smoothed_surprise(scores, labels, truth, sharpness):
+    """Mean over samples of -sum over labels of wanted times log probability, by definition."""
+    classes, posterior = label_posterior(scores, labels, sharpness=sharpness)
+    miss = 1 / (len(truth) + 2)
+    wanted = np.full(posterior.shape, miss / (len(classes) - 1))
+    wanted[np.arange(len(truth)), np.searchsorted(classes, truth)] = 1 - miss
+    return -np.mean(np.sum(wanted * np.log(posterior), axis=1))
+
+
+def several_labels():
+    """Three labels of unlike numbers of templates, 40 samples of which most are right."""
+    rng = np.random.default_rng(9)
+    labels, truth = np.array([0, 0, 0, 0, 1, 2, 2]), rng.integers(0, 3, 40)
+    return rng.normal(size=(40, 7)) + 2.5 * (truth[:, None] == labels), labels, truth
+
+
+def one_far_template():
+    """What tells labels apart is a millionth of the spread of scores."""
+    scores, labels, truth = several_labels()
+    far = np.full((40, 1), -1e7)
+    return np.hstack([scores, far]), np.append(labels, 2), truth
+
+
+def a_hill_before_the_valley():
+    """The mean of the true label's templates is below the other's, the best of them just above."""
+    return np.tile([0.0, -1.0, -0.002], (10, 1)), np.array([0, 0, 1]), np.zeros(10, int)
+
+
+@pytest.mark.parametrize("made", [several_labels, one_far_template, a_hill_before_the_valley])
+def test_no_other_sharpness_makes_more_of_the_true_labels(made):
+    """Within what rounding of a mean tells: of nine decades about it in steps of 1 %."""
+    scores, labels, truth = made()
+    found = fit_sharpness(scores, labels, truth)
+    assert found > 0.1
+    tried = found * np.concatenate([[1.0], np.geomspace(1e-6, 1e3, 2080)])
+    with np.errstate(divide="ignore"):  # where a label's probability is 0
+        surprises = [smoothed_surprise(scores, labels, truth, sharpness) for sharpness in tried]
+    assert surprises[0] <= min(surprises[1:]) + 1e-12
+
+
 def test_one_label_needs_no_sharpness():
     assert fit_sharpness(np.random.default_rng(0).normal(size=(5, 3)), [4, 4, 4], [4] * 5) == 0.0
 
