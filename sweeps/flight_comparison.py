@@ -18,12 +18,16 @@ HANGAR_REACH = 8.0  # m either side of where a spike must be to be the hangar's
 
 Floats = NDArray[np.float64]
 
+HANGARS = {"connole": (-40.0, -20.0)}
+"""Where near-stern profiles have a hangar that is not their highest peak [m]: her stack returns
+more."""
+
 ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
 """Share of the highest peak at which a ship begins: a bare deck returns 0.02, which is all that is
 there where a transom is dark; pixels of a level lattice spread as much beyond a sloping stern."""
 
 
-def compared(profiles: Floats, down_range: Floats, *, aspect: float) -> Arrays:
+def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str = "") -> Arrays:
     """How alike profiles are, and their landmarks.
 
     Parameters
@@ -34,6 +38,8 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float) -> Arrays:
         Centres of the bins [m].
     aspect : float
         Of the ship [deg].
+    ship : str
+        Its name, where its hangar does not return most.
 
     Returns
     -------
@@ -43,15 +49,20 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float) -> Arrays:
 
     Notes
     -----
-    The hangar's spike is the highest of the synthetic profile, in which nothing glints, and in
-    the others what is highest close to it.
+    The hangar's spike is the highest of the synthetic profile, in which nothing glints, or the
+    highest where `HANGARS` has it, and in the others what is highest close to it. Masts and bridge
+    are looked for where the Perry class has them.
     """
     by_source = dict(zip(SOURCES, profiles, strict=True))
     measured, noiseless = by_source["measured"], by_source["noiseless"]
-    spike = float(down_range[by_source["synthetic"].argmax()])
+    astern, synthetic = abs(aspect - STERN) <= NEAR_STERN, by_source["synthetic"]
+    if astern and ship in HANGARS:
+        first, last = HANGARS[ship]
+        synthetic = np.where((down_range >= first) & (down_range <= last), synthetic, 0)
+    spike = float(down_range[synthetic.argmax()])
     without = np.abs(down_range - spike) <= HANGAR
     found: list[Landmarks | None] = [None] * len(SOURCES)
-    if abs(aspect - STERN) <= NEAR_STERN:
+    if astern:
         near = (spike - HANGAR_REACH, spike + HANGAR_REACH)
         for k, line in enumerate(profiles):
             with suppress(ValueError):  # nothing returns there

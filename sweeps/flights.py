@@ -202,8 +202,11 @@ class _Record:
         )
         shown = partial(correct, correction=choice.correction, belief=belief, window=window)
         cut = partial(segmented, flight=belief, threshold=config.segmentation_threshold)
-        image, fine = cut(shown(self.scan)), cut(shown(self.scan, overscanned=True))
-        lean = tilts(image.intensity, widened(course.truth, course.truth.intensity, window))
+        whole = shown(self.scan)
+        image, fine = cut(whole), cut(shown(self.scan, overscanned=True))
+        # Of the uncut image, if it shows a ship: a threshold eats into dim edges.
+        seen = whole if image.intensity.any() else image
+        lean = tilts(seen.intensity, widened(course.truth, course.truth.intensity, window))
         clean = shown(self.clean).infrared
         clean_lean = tilts(clean, widened(course.truth, course.truth.infrared, window))
         profiles = np.stack([profile_of(fine, belief, ladar), *(flight.cnr * course.models)])
@@ -222,7 +225,12 @@ class _Record:
             "range_image": (image.range - flight.slant_range).astype(np.float32),
             "infrared_image": image.infrared.astype(np.float32),
             "signature": course.expected(self._extent(fine, belief)),
-            **compared(profiles, bin_centres(ladar), aspect=course.view.aspect),
+            **compared(
+                profiles,
+                bin_centres(ladar),
+                aspect=course.view.aspect,
+                ship=course.view.ship.label,
+            ),
         }
 
     def _extent(self, image: Snapshot, belief: Flight) -> RangeExtent:

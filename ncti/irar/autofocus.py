@@ -16,11 +16,11 @@ from ncti.irar.scan import Scan
 
 Floats = NDArray[np.float64]
 
-RISE = 2.4
-"""Height over which slopes are taken [m]: as high as a deck, so that few pairs bridge a tier."""
+RISE = 3.2
+"""Height over which slopes are taken [m]: about that of a deck, so that few pairs bridge a tier."""
 
 WIDTH = 0.1
-"""Width of the kernel that slopes are counted with: half their noise, 0.4 m twice over a rise.
+"""Width of the kernel that slopes are counted with: about their noise, 0.3 m twice over a rise.
 
 A wider one reaches from upright faces to tiers that recede, and takes these for a speed.
 """
@@ -110,14 +110,14 @@ def closing_per_speed(flight: Flight) -> float:
 
 
 def _commonest_slope(scan: Scan, flight: Flight, *, reach: float) -> float:
-    image = correct(scan, Correction(), belief=flight)
-    image = segmented(image, flight)
+    image = segmented(correct(scan, Correction(), belief=flight, overscanned=True), flight)
     below = math.radians(flight.depression) - np.arctan(image.row * flight.ifov)
     level = image.range * np.cos(below)[:, None]
-    rows = max(2, round(RISE / flight.pixel))
-    there = np.isfinite(level)
-    unbroken = np.all([there[k : len(there) - rows + k] for k in range(rows + 1)], axis=0)
-    slopes = (level[rows:] - level[:-rows])[unbroken] / (rows * flight.pixel)
+    apart = float(image.row[1] - image.row[0]) * flight.pixel
+    rows = max(2, round(RISE / apart))
+    gaps = np.cumsum(~np.isfinite(level), axis=0)
+    unbroken = np.isfinite(level[:-rows]) & (gaps[rows:] == gaps[:-rows])
+    slopes = (level[rows:] - level[:-rows])[unbroken] / (rows * apart)
     if not slopes.size:
         raise ValueError(
             f"scan has nothing that stands {RISE:g} m high after correction, but must show a ship"

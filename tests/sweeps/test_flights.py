@@ -111,7 +111,8 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
             narrow.rows + 2 * above,
             narrow.columns + 2 * narrow.rows,
         )
-    image = segmented(correct(scan, Correction(), belief=belief, window=window), belief)
+    whole = correct(scan, Correction(), belief=belief, window=window)
+    image = segmented(whole, belief)
     fine = correct(scan, Correction(), belief=belief, window=window, overscanned=True)
     fine = segmented(fine, belief)
     truth = true_snapshot(mesh, flight, narrow, cells=4, reflectivity=surface)
@@ -131,7 +132,7 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
     assert (speed != 0) == bool(error[1])
 
     wide = [(n * 4, n * 4) for n in more]
-    lean = tilts(image.intensity, np.pad(truth.intensity, wide))
+    lean = tilts(whole.intensity, np.pad(truth.intensity, wide))
     assert ours["mast_tilt"] == pytest.approx(lean.mast, rel=1e-6)
     assert ours["waterline_tilt"] == pytest.approx(lean.waterline, rel=1e-6)
     assert ours["mast_tilt_error"] == pytest.approx(lean.mast_error, rel=1e-6)
@@ -397,6 +398,18 @@ def test_profiles_are_compared_by_their_own_spikes():
     away = compared(lines, down_range, aspect=90.0)
     assert away["profile_correlation"] == told["profile_correlation"]
     assert np.isnan(away["stern_to_hangar"]).all() and np.isnan(away["hangar_spike_offset"])
+
+
+def test_a_hangar_is_not_always_the_highest():
+    """Her stack at 0 m returns twice what her hangar does at -31 m."""
+    down_range = np.arange(250) - 124.5
+    lines = np.zeros((4, 250))
+    lines[:, 60:185] = 0.5
+    lines[:, 125], lines[:, 93] = 10.0, 5.0
+    told = compared(lines, down_range, aspect=175.0, ship="connole")
+    np.testing.assert_allclose(told["stern_to_hangar"], 33.0)
+    others = compared(lines, down_range, aspect=175.0, ship="roberts")
+    np.testing.assert_allclose(others["stern_to_hangar"], 65.0)
 
 
 def test_other_bins_are_those_of_the_sweep(at_hand):
