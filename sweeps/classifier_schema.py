@@ -22,6 +22,8 @@ from sweeps.grid import (
 ACN, MNN, CORRELATION, LIKELIHOOD, FUSION = "acn", "mnn", "correlation", "likelihood", "fusion"
 CLASSIFIERS = (ACN, MNN, CORRELATION, LIKELIHOOD, FUSION)
 WITH_MOMENTS = (LIKELIHOOD, FUSION)  # which need covariances
+WITH_NOISE = (CORRELATION,)  # which may learn noisy profiles
+WITH_LEFT_OUT = (CORRELATION, LIKELIHOOD)  # which may leave the true aspect out
 EXPECTED, NOISY = "expected", "noisy"
 LABEL_RULES, SCORE_RULES = ("majority", "first"), ("ship", "category")
 INPUTS = ("raw", "floor_removed", "standardised")

@@ -29,7 +29,15 @@ from ncti.infrared import (
 from ncti.ladar import RECEIVERS, shortest_pulse
 from ncti.render import ROLL, engines
 from sweeps.axes import OF_SILHOUETTES
-from sweeps.classifier_schema import ACN, FUSION, NOISY, WITH_MOMENTS, ClassifierConfig
+from sweeps.classifier_schema import (
+    ACN,
+    FUSION,
+    NOISY,
+    WITH_LEFT_OUT,
+    WITH_MOMENTS,
+    WITH_NOISE,
+    ClassifierConfig,
+)
 from sweeps.errors import ConfigurationError
 from sweeps.flight_schema import OF_MEASURED, FlightConfig, check_learning
 from sweeps.grid import (
@@ -278,25 +286,28 @@ class SweepConfig:
                 raise ConfigurationError(f"{key} is empty, but must be a path")
         grid = self.grid.expand()
         self.infrared.expand(grid)
-        if NOISY in self.classifier.expand().training and self.grid.replicate < 2:
+        # Settings of a classifier that names nothing are left alone: experiments are shared, and
+        # one of their classifiers may be asked for.
+        of_profiles = set(self.classifiers if RANGE in self.sensors else ())
+        axes = self.classifier.expand()
+        if of_profiles & set(WITH_NOISE) and NOISY in axes.training and self.grid.replicate < 2:
             raise ConfigurationError(
                 f"grid.replicate is {self.grid.replicate}, but must be at least 2 where "
                 "classifier.training has noisy: what is learned must not be what is tested"
             )
         taught = self.learned().any(axis=0).sum()
-        if any(self.classifier.expand().left_out) and taught < 2:
+        if of_profiles & set(WITH_LEFT_OUT) and any(axes.left_out) and taught < 2:
             raise ConfigurationError(
                 f"classifier.left_out has True, but must be false where {taught} aspect is "
                 "learned: nothing would be left"
             )
-        names = self.classifiers
-        for name in set(names) & set(WITH_MOMENTS):
-            if RANGE in self.sensors and self.ladar.receiver != "full_profile":
+        for name in sorted(of_profiles & set(WITH_MOMENTS)):
+            if self.ladar.receiver != "full_profile":
                 raise ConfigurationError(
                     f"ladar.receiver is {self.ladar.receiver!r}, but must be full_profile for the "
                     f"classifier {name}, which knows the moments of no other"
                 )
-        if FUSION in names:
+        if FUSION in self.classifiers:
             self._check_fusion(grid)
         labels = tuple(ship_label(name) for name in grid.ship)
         self.irar.flies(labels)

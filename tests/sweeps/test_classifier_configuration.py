@@ -303,6 +303,36 @@ def test_noisy_profiles_are_learned_of_other_replicates(value):
     assert "noisy" in value_of(configured(*given, "grid.replicate=2"), "training")
 
 
+# What each check is of, what it refuses, and who has to run for it to matter.
+CHECKED = [
+    (("classifier.training=noisy",), "grid.replicate is 1", {"correlation"}),
+    (
+        ("classifier.left_out=true", "grid.aspect=0"),
+        "classifier.left_out has True",
+        {"correlation", "likelihood"},
+    ),
+    (
+        ("ladar.receiver=peak_pulse", "ladar.target_free_ifovs=0"),
+        "ladar.receiver is 'peak_pulse'",
+        {"likelihood", "fusion"},
+    ),
+]
+
+
+@pytest.mark.parametrize("sensor", ["range", "infrared", "both"])
+@pytest.mark.parametrize(("given", "said", "users"), CHECKED, ids=lambda value: str(value)[:30])
+def test_settings_are_checked_for_those_who_use_them(given, said, users, sensor):
+    """An experiment's settings stand when one of its classifiers is asked for alone."""
+    for name in CLASSIFIERS:
+        if name == "fusion" and sensor != "both":
+            continue
+        asked = (f"classifier.name=[{name},acn]" if name != "acn" else "classifier.name=acn",)
+        if name in users and sensor != "infrared":
+            assert sentence(*asked, *given, f"sensor={sensor}").startswith(said)
+        else:
+            assert configured(*asked, *given, f"sensor={sensor}").classifiers[0] == name
+
+
 @pytest.mark.parametrize("receiver", ["first_pulse", "peak_pulse"])
 @pytest.mark.parametrize("names", ["likelihood", "[acn,likelihood]"])
 def test_likelihood_knows_the_moments_of_one_receiver(receiver, names):
