@@ -36,8 +36,9 @@ from ncti.render import range_image
 from sweeps.cache import Arrays, StageCache
 from sweeps.flight_schema import NO_ERROR, Error, FlightConfig, FlightPlan, passes
 from sweeps.ladar import bin_centres, cnr_at
-from sweeps.schema import IRAR, LadarConfig
+from sweeps.schema import IRAR
 from sweeps.seeds import cell_rng
+from sweeps.sensor_schema import LadarConfig
 from sweeps.stages import View, load_ship
 
 CELLS = 4  # of the truth along a pixel: tilts are told to 0.05 deg

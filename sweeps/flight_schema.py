@@ -24,13 +24,13 @@ from sweeps.grid import (
     switch_axis,
     word_axis,
 )
+from sweeps.sensor_schema import MOST_FRAMES
 
 OF_MEASURED = (ACN, MNN, CORRELATION)  # classifiers that can name a measured profile
 ALONE = ("learning_rate", "label_rule", "score_rule", "training", "left_out")
 ALONE_OF_MNN = ("epochs", "grow_every", "learning_rate", "tolerance", "inputs", "annealing")
 
 NO_ERROR = ("none", 0.0)
-MOST_FRAMES = 10_000
 
 Error = tuple[str, float]
 

@@ -25,8 +25,9 @@ from ncti.infrared import (
 )
 from sweeps.cache import Arrays, StageCache, code_digest
 from sweeps.grid import InfraredGrid
-from sweeps.schema import INFRARED, InfraredConfig, SceneConfig
+from sweeps.schema import INFRARED, SceneConfig
 from sweeps.seeds import cell_rng
+from sweeps.sensor_schema import InfraredConfig
 from sweeps.stages import View, depression_at
 
 ANGLES, RADII = 64, 32  # cells of the log-polar map

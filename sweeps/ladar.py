@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ncti.ladar import RangeExtent, banded_frame_moments, carrier_to_noise
 from sweeps.classifier_schema import WITH_MOMENTS
-from sweeps.schema import RANGE, LadarConfig, SweepConfig
+from sweeps.schema import RANGE, SweepConfig
+from sweeps.sensor_schema import LadarConfig
 
 
 def bin_centres(ladar: LadarConfig) -> NDArray[np.float64]:

@@ -35,8 +35,8 @@ from sweeps.flight_comparison import compared
 from sweeps.flight_course import window_of_cell
 from sweeps.flight_schema import FlightErrors
 from sweeps.flight_variables import FLIGHT, KINDS, OF_VIEWS, SOURCES
-from sweeps.schema import LadarConfig
 from sweeps.seeds import cell_rng
+from sweeps.sensor_schema import LadarConfig
 
 FEET = {"intensity", "range_image", "infrared_image"}
 

@@ -17,15 +17,8 @@ from ncti.features.log_polar import INTERPOLATIONS
 from sweeps.app import check_jobs, explain, replace_axes
 from sweeps.errors import ConfigurationError
 from sweeps.prepare import prepare
-from sweeps.schema import (
-    LEAST_NEDT,
-    MOST_COVERAGE,
-    MOST_FRAMES,
-    InfraredConfig,
-    axis_keys,
-    keys_of,
-    unknown_key,
-)
+from sweeps.schema import axis_keys, keys_of, unknown_key
+from sweeps.sensor_schema import LEAST_NEDT, MOST_COVERAGE, MOST_FRAMES, InfraredConfig
 
 # Least and most of a key.
 NUMBERS = {

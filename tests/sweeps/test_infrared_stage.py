@@ -16,8 +16,9 @@ from ncti.features import log_polar, segment
 from ncti.infrared import contrast, pixel_sigma, shifted_images, thermal_images
 from sweeps import stages
 from sweeps.infrared import image_windows, infrared_code, view_images
-from sweeps.schema import InfraredConfig, SceneConfig
+from sweeps.schema import SceneConfig
 from sweeps.seeds import cell_rng
+from sweeps.sensor_schema import InfraredConfig
 from sweeps.stages import Ship, View, rendering_code, view_profiles
 
 CODE = {name: name for name in ("rendering", "range", "infrared")}

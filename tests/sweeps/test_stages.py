@@ -13,7 +13,8 @@ from sweeps import stages
 from sweeps.cache import code_digest
 from sweeps.grid import InfraredGrid
 from sweeps.ladar import bin_centres
-from sweeps.schema import InfraredConfig, LadarConfig, RenderConfig, SceneConfig
+from sweeps.schema import RenderConfig, SceneConfig
+from sweeps.sensor_schema import InfraredConfig, LadarConfig
 from sweeps.stages import Ship, View, ViewPlan, depression_at, view_profiles
 
 INFRARED_GRID = InfraredGrid(
