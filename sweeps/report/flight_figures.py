@@ -287,14 +287,17 @@ def draw_measured(tables: xr.Dataset) -> Figure:
     for row, column in np.ndindex(rows, columns):
         axes: Any = panels[row, column]
         here = one.isel(pulse_width=row, classifier=column)
-        for shift, kind, colour in ((-0.12, "test", TRUTH), (0.12, "measured", OURS)):
+        for shift, kind, colour in (
+            (-0.2, "learned", "0.7"),
+            (0.0, "test", "0.4"),
+            (0.2, "measured", OURS),
+        ):
             part = 100 * here.sel(kind=kind)
             middle = part.ship_accuracy.values
             ends = [middle - part.ship_ci_low.values, part.ship_ci_high.values - middle]
             place = np.arange(len(labels)) + shift
-            shown = "synthetic test" if kind == "test" else "measured"
-            dark = "0.45" if kind == "test" else colour
-            axes.errorbar(place, middle, ends, fmt="o", color=dark, capsize=3, label=shown)
+            shown = {"learned": "synthetic, learned", "test": "synthetic, noisy"}.get(kind, kind)
+            axes.errorbar(place, middle, ends, fmt="o", color=colour, capsize=3, label=shown)
         axes.set_xticks(np.arange(len(labels)), labels, fontsize=8)
         axes.set(ylim=(0, 104))
         axes.grid(axis="y", color="0.92")
@@ -304,7 +307,7 @@ def draw_measured(tables: xr.Dataset) -> Figure:
         axes.set_ylabel("ships right [%]", fontsize=8)
     for axes in panels[-1]:
         axes.set_xlabel("aspect [deg]", fontsize=8)
-    panels[0, 0].legend(frameon=False, fontsize=8, loc="lower left")
+    panels[0, 0].legend(frameon=False, fontsize=7, loc="lower left")
     return figure
 
 

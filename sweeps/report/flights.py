@@ -245,7 +245,6 @@ def measured_rows(tables: xr.Dataset) -> list[Row]:
 def print_measured(rows: list[Row], console: Console) -> None:
     """Print how many measured profiles are named right, beside synthetic ones."""
     console.width = max(console.width, WIDTH)
-    rows = [row for row in rows if row["kind"] != "learned"]
     bins = list(dict.fromkeys(row["aspect_bin"] for row in rows))
     table = Table(title="Ships named right [%] by what synthetic profiles taught")
     for heading in ("pulse [ns]", "classifier", "profiles"):
@@ -272,9 +271,10 @@ def print_measured(rows: list[Row], console: Console) -> None:
         )
     console.print(table)
     console.print(
-        "Of the ships flown past, the ship alone, with 95 % intervals. test: synthetic averages of "
-        "frames as the range profiler sees them; measured: corrected images, gathered into its "
-        "beams.",
+        "Of the ships flown past, the ship alone, with 95 % intervals. learned: the synthetic "
+        "profiles themselves, without noise; test: averages of frames of them, with the range "
+        "profiler's noise; measured: corrected images, gathered into its beams, with that of the "
+        "flight alone.",
         style="dim",
     )
 
