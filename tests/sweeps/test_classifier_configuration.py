@@ -305,16 +305,16 @@ def test_noisy_profiles_are_learned_of_other_replicates(value):
 
 # What each check is of, what it refuses, and who has to run for it to matter.
 CHECKED = [
-    (("classifier.training=noisy",), "grid.replicate is 1", {"correlation"}),
+    (("classifier.training=noisy",), "grid.replicate is 1", ("correlation",)),
     (
         ("classifier.left_out=true", "grid.aspect=0"),
         "classifier.left_out has True",
-        {"correlation", "likelihood"},
+        ("correlation", "likelihood"),
     ),
     (
         ("ladar.receiver=peak_pulse", "ladar.target_free_ifovs=0"),
         "ladar.receiver is 'peak_pulse'",
-        {"likelihood", "fusion"},
+        ("likelihood", "fusion"),
     ),
 ]
 
