@@ -14,6 +14,7 @@ from ncti.irar.landmarks import (
 from ncti.irar.looks import average, gather_looks, looks_of, median
 from ncti.irar.materials import reflectivity
 from ncti.irar.mirror import mirror_rotation
+from ncti.irar.printed import correct_as_printed
 from ncti.irar.profiling import range_profile
 from ncti.irar.registration import (
     azimuth_shift,
@@ -48,6 +49,7 @@ __all__ = [
     "average",
     "azimuth_shift",
     "correct",
+    "correct_as_printed",
     "fly",
     "gather_looks",
     "histogram_cluster_average",
