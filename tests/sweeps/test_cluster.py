@@ -15,6 +15,15 @@ from sweeps.cluster import executor
 from sweeps.schema import ClusterConfig
 
 
+@pytest.fixture(autouse=True)
+def at_a_terminal():
+    """Interrupts are heard, as by a command that is typed: what runs in the background ignores
+    them, and so would all that it starts."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def interrupt_oneself():
     """Ctrl-C as a worker would get it; the time for it to act."""
     os.kill(os.getpid(), signal.SIGINT)
