@@ -22,6 +22,9 @@ HANGARS = {"connole": (-40.0, -20.0)}
 """Where near-stern profiles have a hangar that is not their highest peak [m]: her stack returns
 more."""
 
+PERRY = ("duncan", "roberts")
+"""Ships whose masts and bridge are where landmarks are looked for; of others they are not told."""
+
 ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
 """Share of the highest peak at which a ship begins: a bare deck returns 0.02, which is all that is
 there where a transom is dark; pixels of a level lattice spread as much beyond a sloping stern."""
@@ -39,7 +42,7 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str =
     aspect : float
         Of the ship [deg].
     ship : str
-        Its name, where its hangar does not return most.
+        Its name.
 
     Returns
     -------
@@ -51,7 +54,7 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str =
     -----
     The hangar's spike is the highest of the synthetic profile, in which nothing glints, or the
     highest where `HANGARS` has it, and in the others what is highest close to it. Masts and bridge
-    are looked for where the Perry class has them.
+    are looked for where the Perry class has them, and told of its ships alone.
     """
     by_source = dict(zip(SOURCES, profiles, strict=True))
     measured, noiseless = by_source["measured"], by_source["noiseless"]
@@ -68,6 +71,8 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str =
             with suppress(ValueError):  # nothing returns there
                 found[k] = landmarks(line, down_range, hangar=near, end=ENDS[SOURCES[k]])
     table = np.array([_figures(marks) for marks in found], dtype=np.float32).T
+    if ship not in PERRY:
+        table[[_FIGURES.index(name) for name in OF_PERRY]] = np.nan
     offset = [math.nan if marks is None else marks.hangar for marks in found[:2]]
     return {
         "profile_correlation": profile_correlation(measured, noiseless),
@@ -84,6 +89,9 @@ _FIGURES = (
     *("mast_position", "mast_ratio", "mast_energy"),
     *("forward_position", "forward_ratio", "forward_energy", "deck_spikes"),
 )
+
+
+OF_PERRY = tuple(name for name in _FIGURES if name.startswith(("mast", "forward")))
 
 
 def _figures(marks: Landmarks | None) -> tuple[float, ...]:

@@ -33,6 +33,8 @@ from sweeps.ladar import bin_centres
 from sweeps.seeds import cell_rng
 from sweeps.stages import View
 
+LEAST_SEEN = 20  # pixels above the threshold that are a ship and no false alarms
+
 
 def flight_code() -> str:
     """Hash of all code between a ship and what flights measure of it."""
@@ -205,8 +207,8 @@ class _Record:
         whole = shown(self.scan)
         image, fine = cut(whole), cut(shown(self.scan, overscanned=True))
         # Of the uncut image, if it shows a ship: a threshold eats into dim edges.
-        seen = whole if image.intensity.any() else image
-        lean = tilts(seen.intensity, widened(course.truth, course.truth.intensity, window))
+        seen = whole.intensity * (np.count_nonzero(image.intensity) >= LEAST_SEEN)
+        lean = tilts(seen, widened(course.truth, course.truth.intensity, window))
         clean = shown(self.clean).infrared
         clean_lean = tilts(clean, widened(course.truth, course.truth.infrared, window))
         profiles = np.stack([profile_of(fine, belief, ladar), *(flight.cnr * course.models)])

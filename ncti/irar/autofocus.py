@@ -104,8 +104,7 @@ def autofocus(scan: Scan, belief: Flight, *, reach: float = 0.1) -> Flight:
 
 def closing_per_speed(flight: Flight) -> float:
     """Closing speed gained for each metre a second that the aircraft is faster."""
-    track = flight.aircraft_heading if flight.aircraft_track is None else flight.aircraft_track
-    gain = float(compass(track, 0.0) @ compass(flight.sight, 0.0))
+    gain = float(compass(flight.track, 0.0) @ compass(flight.sight, 0.0))
     return math.copysign(max(abs(gain), 1e-3), gain)
 
 

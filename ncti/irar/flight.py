@@ -151,6 +151,11 @@ class Flight:
             )
 
     @property
+    def track(self) -> float:
+        """Direction of the aircraft's motion, clockwise from north [deg]."""
+        return self.aircraft_heading if self.aircraft_track is None else self.aircraft_track
+
+    @property
     def sight(self) -> float:
         """Azimuth of the ship's origin in the snapshot, clockwise from north [deg]."""
         return self.aircraft_heading + self.offset
@@ -168,8 +173,7 @@ class Flight:
     @property
     def velocity(self) -> Floats:
         """(3,): of the aircraft relative to the ship, east, north, up [m/s]."""
-        track = self.aircraft_heading if self.aircraft_track is None else self.aircraft_track
-        aircraft = self.aircraft_speed * compass(track, 0.0)
+        aircraft = self.aircraft_speed * compass(self.track, 0.0)
         ship: Floats = self.ship_speed * compass(self.ship_heading, 0.0)
         return aircraft - ship
 

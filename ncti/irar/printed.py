@@ -64,7 +64,7 @@ def correct_as_printed(
     scans = max(1, round(flight.lines_per_pixel))
     rows = len(scan.intensity) // scans
     used = slice(0, rows * scans)
-    closer = flight.closing_speed * math.cos(math.radians(flight.depression)) * scan.time[used]
+    closer = _approach(flight) * scan.time[used]
     looks = (scan.range[used] + closer).reshape(rows, scans, -1)
     ranges = histogram_cluster_average(
         np.moveaxis(looks, 1, -1), window=cluster * max(flight.range_sigma, 1e-3)
@@ -91,6 +91,11 @@ def correct_as_printed(
     )
 
 
+def _approach(flight: Flight) -> float:
+    """Rate at which the slant range falls, in the snapshot [m/s]."""
+    return flight.closing_speed * math.cos(math.radians(flight.depression))
+
+
 def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats, Floats]:
     """(row, sample) rows and columns of averaged pixels after shifting and turning."""
     frequency = flight.line_rate if rate == "line" else flight.pulse_rate
@@ -98,11 +103,11 @@ def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats
         [
             azimuth_shift(
                 aircraft_speed=flight.aircraft_speed,
-                aircraft_heading=flight.aircraft_heading,
+                aircraft_heading=flight.track,
                 ship_speed=flight.ship_speed,
                 ship_heading=flight.ship_heading,
-                offset=flight.offset,
-                slant_range=flight.slant_range - flight.closing_speed * moment,
+                offset=flight.sight - flight.track,
+                slant_range=flight.slant_range - _approach(flight) * moment,
                 ifov=flight.ifov,
                 rate=frequency,
                 scans=scans,
@@ -116,5 +121,5 @@ def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats
     aside = math.radians(pointing - flight.offset) * math.cos(math.radians(flight.depression))
     along = np.arange(flight.samples) - (flight.samples - 1) / 2 + aside / flight.ifov
     row = np.broadcast_to((flight.climb * time / flight.pixel)[:, None], (len(time), len(along)))
-    lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle)
+    lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle, form="printed")
     return rotated(row, along - shifted[:, None], clockwise=-lean)

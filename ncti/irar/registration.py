@@ -249,10 +249,11 @@ def motion_displacement(
         row = flight.climb * time / flight.pixel
         shift = flight.line_rate * azimuth_shift(
             aircraft_speed=flight.aircraft_speed,
-            aircraft_heading=flight.aircraft_heading,
+            # The equation takes the aircraft to move along its heading.
+            aircraft_heading=flight.track,
             ship_speed=flight.ship_speed,
             ship_heading=flight.ship_heading,
-            offset=flight.offset,
+            offset=flight.sight - flight.track,
             slant_range=flight.slant_range,
             ifov=flight.ifov,
             rate=flight.line_rate,

@@ -88,8 +88,7 @@ class Scan:
         flight = self.flight
         image = ("line", "sample")
         given = {field.name: getattr(flight, field.name) for field in fields(flight)}
-        if given["aircraft_track"] is None:
-            given["aircraft_track"] = flight.aircraft_heading
+        given["aircraft_track"] = flight.track
         given["aspect"] = flight.aspect
         attributes = given | {f"{name}_units": UNITS.get(name, "1") for name in given}
         return xr.Dataset(
@@ -155,7 +154,7 @@ class Pass:
         flight = self.plan.flight
         seen = self.returns.coverage() * contrast(flight.slant_range)
         # Detector k sees at sample j the column k before it, here when the first one saw it: in the
-        # k samples between, half a millisecond at most, the ship drifts by millimetres.
+        # k samples between, half a millisecond at the usual rates, the ship drifts by millimetres.
         last = flight.detectors - 1
         shape = (flight.detectors, self.plan.lines, flight.samples)
         images = np.empty(shape, dtype=np.float32)

@@ -240,7 +240,7 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
             here = part.sel(autofocus=on) if "autofocus" in part.dims else part
             values = here.profile_correlation
             over = [dim for dim in values.dims if dim == "replicate"]
-            scatter = values.std(over) if over else 0 * values
+            scatter = values.std(over, ddof=1) if over else 0 * values
             axes.errorbar(
                 here.error_value.values,
                 values.mean(over).values,

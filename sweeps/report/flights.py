@@ -270,6 +270,11 @@ def print_measured(rows: list[Row], console: Console) -> None:
             ),
         )
     console.print(table)
+    shown = [name for name in rows[0] if name in OF_FLIGHT or name in ("range", "range_km")]
+    several = [name for name in shown if len({row[name] for row in rows}) > 1]
+    if several:
+        values = ", ".join(f"{name.replace('_', ' ')} {rows[0][name]}" for name in several)
+        console.print(f"Of {values}; the CSV has the others.", style="dim")
     console.print(
         "Of the ships flown past, the ship alone, with 95 % intervals. learned: the synthetic "
         "profiles themselves, without noise; test: averages of frames of them, with the range "

@@ -177,7 +177,9 @@ def test_one_shift_is_the_derivative_of_the_exact_one(flown):
     assert pulses * flown.samples == pytest.approx(found)
     time = np.full((1, SAMPLES), 2.0)
     column = motion_displacement(flown, time, time, method="constant")[1]
-    np.testing.assert_allclose(column, -found * flown.line_rate * 2.0)
+    # offset is heading and offset less track there, rounded: 360 deg times eps, of the speeds
+    rounding = 1e-12 * scale * flown.line_rate * 2.0
+    np.testing.assert_allclose(column, -found * flown.line_rate * 2.0, atol=rounding)
 
 
 @given(flights())
@@ -369,3 +371,12 @@ def test_unknown_methods_are_named():
         motion_displacement(flown, time, time, method="row")
     with pytest.raises(ValueError, match="form is 'turn', but must be one of exact, printed"):
         mirror_displacement(flown, np.arange(3), form="turn")
+
+
+def test_a_track_beside_the_heading_is_what_moves_the_aircraft():
+    """The printed equation with the track for the heading: the drift across the line of sight."""
+    crabbing = flight(aircraft_track=3.0)
+    time = np.array([[0.0, 1.0]])
+    _, column, _ = motion_displacement(crabbing, time, np.full((1, 2), np.nan), method="constant")
+    assert -column[0, 1] * crabbing.pixel == pytest.approx(crabbing.drift)
+    assert abs(crabbing.drift - flight().drift) > 4  # 90 m/s times the sine of 3 deg
