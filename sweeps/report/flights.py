@@ -17,7 +17,11 @@ from sweeps.report.screen import NOTHING, WIDTH, grouped
 from sweeps.report.tables import Row, cells, percent
 
 AXES = ("ship", "aspect", "range", *OF_FLIGHT)
-UNITS = {"aspect": "deg", "range": "km", "cnr": "dB", "depression": "deg", "offset": "deg"}
+UNITS = {
+    **{name: "deg" for name in ("aspect", "depression", "offset", "aircraft_heading")},
+    **{name: "m/s" for name in ("aircraft_speed", "ship_speed")},
+    **{"range": "km", "cnr": "dB", "line_rate": "Hz", "jitter": "µrad"},
+}
 SHORT = {"transom_gain": "transom*", "mast_gain": "masts*"}
 LANDMARKS = {  # heading, digits, what the source says of the synthetic and of the measured ship
     "stern_to_hangar": ("stern to hangar [m]", 1, "same"),
@@ -122,10 +126,14 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
     console.print(
         "Means over draws of the noise, and the standard deviation of one: correlation of "
         "profiles, also without the hangar's peak and 4 m either side; by how much masts lean to "
-        "the right and the waterline rises to it; by how far the hangar's peak is off. "
-        "* Put in: what the transom and the masts reflect, over the rest of the ship.",
+        "the right and the waterline rises to it; by how far the hangar's peak is off.",
         style="dim",
     )
+    if set(SHORT) & set(several):
+        console.print(
+            "* Put in: what the transom and the masts reflect, over the rest of the ship.",
+            style="dim",
+        )
 
 
 def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
@@ -297,7 +305,13 @@ def _flights(flights: xr.Dataset, *, but: str = "") -> Iterator[tuple[Row, xr.Da
     for place in np.ndindex(*(flights.sizes[name] for name in dims)):
         one = flights.isel(dict(zip(dims, place, strict=True)))
         named = {name: _value(one[name].item()) for name in dims}
-        yield {name: (fixed | named)[name] for name in AXES if name in fixed | named}, one
+        wrong = {
+            name: _value(one[name].item())
+            for name in ("error_parameter", "error_value")
+            if name in one.coords and not one[name].dims
+        }
+        every = fixed | named
+        yield {name: every[name] for name in AXES if name in every} | wrong, one
 
 
 def _value(value: Any) -> Any:
