@@ -20,12 +20,11 @@ import xarray as xr
 import ncti.ships
 from ncti.irar import Scan, fly, reflectivity
 from sweeps import store
-from sweeps.axes import OF_FLIGHT
 from sweeps.flight_schema import FLOWN, FlightConfig, FlightErrors
 from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
 from sweeps.grid import number_axis, ship_axis, ship_label
 from sweeps.report.flight_stages import draw_stages
-from sweeps.report.flights import SISTERS
+from sweeps.report.flights import SISTERS, nominal
 from sweeps.seeds import cell_rng
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ def draw_validation(flights: xr.Dataset) -> Figure:
     figure = Figure(figsize=(11.0, 2.7 * count), dpi=140, layout="constrained")
     panels = figure.subplots(count, 1, squeeze=False)[:, 0]
     for axes, (name, km) in zip(panels, shown, strict=False):
-        one = _nominal(near.sel(ship=name).sel(range=km, method="nearest"))
+        one = nominal(near.sel(ship=name).sel(range=km, method="nearest"))
         place, profile = one.down_range.values, one.profile
         _filled(axes, place, profile.sel(source="noiseless"), "noiseless")
         _line(axes, place, profile.sel(source="measured"), OURS, "flown past and corrected")
@@ -176,16 +175,16 @@ def draw_validation(flights: xr.Dataset) -> Figure:
 
 def _sisters(axes: Axes, near: xr.Dataset) -> None:
     """The source's Figure 16, with what it put its differences down to put in."""
-    drawn = _nominal(near.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest"))
+    drawn = nominal(near.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest"))
     flown = near.sel(ship=SISTERS[2]).sel(range=SISTERS[3], method="nearest")
     glint = float(np.max(np.atleast_1d(flown.mast_gain.values)))
     dark = float(np.min(np.atleast_1d(flown.transom_gain.values)))
     lines = [
         (drawn, "point", TRUTH, "Duncan, synthetic, point sampled"),
-        (_nominal(flown), "measured", OURS, "Roberts, flown past"),
+        (nominal(flown), "measured", OURS, "Roberts, flown past"),
     ]
     if glint != 1 or dark != 1:
-        put_in = _nominal(flown, transom_gain=dark, mast_gain=glint)
+        put_in = nominal(flown, transom_gain=dark, mast_gain=glint)
         label = f"the same, transom x {dark:g} and masts x {glint:g} put in"
         lines.append((put_in, "measured", THEIRS, label))
     for one, source, colour, label in lines:
@@ -224,7 +223,7 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
     if flights.sizes.get("error", 1) < 2:
         raise ValueError("irar.errors is empty, but must name parameters and their errors")
     first = flights.isel(ship=0, aspect=0, range=0, missing_dims="ignore")
-    one = _nominal(first, keep=("error", "autofocus"))
+    one = nominal(first, keep=("error", "autofocus"))
     one = one[["profile_correlation", "closing_speed_error"]].load()
     names = one.error_parameter.values.tolist()
     parameters = [name for name in dict.fromkeys(names) if name in UNITS]
@@ -278,7 +277,7 @@ def draw_measured(tables: xr.Dataset) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    one = _nominal(tables, keep=("pulse_width", "classifier", "kind", "aspect_bin"))
+    one = nominal(tables, keep=("pulse_width", "classifier", "kind", "aspect_bin"))
     one = one.isel({dim: 0 for dim in ("vigilance", "range", "replicate") if dim in one.dims})
     rows, columns = one.sizes["pulse_width"], one.sizes["classifier"]
     figure = Figure(figsize=(3.0 * columns + 0.6, 2.5 * rows + 0.4), dpi=140, layout="constrained")
@@ -309,15 +308,6 @@ def draw_measured(tables: xr.Dataset) -> Figure:
         axes.set_xlabel("aspect [deg]", fontsize=8)
     panels[0, 0].legend(frameon=False, fontsize=7, loc="lower left")
     return figure
-
-
-def _nominal(flights: xr.Dataset, *, keep: tuple[str, ...] = (), **wanted: float) -> xr.Dataset:
-    """The flight of nominal inputs but for those wanted, and of the first of any other axis."""
-    for name, value in ({"transom_gain": 1.0, "mast_gain": 1.0} | wanted).items():
-        if name in flights.dims:
-            flights = flights.sel({name: value}, method="nearest")
-    others = {dim: 0 for dim in OF_FLIGHT if dim in flights.dims and dim not in keep}
-    return flights.isel(others)
 
 
 def _filled(axes: Axes, place: Any, profile: Any, label: str) -> None:

@@ -150,16 +150,16 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
     drawn = flights.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest")
     flown = flights.sel(ship=SISTERS[2]).sel(range=SISTERS[3], method="nearest")
     columns = {
-        f"{SISTERS[0].capitalize()}\npoint": _plain(drawn).sel(source="point"),
-        "\nspread": _plain(drawn).sel(source="synthetic"),
-        f"{SISTERS[2].capitalize()}\nmeasured": _plain(flown).sel(source="measured"),
+        f"{SISTERS[0].capitalize()}\npoint": nominal(drawn).sel(source="point"),
+        "\nspread": nominal(drawn).sel(source="synthetic"),
+        f"{SISTERS[2].capitalize()}\nmeasured": nominal(flown).sel(source="measured"),
     }
     dark = 0.0 in np.atleast_1d(flown.transom_gain.values)
     glint = float(np.max(np.atleast_1d(flown.mast_gain.values)))
     if dark:
-        columns["dark\ntransom*"] = _plain(flown, transom_gain=0.0).sel(source="measured")
+        columns["dark\ntransom*"] = nominal(flown, transom_gain=0.0).sel(source="measured")
     if glint > 1:
-        columns[f"masts*\nx {glint:g}"] = _plain(flown, mast_gain=glint).sel(source="measured")
+        columns[f"masts*\nx {glint:g}"] = nominal(flown, mast_gain=glint).sel(source="measured")
     table = Table(
         title=f"Near stern: {SISTERS[0].capitalize()}, synthetic, {float(drawn.range):g} km; "
         f"{SISTERS[2].capitalize()}, flown past, {float(flown.range):g} km"
@@ -338,11 +338,10 @@ def _near_stern(flights: xr.Dataset) -> xr.Dataset:
     return flights.sel(aspect=175.0, method="nearest")
 
 
-def _plain(flights: xr.Dataset, **wanted: float) -> xr.Dataset:
+def nominal(flights: xr.Dataset, *, keep: tuple[str, ...] = (), **wanted: float) -> xr.Dataset:
     """The flight of nominal inputs but for those wanted, and of the first of any other axis."""
-    nominal = {"transom_gain": 1.0, "mast_gain": 1.0} | wanted
-    for name, value in nominal.items():
+    for name, value in ({"transom_gain": 1.0, "mast_gain": 1.0} | wanted).items():
         if name in flights.dims:
             flights = flights.sel({name: value}, method="nearest")
-    others = {name: 0 for name in OF_FLIGHT if name in flights.dims}
+    others = {dim: 0 for dim in OF_FLIGHT if dim in flights.dims and dim not in keep}
     return flights.isel(others)
