@@ -45,9 +45,24 @@ FLIGHT_AXES: dict[str, dict[str, str]] = {
     "aircraft_speed": {"units": "m s-1", "long_name": "speed of the aircraft"},
     "ship_speed": {"units": "m s-1", "long_name": "speed of the ship"},
     "aircraft_heading": {"units": "degree", "long_name": "heading of the aircraft, from north"},
+    "aircraft_track": {
+        "units": "degree",
+        "long_name": "direction of the aircraft's motion, from north; NaN: its heading",
+    },
     "offset": {"units": "degree", "long_name": "azimuth of the ship from the aircraft's heading"},
+    "pointing": {
+        "units": "degree",
+        "long_name": "azimuth of the scan's middle from the aircraft's heading; NaN: at the ship",
+    },
+    "mirror_angle": {"units": "degree", "long_name": "mirror pointing angle"},
+    "ifov": {"units": "urad", "long_name": "instantaneous field of view, and spacing of samples"},
     "line_rate": {"units": "Hz", "long_name": "lines a second"},
+    "samples": {"units": "1", "long_name": "samples of a line"},
+    "pulse_rate": {"units": "Hz", "long_name": "pulse-repetition frequency"},
+    "range_gate": {"units": "m", "long_name": "depth in which the receiver looks for its peak"},
+    "detectors": {"units": "1", "long_name": "passive detectors along the scan"},
     "jitter": {"units": "urad", "long_name": "standard deviation of the line of sight"},
+    "jitter_time": {"units": "s", "long_name": "correlation time of the line of sight"},
     "transom_gain": {
         "units": "1",
         "long_name": "input on the source's word: reflectivity of the transom over the ship's",
@@ -57,8 +72,16 @@ FLIGHT_AXES: dict[str, dict[str, str]] = {
         "long_name": "input on the source's word: reflectivity of masts over the ship's",
     },
     "cnr": {"units": "dB", "long_name": "carrier-to-noise ratio of an IFOV that the ship fills"},
+    "flown_pulse_width": {
+        "units": "ns",
+        "long_name": "pulse width of the flight's radar, full width at 1/e^2",
+    },
+    "range_sigma": {"units": "m", "long_name": "standard deviation of a measured range"},
+    "threshold": {"units": "1", "long_name": "noise powers that a peak must reach to be reported"},
+    "nedt": {"units": "K", "long_name": "noise-equivalent temperature difference of one sample"},
     "error": {"units": "1", "long_name": "number of what is believed wrong of the flight, 0 none"},
     "autofocus": {"units": "1", "long_name": "1 where the closing speed is found in the image"},
+    "chain": {"long_name": "whose corrections: exact, or as the source prints them"},
     "azimuth": {"long_name": "how columns follow the motion"},
     "mirror": {"long_name": "how the mirror's turn is taken out"},
     "range_filter": {"long_name": "what makes one range of a pixel's looks"},
@@ -90,9 +113,11 @@ OF_CORRELATION, OF_LIKELIHOOD = ("training", "left_out"), ("gain_sigma", "left_o
 # Of the silhouettes that go with profiles there is one way each, told in a scalar coordinate.
 OF_FUSION = ("channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution", "infrared_frame_count")
 OF_FLIGHT = (
-    *("depression", "aircraft_speed", "ship_speed", "aircraft_heading", "offset", "line_rate"),
-    *("jitter", "transom_gain", "mast_gain", "cnr", "error", "autofocus"),
-    *("azimuth", "mirror", "range_filter"),
+    *("depression", "aircraft_speed", "ship_speed", "aircraft_heading", "aircraft_track", "offset"),
+    *("pointing", "mirror_angle", "ifov", "line_rate", "samples", "pulse_rate", "range_gate"),
+    *("detectors", "jitter", "jitter_time", "transom_gain", "mast_gain"),
+    *("cnr", "flown_pulse_width", "range_sigma", "threshold", "nedt"),
+    *("error", "autofocus", "chain", "azimuth", "mirror", "range_filter"),
 )
 OPTIONAL = (
     *OF_MNN,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ncti.irar import (
     Flight,
     Pass,
+    Scan,
     Snapshot,
     Window,
     fly,
@@ -34,7 +35,8 @@ from ncti.ladar import (
 )
 from ncti.render import range_image
 from sweeps.cache import Arrays, StageCache
-from sweeps.flight_schema import NO_ERROR, Error, FlightConfig, FlightPlan, passes
+from sweeps.flight_grid import NO_ERROR, Error, parameters, passes
+from sweeps.flight_schema import EXACT, FlightConfig, FlightPlan
 from sweeps.ladar import bin_centres, cnr_at
 from sweeps.schema import IRAR
 from sweeps.seeds import cell_rng
@@ -64,7 +66,7 @@ def shared_window(
     windows = [
         window_of_cell(hull, config.flight(aspect, **values), *choice)
         for hull, aspect, values in product(hulls, aspects, passes(grid))
-        for choice in product(grid.error, grid.azimuth, grid.mirror)
+        for choice in product(grid.error, grid.chain, grid.azimuth, grid.mirror)
     ]
     bottom, left = (min(getattr(one, name) for one in windows) for name in ("bottom", "left"))
     top = max(one.bottom + one.rows for one in windows)
@@ -73,7 +75,7 @@ def shared_window(
 
 
 def window_of_cell(
-    mesh: trimesh.Trimesh, flight: Flight, error: Error, azimuth: str, mirror: str
+    mesh: trimesh.Trimesh, flight: Flight, error: Error, chain: str, azimuth: str, mirror: str
 ) -> Window:
     """Pixels of a corrected image: about the ship, and wider where it may lean or stretch.
 
@@ -81,7 +83,7 @@ def window_of_cell(
     image sees it there.
     """
     window = ship_window(mesh, flight)
-    if error != NO_ERROR or azimuth != "pixel" or mirror not in MIRROR_FORMS:
+    if error != NO_ERROR or chain != EXACT or azimuth != "pixel" or mirror not in MIRROR_FORMS:
         above = math.ceil(max(window.rows, window.columns) / 8)
         window = Window(
             window.bottom - above,
@@ -95,13 +97,48 @@ def window_of_cell(
     return window
 
 
+def surface(mesh: trimesh.Trimesh, values: dict[str, Any], reflectance: str) -> dict[str, Any]:
+    """How a ship reflects, with the gains put in."""
+    gains = {name: values[name] for name in ("transom_gain", "mast_gain")}
+    return {
+        "reflectivity": reflectivity(mesh, **gains),
+        "lambertian": reflectance == "lambertian",
+    }
+
+
+def fly_past(
+    mesh: trimesh.Trimesh,
+    flight: Flight,
+    *,
+    name: dict[str, Any],
+    replicate: int,
+    seed: int,
+    reflectance: str,
+) -> Pass:
+    """A pass by a ship, whose name is its label, its aspect and values on the axes of `FLOWN`."""
+    rng = cell_rng(seed, stage="flight_attitude", **name, replicate=replicate)
+    return fly(mesh, flight, rng=rng, **surface(mesh, name, reflectance))
+
+
+def recorded(flown: Pass, *, name: dict[str, Any], values: dict[str, Any], seed: int) -> Scan:
+    """Raw images of such a pass, by receivers of values on the axes of `RECORDED`."""
+    rng = cell_rng(seed, stage="flight", **name, **values)
+    return received(flown, values).record(rng)
+
+
+def received(flown: Pass, values: dict[str, Any]) -> Pass:
+    """The same pass, met by other receivers."""
+    flight = replace(flown.plan.flight, **parameters(values))
+    return Pass(replace(flown.plan, flight=flight), flown.returns)
+
+
 @dataclass(frozen=True)
 class Course:
     """One geometry: what the beam meets, what a perfect sensor would show, made when asked for."""
 
     view: View
     plan: FlightPlan
-    values: dict[str, float]
+    values: dict[str, Any]
     flown: dict[int, Pass] = field(default_factory=dict)
 
     @property
@@ -120,31 +157,30 @@ class Course:
         ship = self.view.ship
         return load_ship(ship.source, ship.digest, self.view.plan.cache)
 
-    @cached_property
-    def surface(self) -> dict[str, Any]:
-        """How the ship reflects."""
-        gains = {name: self.values[name] for name in ("transom_gain", "mast_gain")}
-        return {
-            "reflectivity": reflectivity(self.mesh, **gains),
-            "lambertian": self.view.plan.ladar.reflectance == "lambertian",
-        }
-
     def passed(self, replicate: int) -> Pass:
         """The pass; another one for each replicate where the line of sight jitters."""
         number = replicate if self.values["jitter"] else 0
         if number not in self.flown:
             self.flown.clear()  # only one at a time: each has a million rays
-            rng = cell_rng(
-                self.view.plan.seed, stage="flight_attitude", **self.name, replicate=number
+            self.flown[number] = fly_past(
+                self.mesh,
+                self.flight,
+                name=self.name,
+                replicate=number,
+                seed=self.view.plan.seed,
+                reflectance=self.view.plan.ladar.reflectance,
             )
-            self.flown[number] = fly(self.mesh, self.flight, rng=rng, **self.surface)
         return self.flown[number]
 
     @cached_property
     def truth(self) -> Snapshot:
         """The view from the snapshot's place, on the ship's own window."""
         return true_snapshot(
-            self.mesh, self.flight, ship_window(self.mesh, self.flight), cells=CELLS, **self.surface
+            self.mesh,
+            self.flight,
+            ship_window(self.mesh, self.flight),
+            cells=CELLS,
+            **surface(self.mesh, self.values, self.view.plan.ladar.reflectance),
         )
 
     @cached_property

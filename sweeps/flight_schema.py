@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
 
@@ -15,10 +14,13 @@ from ncti.irar.chain import MIRROR_METHODS, RANGE_FILTERS
 from ncti.irar.registration import MOTION_METHODS
 from sweeps.classifier_schema import ACN, CORRELATION, EXPECTED, MNN, ClassifierConfig
 from sweeps.errors import ConfigurationError
+from sweeps.flight_grid import FlightErrors, FlightGrid, believed, parameters, passes
 from sweeps.grid import (
     Grid,
     between,
+    count_axis,
     number_axis,
+    optional_axis,
     ship_axis,
     ship_label,
     switch_axis,
@@ -30,91 +32,40 @@ OF_MEASURED = (ACN, MNN, CORRELATION)  # classifiers that can name a measured pr
 ALONE = ("learning_rate", "label_rule", "score_rule", "training", "left_out")
 ALONE_OF_MNN = ("epochs", "grow_every", "learning_rate", "tolerance", "inputs", "annealing")
 
-NO_ERROR = ("none", 0.0)
+EXACT, PRINTED, PRINTED_PULSE_RATE = CHAINS = ("exact", "printed", "printed_pulse_rate")
+"""Corrections as the geometry has them, or as the source prints them: with f as the line rate, or
+as the pulse-repetition frequency that it says f is."""
 
-Error = tuple[str, float]
-
-
-@dataclass(frozen=True)
-class FlightGrid:
-    """Every value of every axis of the flights, in the units of the configuration.
-
-    Attributes
-    ----------
-    range, depression, aircraft_speed, ship_speed, aircraft_heading, offset, line_rate, jitter
-        tuple of float: of the flight [km, deg, m/s, m/s, deg, deg, Hz, urad].
-    transom_gain, mast_gain : tuple of float
-        Reflectivities put in, relative to the ship's.
-    cnr : tuple of float
-        Carrier-to-noise ratios [dB].
-    replicate : tuple of int
-        Numbers of independent draws of all noise.
-    error : tuple of (str, float)
-        What is believed wrong of the flight, and by how much; `none` first.
-    autofocus : tuple of bool
-        Whether the closing speed is then looked for in the image.
-    azimuth, mirror, range_filter : tuple of str
-        Of `ncti.irar.Correction`.
-    """
-
-    range: tuple[float, ...]
-    depression: tuple[float, ...]
-    aircraft_speed: tuple[float, ...]
-    ship_speed: tuple[float, ...]
-    aircraft_heading: tuple[float, ...]
-    offset: tuple[float, ...]
-    line_rate: tuple[float, ...]
-    jitter: tuple[float, ...]
-    transom_gain: tuple[float, ...]
-    mast_gain: tuple[float, ...]
-    cnr: tuple[float, ...]
-    replicate: tuple[int, ...]
-    error: tuple[Error, ...]
-    autofocus: tuple[bool, ...]
-    azimuth: tuple[str, ...]
-    mirror: tuple[str, ...]
-    range_filter: tuple[str, ...]
-
-
-# What the beam meets depends on these axes, the raw images on these, too, and the rest corrects.
-FLOWN = (
-    *("range", "depression", "aircraft_speed", "ship_speed", "aircraft_heading", "offset"),
-    *("line_rate", "jitter", "transom_gain", "mast_gain"),
-)
-RECORDED = ("replicate", "cnr")
-CORRECTED = ("error", "autofocus", "azimuth", "mirror", "range_filter")
-
-# Parameters of a flight that are in its own units here.
-AS_FLOWN = (
-    *("depression", "aircraft_speed", "ship_speed", "aircraft_heading", "offset", "line_rate"),
-)
-AS_GIVEN = (
-    *("aircraft_track", "pointing", "mirror_angle", "samples", "pulse_rate", "range_sigma"),
-    *("range_gate", "threshold", "detectors", "nedt", "jitter_time"),
-)
-
-
-@dataclass
-class FlightErrors:
-    """Errors of what navigation believes, one at a time; 0, no error, is always there."""
-
-    aircraft_speed: Any = None
-    ship_speed: Any = None
-    aircraft_heading: Any = None
-    ship_heading: Any = None
-    pointing: Any = None
-
-    def expand(self) -> tuple[Error, ...]:
-        """Every error, checked."""
-        bounds = {"aircraft_speed": 50.0, "ship_speed": 50.0}  # %, m/s; else deg
-        found = [NO_ERROR]
-        for parameter in (one.name for one in fields(self)):
-            given, most = getattr(self, parameter), bounds.get(parameter, 30.0)
-            if given is not None:
-                key = f"irar.errors.{parameter}"
-                values = number_axis(key, given, minimum=-most, maximum=most)
-                found += [(parameter, value) for value in values if value]
-        return tuple(found)
+NUMBERS = {  # axes: least and most, in the units of the configuration
+    "range": (0.1, 1000),
+    "depression": (0.1, 60),
+    "aircraft_speed": (1, 1000),
+    "ship_speed": (0, 50),
+    "aircraft_heading": (-360, 360),
+    "offset": (-360, 360),
+    "mirror_angle": (1, 80),
+    "ifov": (1, 10_000),
+    "line_rate": (1, 100_000),
+    "pulse_rate": (1, 1e9),
+    "range_gate": (10, 1e5),
+    "jitter": (0, 10_000),
+    "jitter_time": (1e-6, 1000),
+    "transom_gain": (0, 1000),
+    "mast_gain": (0, 1000),
+    "cnr": (-100, 90),
+    "pulse_width": (2, 1000),
+    "range_sigma": (0, 100),
+    "threshold": (0, 1e9),
+    "nedt": (0, 1000),
+}
+COUNTS = {"samples": (2, 10_000), "detectors": (1, 1000)}
+WITH_NULL = ("aircraft_track", "pointing")  # deg; null: what the heading, or the ship, has them be
+WORDS = {
+    "chain": CHAINS,
+    "azimuth": (*MOTION_METHODS, "none"),
+    "mirror": MIRROR_METHODS,
+    "range_filter": RANGE_FILTERS,
+}
 
 
 @dataclass
@@ -126,30 +77,31 @@ class FlightConfig:
     aircraft_speed: Any = 90.0
     ship_speed: Any = 8.0
     aircraft_heading: Any = 0.0
+    aircraft_track: Any = None
     offset: Any = 5.0
+    pointing: Any = None
+    mirror_angle: Any = 45.0
+    ifov: Any = 205.0
     line_rate: Any = 119.0
-    cnr: Any = 20.0
+    samples: Any = 160
+    pulse_rate: Any = 20_000.0
+    range_gate: Any = 300.0
+    detectors: Any = 12
     jitter: Any = 0.0
+    jitter_time: Any = 0.1
+    cnr: Any = 20.0
+    pulse_width: Any = 30.0
+    range_sigma: Any = 1.0
+    threshold: Any = 4.0
+    nedt: Any = 0.4
     transom_gain: Any = 1.0
     mast_gain: Any = 1.0
+    chain: Any = EXACT
     azimuth: Any = "pixel"
     mirror: Any = "exact"
     range_filter: Any = "cluster"
     autofocus: Any = False
     errors: FlightErrors = field(default_factory=FlightErrors)
-    aircraft_track: float | None = None
-    pointing: float | None = None
-    mirror_angle: float = 45.0
-    ifov: float = 205.0
-    samples: int = 160
-    pulse_rate: float = 20_000.0
-    pulse_width: float = 30.0
-    range_sigma: float = 1.0
-    range_gate: float = 300.0
-    threshold: float = 4.0
-    detectors: int = 12
-    nedt: float = 0.4
-    jitter_time: float = 0.1
     segmentation_threshold: float | None = None
     profile_range: float = 100.0
     profile_frames: int = 16
@@ -157,63 +109,48 @@ class FlightConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges of what is no axis."""
-        for key, low, high in (
-            ("mirror_angle", 1, 80),
-            ("ifov", 1, 10_000),
-            ("samples", 2, 10_000),
-            ("pulse_rate", 1, 1e9),
-            ("pulse_width", 2, 1000),
-            ("range_sigma", 0, 100),
-            ("range_gate", 10, 1e5),
-            ("threshold", 0, 1e9),
-            ("detectors", 1, 1000),
-            ("nedt", 0, 1000),
-            ("jitter_time", 1e-6, 1000),
-            ("profile_range", 1, 1000),
-            ("profile_frames", 1, MOST_FRAMES),
-        ):
-            between(f"irar.{key}", getattr(self, key), low, high)
-        for key, low, high in (
-            ("aircraft_track", -360, 360),
-            ("pointing", -360, 360),
-            ("segmentation_threshold", 0, 1e9),
-        ):
-            if getattr(self, key) is not None:
-                between(f"irar.{key}", getattr(self, key), low, high)
+        between("irar.profile_range", self.profile_range, 1, 1000)
+        between("irar.profile_frames", self.profile_frames, 1, MOST_FRAMES)
+        if self.segmentation_threshold is not None:
+            between("irar.segmentation_threshold", self.segmentation_threshold, 0, 1e9)
 
     def expand(self, replicate: tuple[int, ...] = (0,)) -> FlightGrid:
         """Every value of every axis, checked; draws are numbered by the grid."""
-        bounds = {
-            "range": (0.1, 1000),
-            "depression": (0.1, 60),
-            "aircraft_speed": (1, 1000),
-            "ship_speed": (0, 50),
-            "aircraft_heading": (-360, 360),
-            "offset": (-360, 360),
-            "line_rate": (1, 100_000),
-            "jitter": (0, 10_000),
-            "transom_gain": (0, 1000),
-            "mast_gain": (0, 1000),
-            "cnr": (-100, 90),
-        }
-        words = {
-            "azimuth": (*MOTION_METHODS, "none"),
-            "mirror": MIRROR_METHODS,
-            "range_filter": RANGE_FILTERS,
-        }
         values: dict[str, Any] = {
             name: number_axis(f"irar.{name}", getattr(self, name), minimum=low, maximum=high)
-            for name, (low, high) in bounds.items()
-        } | {
-            name: word_axis(f"irar.{name}", getattr(self, name), allowed)
-            for name, allowed in words.items()
+            for name, (low, high) in NUMBERS.items()
         }
+        values |= {
+            name: count_axis(f"irar.{name}", getattr(self, name), minimum=low, maximum=high)
+            for name, (low, high) in COUNTS.items()
+        }
+        values |= {
+            name: optional_axis(f"irar.{name}", getattr(self, name), minimum=-360, maximum=360)
+            for name in WITH_NULL
+        }
+        values |= {
+            name: word_axis(f"irar.{name}", getattr(self, name), allowed)
+            for name, allowed in WORDS.items()
+        }
+        self._check_chain(values)
         return FlightGrid(
+            flown_pulse_width=values.pop("pulse_width"),
             **values,
             autofocus=switch_axis("irar.autofocus", self.autofocus),
             error=self.errors.expand(),
             replicate=replicate,
         )
+
+    def _check_chain(self, values: dict[str, Any]) -> None:
+        """The source's chain has its own way with columns, the mirror and ranges."""
+        printed = next((name for name in values["chain"] if name != EXACT), None)
+        for name in ("azimuth", "mirror", "range_filter") if printed else ():
+            own = FlightConfig.__dataclass_fields__[name].default
+            if values[name] != (own,):
+                raise ConfigurationError(
+                    f"irar.{name} is {', '.join(values[name])}, but must be {own} where irar.chain "
+                    f"has {printed}, which has a way of its own"
+                )
 
     def flies(self, ships: tuple[str, ...]) -> tuple[str, ...]:
         """Those ships that are flown past; the others are learned only."""
@@ -227,20 +164,10 @@ class FlightConfig:
                 )
         return tuple(name for name in ships if name in ship_axis("irar.flown", self.flown))
 
-    def flight(self, aspect: float, **values: float) -> Flight:
-        """A pass by a ship at an aspect [deg], of values on the axes of `FLOWN` and `cnr`."""
+    def flight(self, aspect: float, **values: Any) -> Flight:
+        """A pass by a ship at an aspect [deg], of values on the axes of `FLOWN` and `RECORDED`."""
         sight = values["aircraft_heading"] + values["offset"]
-        own: dict[str, Any] = {name: values[name] for name in AS_FLOWN}
-        own |= {name: getattr(self, name) for name in AS_GIVEN}
-        return Flight(
-            slant_range=values["range"] * 1e3,
-            ship_heading=ship_heading(aspect=aspect, sight=sight),
-            ifov=self.ifov * 1e-6,
-            pulse_width=self.pulse_width * 1e-9,
-            jitter=values["jitter"] * 1e-6,
-            cnr=10 ** (values.get("cnr", 0.0) / 10),
-            **own,
-        )
+        return Flight(ship_heading=ship_heading(aspect=aspect, sight=sight), **parameters(values))
 
     def check(self, aspects: tuple[float, ...]) -> None:
         """Refuse what cannot be flown, or be believed of a flight, at some aspect.
@@ -299,37 +226,6 @@ class FlightPlan:
         """The plan of a checked configuration."""
         flown = config.flies(tuple(ship_label(name) for name in grid.ship))
         return cls(flown, config.expand(grid.replicate), config, window)
-
-
-def passes(grid: FlightGrid) -> Iterator[dict[str, float]]:
-    """Values on the axes of `FLOWN` of every pass."""
-    for values in product(*(getattr(grid, name) for name in FLOWN)):
-        yield dict(zip(FLOWN, values, strict=True))
-
-
-def believed(flight: Flight, error: Error) -> Flight:
-    """A flight as navigation has it, with one error.
-
-    Parameters
-    ----------
-    flight : Flight
-        As it was, with its pointing settled where that is wrong.
-    error : (str, float)
-        The parameter, and by how much it is wrong: of the aircraft's speed in percent.
-
-    Raises
-    ------
-    ValueError
-        If no such flight can be.
-    """
-    parameter, value = error
-    if parameter == NO_ERROR[0]:
-        return flight
-    if parameter == "aircraft_speed":
-        return replace(flight, aircraft_speed=flight.aircraft_speed * (1 + value / 100))
-    if parameter == "pointing" and flight.pointing is None:
-        return replace(flight, pointing=flight.offset + value)
-    return replace(flight, **{parameter: getattr(flight, parameter) + value})
 
 
 def check_learning(classifier: ClassifierConfig, floors: tuple[int, ...]) -> None:

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from ncti.irar import (
     Correction,
     Flight,
-    Pass,
     Scan,
     Snapshot,
     Window,
     autofocus,
     correct,
+    correct_as_printed,
     measured_extent,
     segmented,
     tilts,
@@ -26,11 +27,25 @@ from ncti.irar import (
 from ncti.ladar import RangeExtent
 from sweeps.cache import Arrays, StageCache, code_digest
 from sweeps.flight_comparison import compared
-from sweeps.flight_course import Course, profile_of, widened, window_of_cell
-from sweeps.flight_schema import CORRECTED, FLOWN, RECORDED, Error, FlightPlan, believed, passes
+from sweeps.flight_course import (
+    Course,
+    profile_of,
+    received,
+    recorded,
+    widened,
+    window_of_cell,
+)
+from sweeps.flight_grid import (
+    CORRECTED,
+    FLOWN,
+    RECORDED,
+    Error,
+    believed,
+    passes,
+)
+from sweeps.flight_schema import EXACT, PRINTED, FlightPlan
 from sweeps.flight_variables import FLIGHT, KINDS, OF_VIEWS, SOURCES
 from sweeps.ladar import bin_centres
-from sweeps.seeds import cell_rng
 from sweeps.stages import View
 
 LEAST_SEEN = 20  # pixels above the threshold that are a ship and no false alarms
@@ -47,6 +62,7 @@ def flight_code() -> str:
         "sweeps.seeds",
         "sweeps.ladar",
         "sweeps.stages",
+        "sweeps.flight_grid",
         "sweeps.flight_schema",
         "sweeps.flight_course",
         "sweeps.flight_comparison",
@@ -102,9 +118,9 @@ def _cells(view: View, plan: FlightPlan) -> Iterable[Arrays]:
     flown = view.ship.label in plan.flown
     for values in passes(grid):
         course = Course(view, plan, values)
-        for replicate, cnr in draws:
-            known = course.signatures(replicate)
-            record = _Record(course, replicate, cnr)
+        for draw in draws:
+            record = _Record(course, dict(zip(RECORDED, draw, strict=True)))
+            known = course.signatures(record.replicate)
             for choice in choices:
                 cell = record.corrected(_Choice(*choice)) if flown else {}
                 measured = cell.get("signature", np.full_like(known["learned"], np.nan))
@@ -118,13 +134,20 @@ class _Choice:
 
     error: Error
     autofocus: bool
+    chain: str
     azimuth: str
     mirror: str
     range_filter: str
 
-    @property
-    def correction(self) -> Correction:
-        return Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
+    def image(
+        self, scan: Scan, *, belief: Flight, window: Window, overscanned: bool = False
+    ) -> Snapshot:
+        """A scan corrected; rows as printed are a pixel apart."""
+        if self.chain != EXACT:
+            rate = "line" if self.chain == PRINTED else "pulse"
+            return correct_as_printed(scan, belief=belief, window=window, rate=rate)
+        how = Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
+        return correct(scan, how, belief=belief, window=window, overscanned=overscanned)
 
 
 @dataclass(frozen=True)
@@ -132,28 +155,18 @@ class _Record:
     """One draw of the noise of a pass, and what each way to correct it gives."""
 
     course: Course
-    replicate: int
-    cnr: float
+    values: dict[str, Any]
     beliefs: dict[tuple[Error, bool], Flight] = field(default_factory=dict)
 
     def corrected(self, choice: _Choice) -> Arrays:
         """The variables of one cell, but for its synthetic signatures; images as stored."""
         course = self.course
-        config = course.plan.config
-        plain = {
-            name: getattr(config, name)
-            for name in (
-                *("aircraft_track", "pointing", "mirror_angle", "ifov", "samples", "pulse_rate"),
-                *("pulse_width", "range_sigma", "range_gate", "threshold", "detectors", "nedt"),
-                *("jitter_time", "segmentation_threshold"),
-            )
-        }
         inputs = {
             **course.inputs(),
             "engine": course.view.plan.render.engine,
-            "flight": {**course.values, "sensor": plain},
-            "cnr": self.cnr,
-            "replicate": self.replicate,
+            "flight": course.values,
+            "record": self.values,
+            "threshold": course.plan.config.segmentation_threshold,
             "choice": [getattr(choice, name) for name in CORRECTED],
         }
         found = StageCache(course.view.plan.cache).fetch(
@@ -167,23 +180,22 @@ class _Record:
             found[name] = placed
         return found
 
-    @cached_property
-    def passed(self) -> Pass:
-        """The pass, of this carrier-to-noise ratio."""
-        flown = self.course.passed(self.replicate)
-        flight = replace(flown.plan.flight, cnr=10 ** (self.cnr / 10))
-        return Pass(replace(flown.plan, flight=flight), flown.returns)
+    @property
+    def replicate(self) -> int:
+        """Number of the draw of the noise."""
+        return int(self.values["replicate"])
 
     @cached_property
     def scan(self) -> Scan:
         """The raw images."""
-        name = {**self.course.name, "cnr": self.cnr, "replicate": self.replicate}
-        return self.passed.record(cell_rng(self.course.view.plan.seed, stage="flight", **name))
+        course = self.course
+        flown = course.passed(self.replicate)
+        return recorded(flown, name=course.name, values=self.values, seed=course.view.plan.seed)
 
     @cached_property
     def clean(self) -> Scan:
         """The raw images without noise."""
-        return self.passed.noiseless()
+        return received(self.course.passed(self.replicate), self.values).noiseless()
 
     def belief(self, choice: _Choice) -> Flight:
         """What the corrections take for the flight."""
@@ -200,9 +212,10 @@ class _Record:
         course, belief = self.course, self.belief(choice)
         config, ladar, flight = course.plan.config, course.view.plan.ladar, self.scan.flight
         window = window_of_cell(
-            course.mesh, course.flight, choice.error, choice.azimuth, choice.mirror
+            *(course.mesh, course.flight, choice.error, choice.chain),
+            *(choice.azimuth, choice.mirror),
         )
-        shown = partial(correct, correction=choice.correction, belief=belief, window=window)
+        shown = partial(choice.image, belief=belief, window=window)
         cut = partial(segmented, flight=belief, threshold=config.segmentation_threshold)
         whole = shown(self.scan)
         image, fine = cut(whole), cut(shown(self.scan, overscanned=True))

@@ -13,7 +13,7 @@ import numpy as np
 import ncti.ships
 from sweeps.errors import ConfigurationError
 
-T = TypeVar("T", str, float, bool)
+T = TypeVar("T")
 
 LARGEST = 1e300  # beyond it a number is a slip, and integers need not fit a float
 MAX_AXIS = 100_000  # longer axes are a slip of the step, not a plan
@@ -223,6 +223,20 @@ def count_axis(
         if value != int(value):
             raise ConfigurationError(f"{key} has {value!r}, but every value must be a whole number")
     return tuple(int(value) for value in values)
+
+
+def optional_axis(
+    key: str, spec: Any, *, minimum: float, maximum: float
+) -> tuple[float | None, ...]:
+    """Values of a numeric axis that may also be null, alone or in a list; see `number_axis`."""
+    if spec is None:
+        return (None,)
+    if isinstance(spec, str) or not isinstance(spec, Sequence) or None not in spec:
+        return number_axis(key, spec, minimum=minimum, maximum=maximum)
+    given = [one for one in spec if one is not None]
+    numbers = number_axis(key, given, minimum=minimum, maximum=maximum) if given else ()
+    left = iter(numbers)
+    return _distinct(key, [None if one is None else next(left) for one in spec])
 
 
 def switch_axis(key: str, spec: Any) -> tuple[bool, ...]:

@@ -23,6 +23,7 @@ from sweeps.axes import (
     ROW_OF_FLIGHTS,
     WINDOW,
 )
+from sweeps.flight_schema import WITH_NULL
 from sweeps.flight_variables import KINDS, MEASURED, SOURCES, VALIDATION
 from sweeps.fusion import CHANNELS
 from sweeps.infrared import ANGLE, RADIUS, image_windows
@@ -135,6 +136,7 @@ class Axes:
             alone = name in values and name in OPTIONAL and len(values[name]) == 1
             if name in dims or (alone and name in owned(group)):
                 array = np.asarray(values[name] if name in dims else values[name][0])
+                array = array.astype(float) if name in WITH_NULL else array  # None: NaN
                 # Strings as objects: fixed-width ones are no part of the zarr 3 format.
                 array = array.astype(object) if array.dtype.kind == "U" else array
                 coords[name] = ((name,) if name in dims else (), array, attrs)

@@ -22,7 +22,12 @@ RATES = ("line", "pulse")
 
 
 def correct_as_printed(
-    scan: Scan, *, window: Window | None = None, rate: str = "line", cluster: float = 4.0
+    scan: Scan,
+    *,
+    belief: Flight | None = None,
+    window: Window | None = None,
+    rate: str = "line",
+    cluster: float = 4.0,
 ) -> Snapshot:
     """Average first, then shift rows by the printed equation and turn the whole image.
 
@@ -30,6 +35,8 @@ def correct_as_printed(
     ----------
     scan : Scan
         Raw images.
+    belief : Flight, optional
+        The flight as navigation has it; as it was, when not given.
     window : Window, optional
         Pixels of the result; all that the turned image fills when not given.
     rate : str
@@ -60,7 +67,7 @@ def correct_as_printed(
     """
     if rate not in RATES:
         raise ValueError(f"rate is {rate!r}, but must be one of {', '.join(RATES)}")
-    flight = scan.flight
+    flight = scan.flight if belief is None else belief
     scans = max(1, round(flight.lines_per_pixel))
     rows = len(scan.intensity) // scans
     used = slice(0, rows * scans)

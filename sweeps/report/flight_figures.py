@@ -18,14 +18,15 @@ import trimesh
 import xarray as xr
 
 import ncti.ships
-from ncti.irar import Scan, fly, reflectivity
+from ncti.irar import Scan
 from sweeps import store
-from sweeps.flight_schema import FLOWN, FlightConfig, FlightErrors
+from sweeps.flight_course import fly_past, recorded
+from sweeps.flight_grid import FLOWN, RECORDED, FlightErrors
+from sweeps.flight_schema import FlightConfig
 from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
 from sweeps.grid import number_axis, ship_axis, ship_label
 from sweeps.report.flight_stages import draw_stages
 from sweeps.report.flights import SISTERS, nominal
-from sweeps.seeds import cell_rng
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,23 +100,21 @@ def first_scan(attributes: dict[str, Any]) -> tuple[trimesh.Trimesh, Scan, str]:
     irar = dict(given["irar"])
     config = FlightConfig(**(irar | {"errors": FlightErrors(**irar["errors"])}))
     grid = config.expand()
-    names = {ship_label(name): name for name in ship_axis("grid.ship", given["grid"]["ship"])}
-    ship = config.flies(tuple(names))[0]
+    labels = {ship_label(name): name for name in ship_axis("grid.ship", given["grid"]["ship"])}
+    ship = config.flies(tuple(labels))[0]
     aspect = number_axis("grid.aspect", given["grid"]["aspect"], minimum=0, below=360)[0]
-    values = {name: getattr(grid, name)[0] for name in FLOWN}
-    cell = {"ship": ship, "aspect": aspect, **values}
-    mesh = ncti.ships.load(names[ship])
-    gains = {name: values[name] for name in ("transom_gain", "mast_gain")}
-    flown = fly(
+    values, receivers = ({name: getattr(grid, name)[0] for name in on} for on in (FLOWN, RECORDED))
+    name = {"ship": ship, "aspect": aspect, **values}
+    mesh = ncti.ships.load(labels[ship])
+    flown = fly_past(
         mesh,
-        config.flight(aspect, **values, cnr=grid.cnr[0]),
-        rng=cell_rng(given["seed"], stage="flight_attitude", **cell, replicate=0),
-        reflectivity=reflectivity(mesh, **gains),
-        lambertian=given["ladar"]["reflectance"] == "lambertian",
+        config.flight(aspect, **values),
+        name=name,
+        replicate=receivers["replicate"],
+        seed=given["seed"],
+        reflectance=given["ladar"]["reflectance"],
     )
-    scan = flown.record(
-        cell_rng(given["seed"], stage="flight", **cell, cnr=grid.cnr[0], replicate=0)
-    )
+    scan = recorded(flown, name=name, values=receivers, seed=given["seed"])
     return mesh, scan, f"{ship.capitalize()} at {values['range']:g} km, aspect {aspect:g}°"
 
 

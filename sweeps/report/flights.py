@@ -12,15 +12,18 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sweeps.axes import OF_FLIGHT
+from sweeps.axes import AXES as AXIS_ATTRIBUTES
+from sweeps.axes import FLIGHT_AXES, OF_FLIGHT
 from sweeps.report.screen import NOTHING, WIDTH, grouped
 from sweeps.report.tables import Row, cells, percent
 
 AXES = ("ship", "aspect", "range", *OF_FLIGHT)
+WRITTEN = {"degree": "deg", "m s-1": "m/s", "urad": "µrad", "1": ""}  # of units that need it
 UNITS = {
-    **{name: "deg" for name in ("aspect", "depression", "offset", "aircraft_heading")},
-    **{name: "m/s" for name in ("aircraft_speed", "ship_speed")},
-    **{"range": "km", "cnr": "dB", "line_rate": "Hz", "jitter": "µrad"},
+    name: unit
+    for name, attributes in (AXIS_ATTRIBUTES | FLIGHT_AXES).items()
+    if name in AXES
+    and (unit := WRITTEN.get(attributes.get("units", "1"), attributes.get("units", "1")))
 }
 SHORT = {"transom_gain": "transom*", "mast_gain": "masts*"}
 LANDMARKS = {  # heading, digits, what the source says of the synthetic and of the measured ship
@@ -111,10 +114,7 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
         if bool(np.isnan(flight.profile_correlation).all()):
             continue
         table.add_row(
-            *(
-                f"{axes[name]:g}" if isinstance(axes[name], float) else str(axes[name])
-                for name in several
-            ),
+            *(_shown(axes[name]) for name in several),
             f"{float(flight.looks.mean()):.1f}",
             _mean(flight.profile_correlation, 3),
             _mean(flight.profile_correlation_without_hangar, 3),
@@ -316,6 +316,13 @@ def _flights(flights: xr.Dataset, *, but: str = "") -> Iterator[tuple[Row, xr.Da
 
 def _value(value: Any) -> Any:
     return value if isinstance(value, (bool, str)) else float(value)
+
+
+def _shown(value: Any) -> str:
+    """A value of an axis; NaN where it was left to the heading, or to the ship."""
+    if isinstance(value, float):
+        return NOTHING if math.isnan(value) else f"{value:g}"
+    return str(value).replace("_", " ")
 
 
 def _draws(values: xr.DataArray) -> int:

@@ -22,28 +22,21 @@ import ncti.ships
 from ncti.irar import Flight, plan_scan, ship_heading
 from sweeps.app import explain, replace_axes
 from sweeps.errors import ConfigurationError
-from sweeps.flight_schema import FlightConfig, FlightErrors, believed
+from sweeps.flight_grid import (
+    FLOWN,
+    IN_SI,
+    OF_NO_FLIGHT,
+    RECORDED,
+    FlightErrors,
+    believed,
+)
+from sweeps.flight_schema import FlightConfig
 from sweeps.schema import axis_keys
 
 # Least and most of a key.
-NUMBERS = {
-    "mirror_angle": (1, 80),
-    "ifov": (1, 10_000),
-    "pulse_rate": (1, 1e9),
-    "pulse_width": (2, 1000),
-    "range_sigma": (0, 100),
-    "range_gate": (10, 1e5),
-    "threshold": (0, 1e9),
-    "nedt": (0, 1000),
-    "jitter_time": (1e-6, 1000),
-    "profile_range": (1, 1000),
-}
-MAYBE = {
-    "aircraft_track": (-360, 360),
-    "pointing": (-360, 360),
-    "segmentation_threshold": (0, 1e9),
-}
-COUNTS = {"samples": (2, 10_000), "detectors": (1, 1000), "profile_frames": (1, 10_000)}
+NUMBERS = {"profile_range": (1, 1000)}
+MAYBE = {"segmentation_threshold": (0, 1e9)}
+COUNTS = {"profile_frames": (1, 10_000)}
 AXES = {
     "range": (0.1, 1000),
     "depression": (0.1, 60),
@@ -51,13 +44,25 @@ AXES = {
     "ship_speed": (0, 50),
     "aircraft_heading": (-360, 360),
     "offset": (-360, 360),
+    "mirror_angle": (1, 80),
+    "ifov": (1, 10_000),
     "line_rate": (1, 100_000),
+    "pulse_rate": (1, 1e9),
+    "range_gate": (10, 1e5),
     "cnr": (-100, 90),
+    "pulse_width": (2, 1000),
+    "range_sigma": (0, 100),
+    "threshold": (0, 1e9),
+    "nedt": (0, 1000),
     "jitter": (0, 10_000),
+    "jitter_time": (1e-6, 1000),
     "transom_gain": (0, 1000),
     "mast_gain": (0, 1000),
 }
+WHOLE = {"samples": (2, 10_000), "detectors": (1, 1000)}
+WITH_NULL = {"aircraft_track": (-360, 360), "pointing": (-360, 360)}
 WORDS = {
+    "chain": ("exact", "printed", "printed_pulse_rate"),
     "azimuth": ("pixel", "line", "constant", "none"),
     "mirror": ("exact", "printed", "rotation", "none"),
     "range_filter": ("cluster", "median", "mean"),
@@ -95,6 +100,7 @@ WRONG = [
         (NUMBERS, wrong_numbers),
         (COUNTS, wrong_counts),
         (AXES, wrong_axes),
+        (WHOLE, wrong_axes),
         (WORDS, wrong_words),
     )
     for key, allowed in table.items()
@@ -106,6 +112,14 @@ WRONG += [
     for value, said in wrong_numbers(*allowed)
     if value not in ("null", "-360")
 ]
+WRONG += [
+    (f"irar.{key}", value, (f"irar.{key}", *said))
+    for key, allowed in WITH_NULL.items()
+    for value, said in wrong_axes(*allowed)
+    if "null" not in value
+]
+WRONG += [(f"irar.{key}", "2.5", (f"irar.{key}", "a whole number")) for key in WHOLE]
+WRONG += [(f"irar.{key}", "[null, null]", (f"irar.{key}", "must differ")) for key in WITH_NULL]
 WRONG += [
     (f"irar.errors.{key}", value, (f"irar.errors.{key}", *said))
     for key, allowed in ERRORS.items()
@@ -125,10 +139,21 @@ WRONG += [
 
 
 def test_every_key_is_tried():
-    tried = {*NUMBERS, *MAYBE, *COUNTS, *AXES, *WORDS, "autofocus", "flown", "errors"}
+    tried = {
+        *NUMBERS,
+        *MAYBE,
+        *COUNTS,
+        *AXES,
+        *WHOLE,
+        *WITH_NULL,
+        *WORDS,
+        "autofocus",
+        "flown",
+        "errors",
+    }
     assert tried == {field.name for field in fields(FlightConfig)}
     assert set(ERRORS) == {field.name for field in fields(FlightErrors)}
-    axes = {f"irar.{key}" for key in (*AXES, *WORDS, "autofocus", "flown")}
+    axes = {f"irar.{key}" for key in (*AXES, *WHOLE, *WITH_NULL, *WORDS, "autofocus", "flown")}
     axes |= {f"irar.errors.{key}" for key in ERRORS}
     assert axes == {key for key in axis_keys() if key.startswith("irar.")}
 
@@ -139,7 +164,7 @@ def test_a_wrong_value_is_refused_in_one_sentence(base, key, value, said):
     told = merged(base, key, given)
     for word in said:
         # Of large numbers all digits are told.
-        assert (repr(float(word)) if "e+" in word and word == value else word) in told
+        assert (repr(float(word)) if "e+" in word and word in value else word) in told
     assert "\n" not in told
 
 
@@ -159,6 +184,14 @@ TOGETHER = [
     ("irar.offset=80", ("irar.offset is 80", "do not climb")),
     ("irar.errors.ship_speed=[-1,-9]", ("irar.errors.ship_speed has -9", "ship_speed is -1")),
     ("irar.errors.aircraft_heading=1 irar.aircraft_heading=360", ("aircraft_heading has 1",)),
+    ("irar.pulse_rate=[20000,19000]", ("irar.pulse_rate is 19000", "at least 19040")),
+    ("irar.pointing=[null,50]", ("irar.pointing is 50",)),
+    ("irar.chain=printed irar.azimuth=line", ("irar.azimuth is line", "pixel", "has printed")),
+    (
+        "irar.chain=[exact,printed_pulse_rate] irar.mirror=[exact,none]",
+        ("irar.mirror is exact, none", "must be exact", "printed_pulse_rate"),
+    ),
+    ("irar.chain=printed irar.range_filter=mean", ("irar.range_filter is mean", "cluster")),
     ("irar.profile_range=1", ("irar.profile_range has 1", "ladar.ifov", "render.pixel")),
     ("irar.flown=roberts", ("irar.flown has 'roberts'", "duncan, the values of grid.ship")),
     ("irar.colour=red", ("irar.colour", "no key", "aircraft_speed")),
@@ -208,11 +241,28 @@ def test_both_ends_of_a_number_are_allowed(key):
         assert getattr(FlightConfig(**{key: value}), key) == value
 
 
-@pytest.mark.parametrize("key", [*AXES, *WORDS])
+@pytest.mark.parametrize("key", [*AXES, *WHOLE, *WORDS])
 def test_both_ends_of_an_axis_and_every_word_are_allowed(key):
-    allowed = (AXES | WORDS)[key]
+    allowed = (AXES | WHOLE | WORDS)[key]
     config = composed(*replace_axes([f"irar.{key}=[{','.join(map(str, allowed))}]"]))
-    assert getattr(OmegaConf.to_object(config).irar.expand(), key) == allowed
+    axis = "flown_pulse_width" if key == "pulse_width" else key
+    assert getattr(OmegaConf.to_object(config).irar.expand(), axis) == allowed
+
+
+@pytest.mark.parametrize("key", WITH_NULL)
+@pytest.mark.parametrize(
+    ("given", "axis"),
+    [("null", (None,)), ("7", (7.0,)), ("[null,-360,360]", (None, -360.0, 360.0))],
+)
+def test_null_is_a_value_of_some_axes(key, given, axis):
+    config = composed(*replace_axes([f"irar.{key}={given}"]))
+    assert getattr(OmegaConf.to_object(config).irar.expand(), key) == axis
+
+
+def test_every_number_of_a_flight_is_an_axis():
+    """Of a flight as the library has it; its ship's heading is what the aspect asks for."""
+    names = {IN_SI.get(name, (name,))[0] for name in (*FLOWN, *RECORDED)}
+    assert names - set(OF_NO_FLIGHT) == {field.name for field in fields(Flight)} - {"ship_heading"}
 
 
 def test_axes_are_steps_too():
@@ -236,11 +286,17 @@ def test_axes_are_steps_too():
     )
 
 
+def flown_values(config):
+    """The first value on each axis that makes a flight."""
+    grid = config.expand()
+    return {name: getattr(grid, name)[0] for name in (*FLOWN, *RECORDED)}
+
+
 def test_the_configuration_is_the_flight_of_the_library():
     """Its defaults, in the units of the configuration; the schema's own are the same."""
     config = OmegaConf.to_object(composed()).irar
     assert config == FlightConfig()
-    values = {name: axis[0] for name, axis in vars(config.expand()).items()}
+    values = flown_values(config)
     flight = config.flight(175.0, **values)
     heading = ship_heading(aspect=175.0, sight=5.0)
     expected = Flight(slant_range=3900.0, ship_heading=heading)
@@ -251,8 +307,9 @@ def test_the_configuration_is_the_flight_of_the_library():
 
 
 def test_values_of_a_flight_are_converted():
-    config = FlightConfig(ifov=300.0, pulse_width=10.0, samples=50, pointing=4.0)
-    values = {name: axis[0] for name, axis in vars(FlightConfig().expand()).items()}
+    config = FlightConfig()
+    values = flown_values(config)
+    values |= {"ifov": 300.0, "flown_pulse_width": 10.0, "samples": 50, "pointing": 4.0}
     values |= {"range": 2.5, "jitter": 40.0, "cnr": 13.0, "aircraft_heading": 20.0, "offset": -7.0}
     flight = config.flight(30.0, **values)
     assert flight.slant_range == 2500.0

@@ -16,6 +16,7 @@ from ncti.irar import (
     Window,
     autofocus,
     correct,
+    correct_as_printed,
     fly,
     landmarks,
     measured_extent,
@@ -33,7 +34,8 @@ from ncti.render import range_image
 from sweeps import flight_course
 from sweeps.flight_comparison import compared
 from sweeps.flight_course import window_of_cell
-from sweeps.flight_schema import FlightErrors
+from sweeps.flight_grid import FLOWN, RECORDED, FlightErrors
+from sweeps.flight_schema import EXACT
 from sweeps.flight_variables import FLIGHT, KINDS, OF_VIEWS, SOURCES
 from sweeps.seeds import cell_rng
 from sweeps.sensor_schema import LadarConfig
@@ -88,8 +90,11 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
     surface = reflectivity(mesh, mast_gain=3.0)
     values = {
         **dict(range=3.0, depression=6.7, aircraft_speed=90.0, ship_speed=8.0),
-        **dict(aircraft_heading=0.0, offset=5.0, line_rate=60.0, jitter=0.0),
+        **dict(aircraft_heading=0.0, aircraft_track=None, offset=5.0, pointing=None),
+        **dict(mirror_angle=45.0, range_gate=300.0, jitter=0.0, jitter_time=0.1),
         **dict(transom_gain=1.0, mast_gain=3.0, cnr=15.0),
+        **dict(flown_pulse_width=30.0, range_sigma=1.0, threshold=4.0, nedt=0.4),
+        **SMALL,
     }
     rng = cell_rng(7, stage="flight", ship="roberts", aspect=175.0, replicate=1, **values)
     passed = fly(mesh, flight, reflectivity=surface)
@@ -254,6 +259,71 @@ def test_a_cell_is_the_same_in_another_grid(several, tmp_path, cache):
     assert not np.array_equal(quieter["profile"], ours["profile"])
 
 
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("aircraft_track", [None, 2.0]),
+        ("pointing", [None, 4.5]),
+        ("mirror_angle", [45.0, 30.0]),
+        ("ifov", [500.0, 450.0]),
+        ("line_rate", [60.0, 50.0]),
+        ("samples", [60, 50]),
+        ("pulse_rate", [4000.0, 5000.0]),
+        ("range_gate", [300.0, 400.0]),
+        ("detectors", [3, 4]),
+        ("jitter_time", [0.1, 1.0]),
+        ("pulse_width", [30.0, 20.0]),
+        ("range_sigma", [1.0, 0.5]),
+        ("threshold", [4.0, 8.0]),
+        ("nedt", [0.4, 0.2]),
+    ],
+)
+def test_any_parameter_is_an_axis(name, values, tmp_path, cache):
+    """Both its values in one sweep are those of two sweeps, bit for bit, and differ."""
+    folder, jitter = fresh(tmp_path, cache), 100.0 if name == "jitter_time" else 0.0
+    both, plan = flown(folder, replicates=1, jitter=jitter, **{name: values})
+    axis = "flown_pulse_width" if name == "pulse_width" else name
+    assert getattr(plan.grid, axis) == tuple(values)
+    cells = [cell(both, plan, **{axis: value}) for value in values]
+    for number, (value, ours) in enumerate(zip(values, cells, strict=True)):
+        (empty := tmp_path / str(number)).mkdir()
+        alone, other = flown(fresh(empty, cache), replicates=1, jitter=jitter, **{name: value})
+        theirs = cell(alone, other)
+        for variable in set(ours) - FEET:
+            np.testing.assert_array_equal(ours[variable], theirs[variable], err_msg=variable)
+    assert not np.array_equal(cells[0]["infrared_image"], cells[1]["infrared_image"])
+
+
+@pytest.mark.parametrize(("chain", "rate"), [("printed", "line"), ("printed_pulse_rate", "pulse")])
+def test_the_source_s_chain_is_a_choice(chain, rate, at_hand):
+    """Its image by the library, with the belief of the cell."""
+    error = ("aircraft_speed", 1.0)
+    found, plan = flown(
+        at_hand, chain=["exact", chain], errors=FlightErrors(aircraft_speed=1.0), replicates=1
+    )
+    ours = cell(found, plan, chain=chain, error=error)
+    mesh = ncti.ships.load("roberts")
+    flight = plan.config.flight(175.0, **{name: getattr(plan.grid, name)[0] for name in FLOWN})
+    window = window_of_cell(mesh, flight, error, chain, "pixel", "exact")
+    values = {name: getattr(plan.grid, name)[0] for name in (*FLOWN, *RECORDED)}
+    rng = cell_rng(0, stage="flight", ship="roberts", aspect=175.0, **values)
+    passed = fly(mesh, plan.config.flight(175.0, **values))
+    scan = passed.record(rng)
+    belief = replace(scan.flight, aircraft_speed=90.9)
+    image = segmented(correct_as_printed(scan, belief=belief, window=window, rate=rate), belief)
+    inside = np.s_[window.bottom - plan.window.bottom :, window.left - plan.window.left :]
+    stored = ours["intensity"][inside][: window.rows, : window.columns]
+    np.testing.assert_array_equal(stored, image.intensity.astype(np.float32))
+    bins = ours["profile"].shape[-1]
+    np.testing.assert_array_equal(
+        ours["profile"][0], profile(image, belief, bins=bins).astype(np.float32)
+    )
+    # What it leaves behind is what the exact chain is there for.
+    without = [cell(found, plan, chain=name) for name in ("exact", chain)]
+    leans = [abs(float(one["noiseless_mast_tilt"])) for one in without]
+    assert leans[0] < 0.5 and leans[1] > 1.0
+
+
 @pytest.mark.parametrize(("jitter", "passes"), [(0.0, 2), (50.0, 4)])
 def test_a_pass_is_flown_once_and_recorded_once(jitter, passes, tmp_path, cache, monkeypatch):
     """Two gains, two replicates, two ratios; jitter is another one in each replicate."""
@@ -371,9 +441,9 @@ def test_windows_of_cells_lie_in_the_shared_one(azimuth, mirror, at_hand):
         errors=FlightErrors(pointing=[-1.0, 1.0]),
     ).flights  # fmt: skip
     mesh, whole = ncti.ships.load("roberts"), plan.window
-    flight = plan.config.flight(175.0, **{k: v[0] for k, v in vars(plan.grid).items()})
+    flight = plan.config.flight(175.0, **{name: getattr(plan.grid, name)[0] for name in FLOWN})
     for error in plan.grid.error:
-        ours = window_of_cell(mesh, flight, error, azimuth, mirror)
+        ours = window_of_cell(mesh, flight, error, EXACT, azimuth, mirror)
         assert whole.bottom <= ours.bottom and whole.left <= ours.left
         assert ours.bottom + ours.rows <= whole.bottom + whole.rows
         assert ours.left + ours.columns <= whole.left + whole.columns
