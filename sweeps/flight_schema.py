@@ -195,11 +195,16 @@ class FlightConfig:
         """Refuse flights that do not see a whole ship, as `check` does."""
         for aspect, values in product(aspects, passes(self.expand())):
             try:
-                plan_scan(hull, self.flight(aspect, **values))
+                plan = plan_scan(hull, self.flight(aspect, **values))
             except ValueError as error:
                 raise ConfigurationError(
                     f"{_of_key(error, values['range'])} ({label} at {aspect:g} deg)"
                 ) from error
+            if not plan.meets(hull):
+                raise ConfigurationError(
+                    f"irar.pointing has {values['pointing']:g}, but must be nearer "
+                    f"{values['offset']:g}, irar.offset: no sample meets {label} at {aspect:g} deg"
+                )
 
 
 @dataclass(frozen=True)

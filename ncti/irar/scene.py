@@ -99,6 +99,13 @@ class ScanPlan:
         line = self.first + np.arange(self.lines)
         return line[:, None] / self.flight.line_rate + columns / self.flight.pulse_rate
 
+    def meets(self, mesh: trimesh.Trimesh) -> bool:
+        """Whether the lines are long enough, and point well enough, to meet some of a ship."""
+        corners = np.asarray(mesh.vertices, dtype=np.float64)
+        _, along, _ = _crossings(self.flight, corners, name="pointing")
+        half = self.flight.samples * self.flight.ifov / 2
+        return bool(along.min() < half and along.max() > -half)
+
 
 def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     """When to scan and where to point so that a pass sees a whole ship.

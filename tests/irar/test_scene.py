@@ -212,6 +212,22 @@ def test_a_scan_that_points_elsewhere_sees_nothing():
     assert found.shape == (plan.lines, flown.samples)
 
 
+def test_a_scan_meets_what_it_sees():
+    """Pointed further and further aside: what it is said to meet is what returns something."""
+    seen = []
+    for pointing in np.arange(5.0, 8.0, 0.1):
+        plan = plan_scan(BOX, flight(140.0, pointing=pointing))
+        seen.append(plan.meets(BOX))
+        there = len(scan_scene(BOX, plan).place) > 0
+        # Samples are a pixel wide, and corners at the very edge may lie between rays.
+        nearer, further = (
+            plan_scan(BOX, flight(140.0, pointing=pointing + aside)).meets(BOX)
+            for aside in (-0.02, 0.02)
+        )
+        assert further <= there <= nearer
+    assert seen == sorted(seen, reverse=True) and 0 < sum(seen) < len(seen)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

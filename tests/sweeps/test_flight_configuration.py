@@ -186,6 +186,7 @@ TOGETHER = [
     ("irar.errors.aircraft_heading=1 irar.aircraft_heading=360", ("aircraft_heading has 1",)),
     ("irar.pulse_rate=[20000,19000]", ("irar.pulse_rate is 19000", "at least 19040")),
     ("irar.pointing=[null,50]", ("irar.pointing is 50",)),
+    ("irar.pointing=20", ("irar.pointing has 20", "nearer 5, irar.offset", "duncan at 175 deg")),
     ("irar.chain=printed irar.azimuth=line", ("irar.azimuth is line", "pixel", "has printed")),
     (
         "irar.chain=[exact,printed_pulse_rate] irar.mirror=[exact,none]",
