@@ -34,9 +34,6 @@ MIRROR_METHODS = (*MIRROR_FORMS, "rotation", "none")
 FALSE_ALARM = 1e-3
 """Probability that a pixel of the sea passes the threshold."""
 
-LEVEL = 7.3
-"""Noise powers about which averaged peaks of the sea are cut."""
-
 STANDS_OUT = 3.0
 """Intensity of samples that are of the ship, over the median one, which is of the sea."""
 
@@ -212,26 +209,35 @@ def correct(
 
 
 def sea_level(looks: NDArray[np.intp], flight: Flight) -> Floats:
-    """Intensity that averages of the sea exceed in one pixel of 1,000.
+    """Intensity that averages of the sea reach in one pixel of 1,000.
 
     Parameters
     ----------
     looks : (...) intp ndarray
-        Samples averaged.
+        Samples averaged, dropouts among them.
     flight : Flight
-        For the gate and the pulse.
+        For the gate, the pulse and what is not reported.
 
     Returns
     -------
     (...) float64 ndarray
         In noise powers; 0 where there is no look.
+
+    Notes
+    -----
+    The sea answers with the receiver's noise alone, which is drawn anew for every pulse: looks at
+    it are independent, whatever the line rate. Overscanned rows share looks: neighbours pass
+    together, each as seldom as any.
     """
-    # Rice's crossings (`noise_peak`) at a level u are those of so many independent cells.
-    cells = math.sqrt(4 * LEVEL / math.pi) * max(flight.range_gate / flight.pulse_length, 1.0)
-    levels = np.zeros(int(looks.max(initial=0)) + 1)
-    for count in np.unique(looks[looks > 0]):
-        levels[count] = noise_threshold(cells=cells, looks=int(count), false_alarm=FALSE_ALARM)
-    return levels[looks]
+    levels, there = np.zeros(looks.shape), looks > 0
+    levels[there] = noise_threshold(
+        looks[there],
+        depth=flight.range_gate,
+        pulse_length=flight.pulse_length,
+        dropout=flight.threshold,
+        false_alarm=FALSE_ALARM,
+    )
+    return levels
 
 
 def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = None) -> Snapshot:
@@ -245,7 +251,7 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
         For the noise of the sea.
     threshold : float, optional
         Least intensity of the ship, in noise powers; when not given, what one pixel of the sea in
-        1,000 exceeds.
+        1,000 reaches.
 
     Returns
     -------

@@ -16,6 +16,37 @@ BIN = 1.0
 """Widest range bin of a sampled waveform [m]; a pulse has at least four."""
 
 
+def noise_below(level: Floats, *, depth: float, pulse_length: float) -> Floats:
+    """Probability that the largest intensity of noise alone stays below a level.
+
+    Parameters
+    ----------
+    level : (...) float64 ndarray
+        Intensity above 0, in noise powers.
+    depth : float
+        Of the gate [m].
+    pulse_length : float
+        c T / 2 [m].
+
+    Returns
+    -------
+    (...) float64 ndarray
+        From 0 to 1.
+
+    Notes
+    -----
+    The field is a complex Gaussian process of range with correlation exp(-2 r^2 / l^2), l the
+    pulse length. By Rice it crosses the intensity u upwards sqrt(4 u / pi) exp(-u) / l times a
+    metre; crossings of a high level are rare and independent, so that it stays below u over a
+    depth L with probability (1 - exp(-u)) exp(-L / l sqrt(4 u / pi) exp(-u) / (1 - exp(-u))).
+    Crossings of a low level are not rare: over up to 20 pulse lengths, where low levels matter,
+    the probability is up to 0.04 off, over 60 of them less than 0.01.
+    """
+    below: Floats = -np.expm1(-level)
+    rate = np.sqrt(4 * level / math.pi) * np.exp(-level) / below / pulse_length
+    return below * np.exp(-depth * rate)
+
+
 def noise_peak(
     uniform: NDArray[np.floating], *, depth: NDArray[np.floating] | float, pulse_length: float
 ) -> Floats:
@@ -33,25 +64,15 @@ def noise_peak(
     Returns
     -------
     (...) float64 ndarray
-        Intensity, in noise powers, to a thousandth.
-
-    Notes
-    -----
-    The field is a complex Gaussian process of range with correlation exp(-2 r^2 / l^2), l the
-    pulse length. By Rice it crosses the intensity u upwards sqrt(4 u / pi) exp(-u) / l times a
-    metre; crossings of a high level are rare and independent, so that it stays below u over a
-    depth L with probability (1 - exp(-u)) exp(-L / l sqrt(4 u / pi) exp(-u) / (1 - exp(-u))).
-    Crossings of a low level are not rare: over up to 20 pulse lengths, where low levels matter,
-    the probability is up to 0.04 off, over 60 of them less than 0.01.
+        Intensity, in noise powers, to a thousandth: the inverse of `noise_below`.
     """
     levels = np.concatenate([np.geomspace(1e-9, 0.01, 100)[:-1], np.linspace(0.01, 40.0, 4000)])
-    below = -np.expm1(-levels)
-    rate = np.sqrt(4 * levels / math.pi) * np.exp(-levels) / below / pulse_length
     uniform, depth = np.broadcast_arrays(uniform, depth)
     found = np.empty(uniform.shape)
     for length in np.unique(depth):  # a few: the gate, and the gate less what a waveform has
         same = depth == length
-        found[same] = np.interp(uniform[same], below * np.exp(-length * rate), levels)
+        below = noise_below(levels, depth=length, pulse_length=pulse_length)
+        found[same] = np.interp(uniform[same], below, levels)
     return found
 
 

@@ -9,9 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 
 from ncti.checks import require, require_all
+from ncti.irar.receiver import noise_below
 
-_STEP = 1 / 64  # noise powers, of one look's distribution
+_STEP = 1 / 32  # noise powers, of one look's distribution
 _BEYOND = 40.0  # noise powers above the median peak: a probability of exp(-40)
+_NEVER = 1e-300  # a probability that has a logarithm
+_WRAPPED = 12.0  # of the false alarms exp(-12) may be wrapped ones
 
 
 def segment(
@@ -61,22 +64,29 @@ def segment(
     return np.where(ship, power, 0.0), np.where(ship, distance, math.nan)
 
 
-def noise_threshold(*, cells: float, looks: int, false_alarm: float) -> float:
-    """Intensity that the averaged noise of a pixel without a target seldom exceeds.
+def noise_threshold(
+    looks: ArrayLike, *, depth: float, pulse_length: float, dropout: float, false_alarm: float
+) -> NDArray[np.float64]:
+    """Intensity that the averaged noise of a pixel without a target seldom reaches.
 
     Parameters
     ----------
-    cells : float
-        Independent range cells in the gate, of which a look reports the largest, 1 to 1e6.
-    looks : int
-        Independent looks in the average, 1 to 1000.
+    looks : (...) array_like
+        Independent looks in the average, dropouts among them, 1 to 100,000.
+    depth : float
+        Of the gate, of which a look reports the largest intensity [m].
+    pulse_length : float
+        c T / 2 [m].
+    dropout : float
+        Peaks below it, in noise powers, are not reported and count as 0.
     false_alarm : float
-        Probability that the average exceeds the threshold, 1e-9 to 0.5.
+        Probability that the average reaches the threshold, 1e-9 to 0.5.
 
     Returns
     -------
-    float
-        Threshold in mean noise powers of a cell.
+    (...) float64 ndarray
+        Threshold in mean noise powers. Where fewer averages than that hold any report at all, the
+        least that one report makes.
 
     Raises
     ------
@@ -86,30 +96,62 @@ def noise_threshold(*, cells: float, looks: int, false_alarm: float) -> float:
     Notes
     -----
     Ours: the article states no threshold. The sea returns nothing, so that a peak-detecting
-    sensor reports there the largest of M exponential noise powers,
-
-        P(peak <= x) = (1 - exp(-x))^M,
-
-    whose mean is the harmonic number H_M: averaging leaves a pedestal, 5.4 noise powers for 122
-    cells, that no number of looks removes. The distribution of the sum over the looks is the
-    M-cell one convolved with itself, here on a grid of 1/64 noise power.
+    sensor reports there the largest intensity of its noise, distributed as `noise_below`:
+    averaging leaves a pedestal, of 5.8 noise powers in a gate of 300 m for a pulse of 4.5 m, that
+    no number of looks removes. The distribution of the sum over the looks is that of one look
+    convolved with itself, here by its Fourier transform on a grid of 1/32 noise power, which moves
+    the threshold by less than 1e-4 of itself. It falls with the looks, but for dropouts: where few
+    peaks are reported, the number of reports that make an alarm goes up by steps.
     """
-    require("cells", cells, minimum=1.0, maximum=1e6)
-    require("looks", looks, whole=True, minimum=1, maximum=1000)
+    counts = require_all("looks", looks, whole=True, minimum=1, maximum=100_000)
+    require("depth", depth, minimum=0.0)
+    require("pulse_length", pulse_length, positive=True)
+    require("dropout", dropout, minimum=0.0)
     require("false_alarm", false_alarm, minimum=1e-9, maximum=0.5)
-    count = int(looks)
-    steps = math.ceil((math.log(cells) + _BEYOND) / _STEP)
-    edges = (np.arange(1, steps + 1) - 0.5) * _STEP
-    # The tail itself: 1 - P would round it away.
-    tail = np.append(1.0, -np.expm1(cells * np.log1p(-np.exp(-edges))))
-    share = -np.diff(tail)
-    # Of value j the sum takes what lies in (j - 1/2, j + 1/2] steps.
-    size = fft.next_fast_len(count * steps, real=True)
-    total = fft.irfft(fft.rfft(share, size) ** count, size)[: count * steps]
-    above = np.cumsum(total[::-1])[::-1]
-    # Above the edge j - 1/2 lies above[j]; it falls through false_alarm after the edge of `at`.
-    at = int(np.flatnonzero(above > false_alarm)[-1])
-    inside = (math.log(above[at]) - math.log(false_alarm)) / (
-        math.log(above[at]) - math.log(above[at + 1])
-    )
-    return (at - 0.5 + inside) * _STEP / count
+    if not counts.size:
+        return counts
+    share, step = _noise_look(depth, pulse_length, dropout)
+    numbers, place = np.unique(counts, return_inverse=True)
+    # Far from the mean the sum has a tail no heavier than Bernstein's inequality allows; what is
+    # left beyond wraps into the window at the other end.
+    value = np.arange(len(share)) * step
+    mean = share @ value
+    rare = _WRAPPED - math.log(false_alarm)
+    spread = np.sqrt(2 * rare * numbers * (share @ (value - mean) ** 2))
+    jump = rare * (1 + mean + min(dropout, value[-1]) / 3)
+    low = np.maximum((numbers * mean - spread - jump) / step, 0).astype(np.intp)
+    width = 2 * float(spread[-1] + jump) / step
+    size = fft.next_fast_len(max(math.ceil(width), len(share)), real=True)
+    one = fft.rfft(share, size)
+    sums = np.ones_like(one)
+    found = np.empty(len(numbers))
+    for i, further in enumerate(np.diff(numbers, prepend=0).astype(int).tolist()):
+        sums *= one if further == 1 else one**further
+        total = np.roll(fft.irfft(sums, size), -(low[i] % size))
+        # Of the last k + 1 values the tail is above[k], beyond the lower edge of the first of them.
+        above = np.cumsum(total[::-1])
+        at = int(np.searchsorted(above, false_alarm, side="right"))
+        more, less = above[at], max(above[at - 1], _NEVER)
+        inside = math.log(more / false_alarm) / math.log(more / less)
+        found[i] = (low[i] + size - 1.5 - at + inside) * step
+    return (np.maximum(found, dropout) / numbers)[place].reshape(counts.shape)
+
+
+def _noise_look(
+    depth: float, pulse_length: float, dropout: float
+) -> tuple[NDArray[np.float64], float]:
+    """(value,) probabilities of 0, 1, 2 ... steps of one look of noise, and the step.
+
+    A value j holds what lies in (j - 1/2, j + 1/2] steps; a dropout ends at such an edge.
+    """
+    # Beyond, one of a depth's crossings is as rare as exp(-40).
+    top = math.log1p(depth / pulse_length) + _BEYOND
+    least = min(dropout, top)
+    first = max(1, round(least / _STEP))
+    step = max(least, _STEP / 2) / (first - 0.5)
+    edges = (np.arange(first, math.ceil(top / step) + 2, dtype=np.float64) - 0.5) * step
+    below = noise_below(edges, depth=depth, pulse_length=pulse_length)
+    share = np.zeros(first + len(edges))
+    share[0] = below[0]
+    share[first:] = np.diff(below, append=1.0)
+    return share, step

@@ -7,12 +7,17 @@ import numpy as np
 import pytest
 import trimesh
 from flown import CLEAN, flight
+from scipy import stats
 from scipy.ndimage import binary_erosion
 
 from ncti import ships
 from ncti.irar import (
     Correction,
+    Pass,
+    Returns,
+    ScanPlan,
     Window,
+    chain,
     correct,
     fly,
     mirror_rotation,
@@ -22,8 +27,7 @@ from ncti.irar import (
     snapshot,
     true_snapshot,
 )
-from ncti.irar.chain import RANGE_FILTERS, STANDS_OUT, nearest_ship_range
-from ncti.irar.receiver import noise_peak
+from ncti.irar.chain import FALSE_ALARM, RANGE_FILTERS, STANDS_OUT, nearest_ship_range
 
 CELLS = 4
 HANGAR = 4.0
@@ -221,23 +225,43 @@ def _plane(image, flown):
     return away * np.sqrt(1 + right**2 + up**2)
 
 
-def test_the_sea_exceeds_its_threshold_as_seldom_as_stated(roberts, flown):
-    """Averages of peaks drawn from the closed form; 200,000 pixels, within 4 standard errors."""
-    seen = flown.plan.flight
-    window = Window(0, 0, 400, 500)
-    rng = np.random.default_rng(1)
-    draw = rng.random((400, 500, 10))
-    peaks = noise_peak(draw, depth=seen.range_gate, pulse_length=seen.pulse_length)
-    image = correct(flown.noiseless(), window=Window(0, 0, 1, 1))
-    sea = dataclasses.replace(
-        image,
-        window=window,
-        intensity=peaks.mean(axis=-1),
-        range=np.zeros((400, 500)),
-        looks=np.full((400, 500), 10),
-    )
-    share = np.mean(segmented(sea, seen).intensity > 0)
-    assert share == pytest.approx(1e-3, abs=4 * math.sqrt(1e-3 / 200_000) + 2e-4)
+def sea(lines, samples, **changes):
+    """A scan of nothing but the sea."""
+    seen = flight(samples=samples, pulse_rate=1e9, detectors=1, **changes)
+    nothing = Returns((lines, samples), *[np.empty(0, np.intp)] * 2, *[np.empty(0)] * 2, 9)
+    return Pass(ScanPlan(seen, 0, lines), nothing).record(np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("change", [{}, {"pulse_width": 100e-9}, {"threshold": 12.0}])
+def test_the_sea_reaches_its_threshold_as_seldom_as_stated(change):
+    """Through the whole chain, 70,000 pixels of 1 to 24 looks: binomial, 1e-3 over the cases."""
+    scan = sea(400, 2000, **change)
+    image = correct(scan, Correction(range_filter="mean"))
+    seen = image.looks > 0
+    assert seen.sum() > 70_000
+    alarms = np.count_nonzero(segmented(image, scan.flight).intensity[seen])
+    assert stats.binomtest(alarms, int(seen.sum()), FALSE_ALARM).pvalue > 1e-3 / 3
+
+
+def test_overscanned_sea_passes_as_seldom_as_pixels_a_row_apart(monkeypatch):
+    """Neighbours share looks, each has as many as a pixel: every tenth row is independent.
+
+    At a false-alarm rate of 5 %, for which some 4,000 pixels a tenth of the rows are enough:
+    binomial, 1e-3 over the ten.
+    """
+    monkeypatch.setattr(chain, "FALSE_ALARM", 0.05)
+    scan = sea(160, 1000)
+    wide = correct(scan, Correction(range_filter="mean")).window
+    part = Window(wide.bottom, wide.left + 300, wide.rows, 300)
+    image = correct(scan, Correction(range_filter="mean"), window=part, overscanned=True)
+    passed = segmented(image, scan.flight).intensity > 0
+    for first in range(10):
+        seen = image.looks[first::10] > 0
+        alarms = np.count_nonzero(passed[first::10][seen])
+        assert seen.sum() > 4000
+        assert stats.binomtest(alarms, int(seen.sum()), 0.05).pvalue > 1e-3 / 10
+    together = np.mean(passed[1:] & passed[:-1]) / np.mean(passed)
+    assert together > 0.5
 
 
 def test_the_sea_around_a_ship_is_cut_away(roberts, flown, scans):

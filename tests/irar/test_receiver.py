@@ -8,7 +8,7 @@ from flown import CLEAN, flight, wall
 from scipy import integrate, stats
 
 from ncti.irar import Returns
-from ncti.irar.receiver import noise_peak, noiseless, peaks
+from ncti.irar.receiver import noise_below, noise_peak, noiseless, peaks
 from ncti.irar.speckle import speckle
 
 LEVEL = 1e-3
@@ -137,6 +137,8 @@ def test_noise_peaks_invert_their_distribution(depth):
     found = noise_peak(uniform, depth=depth, pulse_length=4.5)
     assert (np.diff(found) > 0).all()
     np.testing.assert_allclose(below(found, depth=depth, pulse_length=4.5), uniform, atol=3e-4)
+    shared = noise_below(found, depth=depth, pulse_length=4.5)
+    np.testing.assert_allclose(shared, below(found, depth=depth, pulse_length=4.5), rtol=1e-12)
     mixed = noise_peak(uniform, depth=np.where(uniform > 0.5, depth, 7.0), pulse_length=4.5)
     np.testing.assert_array_equal(mixed[uniform > 0.5], found[uniform > 0.5])
 
