@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from sweeps.errors import ConfigurationError, SweepIncomplete
 from sweeps.prepare import prepare
 from sweeps.run import run_sweep
-from sweeps.schema import axis_keys, keys_of, register, unknown_key
+from sweeps.schema import axis_keys, keys_of, register, unknown_key, unread
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 
@@ -142,7 +142,8 @@ def _one_choice(override: str) -> None:
 def _job(composed: DictConfig) -> None:
     """One job of Hydra's: one sweep with its own store."""
     prepared = prepare(composed)
-    for sentence in prepared.config.silent:
+    given = HydraConfig.get().overrides.task
+    for sentence in (*prepared.config.silent, *unread(given, prepared.config.sensor)):
         print(f"ncti-sweep: {sentence}", file=sys.stderr)
     folder = Path(HydraConfig.get().runtime.output_dir)
     run_sweep(prepared, Path(prepared.config.store or folder / "sweep.zarr"))

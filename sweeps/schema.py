@@ -8,6 +8,7 @@ composed configuration. Below that, no code sees a DictConfig.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, is_dataclass
 from typing import Any, get_type_hints
 
@@ -43,6 +44,16 @@ from sweeps.sensor_schema import MOST_FRAMES, InfraredConfig, LadarConfig
 
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 SENSORS = {RANGE: (RANGE,), INFRARED: (INFRARED,), "both": (RANGE, INFRARED), IRAR: (IRAR,)}
+
+UNREAD = {  # what the sensors make no use of, and what they use in its place
+    RANGE: {"infrared": "", "irar": ""},
+    INFRARED: {"ladar": "", "irar": "", "grid.pulse_width": ""},
+    "both": {"irar": ""},
+    IRAR: {
+        **{"infrared": "", "scene": "irar.depression"},
+        **{"grid.range": "irar.range", "grid.frame_count": "irar.profile_frames"},
+    },
+}
 
 
 @dataclass
@@ -249,6 +260,17 @@ class SweepConfig:
     def sensors(self) -> tuple[str, ...]:
         """The sensors that look."""
         return SENSORS[self.sensor]
+
+
+def unread(overrides: Sequence[str], sensor: str) -> list[str]:
+    """What to say of keys of a command line that the sensor makes no use of."""
+    keys = dict.fromkeys(override.lstrip("+~").partition("=")[0] for override in overrides)
+    return [
+        f"{key} is set, but is not read where sensor is {sensor}" + (f": {own} is" if own else "")
+        for key in keys
+        for name, own in UNREAD[sensor].items()
+        if key == name or key.startswith(f"{name}.")
+    ]
 
 
 def keys_of(parent: str) -> dict[str, Any]:

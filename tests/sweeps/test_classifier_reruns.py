@@ -89,13 +89,15 @@ def test_likelihood_with_both_sensors(swept, tmp_path, monkeypatch, capsys):
 
 
 def test_an_imager_whose_silhouettes_nobody_names(swept, tmp_path, monkeypatch, capsys):
-    given = ("classifier=mnn", "sensor=infrared", *IMAGER)
+    given = ("classifier=mnn", "sensor=infrared", "irar.range=3", *IMAGER)
     run(monkeypatch, tmp_path, *given, cache=swept / "cache")
     files = {f"infrared_{name}.csv" for name in ("sensor", "detection", "super_resolution")}
     assert set(contents(tmp_path / "s-tables")) == files
     told = capsys.readouterr()
     assert "Ships detected" in told.out
     assert told.err.startswith("ncti-sweep: classifier.name has mnn, which names nothing here: ")
+    unread = "ncti-sweep: irar.range is set, but is not read where sensor is infrared\n"
+    assert told.err.count(unread) == 1
 
 
 def test_a_sweep_that_was_killed_goes_on(swept, tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ from sweeps.app import check_jobs, conf_folder, main, replace_axes
 from sweeps.errors import ConfigurationError
 from sweeps.grid import number_axis
 from sweeps.prepare import prepare
-from sweeps.schema import register
+from sweeps.schema import register, unread
 
 register()
 
@@ -282,3 +282,24 @@ def test_something_else_at_the_store_is_not_touched(tmp_path, monkeypatch, capsy
     (tmp_path / "new-tables").write_text("precious")
     sentence = refused(["store=new.zarr"], tmp_path, monkeypatch, capsys)
     assert "new-tables" in sentence
+
+
+@pytest.mark.parametrize(
+    ("sensor", "given", "told"),
+    [
+        ("range", ["ladar.cnr=20", "grid.range=100", "seed=3"], []),
+        ("range", ["infrared.nedt=1", "+irar.cnr=10"], ["infrared.nedt", "irar.cnr"]),
+        ("infrared", ["++grid.pulse_width=null", "grid.pulse_width=30"], ["grid.pulse_width"]),
+        ("infrared", ["infrared.range=50", "scene.depression=2"], []),
+        ("both", ["ladar.cnr=1", "infrared.nedt=1", "irar=default"], ["irar"]),
+        ("irar", ["irar.range=3", "ladar.ifov=150", "grid.pulse_width=30", "grid.rangefoo=1"], []),
+        ("irar", ["scene.depression=1", "grid.frame_count=3"], ["scene.dep", "grid.frame_count"]),
+    ],
+)
+def test_keys_that_a_sensor_does_not_read_are_told(sensor, given, told):
+    found = unread(given, sensor)
+    assert len(found) == len(told)
+    for key, sentence in zip(told, found, strict=True):
+        assert sentence.startswith(key)
+        assert f"is set, but is not read where sensor is {sensor}" in sentence
+    assert unread(["grid.range=3"], "irar")[0].endswith("irar: irar.range is")
