@@ -9,7 +9,6 @@ from ncti.irar.landmarks import (
     Peak,
     landmarks,
     profile_correlation,
-    stern_to_bridge,
 )
 from ncti.irar.looks import average, gather_looks, looks_of, median
 from ncti.irar.materials import reflectivity
@@ -75,7 +74,6 @@ __all__ = [
     "ship_window",
     "snapshot_places",
     "speckle_correlation",
-    "stern_to_bridge",
     "tilts",
     "time_delay_integrate",
     "true_snapshot",

@@ -12,7 +12,6 @@ from scipy.signal import find_peaks
 from ncti.checks import require
 
 MAST = (40.0, 50.0)  # m past the hangar; frigates of the Perry class
-FORE_MAST = (51.0, 56.0)
 FORWARD = (57.0, 64.0)
 REACH = 1.5  # m; half of what counts as one peak
 TRANSOM = 5.0  # m from the stern end
@@ -53,16 +52,14 @@ class Landmarks:
     ----------
     hangar : float
         Down-range of the hangar's spike [m].
-    hangar_height : float
-        Its highest bin, in the profile's unit.
     stern : float
         From the stern end to the hangar [m].
     bridge : float
         From the hangar to the front of the forward structure [m].
     transom : Peak
         Highest within 5 m of the stern end, spike or not.
-    mast, fore_mast : Peak
-        Main mast, and the mast just forward of it.
+    mast : Peak
+        Main mast.
     forward : Peak
         Aft face of the block that bears the bridge.
     deck_spikes : tuple of float
@@ -70,18 +67,20 @@ class Landmarks:
     """
 
     hangar: float
-    hangar_height: float
     stern: float
     bridge: float
     transom: Peak
     mast: Peak
-    fore_mast: Peak
     forward: Peak
     deck_spikes: tuple[float, ...]
 
     @property
     def stern_to_bridge(self) -> float:
-        """Length from the stern end to the front of the forward structure [m]."""
+        """From the stern end to the front of the forward structure [m].
+
+        In range: cos(depression) cos(aspect) of the length on deck, but for what the heights of
+        both ends differ.
+        """
         return self.stern + self.bridge
 
 
@@ -91,7 +90,6 @@ def landmarks(
     *,
     hangar: tuple[float, float] | None = None,
     mast: tuple[float, float] = MAST,
-    fore_mast: tuple[float, float] = FORE_MAST,
     forward: tuple[float, float] = FORWARD,
     end: float = END,
     front: float = FRONT,
@@ -107,10 +105,12 @@ def landmarks(
         Centres of the bins [m], increasing evenly away from the sensor.
     hangar : (float, float), optional
         Where the hangar's spike may lie [m]; the highest peak of all without it.
-    mast, fore_mast, forward : (float, float)
+    mast, forward : (float, float)
         Where these peaks may lie past the hangar [m]; each is the highest there.
-    end, front : float
-        See `stern_to_bridge`.
+    end : float
+        Share of the highest peak that the first bin of the ship reaches, in (0, 1).
+    front : float
+        Share of all returns that have come by the front of the bridge, in (0, 1).
     prominence : float
         Share of the hangar's height by which a peak stands out, in (0, 1).
 
@@ -134,6 +134,11 @@ def landmarks(
 
     A peak's place is the centroid of what rises above half of it, within 1.5 m. Heights depend
     on where the bins' edges fall, those of a hangar 1.8 m deep by a quarter; energies hardly do.
+
+    The length from stern to bridge, which the article finds the same in model and measurement: the
+    stern is steep, and its place the centre of its first bin. The front, seen from behind, fades
+    out over roofs, so that no height tells its place, and what lies beyond is hidden but for
+    little.
 
     The windows are those of the Perry class: profiles of other classes need their own. So
     does the hangar, where something else is the highest, as the Connole's stack is.
@@ -172,56 +177,13 @@ def landmarks(
     deck = (centres[tops] > begins) & (centres[tops] < spike - APRON)
     return Landmarks(
         hangar=spike,
-        hangar_height=height,
         stern=spike - stern,
         bridge=last - spike,
         transom=transom,
         mast=highest("mast", mast),
-        fore_mast=highest("fore_mast", fore_mast),
         forward=highest("forward", forward),
         deck_spikes=tuple(_centroid(values, centres, n) - spike for n in tops[deck]),
     )
-
-
-def stern_to_bridge(
-    profile: ArrayLike, down_range: ArrayLike, *, end: float = END, front: float = FRONT
-) -> float:
-    """Length that a near-stern profile shows, from the stern to the front of the bridge.
-
-    Parameters
-    ----------
-    profile : (bin,) array_like
-        Returned intensity in each range bin, noise floor removed, in any unit.
-    down_range : (bin,) array_like
-        Centres of the bins [m], increasing evenly away from the sensor.
-    end : float
-        Share of the highest peak that the first bin of the ship reaches, in (0, 1).
-    front : float
-        Share of all returns that have come by the front of the bridge, in (0, 1).
-
-    Returns
-    -------
-    float
-        Length in range [m]: cos(depression) cos(aspect) of the length on deck, but for what
-        the heights of both ends differ.
-
-    Raises
-    ------
-    ValueError
-        As `landmarks`.
-
-    Notes
-    -----
-    Article, 'Validation of Synthetic Range Profiles', which finds it the same in model and
-    measurement. The stern is steep, and its place the centre of its first bin. The front,
-    seen from behind, fades out over roofs, so that no height tells its place, and what lies
-    beyond is hidden but for little.
-    """
-    values, centres, width = _profile(profile, down_range)
-    if not values.max() > 0:
-        raise ValueError("profile is nowhere above 0, but must hold a ship")
-    stern, last = _ends(values, centres, width, end=end, front=front)
-    return last - stern
 
 
 def profile_correlation(

@@ -16,7 +16,6 @@ def gather_looks(
     *,
     rows: ArrayLike,
     columns: int,
-    valid: ArrayLike | None = None,
 ) -> NDArray[np.intp]:
     """Which samples fall into each pixel of an image.
 
@@ -29,8 +28,6 @@ def gather_looks(
         share no sample, or finer steps for windows that overlap, as at line rate.
     columns : int
         Number of columns, centred on 0, 1, ...
-    valid : (...) bool array_like, optional
-        Samples to gather; all without it.
 
     Returns
     -------
@@ -64,13 +61,6 @@ def gather_looks(
     first = np.searchsorted(centres + 0.5, row.ravel(), side="right")
     last = np.searchsorted(centres - 0.5, row.ravel(), side="right")
     inside = (place >= 0) & (place < wide) & (first < last)
-    if valid is not None:
-        gathered = np.asarray(valid, dtype=bool)
-        if gathered.shape != row.shape:
-            raise ValueError(
-                f"valid has shape {gathered.shape}, but must have that of row, {row.shape}"
-            )
-        inside &= gathered.ravel()
     samples = np.flatnonzero(inside)
     samples = samples[np.lexsort((row.ravel()[samples], place[samples]))]
     # Sorted so, neither count falls within a column: counting tells where each window's begin.

@@ -85,11 +85,12 @@ def test_windows_at_line_rate_overlap():
     assert len(shared[shared >= 0]) >= 10
 
 
-def test_invalid_samples_are_left_out():
+def test_samples_without_a_place_are_left_out():
     row, column = scanned(lines=40, samples=5, overscan=8)
-    valid = np.random.default_rng(1).random(row.shape) < 0.7
-    index = gather_looks(row, column, rows=np.arange(5), columns=5, valid=valid)
-    assert sorted(index[index >= 0].tolist()) == np.flatnonzero(valid).tolist()
+    placed = np.random.default_rng(1).random(row.shape) < 0.7
+    row = np.where(placed, row, math.nan)
+    index = gather_looks(row, column, rows=np.arange(5), columns=5)
+    assert sorted(index[index >= 0].tolist()) == np.flatnonzero(placed).tolist()
 
 
 def test_values_stand_where_the_index_says():
@@ -159,7 +160,6 @@ def test_inputs_are_left_alone():
     ("change", "message"),
     [
         ({"column": [0.0]}, r"column has shape \(1,\)"),
-        ({"valid": [True]}, r"valid has shape \(1,\)"),
         ({"rows": [1, 0]}, r"rows is \[1\. 0\.\], but must be ascending"),
         ({"rows": [0, math.nan]}, "rows is nan"),
         ({"columns": 0}, "columns is 0"),
