@@ -32,6 +32,15 @@ def test_the_lines_that_open_a_store_draw_four_curves(smoke_store, tmp_path, mon
     plt.close("all")
 
 
+def test_the_lines_that_fly_past_a_ship_see_one():
+    (code,) = blocks("py")
+    found = {}
+    exec(compile(code, "README.md", "exec"), found)
+    assert found["raw"].intensity.shape == found["scan"].intensity.shape
+    assert found["raw"].attrs["slant_range"] == 3900
+    assert (found["image"].intensity > 0).sum() > 300  # a stern 15 m wide, in pixels of 0.8 m
+
+
 COMMANDS = [
     line.split("#")[0]
     for block in blocks("sh")
