@@ -13,8 +13,9 @@ from sweeps import store
 from sweeps.classifier_schema import ACN, CLASSIFIERS, FUSION
 from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
 from sweeps.report.classifiers import classifier_rows, print_classifiers
-from sweeps.report.flights import flight_rows, measured_rows, print_flights, print_measured
+from sweeps.report.flights import flight_rows, print_flights
 from sweeps.report.fusion import fusion_rows, print_fusion
+from sweeps.report.measured import measured_rows, print_measured
 from sweeps.report.rejection import curve_rows, print_rejection, rejection_rows
 from sweeps.report.screen import (
     print_accuracy,

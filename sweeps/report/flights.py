@@ -1,4 +1,4 @@
-"""Flights on the screen: images against the truth, landmarks of profiles, and who was named."""
+"""Flights on the screen: images against the truth, landmarks of profiles, wrong parameters."""
 
 from __future__ import annotations
 
@@ -12,20 +12,22 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sweeps.axes import AXES as AXIS_ATTRIBUTES
-from sweeps.axes import FLIGHT_AXES, OF_FLIGHT
-from sweeps.report.screen import NOTHING, WIDTH, grouped
-from sweeps.report.tables import Row, cells, percent
+from sweeps.axes import OF_FLIGHT
+from sweeps.flight_comparison import PERRY
+from sweeps.report.flight_words import (
+    AXES,
+    PUT_IN,
+    SHORT,
+    column,
+    heading,
+    print_whole,
+    shown,
+    value_at,
+    which,
+)
+from sweeps.report.screen import NOTHING, WIDTH
+from sweeps.report.tables import Row
 
-AXES = ("ship", "aspect", "range", *OF_FLIGHT)
-WRITTEN = {"degree": "deg", "m s-1": "m/s", "urad": "µrad", "1": ""}  # of units that need it
-UNITS = {
-    name: unit
-    for name, attributes in (AXIS_ATTRIBUTES | FLIGHT_AXES).items()
-    if name in AXES
-    and (unit := WRITTEN.get(attributes.get("units", "1"), attributes.get("units", "1")))
-}
-SHORT = {"transom_gain": "transom*", "mast_gain": "masts*"}
 LANDMARKS = {  # heading, digits, what the source says of the synthetic and of the measured ship
     "stern_to_hangar": ("stern to hangar [m]", 1, "same"),
     "stern_to_bridge": ("stern to bridge [m]", 1, "same"),
@@ -38,10 +40,7 @@ LANDMARKS = {  # heading, digits, what the source says of the synthetic and of t
     "forward_position": ("bridge past hangar [m]", 1, "same"),
     "forward_ratio": ("bridge / hangar", 2, ""),
 }
-MEASURED_AXES = (
-    *("pulse_width", "classifier", "vigilance", "range", *OF_FLIGHT, "replicate", "kind"),
-    "aspect_bin",
-)
+FIGURES = ("looks", "correlation", "no hangar", "mast [deg]", "waterline [deg]", "hangar [m]")
 SISTERS = ("duncan", 4.0, "roberts", 3.9)
 """Of the source's Figure 16: the synthetic ship and the measured one, with their ranges [km]."""
 
@@ -71,7 +70,7 @@ def flight_rows(flights: xr.Dataset) -> list[Row]:
                 part = (here.sel(source=source) if source else here for here in (mean, scatter))
                 figure, spread = (float(here) for here in part)
                 rows.append(
-                    axes
+                    {column(axis): place for axis, place in axes.items()}
                     | {
                         "figure": name,
                         "source": source,
@@ -96,25 +95,17 @@ def print_flights(flights: xr.Dataset, console: Console) -> None:
 
 
 def _print_images(flights: xr.Dataset, console: Console) -> None:
-    several = [name for name in AXES if flights.sizes.get(name, 1) > 1 or name in ("ship",)]
+    several = [name for name in AXES if flights.sizes.get(name, 1) > 1 or name == "ship"]
     table = Table(title="Corrected images and profiles against the noiseless truth")
     for name in several:
-        unit = f" [{UNITS[name]}]" if name in UNITS else ""
-        table.add_column(escape(SHORT.get(name, name.replace("_", " ")) + unit))
-    for heading in (
-        "looks",
-        "correlation",
-        "no hangar",
-        "mast [deg]",
-        "waterline [deg]",
-        "hangar [m]",
-    ):
-        table.add_column(escape(heading), justify="right")
+        table.add_column(escape(heading(name)))
+    for text in FIGURES:
+        table.add_column(escape(text), justify="right")
     for axes, flight in _flights(flights):
         if bool(np.isnan(flight.profile_correlation).all()):
             continue
         table.add_row(
-            *(_shown(axes[name]) for name in several),
+            *(shown(axes[name]) for name in several),
             f"{float(flight.looks.mean()):.1f}",
             _mean(flight.profile_correlation, 3),
             _mean(flight.profile_correlation_without_hangar, 3),
@@ -122,7 +113,7 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
             _mean(flight.waterline_tilt, 2),
             _mean(flight.hangar_spike_offset, 2),
         )
-    console.print(table)
+    print_whole(table, console)
     console.print(
         "Means over draws of the noise, and the standard deviation of one: correlation of "
         "profiles, also without the hangar's peak and 4 m either side; by how much masts lean to "
@@ -130,88 +121,96 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
         style="dim",
     )
     if set(SHORT) & set(several):
+        console.print(PUT_IN, style="dim")
+
+
+def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
+    """The source's Figure 16 as numbers; of a ship without her sister, beside herself noiseless."""
+    near = flights.sel(aspect=175.0, method="nearest")
+    there = [name for name in PERRY if landmarks_told(near, name)]
+    synthetic, flown_past = SISTERS[::2]
+    sisters = {synthetic, flown_past} <= set(there)
+    for name in [flown_past] if sisters else there:
+        flown = near.sel(ship=name).sel(range=SISTERS[3], method="nearest")
+        one, title = nominal(flown), f"{name.capitalize()}, flown past, {float(flown.range):g} km"
+        if sisters:
+            drawn = nominal(near.sel(ship=synthetic).sel(range=SISTERS[1], method="nearest"))
+            title = f"{synthetic.capitalize()}, synthetic, {float(drawn.range):g} km; {title}"
+            columns = {
+                f"{synthetic.capitalize()}\npoint": drawn.sel(source="point"),
+                "\nspread": drawn.sel(source="synthetic"),
+                f"{name.capitalize()}\nmeasured": one.sel(source="measured"),
+            }
+        else:
+            columns = {
+                f"{name.capitalize()}\nnoiseless": one.sel(source="noiseless"),
+                "\nmeasured": one.sel(source="measured"),
+            }
+        if 0.0 in np.atleast_1d(flown.transom_gain.values):
+            columns["dark\ntransom*"] = nominal(flown, transom_gain=0.0).sel(source="measured")
+        glint = float(np.max(np.atleast_1d(flown.mast_gain.values)))
+        if glint > 1:
+            put_in = nominal(flown, mast_gain=glint)
+            columns[f"masts*\nx {glint:g}"] = put_in.sel(source="measured")
+        starred = any("*" in text for text in columns)
+        own = ("ship", "aspect", "range", "transom_gain", "mast_gain")
+        _print_marks(f"Near stern: {title}{which(one, flights, but=own)}", columns, console)
+    if there:
         console.print(
-            "* Put in: what the transom and the masts reflect, over the rest of the ship.",
+            "* Put in on the source's word, which explains what it measured by a transom at 45 deg "
+            "and by specular struts: inputs, no results. "
+            * starred
+            + "Heights are of single 1 m bins. `source`: what it says of the synthetic ship and of "
+            "the measured one.",
             style="dim",
         )
 
 
-def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
-    """The source's Figure 16 as numbers, or of each ship's own profiles where sisters lack."""
-    flights = _near_stern(flights)
-    names = set(flights.ship.values.tolist())
-    if (
-        not {SISTERS[0], SISTERS[2]} <= names
-        or np.isnan(
-            flights.stern_to_hangar.sel(ship=[SISTERS[0], SISTERS[2]], source="point")
-        ).any()
-    ):
-        return
-    drawn = flights.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest")
-    flown = flights.sel(ship=SISTERS[2]).sel(range=SISTERS[3], method="nearest")
-    columns = {
-        f"{SISTERS[0].capitalize()}\npoint": nominal(drawn).sel(source="point"),
-        "\nspread": nominal(drawn).sel(source="synthetic"),
-        f"{SISTERS[2].capitalize()}\nmeasured": nominal(flown).sel(source="measured"),
-    }
-    dark = 0.0 in np.atleast_1d(flown.transom_gain.values)
-    glint = float(np.max(np.atleast_1d(flown.mast_gain.values)))
-    if dark:
-        columns["dark\ntransom*"] = nominal(flown, transom_gain=0.0).sel(source="measured")
-    if glint > 1:
-        columns[f"masts*\nx {glint:g}"] = nominal(flown, mast_gain=glint).sel(source="measured")
-    table = Table(
-        title=f"Near stern: {SISTERS[0].capitalize()}, synthetic, {float(drawn.range):g} km; "
-        f"{SISTERS[2].capitalize()}, flown past, {float(flown.range):g} km"
-    )
+def _print_marks(title: str, columns: dict[str, xr.Dataset], console: Console) -> None:
+    table = Table(title=title)
     table.add_column("")
     table.add_column("source", style="dim")
-    for heading in columns:
-        table.add_column(heading, justify="right")
-    for name, (heading, digits, said) in LANDMARKS.items():
-        table.add_row(
-            escape(heading), said, *(_mean(column[name], digits) for column in columns.values())
-        )
-    console.print(table)
-    console.print(
-        "* Put in on the source's word, which explains what it measured by a transom at 45 deg and "
-        "by specular struts: inputs, no results. Heights are of single 1 m bins. `source`: what it "
-        "says of the synthetic ship and of the measured one.",
-        style="dim",
-    )
+    for text in columns:
+        table.add_column(text, justify="right")
+    for name, (text, digits, said) in LANDMARKS.items():
+        table.add_row(escape(text), said, *(_mean(one[name], digits) for one in columns.values()))
+    print_whole(table, console)
+
+
+def landmarks_told(near: xr.Dataset, ship: str) -> bool:
+    """Whether landmarks of a ship are in a store, of near-stern flights."""
+    if ship not in near.ship.values.tolist():
+        return False
+    marks = nominal(near.sel(ship=ship).sel(range=SISTERS[3], method="nearest"))
+    return bool(np.isfinite(marks.stern_to_hangar.sel(source="noiseless")).any())
 
 
 def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
     """Print what each wrong flight parameter costs, with and without autofocus."""
-    for axes, flight in _flights(flights.drop_vars("aspect_bin", errors="ignore"), but="error"):
+    focused = flights.sizes.get("autofocus", 1) > 1
+    headings = ("correlation", *(("with autofocus", "closing speed then") if focused else ()))
+    told_alone = ("ship", "aspect", "range", "error", "autofocus")
+    for axes, flight in _flights(flights, but=("error", "autofocus")):
         if bool(np.isnan(flight.profile_correlation).all()):
             continue
-        focused = flight.sizes.get("autofocus", 1) > 1
         table = Table(
             title=f"Wrong flight parameters: {axes['ship']}, aspect {axes['aspect']:g} deg, "
-            f"{axes['range']:g} km"
+            f"{axes['range']:g} km{which(flight, flights, but=told_alone)}"
         )
         table.add_column("parameter")
         table.add_column("error", justify="right")
-        for heading in (
-            "correlation",
-            *(["with autofocus", "closing speed then"] if focused else []),
-        ):
-            table.add_column(heading, justify="right")
+        for text in headings:
+            table.add_column(text, justify="right")
         for k in range(flight.sizes["error"]):
             one = flight.isel(error=k)
-            cells = [one.isel(autofocus=0)] if focused else [one]
-            row = [_mean(cells[0].profile_correlation, 3)]
+            row = [_mean((one.isel(autofocus=0) if focused else one).profile_correlation, 3)]
             if focused:
                 after = one.isel(autofocus=1)
                 row.append(_mean(after.profile_correlation, 3))
                 row.append(_mean(100 * after.closing_speed_error, 2, "%"))
-            table.add_row(
-                str(one.error_parameter.item()).replace("_", " "),
-                f"{one.error_value.item():g}",
-                *row,
-            )
-        console.print(table)
+            parameter, amount = value_at(one, "error")
+            table.add_row(shown(parameter), f"{amount:g}", *row)
+        print_whole(table, console)
     console.print(
         "Correlation of the measured profile with the noiseless one, mean over draws with the "
         "standard deviation of one. Errors of the aircraft's speed in percent, of the ship's in "
@@ -220,109 +219,24 @@ def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
     )
 
 
-def measured_rows(tables: xr.Dataset) -> list[Row]:
-    """Percent correct of measured profiles beside synthetic ones, by who learned the latter.
-
-    Parameters
-    ----------
-    tables : xarray.Dataset
-        The store's group `tables/measured`.
-
-    Returns
-    -------
-    list of dict
-        One row a setting, kind of profile and aspect bin; the ship alone is also counted, where
-        a classifier names an aspect bin, too.
-    """
-    return [
-        axes
-        | {
-            prefix + name: percent(cell[key])
-            for prefix, start in (("", ""), ("ship_", "ship_"))
-            for name, key in (
-                ("percent_correct", f"{start}accuracy"),
-                ("ci_low", f"{start}ci_low"),
-                ("ci_high", f"{start}ci_high"),
-            )
-        }
-        | {"n": cell["n"]}
-        for axes, cell in cells(xr.broadcast(tables)[0], MEASURED_AXES)
-    ]
-
-
-def print_measured(rows: list[Row], console: Console) -> None:
-    """Print how many measured profiles are named right, beside synthetic ones."""
-    console.width = max(console.width, WIDTH)
-    bins = list(dict.fromkeys(row["aspect_bin"] for row in rows))
-    table = Table(title="Ships named right [%] by what synthetic profiles taught")
-    for heading in ("pulse [ns]", "classifier", "profiles"):
-        table.add_column(escape(heading))
-    for label in bins:
-        table.add_column(label, justify="right")
-    for (pulse, name, kind), group in grouped(
-        rows, ("pulse_width_ns", "classifier", "kind")
-    ).items():
-        by_bin: dict[Any, Row] = {}
-        for row in group:  # of several flights the first
-            by_bin.setdefault(row["aspect_bin"], row)
-        table.add_row(
-            f"{pulse:g}",
-            str(name).upper() if len(str(name)) == 3 else str(name),
-            str(kind),
-            *(
-                NOTHING
-                if by_bin[label]["ship_percent_correct"] is None
-                else f"{by_bin[label]['ship_percent_correct']:.0f} "
-                f"[{by_bin[label]['ship_ci_low']:.0f}-{by_bin[label]['ship_ci_high']:.0f}]"
-                for label in bins
-            ),
-        )
-    console.print(table)
-    shown = [name for name in rows[0] if name in OF_FLIGHT or name in ("range", "range_km")]
-    several = [name for name in shown if len({row[name] for row in rows}) > 1]
-    if several:
-        values = ", ".join(f"{name.replace('_', ' ')} {rows[0][name]}" for name in several)
-        console.print(f"Of {values}; the CSV has the others.", style="dim")
-    console.print(
-        "Of the ships flown past, the ship alone, with 95 % intervals. learned: the synthetic "
-        "profiles themselves, without noise; test: averages of frames of them, with the range "
-        "profiler's noise; measured: corrected images, gathered into its beams, with that of the "
-        "flight alone.",
-        style="dim",
-    )
-
-
-def _flights(flights: xr.Dataset, *, but: str = "") -> Iterator[tuple[Row, xr.Dataset]]:
+def _flights(flights: xr.Dataset, *, but: tuple[str, ...] = ()) -> Iterator[tuple[Row, xr.Dataset]]:
     """Each flight with its place on the axes, draws together."""
-    dims = [name for name in AXES if name in flights.dims and name != but]
-    if but:
-        dims = [name for name in dims if name != "autofocus"]
-    fixed = {
-        name: _value(flights[name].item())
-        for name in AXES
-        if name in flights.coords and not flights[name].dims
-    }
+    dims = [name for name in AXES if name in flights.dims and name not in but]
     for place in np.ndindex(*(flights.sizes[name] for name in dims)):
         one = flights.isel(dict(zip(dims, place, strict=True)))
-        named = {name: _value(one[name].item()) for name in dims}
-        wrong = {
-            name: _value(one[name].item())
-            for name in ("error_parameter", "error_value")
-            if name in one.coords and not one[name].dims
-        }
-        every = fixed | named
-        yield {name: every[name] for name in AXES if name in every} | wrong, one
+        yield (
+            {
+                name: _value(one[name].item())
+                for name in (*AXES, "error_parameter", "error_value")
+                if name in one.coords and not one[name].dims
+            },
+            one,
+        )
 
 
 def _value(value: Any) -> Any:
-    return value if isinstance(value, (bool, str)) else float(value)
-
-
-def _shown(value: Any) -> str:
-    """A value of an axis; NaN where it was left to the heading, or to the ship."""
-    if isinstance(value, float):
-        return NOTHING if math.isnan(value) else f"{value:g}"
-    return str(value).replace("_", " ")
+    """A value of an axis; none where it was left to the heading, or to the ship."""
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def _draws(values: xr.DataArray) -> int:
@@ -338,11 +252,6 @@ def _mean(values: xr.DataArray, digits: int, unit: str = "") -> str:
     text = f"{round(found.mean(), digits) + 0.0:.{digits}f}{unit}"
     scatter = found.std(ddof=1) if found.size > 1 else 0.0
     return f"{text} ±{scatter:.{digits}f}".replace("±0.", "±.") if scatter > 0 else text
-
-
-def _near_stern(flights: xr.Dataset) -> xr.Dataset:
-    """The view closest to the source's, 5 deg off the stern."""
-    return flights.sel(aspect=175.0, method="nearest")
 
 
 def nominal(flights: xr.Dataset, *, keep: tuple[str, ...] = (), **wanted: float) -> xr.Dataset:

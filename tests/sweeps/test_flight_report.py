@@ -109,7 +109,7 @@ def test_csv_files_hold_the_rows(sisters):
     whole = [
         row
         for row in named
-        if (row["classifier"], row["kind"], row["aspect_bin"]) == ("acn", "measured", "overall")
+        if (row["classifier"], row["kind"], row["aspect_bin_deg"]) == ("acn", "measured", "overall")
         and row["pulse_width_ns"] == "30.0"
     ]
     shares = table.ship_accuracy.sel(classifier="acn", kind="measured", aspect_bin="overall")
