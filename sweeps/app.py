@@ -16,11 +16,14 @@ from hydra.core.override_parser.types import ValueType
 from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from rich.console import Console
 
 from sweeps.errors import ConfigurationError, SweepIncomplete
-from sweeps.prepare import prepare
+from sweeps.prepare import Prepared, prepare
+from sweeps.report.flight_pictures import MISSING, write_pictures
 from sweeps.run import run_sweep
-from sweeps.schema import axis_keys, keys_of, register, unknown_key, unread
+from sweeps.schema import IRAR, axis_keys, keys_of, register, unknown_key, unread
+from sweeps.stages import load_ship
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 
@@ -146,7 +149,23 @@ def _job(composed: DictConfig) -> None:
     for sentence in (*prepared.config.silent, *unread(given, prepared.config.sensor)):
         print(f"ncti-sweep: {sentence}", file=sys.stderr)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    run_sweep(prepared, Path(prepared.config.store or folder / "sweep.zarr"))
+    path = Path(prepared.config.store or folder / "sweep.zarr")
+    run_sweep(prepared, path)
+    if prepared.config.irar.pictures and IRAR in prepared.config.sensors:
+        _draw(prepared, path)
+
+
+def _draw(prepared: Prepared, path: Path) -> None:
+    """Pictures of a finished sweep of flights, which is as good without them."""
+    ships = {ship.label: ship for ship in prepared.ships}
+    try:
+        write_pictures(
+            path,
+            Console(),
+            ship=lambda label: load_ship(ships[label].source, ships[label].digest, prepared.cache),
+        )
+    except ImportError:
+        print(f"ncti-sweep: pictures are not drawn: {MISSING}", file=sys.stderr)
 
 
 def explain(error: Exception) -> str:

@@ -106,6 +106,7 @@ class FlightConfig:
     profile_range: float = 100.0
     profile_frames: int = 16
     flown: Any = None
+    pictures: bool = False
 
     def __post_init__(self) -> None:
         """Check the ranges of what is no axis."""

@@ -187,6 +187,7 @@ def provenance(config: SweepConfig, ships: tuple[Ship, ...], engine: str) -> dic
     resolved = asdict(config)
     for key in ("cluster", "store", "cache"):
         del resolved[key]
+    del resolved["irar"]["pictures"]  # drawn of the numbers
     resolved["grid"] = {key: list(value) for key, value in asdict(config.grid.expand()).items()}
     resolved["grid"]["ship"] = [ship.label for ship in ships]
     resolved["render"]["engine"] = engine

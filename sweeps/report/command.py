@@ -13,6 +13,7 @@ from sweeps import store
 from sweeps.classifier_schema import ACN, CLASSIFIERS, FUSION
 from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
 from sweeps.report.classifiers import classifier_rows, print_classifiers
+from sweeps.report.flight_pictures import MISSING, write_pictures
 from sweeps.report.flights import flight_rows, print_flights
 from sweeps.report.fusion import fusion_rows, print_fusion
 from sweeps.report.measured import measured_rows, print_measured
@@ -54,9 +55,15 @@ def main() -> None:
         description="Print the tables of a sweep beside the source's, and write them as CSV.",
     )
     parser.add_argument("store", type=Path, help="store of a sweep, such as sweep.zarr")
-    path = parser.parse_args().store.absolute()
+    parser.add_argument(
+        "--pictures",
+        action="store_true",
+        help="also draw every stage of the corrections of flights, beside the tables",
+    )
+    arguments = parser.parse_args()
+    path, console = arguments.store.absolute(), Console()
     try:
-        report(path, Console())
+        report(path, console)
     except (OSError, KeyError, ValueError):
         print(
             f"ncti-report: store is {str(path)!r}, but must be the zarr store of a sweep with its "
@@ -64,6 +71,13 @@ def main() -> None:
             file=sys.stderr,
         )
         sys.exit(2)
+    if arguments.pictures:
+        try:
+            write_pictures(path, console)
+        except (ImportError, OSError, ValueError) as error:
+            why = MISSING if isinstance(error, ImportError) else error
+            print(f"ncti-report: pictures are not drawn: {why}", file=sys.stderr)
+            sys.exit(2)
 
 
 def report(path: Path, console: Console) -> None:

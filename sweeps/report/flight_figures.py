@@ -10,22 +10,18 @@ They need matplotlib, from the `plot` extra.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 import xarray as xr
+from numpy.typing import NDArray
 
-import ncti.ships
-from ncti.irar import Scan
 from sweeps import store
-from sweeps.flight_course import fly_past, recorded
-from sweeps.flight_grid import FLOWN, RECORDED, FlightErrors
-from sweeps.flight_schema import FlightConfig
 from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
-from sweeps.grid import number_axis, ship_axis, ship_label
-from sweeps.report.flight_stages import draw_stages
+from sweeps.report.flight_again import Place, draw_flight, flights_of
+from sweeps.report.flight_words import which
 from sweeps.report.flights import SISTERS, nominal
 
 if TYPE_CHECKING:
@@ -43,6 +39,7 @@ MARKED = (  # m past the hangar, height, what is there
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
     *((45, 0.58, "main mast"), (61, 0.32, "bridge")),
 )
+TITLED = ("ship", "aspect", "range")  # told in every title
 UNITS = {
     "aircraft_speed": "%",
     "ship_speed": "m/s",
@@ -72,56 +69,12 @@ def draw(kind: str, path: Path) -> Figure:
         If the store lacks what is to be drawn.
     """
     if kind == "flight":
-        return draw_flight(store.read_attributes(path))
+        attributes = store.read_attributes(path)
+        return draw_flight(attributes, flights_of(attributes)[0])
     if kind == "measured":
         return draw_measured(store.read_group(path, TABLES_MEASURED).load())
     flights = store.read_group(path, VALIDATION)
     return (draw_validation if kind == "validation" else draw_sensitivity)(flights)
-
-
-def first_scan(attributes: dict[str, Any]) -> tuple[trimesh.Trimesh, Scan, str]:
-    """The first flight of a store once more, noise and all.
-
-    Parameters
-    ----------
-    attributes : dict
-        Of the store: its configuration and seed.
-
-    Returns
-    -------
-    mesh : trimesh.Trimesh
-        The ship.
-    scan : ncti.irar.Scan
-        Its raw images, those that the sweep made.
-    title : str
-        Ship, range and aspect.
-    """
-    given = attributes["configuration"]
-    irar = dict(given["irar"])
-    config = FlightConfig(**(irar | {"errors": FlightErrors(**irar["errors"])}))
-    grid = config.expand()
-    labels = {ship_label(name): name for name in ship_axis("grid.ship", given["grid"]["ship"])}
-    ship = config.flies(tuple(labels))[0]
-    aspect = number_axis("grid.aspect", given["grid"]["aspect"], minimum=0, below=360)[0]
-    values, receivers = ({name: getattr(grid, name)[0] for name in on} for on in (FLOWN, RECORDED))
-    name = {"ship": ship, "aspect": aspect, **values}
-    mesh = ncti.ships.load(labels[ship])
-    flown = fly_past(
-        mesh,
-        config.flight(aspect, **values),
-        name=name,
-        replicate=receivers["replicate"],
-        seed=given["seed"],
-        reflectance=given["ladar"]["reflectance"],
-    )
-    scan = recorded(flown, name=name, values=receivers, seed=given["seed"])
-    return mesh, scan, f"{ship.capitalize()} at {values['range']:g} km, aspect {aspect:g}°"
-
-
-def draw_flight(attributes: dict[str, Any]) -> Figure:
-    """Stages of the first flight of a store."""
-    mesh, scan, title = first_scan(attributes)
-    return draw_stages(mesh, scan, title=title)
 
 
 def draw_validation(flights: xr.Dataset) -> Figure:
@@ -142,7 +95,7 @@ def draw_validation(flights: xr.Dataset) -> Figure:
 
     near = flights.sel(aspect=175.0, method="nearest")
     near = near.isel(replicate=0, missing_dims="ignore")
-    ships = near.ship.values.tolist()
+    ships = flown_past(flights)
     shown = [(name, km) for name, km in (("connole", 3.0), SISTERS[2:]) if name in ships]
     sisters = set(SISTERS[::2]) <= set(ships)
     if not shown:
@@ -157,12 +110,12 @@ def draw_validation(flights: xr.Dataset) -> Figure:
         _line(axes, place, profile.sel(source="measured"), OURS, "flown past and corrected")
         likeness = float(one.profile_correlation)
         axes.set_title(
-            f"{name.capitalize()} at {float(one.range):g} km, aspect {float(one.aspect):g}°, "
-            f"correlation {likeness:.3f}",
+            f"{_titled(one)}{which(one, flights, but=TITLED)}, "
+            + ("nothing seen" if math.isnan(likeness) else f"correlation {likeness:.3f}"),
             fontsize=9,
         )
     if sisters:
-        _sisters(panels[-1], near)
+        _sisters(panels[-1], near, flights)
     for axes in panels:
         axes.set(ylabel="over the highest peak", ylim=(0, 1.08))
         axes.legend(frameon=False, fontsize=8, loc="upper right")
@@ -172,7 +125,19 @@ def draw_validation(flights: xr.Dataset) -> Figure:
     return figure
 
 
-def _sisters(axes: Axes, near: xr.Dataset) -> None:
+def flown_past(flights: xr.Dataset) -> list[str]:
+    """Ships of a store that are flown past; the others are only learned."""
+    there = np.isfinite(flights.looks).any([dim for dim in flights.looks.dims if dim != "ship"])
+    names: list[str] = flights.ship.values[there.values].tolist()
+    return names
+
+
+def _titled(one: xr.Dataset) -> str:
+    """Ship, range and aspect."""
+    return Place(str(one.ship.item()), float(one.aspect), float(one.range)).title
+
+
+def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
     """The source's Figure 16, with what it put its differences down to put in."""
     drawn = nominal(near.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest"))
     flown = near.sel(ship=SISTERS[2]).sel(range=SISTERS[3], method="nearest")
@@ -195,7 +160,9 @@ def _sisters(axes: Axes, near: xr.Dataset) -> None:
             _line(axes, place, profile, colour, label)
     for place, height, name in MARKED:
         axes.annotate(name, (place, height), fontsize=8, ha="center", color="0.3")
-    axes.set_title("Sister ships near the stern, about 4 km", fontsize=9)
+    others = which(nominal(flown), flights, but=(*TITLED, "transom_gain", "mast_gain"))
+    ranges = " and ".join(dict.fromkeys(f"{float(one.range):g}" for one in (drawn, flown)))
+    axes.set_title(f"Sister ships near the stern, {ranges} km{others}", fontsize=9)
     axes.set(xlim=(-40, 100), xlabel="down-range from the hangar [m]")
 
 
@@ -221,7 +188,7 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
 
     if flights.sizes.get("error", 1) < 2:
         raise ValueError("irar.errors is empty, but must name parameters and their errors")
-    first = flights.isel(ship=0, aspect=0, range=0, missing_dims="ignore")
+    first = flights.sel(ship=flown_past(flights)[0]).isel(aspect=0, range=0)
     one = nominal(first, keep=("error", "autofocus"))
     one = one[["profile_correlation", "closing_speed_error"]].load()
     names = one.error_parameter.values.tolist()
@@ -253,10 +220,8 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
         axes.spines[["right", "top"]].set_visible(False)
     panels[0].set_ylabel("correlation with the noiseless profile", fontsize=8)
     panels[0].legend(frameon=False, fontsize=8, loc="lower center")
-    ship = str(one.ship.item()).capitalize()
     figure.suptitle(
-        f"{ship} at {float(np.atleast_1d(one.range)[0]):g} km, aspect {float(one.aspect):g}°",
-        fontsize=10,
+        f"{_titled(one)}{which(one, flights, but=(*TITLED, 'error', 'autofocus'))}", fontsize=10
     )
     return figure
 
@@ -272,12 +237,13 @@ def draw_measured(tables: xr.Dataset) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        One panel a classifier and pulse width, the ship alone, with 95 % intervals.
+        One panel a classifier and pulse width, the ship alone, with 95 % intervals; the first of
+        several flights and vigilances, as the title says.
     """
     from matplotlib.figure import Figure
 
     one = nominal(tables, keep=("pulse_width", "classifier", "kind", "aspect_bin"))
-    one = one.isel({dim: 0 for dim in ("vigilance", "range", "replicate") if dim in one.dims})
+    one = one.isel({dim: 0 for dim in ("vigilance", "range") if dim in one.dims})
     rows, columns = one.sizes["pulse_width"], one.sizes["classifier"]
     figure = Figure(figsize=(3.0 * columns + 0.6, 2.5 * rows + 0.4), dpi=140, layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
@@ -306,14 +272,24 @@ def draw_measured(tables: xr.Dataset) -> Figure:
     for axes in panels[-1]:
         axes.set_xlabel("aspect [deg]", fontsize=8)
     panels[0, 0].legend(frameon=False, fontsize=7, loc="lower left")
+    which_one = which(one, tables)
+    if tables.sizes.get("vigilance", 1) > 1:
+        which_one += f", vigilance {one.vigilance.item():g}"
+    if which_one:
+        figure.suptitle(which_one.removeprefix(", "), fontsize=10)
     return figure
 
 
 def _filled(axes: Axes, place: Any, profile: Any, label: str) -> None:
-    values = np.asarray(profile, dtype=float)
-    axes.fill_between(place, 0, values / values.max(), step="mid", color=TRUTH, lw=0, label=label)
+    axes.fill_between(place, 0, _over_peak(profile), step="mid", color=TRUTH, lw=0, label=label)
 
 
 def _line(axes: Axes, place: Any, profile: Any, colour: str, label: str) -> None:
+    axes.step(place, _over_peak(profile), where="mid", color=colour, lw=1.1, label=label)
+
+
+def _over_peak(profile: Any) -> NDArray[np.float64]:
+    """A profile with its peak as unit; flat where nothing returns."""
     values = np.asarray(profile, dtype=float)
-    axes.step(place, values / values.max(), where="mid", color=colour, lw=1.1, label=label)
+    peak = values.max()
+    return values / peak if peak > 0 else np.zeros_like(values)

@@ -57,8 +57,11 @@ def told(name: str, value: Any) -> str:
         if parameter == "none":
             return "no error"
         return f"{shown(parameter)} wrong by {amount:g}"
+    text = name.replace("_", " ")
+    if isinstance(value, bool):
+        return text if value else f"no {text}"
     unit = WRITTEN.get(unit_of(name), unit_of(name))
-    return f"{name.replace('_', ' ')} {shown(value)} {unit}".strip()
+    return f"{text} {shown(value)} {unit}".strip()
 
 
 def which(one: xr.Dataset, of: xr.Dataset, *, but: tuple[str, ...] = ()) -> str:

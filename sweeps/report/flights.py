@@ -102,7 +102,7 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
     for text in FIGURES:
         table.add_column(escape(text), justify="right")
     for axes, flight in _flights(flights):
-        if bool(np.isnan(flight.profile_correlation).all()):
+        if bool(np.isnan(flight.looks).all()):  # of a ship that is not flown past
             continue
         table.add_row(
             *(shown(axes[name]) for name in several),
@@ -191,7 +191,7 @@ def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
     headings = ("correlation", *(("with autofocus", "closing speed then") if focused else ()))
     told_alone = ("ship", "aspect", "range", "error", "autofocus")
     for axes, flight in _flights(flights, but=("error", "autofocus")):
-        if bool(np.isnan(flight.profile_correlation).all()):
+        if bool(np.isnan(flight.looks).all()):  # of a ship that is not flown past
             continue
         table = Table(
             title=f"Wrong flight parameters: {axes['ship']}, aspect {axes['aspect']:g} deg, "

@@ -131,6 +131,9 @@ WRONG += [
 ]
 WRONG += [
     ("irar.autofocus", "[true, true]", ("irar.autofocus", "must differ")),
+    ("irar.pictures", "perhaps", ("irar.pictures", "true or false")),
+    ("irar.pictures", "null", ("irar.pictures", "must be given")),
+    ("irar.pictures", "[true]", ("irar.pictures",)),
     ("irar.flown", "texas", ("irar.flown", "texas", "duncan", "grid.ship")),
     ("irar.flown", "[]", ("irar.flown", "empty")),
     ("irar.flown", "7", ("irar.flown", "7", "a ship")),
@@ -149,6 +152,7 @@ def test_every_key_is_tried():
         *WORDS,
         "autofocus",
         "flown",
+        "pictures",
         "errors",
     }
     assert tried == {field.name for field in fields(FlightConfig)}

@@ -13,7 +13,7 @@ from ncti.irar import Window, correct, segmented
 from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
 from sweeps.report import flight_figures
 from sweeps.report.command import report
-from sweeps.report.flight_figures import first_scan
+from sweeps.report.flight_again import flights_of, known_ship, scan_of
 from sweeps.report.flights import LANDMARKS, flight_rows
 from sweeps.store import read_attributes, tables_folder
 
@@ -121,10 +121,12 @@ def test_csv_files_hold_the_rows(sisters):
 
 def test_a_flight_drawn_is_the_flight_stored(sisters):
     """Flown again from the store's configuration: the very image."""
-    _, scan, title = first_scan(read_attributes(sisters))
+    attributes = read_attributes(sisters)
+    place = flights_of(attributes)[0]
+    scan, _ = scan_of(attributes, place, known_ship(attributes, place.ship))
     flights = opened(sisters).isel(aspect=0, range=0, replicate=0, transom_gain=0, mast_gain=0)
     stored = flights.sel(ship="roberts")
-    assert title == "Roberts at 3 km, aspect 175°"
+    assert place.title == "Roberts at 3 km, aspect 175°"
     row, column = stored.row.values, stored.column.values
     window = Window(int(row[0]), int(column[0]), len(row), len(column))
     image = segmented(correct(scan, window=window), scan.flight)
