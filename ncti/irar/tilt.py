@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import binary_dilation
 from scipy.stats import theilslopes
 
 from ncti.checks import require
@@ -19,8 +20,12 @@ _PASSES = 4  # at each of them
 _MOST = 25  # passes at the last
 _TUKEY = 4.685  # standard deviations; 95 % efficient for normal errors
 _LEAST_SCATTER = 0.02  # of the model: what area averages of finite cells leave without noise
-_SETTLED = 1e-6  # pixels a pixel
-# (up, right, mast, waterline, height, width) of a perfect image, and the most a pass may move.
+# Footprints of five rays a side tell an edge's place to 0.2 / sqrt(12) pixels: the scatter that
+# this leaves without noise, of the model, and the tilt of noiseless passes, as measured [deg].
+_SAMPLED_SCATTER, _SAMPLED_TILT = 0.05, 0.05
+_SETTLED = 1e-5  # pixels a pixel, at the last; ten times that on the way down
+# Where the truth is that a perfect image's look sees (row, column, column a row, row a column, row
+# a row, column a column), and the most a pass may move.
 _START = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0)  # pixels, pixels, and pixels a pixel
 _STEP = (1.0, 1.0, 0.1, 0.1, 0.02, 0.02)
 
@@ -34,12 +39,13 @@ class Tilt:
     Attributes
     ----------
     mast : float
-        Tilt of what is upright in the truth [deg], positive to the right; NaN where the image
-        shows nothing of the ship.
+        Tilt of what is upright in the truth [deg], positive to the right; NaN where a channel
+        of the image shows nothing of the ship.
     waterline : float
         Tilt of what is level in the truth [deg], positive rising to the right; NaN likewise.
     mast_error, waterline_error : float
-        Standard errors of the two [deg], as the fit's residuals tell them.
+        Standard errors of the two [deg], as the fit's residuals tell them; where places are given,
+        with what samples' footprints leave.
     up, right : float
         Displacement at the centre of the image [pixel].
     """
@@ -52,19 +58,29 @@ class Tilt:
     right: float
 
 
-def tilts(image: ArrayLike, truth: ArrayLike, *, floor: float = 0.03) -> Tilt:
+def tilts(
+    image: ArrayLike,
+    truth: ArrayLike,
+    *,
+    places: tuple[ArrayLike, ArrayLike] | None = None,
+    floor: float = 0.03,
+) -> Tilt:
     """Tilt of masts and waterline in an image, against the truth it should show.
 
     Parameters
     ----------
-    image : (row, column) array_like
-        Intensity, in any unit, rows growing upward; NaN where nothing is known.
-    truth : (row * k, column * k) array_like
+    image : (row, column) or (channel, row, column) array_like
+        Intensity, in any unit, rows growing upward; NaN where nothing is known. Channels, as the
+        active and the passive image, are of the same samples at the same places: they lean alike.
+    truth : (row * k, column * k) or (channel, row * k, column * k) array_like
         The same view without noise, in any unit, each pixel resolved into k x k cells, k whole;
-        NaN counts as 0. Where pixels average looks of a pixel's width, so must the cells be.
-        What an exactly sheared image seems to lean grows with the cells: 0.02 deg with k = 8,
-        0.05 deg with k = 4, 0.4 deg with k = 1. Of a ship 20 pixels wide, seen line by line from
-        different places, the waterline is told to 0.2 deg only.
+        NaN counts as 0. What an exactly sheared image seems to lean falls with the cells: below
+        0.02 deg with k = 8, 0.05 deg with k = 4, 0.4 deg with k = 1.
+    places : (...) array_like and (...) array_like, optional
+        Row and column of each sample that the image averages, from the middle of its first pixel
+        [pixel]; NaN is nowhere. Samples then see what the truth's cells show there, which
+        are to be of a sample's footprint. When not given, each pixel is seen evenly, and cells
+        show their own area.
     floor : float
         Least error taken for granted beside speckle, as a share of the ship's brightness,
         above 0 and at most 1. Noise around the ship raises it.
@@ -77,7 +93,7 @@ def tilts(image: ArrayLike, truth: ArrayLike, *, floor: float = 0.03) -> Tilt:
     Raises
     ------
     ValueError
-        If the shapes do not fit, a value is infinite or the truth is empty.
+        If the shapes do not fit, a value is infinite or a truth is empty.
 
     Notes
     -----
@@ -87,10 +103,19 @@ def tilts(image: ArrayLike, truth: ArrayLike, *, floor: float = 0.03) -> Tilt:
 
         column' = right + b column + m row,  row' = up + a row + w column
 
-    about the centre, tan(mast) = m / a and tan(waterline) = w / b, with gain and offset free.
-    The truth's cells, squares of constant brightness, are so moved and laid upon the pixels,
-    which averages areas as the sensor does; a truth hardly finer than the pixels is first
-    resolved by monotone splines of its cumulative sums, which keep every pixel's sum.
+    about the centre, tan(mast) = m / a and tan(waterline) = w / b, with gain and offset free for
+    each channel. Every look is led back to where it saw the truth, and pixels are means of looks.
+
+    Samples of a line are a pixel apart, so that the looks of a pixel are at nearly the same place
+    across it where the ship hardly drifts. That place wanders by the drift from row to row: a shear
+    of every stretch of a column, which pixels seen evenly do not have. It looks like up to half a
+    degree of mast on ships seen from abeam. Led back by their places, looks of noiseless passes at
+    3 to 4 km lean by less than 0.1 deg, mast and waterline.
+
+    At 20 dB speckle alone hides the waterline of a ship that is 20 pixels wide, to 0.25 deg, and
+    peaks of speckle make decks brighter than the truth has them. The passive image is of the
+    same samples at the same places, and any tilt that the corrections leave is in both, so that
+    both are fitted by one tilt, each with the weight of its own noise.
 
     Speckle scatters in proportion to intensity, so residuals are weighed by the model plus the
     floor, and by Tukey's biweight, which leaves out lines and columns that show something
@@ -100,156 +125,200 @@ def tilts(image: ArrayLike, truth: ArrayLike, *, floor: float = 0.03) -> Tilt:
     """
     require("floor", floor, positive=True, maximum=1.0)
     seen, cells = _image("image", image), _image("truth", truth)
+    rows, columns = seen.shape[1:]
+    factor = cells.shape[1] // rows
+    if factor < 1 or cells.shape != (len(seen), rows * factor, columns * factor):
+        raise ValueError(
+            f"truth has shape {np.shape(truth)}, but must be a whole multiple of the image's, "
+            f"{np.shape(image)}"
+        )
     known = ~np.isnan(seen)
     seen, cells = np.nan_to_num(seen), np.nan_to_num(cells)
-    rows, columns = seen.shape
-    factor = cells.shape[0] // rows
-    if factor < 1 or cells.shape != (rows * factor, columns * factor):
-        raise ValueError(
-            f"truth has shape {cells.shape}, but must be a whole multiple of the image's, "
-            f"{seen.shape}"
-        )
-    if not cells.any():
+    if not cells.any(axis=(1, 2)).all():
         raise ValueError("truth is 0 throughout, but must show a ship")
-    coarse = _blocks(cells, factor)
-    level, own = _levels(seen, coarse)
-    if not level > 0:
-        return Tilt(*[math.nan] * 6)
+    for channel, ship in zip(seen, cells, strict=True):
+        level, own = _levels(channel, _blocks(ship, factor))
+        if not level > 0:
+            return Tilt(*[math.nan] * 6)
+        channel /= level
+        ship /= own
     refinement = -(-FINEST // factor)
     if refinement > 1:
-        cells = _refined(_refined(cells, refinement).T, refinement).T
-    ship = _Cells.of(cells / own, factor * refinement, seen.shape)
-    return _fit(seen / level, known, ship, _start(seen / level, ship), floor)
-
-
-@dataclass(frozen=True, eq=False)
-class _Cells:
-    """The bright cells of a truth: their places about the centre [pixel] and their brightness."""
-
-    row: Floats
-    column: Floats
-    brightness: Floats
-    side: float
-    shape: tuple[int, int]
-
-    @classmethod
-    def of(cls, truth: Floats, factor: int, shape: tuple[int, int]) -> _Cells:
-        row, column = np.nonzero(truth)
-        return cls(
-            row=(row + 0.5) / factor - shape[0] / 2,
-            column=(column + 0.5) / factor - shape[1] / 2,
-            brightness=truth[row, column] / factor**2,
-            side=1.0 / factor,
-            shape=shape,
-        )
-
-    def image(self, place: Floats) -> tuple[Floats, Floats]:
-        """The image at a place (see `_START`), and its derivatives (row, column, 6)."""
-        up, right, mast, waterline, height, width = place
-        rows, columns = self.shape
-        row = up + waterline * self.column + height * self.row
-        column = right + mast * self.row + width * self.column
-        bottom, low, d_low = self._overlap(row, rows)
-        left, near, d_near = self._overlap(column, columns)
-        sums = np.zeros((7, (rows + 3) * (columns + 3)))
-        for above in (0, 1):
-            in_row = low if above == 0 else 1.0 - low
-            d_row = d_low if above == 0 else -d_low
-            for beyond in (0, 1):
-                in_column = near if beyond == 0 else 1.0 - near
-                d_column = d_near if beyond == 0 else -d_near
-                at = (bottom + above) * (columns + 3) + left + beyond
-                d_up = self.brightness * d_row * in_column
-                d_right = self.brightness * in_row * d_column
-                for k, part in enumerate(
-                    (
-                        self.brightness * in_row * in_column,
-                        d_up,
-                        d_right,
-                        d_right * self.row,
-                        d_up * self.column,
-                        d_up * self.row,
-                        d_right * self.column,
-                    )
-                ):
-                    sums[k] += np.bincount(at, part, sums.shape[1])
-        whole = sums.reshape(7, rows + 3, columns + 3)[:, 1:-2, 1:-2]
-        return whole[0], np.moveaxis(whole[1:], 0, -1)
-
-    def _overlap(self, centre: Floats, pixels: int) -> tuple[NDArray[np.intp], Floats, Floats]:
-        """The first of two pixels a cell may touch, bordered by one; its share of the cell.
-
-        And that share's derivative, as a difference over a cell: cells that just fill a pixel
-        would else seem not to move at all.
-        """
-        reach = self.side / 2
-        start = centre - reach + pixels / 2
-        first = np.floor(start - reach)
-        share, before, after = (
-            np.clip((first + 1.0 - moved) / self.side, 0.0, 1.0)
-            for moved in (start, start - reach, start + reach)
-        )
-        inside = np.clip(first, -1, pixels).astype(np.intp)
-        return inside + 1, share, (after - before) / self.side
-
-
-def _fit(seen: Floats, known: NDArray[np.bool_], ship: _Cells, place: Floats, floor: float) -> Tilt:
-    """Robust least squares from a start."""
-    gain, offset, scatter = 1.0, 0.0, 1.0
-    covariance = np.full((8, 8), np.nan)
-    steps = [(level, _PASSES) for level in _SCHEDULE if level > floor] + [(floor, _MOST)]
-    for level, passes in steps:
-        for _ in range(passes):
-            model, slopes = ship.image(place)
-            lit, dark = (model > 0) & known, (model == 0) & known
-            if lit.sum() < 8:
-                return Tilt(*[math.nan] * 6)
-            expected = gain * model + offset
-            residual = seen - expected
-            around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
-            spread = np.maximum(expected, 0.0) + max(level, around / scatter)
-            unit = residual / spread
-            bright = lit & (model > model.max() / 5)
-            scatter = max(1.4826 * np.median(np.abs(unit[bright])), _LEAST_SCATTER)
-            weight = np.maximum(1.0 - (unit / (_TUKEY * scatter)) ** 2, 0.0) / spread
-            weight *= known
-            terms = np.concatenate(
-                [gain * slopes, model[..., None], np.ones((*model.shape, 1))], axis=-1
-            ).reshape(-1, 8)
-            weighted = terms * weight.reshape(-1, 1)
-            normal = np.linalg.pinv(weighted.T @ weighted, hermitian=True)
-            change = normal @ (weighted.T @ (residual * weight).ravel())
-            step = np.clip(change[:6], np.negative(_STEP), _STEP)
-            place = place + step
-            gain = float(np.clip(gain + change[6], 0.2, 5.0))
-            offset = float(np.clip(offset + change[7], -0.5, 0.5))
-            covariance = normal * scatter**2
-            if np.abs(step).max() < _SETTLED:
-                break
-    error = np.degrees(np.sqrt(np.diag(covariance)))
-    mast, waterline = np.degrees(np.arctan(place[2:4] / place[4:]))
-    return Tilt(
-        mast=float(mast),
-        waterline=float(waterline),
-        mast_error=float(error[2]),
-        waterline_error=float(error[3]),
-        up=float(place[0]),
-        right=float(place[1]),
+        cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
+    factor *= refinement
+    looks = _Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
+    view = _View(looks, cells, factor)
+    known &= looks.count.reshape(1, rows, columns) > 0
+    least, further = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_TILT)
+    found = _fit(seen, known, view, _start(seen, view), floor, least)
+    return replace(
+        found,
+        mast_error=math.hypot(found.mast_error, further),
+        waterline_error=math.hypot(found.waterline_error, further),
     )
 
 
-def _start(seen: Floats, ship: _Cells) -> Floats:
-    """(up, right, mast, waterline) from the best shifts of whole rows, then of whole columns."""
+@dataclass(frozen=True, eq=False)
+class _Looks:
+    """What pixels average: pixel (flat) and place of each look about the centre [pixel]."""
+
+    pixel: NDArray[np.intp]
+    row: Floats
+    column: Floats
+    count: NDArray[np.intp]
+    shape: tuple[int, ...]
+
+    @classmethod
+    def of(cls, places: tuple[ArrayLike, ArrayLike], shape: tuple[int, ...]) -> _Looks:
+        row, column = (np.asarray(part, dtype=np.float64) for part in places)
+        if row.shape != column.shape:
+            raise ValueError(
+                f"places has rows of shape {row.shape} and columns of shape {column.shape}, but "
+                "must have as many of both"
+            )
+        rows, columns = shape
+        inside = (row >= -0.5) & (row < rows - 0.5) & (column >= -0.5) & (column < columns - 0.5)
+        row, column = row[inside], column[inside]
+        pixel = np.floor(row + 0.5).astype(np.intp) * columns + np.floor(column + 0.5).astype(
+            np.intp
+        )
+        return cls(
+            pixel,
+            row - (rows - 1) / 2,
+            column - (columns - 1) / 2,
+            np.bincount(pixel, minlength=rows * columns),
+            shape,
+        )
+
+
+class _View:
+    """Channels of a truth, as looks see them."""
+
+    def __init__(self, looks: _Looks, cells: Floats, factor: int) -> None:
+        self.looks, self.factor = looks, factor
+        self.middle = (np.array(cells.shape[1:]) + 1) / 2  # a border of dark cells is put around
+        bordered = np.pad(cells, ((0, 0), (1, 1), (1, 1)))
+        self.width = bordered.shape[2]
+        self.last = np.array(bordered.shape[1:]) - 2
+        slopes = np.gradient(bordered, axis=(1, 2))
+        self.cells, self.upward, self.rightward = (
+            part.reshape(len(cells), -1) for part in (bordered, *slopes)
+        )
+        bright = (bordered != 0).any(axis=0)
+        self.near = binary_dilation(bright, iterations=2).ravel()
+
+    def image(self, place: Floats) -> tuple[Floats, Floats]:
+        """(channel, row, column[, 6]): at a place (see `_START`), and its derivatives."""
+        looks = self.looks
+        up, right, mast, waterline, height, width = place
+        at_row = self.factor * (up + height * looks.row + waterline * looks.column)
+        at_column = self.factor * (right + mast * looks.row + width * looks.column)
+        at_row = np.clip(at_row + self.middle[0], 0, self.last[0])
+        at_column = np.clip(at_column + self.middle[1], 0, self.last[1])
+        first = at_row.astype(np.intp) * self.width + at_column.astype(np.intp)
+        lit = np.flatnonzero(self.near[first])
+        at_row, at_column, first = at_row[lit], at_column[lit], first[lit]
+        beyond_row, beyond_column = at_row % 1.0, at_column % 1.0
+        nearest = np.rint(at_row).astype(np.intp) * self.width + np.rint(at_column).astype(np.intp)
+        row, column, pixel = looks.row[lit], looks.column[lit], looks.pixel[lit]
+        share = 1.0 / looks.count[pixel]
+        found = np.empty((len(self.cells), 7, looks.count.size))
+        for cells, upward, rightward, sums in zip(
+            self.cells, self.upward, self.rightward, found, strict=True
+        ):
+            low = cells[first] + beyond_column * (cells[first + 1] - cells[first])
+            after = first + self.width
+            high = cells[after] + beyond_column * (cells[after + 1] - cells[after])
+            d_up = upward[nearest] * self.factor * share
+            d_right = rightward[nearest] * self.factor * share
+            parts = (
+                (low + beyond_row * (high - low)) * share,
+                *(d_up, d_right, d_right * row, d_up * column, d_up * row, d_right * column),
+            )
+            for k, part in enumerate(parts):
+                sums[k] = np.bincount(pixel, part, looks.count.size)
+        found = found.reshape(len(found), 7, *looks.shape)
+        return found[:, 0], np.moveaxis(found[:, 1:], 1, -1)
+
+
+def _fit(
+    seen: Floats,
+    known: NDArray[np.bool_],
+    view: _View,
+    place: Floats,
+    floor: float,
+    least: float,
+) -> Tilt:
+    """Robust least squares from a start, residuals scattered by no less than `least`."""
+    channels = len(seen)
+    gain, offset, scatter = np.ones(channels), np.zeros(channels), np.ones(channels)
+    covariance = np.full((6, 6), np.nan)
+    steps = [(level, _PASSES) for level in _SCHEDULE if level > floor] + [(floor, _MOST)]
+    for level, passes in steps:
+        for _ in range(passes):
+            model, slopes = view.image(place)
+            weighted, misfit = [], []
+            for c in range(channels):
+                lit, dark = (model[c] > 0) & known[c], (model[c] == 0) & known[c]
+                if lit.sum() < 8:
+                    return Tilt(*[math.nan] * 6)
+                expected = gain[c] * model[c] + offset[c]
+                residual = seen[c] - expected
+                around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
+                spread = np.maximum(expected, 0.0) + max(level, around / scatter[c])
+                unit = residual / spread
+                bright = lit & (model[c] > model[c].max() / 5)
+                scatter[c] = max(1.4826 * np.median(np.abs(unit[bright])), least)
+                unit /= scatter[c]
+                weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known[c]
+                terms = np.zeros((*model[c].shape, 6 + 2 * channels))
+                terms[..., :6] = gain[c] * slopes[c]
+                terms[..., 6 + c], terms[..., 6 + channels + c] = model[c], 1.0
+                terms *= (weight / spread / scatter[c])[..., None]
+                weighted.append(terms.reshape(-1, 6 + 2 * channels))
+                misfit.append((unit * weight).ravel())
+            design = np.concatenate(weighted)
+            normal = np.linalg.pinv(design.T @ design, hermitian=True)
+            change = normal @ (design.T @ np.concatenate(misfit))
+            step = np.clip(change[:6], np.negative(_STEP), _STEP)
+            place = place + step
+            gain = np.clip(gain + change[6 : 6 + channels], 0.2, 5.0)
+            offset = np.clip(offset + change[6 + channels :], -0.5, 0.5)
+            covariance = normal[:6, :6]
+            if np.abs(step).max() < _SETTLED * (1 if level == floor else 10):
+                break
+    return _tilt(place, covariance)
+
+
+def _tilt(place: Floats, covariance: Floats) -> Tilt:
+    """The image's lean from that of the truth that looks see, which is the other way."""
+    found = []
+    for lean, scale in ((2, 5), (3, 4)):
+        slope = -place[lean] / place[scale]
+        change = np.zeros(6)
+        change[lean], change[scale] = 1.0, slope
+        error = math.sqrt(change @ covariance @ change) / abs(place[scale]) / (1.0 + slope**2)
+        found.append((math.degrees(math.atan(slope)), math.degrees(error)))
+    (mast, mast_error), (waterline, waterline_error) = found
+    matrix = np.array([[place[4], place[3]], [place[2], place[5]]])
+    up, right = -np.linalg.solve(matrix, place[:2])
+    return Tilt(mast, waterline, mast_error, waterline_error, float(up), float(right))
+
+
+def _start(seen: Floats, view: _View) -> Floats:
+    """A place from the best shifts of whole rows, then of whole columns."""
     place = np.array(_START)
-    shown = _saturated(seen)
+    # Most of an image is dark: its median deviation from 0 is noise, and the least noisy leads.
+    best = int(np.median(np.abs(seen), axis=(1, 2)).argmin())
+    shown = _saturated(seen[best])
     for axis in (0, 1):
-        model, _ = ship.image(place)
-        lines, shifts = _best_shifts(*(np.moveaxis(x, axis, 0) for x in (shown, _saturated(model))))
+        model = _saturated(view.image(place)[0][best])
+        lines, shifts = _best_shifts(*(np.moveaxis(x, axis, 0) for x in (shown, model)))
         if lines.size < 2:
             continue
-        slope, intercept = theilslopes(shifts, lines - (seen.shape[axis] - 1) / 2)[:2]
+        slope, intercept = theilslopes(shifts, lines - (shown.shape[axis] - 1) / 2)[:2]
         # Rows are shifted to the right, by the masts' tilt; columns up, by the waterline's.
-        place[1 - axis], place[2 + axis] = intercept, slope
+        place[1 - axis], place[2 + axis] = -intercept, -slope
     return place
 
 
@@ -301,11 +370,18 @@ def _blocks(cells: Floats, factor: int) -> Floats:
     return averaged
 
 
+def _evenly(rows: int, columns: int, factor: int) -> tuple[Floats, Floats]:
+    """Places of looks spread over each pixel, one a cell."""
+    row, column = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (rows, columns))
+    spread = np.broadcast_arrays(row[:, None], column)
+    return spread[0], spread[1]
+
+
 def _image(name: str, values: ArrayLike) -> Floats:
-    """Intensities, NaN where there are none."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim != 2 or 0 in array.shape:
+    """(channel, row, column) intensities, NaN where there are none; a copy."""
+    array = np.array(values, dtype=np.float64)
+    if array.ndim not in (2, 3) or 0 in array.shape:
         raise ValueError(f"{name} has shape {array.shape}, but must have rows and columns")
     if np.isinf(array).any():
         raise ValueError(f"{name} holds an infinite value, but must be numbers or NaN")
-    return array
+    return array if array.ndim == 3 else array[None]

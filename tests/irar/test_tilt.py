@@ -177,6 +177,67 @@ def test_garbled_lines_are_left_out(truth, axis):
         assert found.waterline == pytest.approx(-0.5, abs=0.5 if noisy else 0.02)
 
 
+@pytest.mark.parametrize("drift", [0.05, 0.75])
+def test_looks_are_led_back_by_their_places(truth, drift):
+    """Lines of samples a pixel apart, ten lines a row, each moved on by a tenth of the drift.
+
+    Taken for spread evenly, looks of a pixel that all lie to one side lean by the drift, row by
+    row; by their places they do so by the tilt that they were given, as exactly as even ones.
+    """
+    mast, waterline = 0.5, -0.5
+    line = np.arange(-60, 10 * SHAPE[0] + 60)
+    row, column = np.meshgrid(line / 10, np.arange(-30.0, SHAPE[1] + 30), indexing="ij")
+    column = column + drift * (row - SHAPE[0]) - np.floor(drift * (row - SHAPE[0]))
+    leaning = sheared_looks(truth, row, column, mast, waterline)
+    pixel = np.floor(row + 0.5), np.floor(column + 0.5)
+    edges = [np.arange(n + 1) - 0.5 for n in SHAPE]
+    total, count = (
+        np.histogram2d(pixel[0].ravel(), pixel[1].ravel(), edges, weights=weight)[0]
+        for weight in (leaning.ravel(), None)
+    )
+    found = tilts(total / count, truth, places=(row, column))
+    assert (found.mast, found.waterline) == pytest.approx((mast, waterline), abs=0.02)
+    if drift < 0.1:
+        assert abs(tilts(total / count, truth).mast - mast) > 0.05
+
+
+def sheared_looks(cells, row, column, mast, waterline):
+    """What looks at some places [pixel] see of the leaning ship, cells taken as points."""
+    m, w = math.tan(math.radians(mast)), math.tan(math.radians(waterline))
+    place = np.stack([row - (SHAPE[0] - 1) / 2, column - (SHAPE[1] - 1) / 2])
+    back = np.einsum("ij,j...->i...", np.linalg.inv([[1.0, w], [m, 1.0]]), place)
+    middle = (np.array(cells.shape) - 1) / 2
+    return ndimage.map_coordinates(cells, CELLS * back + middle[:, None, None], order=1)
+
+
+def test_channels_share_a_tilt(truth):
+    """A second image of a tenth of the speckle: both together are as good as that one, and say so.
+
+    Of 12 draws, squared errors over squared standard errors as above. A third channel that is
+    nothing but noise changes nothing.
+    """
+    rng = np.random.default_rng(4)
+    image = sheared(truth, 0.5, -0.5)
+    squares = np.zeros(2)
+    for _ in range(12):
+        steady = image * (1 + 0.03 * rng.standard_normal(SHAPE))
+        steady += 0.01 * rng.standard_normal(SHAPE)
+        noise = rng.standard_normal(SHAPE)
+        alone = tilts(speckled(image, rng), truth)
+        both = tilts([speckled(image, rng), steady], [truth, truth])
+        more = tilts([steady, noise], [truth, truth])
+        assert both.mast_error < 0.5 * alone.mast_error
+        assert both.waterline_error < 0.5 * alone.waterline_error
+        assert abs(more.mast - 0.5) < 5 * both.mast_error
+        assert abs(more.waterline + 0.5) < 5 * both.waterline_error
+        squares += (
+            ((both.mast - 0.5) / both.mast_error) ** 2,
+            ((both.waterline + 0.5) / both.waterline_error) ** 2,
+        )
+    assert (squares < stats.chi2(12).isf(1e-4)).all()
+    assert (squares > stats.chi2(12).ppf(1e-4) / 4).all()
+
+
 def test_image_without_a_ship_has_no_tilt(truth):
     found = tilts(np.zeros(SHAPE), truth)
     assert math.isnan(found.mast)
@@ -194,5 +255,9 @@ def test_refusals():
         tilts(ship[0], ship)
     with pytest.raises(ValueError, match="image holds an infinite value"):
         tilts(np.full((8, 8), np.inf), ship)
+    with pytest.raises(ValueError, match=r"truth has shape \(8, 8\)"):
+        tilts([ship, ship], ship)
+    with pytest.raises(ValueError, match="places has rows of shape"):
+        tilts(ship, ship, places=([0.0, 1.0], [0.0]))
     with pytest.raises(ValueError, match="floor is 0"):
         tilts(ship, ship, floor=0)
