@@ -88,8 +88,8 @@ def which(one: xr.Dataset, of: xr.Dataset, *, but: tuple[str, ...] = ()) -> str:
 def value_at(one: xr.Dataset, name: str) -> Any:
     """Value of a flight on an axis; of `error` the parameter and by how much it is wrong."""
     if name == "error":
-        return one.error_parameter.item(), one.error_value.item()
-    return one[name].item()
+        return one.error_parameter.values.item(), one.error_value.values.item()
+    return one[name].values.item()
 
 
 def print_whole(table: Table, console: Console) -> None:
