@@ -43,7 +43,7 @@ from sweeps.seeds import cell_rng
 from sweeps.sensor_schema import LadarConfig
 from sweeps.stages import View, load_ship
 
-CELLS = 4  # of the truth along a pixel; finer ones move tilts of noiseless ships by 0.1 deg
+CELLS = 8  # of the truth along a pixel; coarser ones move tilts of noiseless ships by 0.1 deg
 
 Floats = NDArray[np.float64]
 

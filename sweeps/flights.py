@@ -10,6 +10,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ncti.irar import (
     Correction,
@@ -24,6 +25,7 @@ from ncti.irar import (
     segmented,
     tilts,
 )
+from ncti.irar.chain import places
 from ncti.ladar import RangeExtent
 from sweeps.cache import Arrays, StageCache, code_digest
 from sweeps.flight_comparison import compared
@@ -146,8 +148,22 @@ class _Choice:
         if self.chain != EXACT:
             rate = "line" if self.chain == PRINTED else "pulse"
             return correct_as_printed(scan, belief=belief, window=window, rate=rate)
-        how = Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
+        how = self.correction
         return correct(scan, how, belief=belief, window=window, overscanned=overscanned)
+
+    @property
+    def correction(self) -> Correction:
+        """By the exact chain."""
+        return Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
+
+    def places(
+        self, scan: Scan, *, belief: Flight, window: Window
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Where an image has its samples; None as printed, which averages them before."""
+        if self.chain != EXACT:
+            return None
+        row, column, _ = places(scan, self.correction, belief=belief)
+        return row - window.bottom, column - window.left
 
 
 @dataclass(frozen=True)
@@ -221,9 +237,13 @@ class _Record:
         image, fine = cut(whole), cut(shown(self.scan, overscanned=True))
         # Of the uncut image, if it shows a ship: a threshold eats into dim edges.
         seen = whole.intensity * (np.count_nonzero(image.intensity) >= LEAST_SEEN)
-        lean = tilts(seen, widened(course.truth, course.truth.intensity, window))
-        clean = shown(self.clean).infrared
-        clean_lean = tilts(clean, widened(course.truth, course.truth.infrared, window))
+        truths = [
+            widened(course.truth, values, window)
+            for values in (course.truth.intensity, course.truth.infrared)
+        ]
+        spots = partial(choice.places, belief=belief, window=window)
+        lean = tilts([seen, whole.infrared], truths, places=spots(self.scan))
+        clean_lean = tilts(shown(self.clean).infrared, truths[1], places=spots(self.clean))
         profiles = np.stack([profile_of(fine, belief, ladar), *(flight.cnr * course.models)])
         return {
             "profile": profiles.astype(np.float32),

@@ -29,6 +29,7 @@ from ncti.irar import (
     tilts,
     true_snapshot,
 )
+from ncti.irar.chain import places
 from ncti.ladar import carrier_to_noise, expected_profile, range_extent
 from ncti.render import range_image
 from sweeps import flight_course
@@ -120,7 +121,7 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
     image = segmented(whole, belief)
     fine = correct(scan, Correction(), belief=belief, window=window, overscanned=True)
     fine = segmented(fine, belief)
-    truth = true_snapshot(mesh, flight, narrow, cells=4, reflectivity=surface)
+    truth = true_snapshot(mesh, flight, narrow, cells=8, reflectivity=surface)
 
     inside = np.s_[window.bottom - plan.window.bottom :, window.left - plan.window.left :]
     for name, values in (
@@ -136,14 +137,18 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
     assert ours["closing_speed_error"] == pytest.approx(speed, abs=1e-7)
     assert (speed != 0) == bool(error[1])
 
-    wide = [(n * 4, n * 4) for n in more]
-    lean = tilts(whole.intensity, np.pad(truth.intensity, wide))
+    wide = [(n * 8, n * 8) for n in more]
+    truths = [np.pad(values, wide) for values in (truth.intensity, truth.infrared)]
+    row, column, _ = places(scan, Correction(), belief=belief)
+    spots = row - window.bottom, column - window.left
+    lean = tilts([whole.intensity, whole.infrared], truths, places=spots)
     assert ours["mast_tilt"] == pytest.approx(lean.mast, rel=1e-6)
     assert ours["waterline_tilt"] == pytest.approx(lean.waterline, rel=1e-6)
     assert ours["mast_tilt_error"] == pytest.approx(lean.mast_error, rel=1e-6)
     assert ours["waterline_tilt_error"] == pytest.approx(lean.waterline_error, rel=1e-6)
     clean = correct(passed.noiseless(), Correction(), belief=belief, window=window).infrared
-    lean = tilts(clean, np.pad(truth.infrared, wide))
+    row, column, _ = places(passed.noiseless(), Correction(), belief=belief)
+    lean = tilts(clean, truths[1], places=(row - window.bottom, column - window.left))
     assert ours["noiseless_mast_tilt"] == pytest.approx(lean.mast, rel=1e-5)
     assert ours["noiseless_waterline_tilt"] == pytest.approx(lean.waterline, rel=1e-5)
 
