@@ -7,6 +7,7 @@ import pytest
 from nbclient import NotebookClient
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
+STORES = {"flights": "flight_store"}  # fixtures; of all others the smoke experiment's
 
 KEEP_FIGURES = "%matplotlib inline\n%config InlineBackend.close_figures = False"
 
@@ -36,8 +37,9 @@ def run(notebook, folder):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebook_runs_and_every_panel_shows_something(path, smoke_store, tmp_path, monkeypatch):
-    monkeypatch.setenv("NCTI_STORE", str(smoke_store))
+def test_notebook_runs_and_every_panel_shows_something(path, request, tmp_path, monkeypatch):
+    store = request.getfixturevalue(STORES.get(path.stem, "smoke_store"))
+    monkeypatch.setenv("NCTI_STORE", str(store))
     notebook = nbformat.read(path, as_version=4)
     new_cell = nbformat.v4.new_code_cell
     notebook.cells = [new_cell(KEEP_FIGURES), *notebook.cells, new_cell(LOOK_AT_FIGURES)]

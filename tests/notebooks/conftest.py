@@ -1,0 +1,46 @@
+"""The store of flights that a notebook opens."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# Two ships of which the second is flown past, several values on two of the axes that the notebook
+# asks for and one on the third; few and coarse lines, in a tenth of a second a flight.
+FLIGHTS = [
+    "sensor=irar",
+    "grid.ship=[duncan,roberts]",
+    "grid.aspect=175",
+    "irar.flown=roberts",
+    "irar.range=3",
+    "irar.cnr=[10,20]",
+    "irar.range_filter=[cluster,mean]",
+    "irar.ifov=500",
+    "irar.samples=60",
+    "irar.line_rate=60",
+    "irar.detectors=3",
+    "irar.pulse_rate=4000",
+    "render.pixel=0.5",
+    "render.engine=embree",
+]
+
+
+@pytest.fixture(scope="session")
+def flight_store(tmp_path_factory, cache) -> Path:
+    """Finished store of a small sweep of flights."""
+    folder = tmp_path_factory.mktemp("flights")
+    store = folder / "flights.zarr"
+    (cache / "meshes").mkdir(parents=True, exist_ok=True)
+    (folder / "cache").mkdir()
+    (folder / "cache" / "meshes").symlink_to(cache / "meshes", target_is_directory=True)
+    subprocess.run(
+        [
+            *(sys.executable, "-m", "sweeps.app", *FLIGHTS),
+            *(f"store={store}", f"cache={folder / 'cache'}", "cluster.workers=1"),
+        ],
+        cwd=folder,
+        check=True,
+        timeout=300,
+    )
+    return store
