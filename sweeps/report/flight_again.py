@@ -134,7 +134,7 @@ def draw_flight(
     which = [told(name, values[0]) for name, values in first.items() if len(values) > 1]
     draws = attributes["configuration"]["grid"]["replicate"]
     if len(draws) > 1:
-        which.append(f"the first of {len(draws)} draws of the noise")
+        which.append(f"first of {len(draws)} draws")
     return draw_stages(mesh, scan, way, title=", ".join((place.title, *which)))
 
 

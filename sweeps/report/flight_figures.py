@@ -95,6 +95,7 @@ def draw_validation(flights: xr.Dataset) -> Figure:
 
     near = flights.sel(aspect=175.0, method="nearest")
     near = near.isel(replicate=0, missing_dims="ignore")
+    draws = flights.sizes.get("replicate", 1)
     ships = flown_past(flights)
     shown = [(name, km) for name, km in (("connole", 3.0), SISTERS[2:]) if name in ships]
     sisters = set(SISTERS[::2]) <= set(ships)
@@ -111,6 +112,7 @@ def draw_validation(flights: xr.Dataset) -> Figure:
         likeness = float(one.profile_correlation)
         axes.set_title(
             f"{_titled(one)}{which(one, flights, but=TITLED)}, "
+            + (f"first of {draws} draws, " if draws > 1 else "")
             + ("nothing seen" if math.isnan(likeness) else f"correlation {likeness:.3f}"),
             fontsize=9,
         )

@@ -254,7 +254,9 @@ def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, ti
     figure.suptitle(title, fontsize=11)
     if any(stage.unseen.any() for stage in every):
         figure.supxlabel(
-            "slate blue: no sample fell there; grey: looked at, no ship", fontsize=8, color="0.3"
+            "slate blue: no sample fell there; black, and grey of ranges: looked at, no ship",
+            fontsize=8,
+            color="0.3",
         )
     return figure
 

@@ -172,6 +172,8 @@ def test_a_flight_that_is_drawn_is_named():
     figure = draw_validation(validation(cnr=[10.0, 20.0], pointing=[np.nan, 4.0]))
     for axes in figure.axes:
         assert "cnr 10 dB" in axes.get_title() and "pointing –" in axes.get_title()
+    figure = draw_validation(validation(replicate=[0, 1, 2]))
+    assert "first of 3 draws" in figure.axes[0].get_title()
     tables = tabulate_answers(answers(cnr=[5.0, 20.0], vigilance=[0.9, 0.95]))
     assert draw_measured(tables).get_suptitle() == "cnr 5 dB, vigilance 0.9"
     assert draw_measured(tabulate_answers(answers())).get_suptitle() == ""
