@@ -14,6 +14,7 @@ from scipy.stats import theilslopes
 from ncti.checks import require
 
 FINEST = 4  # cells of the truth along a pixel, at least
+_MARGIN = 8  # pixels of sea that are fitted, too
 _KNEE = 0.3  # of the ship's brightness, at which the first search saturates
 _SCHEDULE = (1.0, 0.5, 0.25, 0.12, 0.06)  # of that brightness: noise floors on the way down
 _PASSES = 4  # at each of them
@@ -147,10 +148,12 @@ def tilts(
         cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
     factor *= refinement
     looks = _Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
-    view = _View(looks, cells, factor)
+    view = _View(cells, factor)
     known &= looks.count.reshape(1, rows, columns) > 0
+    place = _start(seen, view, looks)
+    box = _around(view.image(place, looks)[0])
     least, further = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_TILT)
-    found = _fit(seen, known, view, _start(seen, view), floor, least)
+    found = _fit(seen[:, *box], known[:, *box], view, looks.within(*box), place, floor, least)
     return replace(
         found,
         mast_error=math.hypot(found.mast_error, further),
@@ -190,14 +193,29 @@ class _Looks:
             shape,
         )
 
+    def within(self, rows: slice, columns: slice) -> _Looks:
+        """Those of some pixels; places are about the centre of the whole image still."""
+        number = np.full(self.shape, -1)
+        shape = number[rows, columns].shape
+        number[rows, columns] = np.arange(math.prod(shape)).reshape(shape)
+        pixel = number.ravel()[self.pixel]
+        kept = pixel >= 0
+        count = self.count.reshape(self.shape)[rows, columns].ravel()
+        return _Looks(pixel[kept], self.row[kept], self.column[kept], count, shape)
+
 
 class _View:
     """Channels of a truth, as looks see them."""
 
-    def __init__(self, looks: _Looks, cells: Floats, factor: int) -> None:
-        self.looks, self.factor = looks, factor
-        self.middle = (np.array(cells.shape[1:]) + 1) / 2  # a border of dark cells is put around
-        bordered = np.pad(cells, ((0, 0), (1, 1), (1, 1)))
+    def __init__(self, cells: Floats, factor: int) -> None:
+        self.factor = factor
+        # The ship alone, in a border so wide that what is led beyond it sees no slope.
+        border = 5
+        lit = [np.flatnonzero(cells.any(axis=(0, axis))) for axis in (2, 1)]
+        first = np.array([line[0] for line in lit])
+        self.middle = (np.array(cells.shape[1:]) - 1) / 2 - first + border
+        ship = cells[:, *(slice(line[0], line[-1] + 1) for line in lit)]
+        bordered = np.pad(ship, ((0, 0), (border, border), (border, border)))
         self.width = bordered.shape[2]
         self.last = np.array(bordered.shape[1:]) - 2
         slopes = np.gradient(bordered, axis=(1, 2))
@@ -207,9 +225,8 @@ class _View:
         bright = (bordered != 0).any(axis=0)
         self.near = binary_dilation(bright, iterations=2).ravel()
 
-    def image(self, place: Floats) -> tuple[Floats, Floats]:
+    def image(self, place: Floats, looks: _Looks) -> tuple[Floats, Floats]:
         """(channel, row, column[, 6]): at a place (see `_START`), and its derivatives."""
-        looks = self.looks
         up, right, mast, waterline, height, width = place
         at_row = self.factor * (up + height * looks.row + waterline * looks.column)
         at_column = self.factor * (right + mast * looks.row + width * looks.column)
@@ -245,6 +262,7 @@ def _fit(
     seen: Floats,
     known: NDArray[np.bool_],
     view: _View,
+    looks: _Looks,
     place: Floats,
     floor: float,
     least: float,
@@ -256,7 +274,7 @@ def _fit(
     steps = [(level, _PASSES) for level in _SCHEDULE if level > floor] + [(floor, _MOST)]
     for level, passes in steps:
         for _ in range(passes):
-            model, slopes = view.image(place)
+            model, slopes = view.image(place, looks)
             weighted, misfit = [], []
             for c in range(channels):
                 lit, dark = (model[c] > 0) & known[c], (model[c] == 0) & known[c]
@@ -305,14 +323,23 @@ def _tilt(place: Floats, covariance: Floats) -> Tilt:
     return Tilt(mast, waterline, mast_error, waterline_error, float(up), float(right))
 
 
-def _start(seen: Floats, view: _View) -> Floats:
+def _around(model: Floats) -> tuple[slice, slice]:
+    """Rows and columns of the ship in an image, and some of sea."""
+    lit = [np.flatnonzero((model > 0).any(axis=(0, axis))) for axis in (2, 1)]
+    if not lit[0].size:
+        return slice(None), slice(None)
+    rows, columns = (slice(max(line[0] - _MARGIN, 0), line[-1] + 1 + _MARGIN) for line in lit)
+    return rows, columns
+
+
+def _start(seen: Floats, view: _View, looks: _Looks) -> Floats:
     """A place from the best shifts of whole rows, then of whole columns."""
     place = np.array(_START)
     # Most of an image is dark: its median deviation from 0 is noise, and the least noisy leads.
     best = int(np.median(np.abs(seen), axis=(1, 2)).argmin())
     shown = _saturated(seen[best])
     for axis in (0, 1):
-        model = _saturated(view.image(place)[0][best])
+        model = _saturated(view.image(place, looks)[0][best])
         lines, shifts = _best_shifts(*(np.moveaxis(x, axis, 0) for x in (shown, model)))
         if lines.size < 2:
             continue
