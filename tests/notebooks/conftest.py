@@ -37,7 +37,7 @@ def flight_store(tmp_path_factory, cache) -> Path:
     subprocess.run(
         [
             *(sys.executable, "-m", "sweeps.app", *FLIGHTS),
-            *(f"store={store}", f"cache={folder / 'cache'}", "cluster.workers=1"),
+            *(f"store={store}", f"cache={folder / 'cache'}", "cluster=inline"),
         ],
         cwd=folder,
         check=True,
