@@ -21,9 +21,9 @@ _PASSES = 4  # at each of them
 _MOST = 25  # passes at the last
 _TUKEY = 4.685  # standard deviations; 95 % efficient for normal errors
 _LEAST_SCATTER = 0.02  # of the model: what area averages of finite cells leave without noise
-# Footprints of five rays a side tell an edge's place to 0.2 / sqrt(12) pixels: the scatter that
-# this leaves without noise, of the model, and the tilt of noiseless passes, as measured [deg].
-_SAMPLED_SCATTER, _SAMPLED_TILT = 0.05, 0.05
+# Footprints of five rays a side tell an edge's place to 0.2 / sqrt(12) pixels. What that leaves of
+# noiseless passes: scatter, of the model, and a lean, in pixels from end to end of the ship.
+_SAMPLED_SCATTER, _SAMPLED_LEAN = 0.05, 0.03
 _SETTLED = 1e-5  # pixels a pixel, at the last; ten times that on the way down
 # Where the truth is that a perfect image's look sees (row, column, column a row, row a column, row
 # a row, column a column), and the most a pass may move.
@@ -152,12 +152,12 @@ def tilts(
     known &= looks.count.reshape(1, rows, columns) > 0
     place = _start(seen, view, looks)
     box = _around(view.image(place, looks)[0])
-    least, further = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_TILT)
+    least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
     found = _fit(seen[:, *box], known[:, *box], view, looks.within(*box), place, floor, least)
     return replace(
         found,
-        mast_error=math.hypot(found.mast_error, further),
-        waterline_error=math.hypot(found.waterline_error, further),
+        mast_error=math.hypot(found.mast_error, math.degrees(lean / view.rows)),
+        waterline_error=math.hypot(found.waterline_error, math.degrees(lean / view.columns)),
     )
 
 
@@ -215,6 +215,7 @@ class _View:
         first = np.array([line[0] for line in lit])
         self.middle = (np.array(cells.shape[1:]) - 1) / 2 - first + border
         ship = cells[:, *(slice(line[0], line[-1] + 1) for line in lit)]
+        self.rows, self.columns = (cells / factor for cells in ship.shape[1:])
         bordered = np.pad(ship, ((0, 0), (border, border), (border, border)))
         self.width = bordered.shape[2]
         self.last = np.array(bordered.shape[1:]) - 2
