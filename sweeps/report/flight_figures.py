@@ -37,7 +37,7 @@ KINDS = {
 OURS, THEIRS, TRUTH = "#1f4e79", "#c1440e", "0.75"
 MARKED = (  # m past the hangar, height, what is there
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
-    *((45, 0.58, "main mast"), (61, 0.32, "bridge")),
+    *((45, 0.76, "main mast"), (61, 0.32, "bridge")),
 )
 TITLED = ("ship", "aspect", "range")  # told in every title
 UNITS = {

@@ -1,4 +1,4 @@
-"""Workers and Ctrl-C: whom an interrupt reaches, and that none is lost."""
+"""Workers: what they start with, whom an interrupt reaches, and that none is lost."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ from pathlib import Path
 import distributed
 import pytest
 
-from sweeps.cluster import executor
+from sweeps.cluster import KEPT, executor
 from sweeps.schema import ClusterConfig
 
 
@@ -53,6 +53,24 @@ def test_a_worker_does_not_hear_an_interrupt():
         assert signal.SIGINT in blocked_there
     assert signal.getsignal(signal.SIGINT) is handler
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == blocked
+
+
+def started_with():
+    """What the process itself was started with, whatever was set in it since."""
+    lines = Path("/proc/self/environ").read_bytes().split(b"\0")
+    return frozenset(line.decode() for line in lines)
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="the system does not tell")
+def test_a_worker_starts_with_one_thread_and_an_allocator_that_keeps():
+    before = dict(os.environ)
+    with executor(ClusterConfig(kind="local", workers=1), tasks=1) as workers:
+        (there,) = results(workers, started_with, 1)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        assert f"{name}=1" in there
+    for name in ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_"):
+        assert f"{name}={KEPT}" in there
+    assert dict(os.environ) == before
 
 
 @pytest.fixture(params=["alone", "beside a thread that takes signals"])
