@@ -47,8 +47,18 @@ OF_VIEWS: tuple[Row, ...] = (
         (*VIEW, *FLIGHT),
         "the same without 4 m either side of the hangar, the highest peak",
     ),
-    ("mast_tilt", (*VIEW, *FLIGHT), "tilt of masts in the corrected image", _DEGREE),
-    ("waterline_tilt", (*VIEW, *FLIGHT), "tilt of the waterline in the corrected image", _DEGREE),
+    (
+        "mast_tilt",
+        (*VIEW, *FLIGHT),
+        "tilt of masts in the corrected images, intensity and infrared together",
+        _DEGREE,
+    ),
+    (
+        "waterline_tilt",
+        (*VIEW, *FLIGHT),
+        "tilt of the waterline in the corrected images, intensity and infrared together",
+        _DEGREE,
+    ),
     ("mast_tilt_error", (*VIEW, *FLIGHT), "standard error of that of masts", _DEGREE),
     ("waterline_tilt_error", (*VIEW, *FLIGHT), "standard error of that of the waterline", _DEGREE),
     (
