@@ -166,6 +166,8 @@ def _draw(prepared: Prepared, path: Path) -> None:
         )
     except ImportError:
         print(f"ncti-sweep: pictures are not drawn: {MISSING}", file=sys.stderr)
+    except (OSError, ValueError) as error:
+        print(f"ncti-sweep: pictures are not drawn: {error}", file=sys.stderr)
 
 
 def explain(error: Exception) -> str:

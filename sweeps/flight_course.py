@@ -25,7 +25,7 @@ from ncti.irar import (
     ship_window,
     true_snapshot,
 )
-from ncti.irar.mirror import MIRROR_FORMS
+from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 from ncti.ladar import (
     RangeExtent,
     cumulative_average,
@@ -43,7 +43,7 @@ from sweeps.seeds import cell_rng
 from sweeps.sensor_schema import LadarConfig
 from sweeps.stages import View, load_ship
 
-CELLS = 8  # of the truth along a pixel; coarser ones move tilts of noiseless ships by 0.1 deg
+CELLS = 10  # of the truth along a pixel, sharing rays; 4 move tilts of noiseless ships by 0.1 deg
 
 Floats = NDArray[np.float64]
 
@@ -84,16 +84,27 @@ def window_of_cell(
     """
     window = ship_window(mesh, flight)
     if error != NO_ERROR or chain != EXACT or azimuth != "pixel" or mirror not in MIRROR_FORMS:
-        above = math.ceil(max(window.rows, window.columns) / 8)
+        # Uncorrected lines rise by the mirror's angle, and rows follow one another with the drift.
+        lean = abs(
+            math.radians(mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle))
+        )
+        drift, steep = abs(flight.drift / flight.climb), math.tan(lean)
+        # As printed, rows that such lines climb more slowly, or faster, keep their distance.
+        tall = 1.0 if chain == EXACT else 1.0 / max(1.0 - drift * steep, 0.1)
+        above = math.ceil(
+            max(window.rows, window.columns) * max(1 / 8, 1.1 * steep)
+            + window.rows * 0.6 * (tall - 1.0)
+        )
+        aside = math.ceil(window.rows * max(1.0, drift + steep) * tall)
         window = Window(
             window.bottom - above,
-            window.left - window.rows,
+            window.left - aside,
             window.rows + 2 * above,
-            window.columns + 2 * window.rows,
+            window.columns + 2 * aside,
         )
     if error[0] == "pointing":
-        aside = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
-        window = replace(window, left=window.left + round(aside))
+        moved = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
+        window = replace(window, left=window.left + round(moved))
     return window
 
 

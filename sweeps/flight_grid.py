@@ -77,13 +77,15 @@ line_rate, pulse_rate, range_gate, jitter, jitter_time
     range_filter: tuple[str, ...]
 
 
-# What the beam meets depends on these axes, the raw images on these, too, and the rest corrects.
+# What the beam meets, and the truth, depend on these axes, the raw images on the next, too, and
+# the rest corrects.
 FLOWN = (
     *("range", "depression", "aircraft_speed", "ship_speed", "aircraft_heading", "aircraft_track"),
     *("offset", "pointing", "mirror_angle", "ifov", "line_rate", "samples", "pulse_rate"),
     *("range_gate", "detectors", "jitter", "jitter_time", "transom_gain", "mast_gain"),
+    "flown_pulse_width",  # the truth's peaks, too, are as wide as the pulse
 )
-RECORDED = ("replicate", "cnr", "flown_pulse_width", "range_sigma", "threshold", "nedt")
+RECORDED = ("replicate", "cnr", "range_sigma", "threshold", "nedt")
 CORRECTED = ("error", "autofocus", "chain", "azimuth", "mirror", "range_filter")
 
 IN_SI = {  # axes of a flight that the library has by another name or in another unit

@@ -32,9 +32,11 @@ OF_MEASURED = (ACN, MNN, CORRELATION)  # classifiers that can name a measured pr
 ALONE = ("learning_rate", "label_rule", "score_rule", "training", "left_out")
 ALONE_OF_MNN = ("epochs", "grow_every", "learning_rate", "tolerance", "inputs", "annealing")
 
-EXACT, PRINTED, PRINTED_PULSE_RATE = CHAINS = ("exact", "printed", "printed_pulse_rate")
-"""Corrections as the geometry has them, or as the source prints them: with f as the line rate, or
-as the pulse-repetition frequency that it says f is."""
+EXACT = "exact"
+RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
+"""Of the source's corrections, as printed: what f is, the line rate, or the pulse-repetition
+frequency that it says f is."""
+SLOWEST, FASTEST = 0.25, 1.9  # believed closing speeds, of the true one
 
 NUMBERS = {  # axes: least and most, in the units of the configuration
     "range": (0.1, 1000),
@@ -61,7 +63,7 @@ NUMBERS = {  # axes: least and most, in the units of the configuration
 COUNTS = {"samples": (2, 10_000), "detectors": (1, 1000)}
 WITH_NULL = ("aircraft_track", "pointing")  # deg; null: what the heading, or the ship, has them be
 WORDS = {
-    "chain": CHAINS,
+    "chain": (EXACT, *RATES),
     "azimuth": (*MOTION_METHODS, "none"),
     "mirror": MIRROR_METHODS,
     "range_filter": RANGE_FILTERS,
@@ -186,11 +188,18 @@ class FlightConfig:
                 raise ConfigurationError(_of_key(error, values["range"])) from error
             for parameter, value in grid.error:
                 try:
-                    believed(flight, (parameter, value))
+                    speed = believed(flight, (parameter, value)).closing_speed
                 except ValueError as error:
                     raise ConfigurationError(
                         f"irar.errors.{parameter} has {value:g}, with which {error}"
                     ) from error
+                least, most = (share * flight.closing_speed for share in (SLOWEST, FASTEST))
+                if not least <= speed <= most:
+                    raise ConfigurationError(
+                        f"irar.errors.{parameter} has {value:g}, with which the ship comes closer "
+                        f"at {speed:.3g} m/s, but must be such that it does at {least:.3g} to "
+                        f"{most:.3g}"
+                    )
 
     def check_ship(self, label: str, hull: trimesh.Trimesh, aspects: tuple[float, ...]) -> None:
         """Refuse flights that do not see a whole ship, as `check` does."""

@@ -59,8 +59,18 @@ OF_VIEWS: tuple[Row, ...] = (
         "tilt of the waterline in the corrected images, intensity and infrared together",
         _DEGREE,
     ),
-    ("mast_tilt_error", (*VIEW, *FLIGHT), "standard error of that of masts", _DEGREE),
-    ("waterline_tilt_error", (*VIEW, *FLIGHT), "standard error of that of the waterline", _DEGREE),
+    (
+        "mast_tilt_error",
+        (*VIEW, *FLIGHT),
+        "standard error of that of masts, where what is left is a shear of a few degrees at most",
+        _DEGREE,
+    ),
+    (
+        "waterline_tilt_error",
+        (*VIEW, *FLIGHT),
+        "standard error of that of the waterline, likewise",
+        _DEGREE,
+    ),
     (
         "noiseless_mast_tilt",
         (*VIEW, *FLIGHT),
@@ -100,7 +110,7 @@ OF_VIEWS: tuple[Row, ...] = (
         (*VIEW, *FLIGHT),
         "closing speed that images are corrected with over the true one, less 1",
     ),
-    ("looks", (*VIEW, *FLIGHT), "mean samples a pixel"),
+    ("looks", (*VIEW, *FLIGHT), "mean samples of the pixels that have some"),
     ("intensity", _IMAGE, "corrected, segmented intensity in noise powers, 0 where there is none"),
     ("range_image", _IMAGE, "range less that of the ship origin, of the same pixels", _METRE),
     (

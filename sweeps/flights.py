@@ -45,7 +45,7 @@ from sweeps.flight_grid import (
     believed,
     passes,
 )
-from sweeps.flight_schema import EXACT, PRINTED, FlightPlan
+from sweeps.flight_schema import EXACT, RATES, FlightPlan
 from sweeps.flight_variables import FLIGHT, KINDS, OF_VIEWS, SOURCES
 from sweeps.ladar import bin_centres
 from sweeps.stages import View
@@ -65,6 +65,7 @@ def flight_code() -> str:
         "sweeps.ladar",
         "sweeps.stages",
         "sweeps.flight_grid",
+        "sweeps.flight_variables",
         "sweeps.flight_schema",
         "sweeps.flight_course",
         "sweeps.flight_comparison",
@@ -146,8 +147,7 @@ class _Choice:
     ) -> Snapshot:
         """A scan corrected; rows as printed are a pixel apart."""
         if self.chain != EXACT:
-            rate = "line" if self.chain == PRINTED else "pulse"
-            return correct_as_printed(scan, belief=belief, window=window, rate=rate)
+            return correct_as_printed(scan, belief=belief, window=window, rate=RATES[self.chain])
         how = self.correction
         return correct(scan, how, belief=belief, window=window, overscanned=overscanned)
 
@@ -254,7 +254,7 @@ class _Record:
             "noiseless_mast_tilt": np.array(clean_lean.mast),
             "noiseless_waterline_tilt": np.array(clean_lean.waterline),
             "closing_speed_error": np.array(belief.closing_speed / flight.closing_speed - 1),
-            "looks": np.array(image.looks.mean()),
+            "looks": image.looks.sum() / max(np.count_nonzero(image.looks), 1),
             "window": np.array([window.bottom, window.left, window.rows, window.columns]),
             "intensity": image.intensity.astype(np.float32),
             "range_image": (image.range - flight.slant_range).astype(np.float32),

@@ -125,7 +125,8 @@ def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats
     shifted = np.cumsum(shifts)
     shifted -= np.interp(0.0, time, shifted)  # none in the row of the ship's origin
     pointing = flight.offset if flight.pointing is None else flight.pointing
-    aside = math.radians(pointing - flight.offset) * math.cos(math.radians(flight.depression))
+    apart = (pointing - flight.offset + 180.0) % 360.0 - 180.0
+    aside = math.radians(apart) * math.cos(math.radians(flight.depression))
     along = np.arange(flight.samples) - (flight.samples - 1) / 2 + aside / flight.ifov
     row = np.broadcast_to((flight.climb * time / flight.pixel)[:, None], (len(time), len(along)))
     lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle, form="printed")

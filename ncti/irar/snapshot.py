@@ -17,8 +17,8 @@ from ncti.render import cast_rays
 
 Floats = NDArray[np.float64]
 
-RAYS_AT_ONCE = 500_000
-"""Bounds the memory of a truth, whose rays may be tens of millions."""
+RAYS_AT_ONCE = 4_000_000
+"""Rays of looks: bounds the memory of a truth, which may have tens of millions."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,6 @@ def true_snapshot(
     reflectivity: Floats | None = None,
     lambertian: bool = False,
     cells: int = 1,
-    resolved: bool = False,
 ) -> Snapshot:
     """What a correction should give: the noiseless view from the snapshot's place itself.
 
@@ -129,10 +128,9 @@ def true_snapshot(
     reflectivity, lambertian
         As for `scan_scene`.
     cells : int
-        Looks along each side of a pixel, evenly spread over it.
-    resolved : bool
-        Whether each of them sees its own cell only, by one ray; they see an IFOV otherwise, as
-        the sensor does.
+        Looks along each side of a pixel, evenly spread over it, each of which sees an IFOV, as the
+        sensor does. Where they are a multiple of 5, the rays of a look on a side, looks share
+        their rays: 10 cells cost less than 8.
 
     Returns
     -------
@@ -148,25 +146,33 @@ def true_snapshot(
     brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
     row = centres(window.bottom, window.rows, cells)
     column = centres(window.left, window.columns, cells)
-    rays = 1 if resolved else RAYS
-    part = (np.arange(rays) - (rays - 1) / 2) / rays
+    part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS
+    right, in_column = _shared(column[:, None] + part)
     parts = []
-    block = max(1, RAYS_AT_ONCE // (len(column) * rays**2))
+    block = max(1, RAYS_AT_ONCE // (len(column) * RAYS**2))
     for first in range(0, len(row), block):
-        up, right = np.broadcast_arrays(
-            row[first : first + block, None, None, None] + part[:, None],
-            column[:, None, None] + part,
+        up, in_row = _shared(row[first : first + block, None] + part)
+        image = np.stack(np.broadcast_arrays(right * flight.ifov, up[:, None] * flight.ifov, 1.0))
+        ways = np.moveaxis(image / np.linalg.norm(image, axis=0), 0, -1).reshape(-1, 3)
+        ways = ways @ flight.snapshot_axes
+        hits = cast_rays(mesh, np.broadcast_to(flight.position(np.zeros(())), ways.shape), ways)
+        distance, power = np.full((2, len(ways)), np.nan)
+        distance[hits.ray], power[hits.ray] = hits.distance, brightness(hits) / RAYS**2
+        shape = len(in_row), len(in_column)
+        # Every look's rays among those that were cast.
+        of_look = (in_row[:, None, :, None] * len(right) + in_column[:, None, :]).reshape(
+            -1, RAYS**2
         )
-        image = np.stack([right * flight.ifov, up * flight.ifov, np.ones_like(up)], axis=-1)
-        image /= np.linalg.norm(image, axis=-1, keepdims=True)
-        ways = (image @ flight.snapshot_axes).reshape(-1, 3)
-        start = np.broadcast_to(flight.position(np.zeros(())), ways.shape)
-        hits = cast_rays(mesh, start, ways)
-        place, ray = np.divmod(hits.ray, rays**2)
-        shape = up.shape[:2]
-        power = brightness(hits) / rays**2
-        returns = Returns(shape, place, ray, hits.distance, power, rays**2)
+        place, ray = np.nonzero(np.isfinite(distance)[of_look])
+        met = of_look[place, ray]
+        returns = Returns(shape, place, ray, distance[met], power[met], RAYS**2)
         parts.append((*noiseless(returns, flight=flight), returns.coverage()))
     intensity, ranges, covered = map(np.concatenate, zip(*parts, strict=True))
     looks = np.ones(intensity.shape, dtype=np.intp)
     return Snapshot(window, row, column, intensity.astype(np.float64), ranges, covered, looks)
+
+
+def _shared(places: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """Places that differ, ascending, and which of them each place is."""
+    found, index = np.unique(places.round(9), return_inverse=True)
+    return found, index.reshape(places.shape)

@@ -46,7 +46,8 @@ class Tilt:
         Tilt of what is level in the truth [deg], positive rising to the right; NaN likewise.
     mast_error, waterline_error : float
         Standard errors of the two [deg], as the fit's residuals tell them; where places are given,
-        with what samples' footprints leave.
+        with what samples' footprints leave. Of what is no shear, or leans by much more than a few
+        degrees, both the tilts and these are off by degrees.
     up, right : float
         Displacement at the centre of the image [pixel].
     """

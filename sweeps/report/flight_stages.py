@@ -25,7 +25,7 @@ from ncti.irar import (
     time_delay_integrate,
     true_snapshot,
 )
-from sweeps.flight_schema import EXACT, PRINTED
+from sweeps.flight_schema import EXACT, RATES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -155,9 +155,8 @@ def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[St
 def _corrected(scan: Scan, way: Way, belief: Flight) -> Iterator[tuple[str, Snapshot]]:
     """The image after each correction, with what was done last."""
     if way.chain != EXACT:
-        rate = "line" if way.chain == PRINTED else "pulse"
-        title = f"all corrections as printed,\nf the {rate} rate"
-        yield title, correct_as_printed(scan, belief=belief, rate=rate)
+        title = f"all corrections as printed,\nf the {RATES[way.chain]} rate"
+        yield title, correct_as_printed(scan, belief=belief, rate=RATES[way.chain])
         return
     whole = way.correction
     title = "averaged, range corrected, segmented"

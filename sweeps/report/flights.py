@@ -146,15 +146,20 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
                 f"{name.capitalize()}\nnoiseless": one.sel(source="noiseless"),
                 "\nmeasured": one.sel(source="measured"),
             }
-        if 0.0 in np.atleast_1d(flown.transom_gain.values):
+        gains = [np.atleast_1d(flown[name].values) for name in ("transom_gain", "mast_gain")]
+        if 0.0 in gains[0] and 1.0 in gains[0]:
             columns["dark\ntransom*"] = nominal(flown, transom_gain=0.0).sel(source="measured")
-        glint = float(np.max(np.atleast_1d(flown.mast_gain.values)))
-        if glint > 1:
+        glint = float(np.max(gains[1]))
+        if glint > 1 and 1.0 in gains[1]:
             put_in = nominal(flown, mast_gain=glint)
             columns[f"masts*\nx {glint:g}"] = put_in.sel(source="measured")
-        starred = any("*" in text for text in columns)
         own = ("ship", "aspect", "range", "transom_gain", "mast_gain")
-        _print_marks(f"Near stern: {title}{which(one, flights, but=own)}", columns, console)
+        title += which(one, flights, but=own)
+        for axis, values in zip(own[3:], gains, strict=True):
+            if 1.0 not in values:  # put in everywhere
+                title += f", {SHORT[axis]} x {float(one[axis]):g}"
+        starred = any("*" in text for text in (title, *columns))
+        _print_marks(f"Near stern: {title}", columns, console)
     if there:
         console.print(
             "* Put in on the source's word, which explains what it measured by a transom at 45 deg "
@@ -203,9 +208,9 @@ def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
             table.add_column(text, justify="right")
         for k in range(flight.sizes["error"]):
             one = flight.isel(error=k)
-            row = [_mean((one.isel(autofocus=0) if focused else one).profile_correlation, 3)]
+            row = [_mean((one.sel(autofocus=False) if focused else one).profile_correlation, 3)]
             if focused:
-                after = one.isel(autofocus=1)
+                after = one.sel(autofocus=True)
                 row.append(_mean(after.profile_correlation, 3))
                 row.append(_mean(100 * after.closing_speed_error, 2, "%"))
             parameter, amount = value_at(one, "error")

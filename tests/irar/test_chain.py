@@ -28,6 +28,7 @@ from ncti.irar import (
     true_snapshot,
 )
 from ncti.irar.chain import FALSE_ALARM, RANGE_FILTERS, STANDS_OUT, nearest_ship_range
+from ncti.irar.scene import RAYS
 
 CELLS = 4
 HANGAR = 4.0
@@ -362,10 +363,45 @@ def test_a_truth_of_the_wrong_facets_is_refused(roberts, flown, window):
         true_snapshot(roberts, flown.plan.flight, window, reflectivity=np.ones(3))
 
 
+@pytest.mark.parametrize(("cells", "rays"), [(2, 10), (5, 5), (10, 10)])
+def test_looks_share_rays_that_coincide(roberts, flown, window, cells, rays, monkeypatch):
+    """And see what each would by rays of its own: a look alone, in a window of its own pixel.
+
+    Of multiples of 5 cells a side of a pixel has as many rays as cells, and 4 fifths more at the
+    far ends.
+    """
+    seen, cast = flown.plan.flight, []
+    whole_cast = snapshot.cast_rays
+    monkeypatch.setattr(
+        snapshot,
+        "cast_rays",
+        lambda mesh, start, ways: cast.append(len(ways)) or whole_cast(mesh, start, ways),
+    )
+    monkeypatch.setattr(snapshot, "RAYS_AT_ONCE", 10**8)
+    whole = true_snapshot(roberts, seen, window, cells=cells)
+    more = (RAYS - 1) * cells // RAYS if cells % RAYS == 0 else 0
+    assert sum(cast) == (window.rows * rays + more) * (window.columns * rays + more)
+    part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS
+    start = seen.position(np.zeros(()))
+    rng = np.random.default_rng(cells)
+    lit = np.argwhere(whole.infrared > 0)
+    for m, n in lit[rng.choice(len(lit), 25, replace=False)]:
+        up, right = np.meshgrid(whole.row[m] + part, whole.column[n] + part, indexing="ij")
+        ways = np.stack([right * seen.ifov, up * seen.ifov, np.ones_like(up)], axis=-1)
+        ways = (ways / np.linalg.norm(ways, axis=-1, keepdims=True)).reshape(-1, 3)
+        ways = ways @ seen.snapshot_axes
+        hits = whole_cast(roberts, np.broadcast_to(start, ways.shape), ways)
+        assert whole.infrared[m, n] == pytest.approx(len(hits.ray) / RAYS**2)
+        response = np.exp(-4 * np.subtract.outer(hits.distance, hits.distance) ** 2
+                          / seen.pulse_length**2)  # fmt: skip
+        total = response.sum(axis=1) / RAYS**2
+        assert whole.intensity[m, n] == pytest.approx(seen.cnr * total.max(), rel=1e-5)
+
+
 def test_a_truth_in_blocks_is_the_truth(roberts, flown, window, monkeypatch):
     seen = flown.plan.flight
     whole = true_snapshot(roberts, seen, window, cells=2)
-    monkeypatch.setattr(snapshot, "RAYS_AT_ONCE", 7000)
+    monkeypatch.setattr(snapshot, "RAYS_AT_ONCE", 20_000)
     parts = true_snapshot(roberts, seen, window, cells=2)
     for name in ("intensity", "range", "infrared"):
         # rays from blocks of other sizes are rounded in another order

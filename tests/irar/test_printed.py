@@ -78,3 +78,13 @@ def test_looks_are_lines_averaged(leaning):
 def test_other_rates_are_refused(leaning):
     with pytest.raises(ValueError, match="rate is 'prf', but must be one of line, pulse"):
         correct_as_printed(leaning[0], rate="prf")
+
+
+def test_a_pointing_is_an_angle():
+    """From 355 deg to -5 are none."""
+    mesh = pole_on_box()
+    flown = [fly(mesh, flight(offset=-5.0, pointing=turn)) for turn in (-5.0, 355.0)]
+    window = ship_window(mesh, flown[0].plan.flight)
+    images = [correct_as_printed(one.noiseless(), window=window).intensity for one in flown]
+    assert np.nansum(images[0]) > 0
+    np.testing.assert_allclose(images[1], images[0], rtol=1e-6)

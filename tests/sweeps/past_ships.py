@@ -8,6 +8,7 @@ from test_stages import plan_of
 import ncti.ships
 from sweeps.flight_course import shared_window
 from sweeps.flight_schema import FlightConfig, FlightPlan
+from sweeps.flight_variables import FLIGHT
 from sweeps.flights import view_flights
 from sweeps.stages import Ship, View, load_ship
 
@@ -33,6 +34,15 @@ def flown(cache, *, ship="roberts", aspect=175.0, replicates=2, past=None, seed=
     """The variables of a view, and the plan."""
     plan = planned(cache, ship, aspect, replicates, past, seed, **changes)
     return view_flights(View(known(ship), aspect, plan)), plan.flights
+
+
+def cell(found, plan, **values):
+    """The values of one cell, by the values on the axes."""
+    place = []
+    for name in FLIGHT:
+        axis = getattr(plan.grid, name)
+        place.append(axis.index(values[name]) if name in values else 0)
+    return {name: array[tuple(place)] for name, array in found.items()}
 
 
 def known(ship):

@@ -187,6 +187,10 @@ TOGETHER = [
     ("irar.line_rate=20000 irar.pulse_rate=1e7", ("irar.line_rate is 20000", "lines in this")),
     ("irar.offset=80", ("irar.offset is 80", "do not climb")),
     ("irar.errors.ship_speed=[-1,-9]", ("irar.errors.ship_speed has -9", "ship_speed is -1")),
+    (
+        "irar.aircraft_speed=52 irar.errors.ship_speed=42",
+        ("irar.errors.ship_speed has 42", "comes closer at 1.", "must be such that it does at 11"),
+    ),
     ("irar.errors.aircraft_heading=1 irar.aircraft_heading=360", ("aircraft_heading has 1",)),
     ("irar.pulse_rate=[20000,19000]", ("irar.pulse_rate is 19000", "at least 19040")),
     ("irar.pointing=[null,50]", ("irar.pointing is 50",)),

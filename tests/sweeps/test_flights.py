@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from past_ships import SMALL, flown, planned
+from past_ships import SMALL, cell, flown, planned
 from sweeping import fresh
 
 import ncti.ships
@@ -16,7 +16,6 @@ from ncti.irar import (
     Window,
     autofocus,
     correct,
-    correct_as_printed,
     fly,
     landmarks,
     measured_extent,
@@ -35,9 +34,9 @@ from ncti.render import range_image
 from sweeps import flight_course
 from sweeps.flight_comparison import compared
 from sweeps.flight_course import window_of_cell
-from sweeps.flight_grid import FLOWN, RECORDED, FlightErrors
+from sweeps.flight_grid import FLOWN, FlightErrors
 from sweeps.flight_schema import EXACT
-from sweeps.flight_variables import FLIGHT, KINDS, OF_VIEWS, SOURCES
+from sweeps.flight_variables import KINDS, OF_VIEWS, SOURCES
 from sweeps.seeds import cell_rng
 from sweeps.sensor_schema import LadarConfig
 
@@ -61,15 +60,6 @@ def several(at_hand):
         errors=FlightErrors(aircraft_speed=1.0),
         autofocus=[False, True],
     )
-
-
-def cell(found, plan, **values):
-    """The values of one cell, by the values on the axes."""
-    place = []
-    for name in FLIGHT:
-        axis = getattr(plan.grid, name)
-        place.append(axis.index(values[name]) if name in values else 0)
-    return {name: array[tuple(place)] for name, array in found.items()}
 
 
 @pytest.mark.parametrize(
@@ -121,7 +111,7 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
     image = segmented(whole, belief)
     fine = correct(scan, Correction(), belief=belief, window=window, overscanned=True)
     fine = segmented(fine, belief)
-    truth = true_snapshot(mesh, flight, narrow, cells=8, reflectivity=surface)
+    truth = true_snapshot(mesh, flight, narrow, cells=10, reflectivity=surface)
 
     inside = np.s_[window.bottom - plan.window.bottom :, window.left - plan.window.left :]
     for name, values in (
@@ -132,12 +122,12 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
         stored = ours[name][inside][: window.rows, : window.columns]
         np.testing.assert_array_equal(stored, values.astype(np.float32))
         assert np.isfinite(ours[name]).sum() == np.isfinite(values).sum()
-    assert ours["looks"] == np.float32(image.looks.mean())
+    assert ours["looks"] == np.float32(image.looks[image.looks > 0].mean())
     speed = belief.closing_speed / scan.flight.closing_speed - 1
     assert ours["closing_speed_error"] == pytest.approx(speed, abs=1e-7)
     assert (speed != 0) == bool(error[1])
 
-    wide = [(n * 8, n * 8) for n in more]
+    wide = [(n * 10, n * 10) for n in more]
     truths = [np.pad(values, wide) for values in (truth.intensity, truth.infrared)]
     row, column, _ = places(scan, Correction(), belief=belief)
     spots = row - window.bottom, column - window.left
@@ -262,71 +252,6 @@ def test_a_cell_is_the_same_in_another_grid(several, tmp_path, cache):
             np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)
     quieter = cell(alone, other, cnr=12.0, range=3.0)
     assert not np.array_equal(quieter["profile"], ours["profile"])
-
-
-@pytest.mark.parametrize(
-    ("name", "values"),
-    [
-        ("aircraft_track", [None, 2.0]),
-        ("pointing", [None, 4.5]),
-        ("mirror_angle", [45.0, 30.0]),
-        ("ifov", [500.0, 450.0]),
-        ("line_rate", [60.0, 50.0]),
-        ("samples", [60, 50]),
-        ("pulse_rate", [4000.0, 5000.0]),
-        ("range_gate", [300.0, 400.0]),
-        ("detectors", [3, 4]),
-        ("jitter_time", [0.1, 1.0]),
-        ("pulse_width", [30.0, 20.0]),
-        ("range_sigma", [1.0, 0.5]),
-        ("threshold", [4.0, 8.0]),
-        ("nedt", [0.4, 0.2]),
-    ],
-)
-def test_any_parameter_is_an_axis(name, values, tmp_path, cache):
-    """Both its values in one sweep are those of two sweeps, bit for bit, and differ."""
-    folder, jitter = fresh(tmp_path, cache), 100.0 if name == "jitter_time" else 0.0
-    both, plan = flown(folder, replicates=1, jitter=jitter, **{name: values})
-    axis = "flown_pulse_width" if name == "pulse_width" else name
-    assert getattr(plan.grid, axis) == tuple(values)
-    cells = [cell(both, plan, **{axis: value}) for value in values]
-    for number, (value, ours) in enumerate(zip(values, cells, strict=True)):
-        (empty := tmp_path / str(number)).mkdir()
-        alone, other = flown(fresh(empty, cache), replicates=1, jitter=jitter, **{name: value})
-        theirs = cell(alone, other)
-        for variable in set(ours) - FEET:
-            np.testing.assert_array_equal(ours[variable], theirs[variable], err_msg=variable)
-    assert not np.array_equal(cells[0]["infrared_image"], cells[1]["infrared_image"])
-
-
-@pytest.mark.parametrize(("chain", "rate"), [("printed", "line"), ("printed_pulse_rate", "pulse")])
-def test_the_source_s_chain_is_a_choice(chain, rate, at_hand):
-    """Its image by the library, with the belief of the cell."""
-    error = ("aircraft_speed", 1.0)
-    found, plan = flown(
-        at_hand, chain=["exact", chain], errors=FlightErrors(aircraft_speed=1.0), replicates=1
-    )
-    ours = cell(found, plan, chain=chain, error=error)
-    mesh = ncti.ships.load("roberts")
-    flight = plan.config.flight(175.0, **{name: getattr(plan.grid, name)[0] for name in FLOWN})
-    window = window_of_cell(mesh, flight, error, chain, "pixel", "exact")
-    values = {name: getattr(plan.grid, name)[0] for name in (*FLOWN, *RECORDED)}
-    rng = cell_rng(0, stage="flight", ship="roberts", aspect=175.0, **values)
-    passed = fly(mesh, plan.config.flight(175.0, **values))
-    scan = passed.record(rng)
-    belief = replace(scan.flight, aircraft_speed=90.9)
-    image = segmented(correct_as_printed(scan, belief=belief, window=window, rate=rate), belief)
-    inside = np.s_[window.bottom - plan.window.bottom :, window.left - plan.window.left :]
-    stored = ours["intensity"][inside][: window.rows, : window.columns]
-    np.testing.assert_array_equal(stored, image.intensity.astype(np.float32))
-    bins = ours["profile"].shape[-1]
-    np.testing.assert_array_equal(
-        ours["profile"][0], profile(image, belief, bins=bins).astype(np.float32)
-    )
-    # What it leaves behind is what the exact chain is there for.
-    without = [cell(found, plan, chain=name) for name in ("exact", chain)]
-    leans = [abs(float(one["noiseless_mast_tilt"])) for one in without]
-    assert leans[0] < 0.5 and leans[1] > 1.0
 
 
 @pytest.mark.parametrize(("jitter", "passes"), [(0.0, 2), (50.0, 4)])
