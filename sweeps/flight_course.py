@@ -43,7 +43,7 @@ from sweeps.seeds import cell_rng
 from sweeps.sensor_schema import LadarConfig
 from sweeps.stages import View, load_ship
 
-CELLS = 10  # of the truth along a pixel, sharing rays; 4 move tilts of noiseless ships by 0.1 deg
+CELLS = 8  # of the truth along a pixel; 4 or 10 move tilts of noiseless ships by 0.1 deg
 
 Floats = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from ncti.irar.chain import places
 from ncti.irar.scene import RAYS
 
 SLANT_RANGE = {"connole": 3000.0, "roberts": 3900.0, "duncan": 4000.0}
-CELLS = 10
+CELLS = 8
 SEEDS = 8
 
 

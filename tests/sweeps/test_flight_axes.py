@@ -118,7 +118,7 @@ def test_the_truth_is_of_the_flight_s_own_pulse(width, at_hand):
             pulse_width=pulse_width * 1e-9,
             **SMALL | {"ifov": 500e-6},
         )
-        truth = true_snapshot(mesh, flight, ship_window(mesh, flight), cells=10)
+        truth = true_snapshot(mesh, flight, ship_window(mesh, flight), cells=8)
         ours = cell(found, plan, flown_pulse_width=pulse_width)["profile"]
         np.testing.assert_allclose(
             ours[SOURCES.index("noiseless")], profile(truth, flight, bins=bins), rtol=1e-5

@@ -111,7 +111,7 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
     image = segmented(whole, belief)
     fine = correct(scan, Correction(), belief=belief, window=window, overscanned=True)
     fine = segmented(fine, belief)
-    truth = true_snapshot(mesh, flight, narrow, cells=10, reflectivity=surface)
+    truth = true_snapshot(mesh, flight, narrow, cells=8, reflectivity=surface)
 
     inside = np.s_[window.bottom - plan.window.bottom :, window.left - plan.window.left :]
     for name, values in (
@@ -127,7 +127,7 @@ def test_a_cell_is_the_library_done_by_hand(several, error, focus):
     assert ours["closing_speed_error"] == pytest.approx(speed, abs=1e-7)
     assert (speed != 0) == bool(error[1])
 
-    wide = [(n * 10, n * 10) for n in more]
+    wide = [(n * 8, n * 8) for n in more]
     truths = [np.pad(values, wide) for values in (truth.intensity, truth.infrared)]
     row, column, _ = places(scan, Correction(), belief=belief)
     spots = row - window.bottom, column - window.left
