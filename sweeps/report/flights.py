@@ -114,6 +114,7 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
             _mean(flight.hangar_spike_offset, 2),
         )
     print_whole(table, console)
+    _print_worst(flights, console)
     console.print(
         "Means over draws of the noise, and the standard deviation of one: correlation of "
         "profiles, also without the hangar's peak and 4 m either side; by how much masts lean to "
@@ -122,6 +123,21 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
     )
     if set(SHORT) & set(several):
         console.print(PUT_IN, style="dim")
+
+
+def _print_worst(flights: xr.Dataset, console: Console) -> None:
+    """Of all flights, every draw by itself."""
+    count = int(flights.looks.count())
+    likeness, beside = (
+        float(flights[name].min())
+        for name in ("profile_correlation", "profile_correlation_without_hangar")
+    )
+    leans = [float(abs(flights[f"{name}_tilt"]).max()) for name in ("mast", "waterline")]
+    if count and not any(map(math.isnan, leans)):
+        console.print(
+            f"Worst of {count} flights, each draw by itself: correlation {likeness:.3f}, without "
+            f"the hangar {beside:.3f}; mast {leans[0]:.2f} deg, waterline {leans[1]:.2f} deg."
+        )
 
 
 def _print_landmarks(flights: xr.Dataset, console: Console) -> None:

@@ -13,6 +13,7 @@ from sweeps.flights import view_flights
 from sweeps.stages import Ship, View, load_ship
 
 SMALL = {"ifov": 500.0, "samples": 60, "line_rate": 60.0, "detectors": 3, "pulse_rate": 4000.0}
+FEET = {"intensity", "range_image", "infrared_image"}  # variables on a window's own pixels
 # The same as a sweep of the command line, of which one ship is only learned.
 SWEEP = [
     "sensor=irar",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from past_ships import SMALL, cell, flown
+from past_ships import FEET, SMALL, cell, flown
 from sweeping import fresh
 
 import ncti.ships
@@ -23,8 +23,6 @@ from sweeps.flight_course import window_of_cell
 from sweeps.flight_grid import FLOWN, RECORDED, FlightErrors
 from sweeps.flight_variables import SOURCES
 from sweeps.seeds import cell_rng
-
-FEET = {"intensity", "range_image", "infrared_image"}
 
 
 @pytest.fixture(scope="module")

@@ -181,3 +181,16 @@ def test_curves_of_errors_pass_through_what_is_stored(misled):
 def test_no_errors_no_curves(sisters):
     with pytest.raises(ValueError, match="errors is empty"):
         flight_figures.draw("sensitivity", sisters)
+
+
+def test_the_worst_draw_is_told(sisters):
+    """Of every flight and draw, by numpy from the store."""
+    flights = opened(sisters)
+    lean = [np.nanmax(np.abs(flights[f"{name}_tilt"])) for name in ("mast", "waterline")]
+    like = np.nanmin(flights.profile_correlation)
+    beside = np.nanmin(flights.profile_correlation_without_hangar)
+    text = " ".join(printed(sisters).split())
+    assert (
+        f"Worst of {flights.looks.size} flights, each draw by itself: correlation {like:.3f}, "
+        f"without the hangar {beside:.3f}; mast {lean[0]:.2f} deg, waterline {lean[1]:.2f} deg."
+    ) in text

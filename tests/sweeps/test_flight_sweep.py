@@ -88,8 +88,11 @@ def test_flights_are_what_a_physicist_expects(made):
     # A hundredth too fast, and tops come to lie 4 m nearer or further than the waterline.
     wrong = opened(made, "validation").sel(ship="roberts").isel(error=1)
     np.testing.assert_allclose(wrong.closing_speed_error, 90 / 82.2 * 0.01, rtol=0.1)
-    assert np.all(wrong.profile_correlation < flights.profile_correlation)
-    assert wrong.profile_correlation.mean() < flights.profile_correlation.mean() - 0.05
+    # Of 24 draws it costs 0.08 to 0.10, one of them scattering by 0.025 at 10 dB: four of them in
+    # the mean by 0.012, so that 0.05 is three of these away.
+    lost = flights.profile_correlation - wrong.profile_correlation
+    assert np.all(lost > 0) and np.all(lost.sel(cnr=20) > 0.05)
+    assert lost.mean() > 0.05
 
 
 def test_every_cell_that_is_asked_for_is_done(made):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from past_ships import SMALL, cell, flown, planned
+from past_ships import FEET, SMALL, cell, flown, planned
 from sweeping import fresh
 
 import ncti.ships
@@ -39,8 +39,6 @@ from sweeps.flight_schema import EXACT
 from sweeps.flight_variables import KINDS, OF_VIEWS, SOURCES
 from sweeps.seeds import cell_rng
 from sweeps.sensor_schema import LadarConfig
-
-FEET = {"intensity", "range_image", "infrared_image"}
 
 
 @pytest.fixture(scope="module")
