@@ -13,7 +13,7 @@ test: setup lint    ## lint, format, types, then every test, the smoke sweep amo
 	$(BIN)/pytest -q -n logical --maxprocesses 8 --dist loadfile $(ARGS)
 
 benchmark: setup    ## run time, memory, and error against run time
-	$(BIN)/python -m sweeps.benchmark $(ARGS)
+	$(BIN)/python -m benchmarks $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

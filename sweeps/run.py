@@ -1,95 +1,47 @@
-"""A whole sweep, from a prepared configuration to tables, with its progress shown."""
+"""The command `ncti-sweep`, and what follows a sweep: its tables and its pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
-from sweeps import graph, store
-from sweeps.cluster import executor
-from sweeps.errors import SweepIncomplete
-from sweeps.prepare import Prepared
-from sweeps.report.command import report
-from sweeps.stages import ViewPlan
-
-NAMED_FAILURES = 20  # the status group of the store has them all
+from sweeps.engine.command import Command
+from sweeps.engine.printing import say
+from sweeps.engine.settings import Choices
+from sweeps.experiment import EXPERIMENT, MODULES, assemble
+from sweeps.stages.irar import Irar
+from sweeps.stages.views import Grid, hull, looks, read_mesh
 
 
-def run_sweep(prepared: Prepared, path: Path) -> None:
-    """Run a sweep into the store at `path`, and print and write its tables.
-
-    Parameters
-    ----------
-    prepared : Prepared
-        The sweep.
-    path : Path
-        Where the store goes; one begun by the same sweep is gone on with.
-
-    Raises
-    ------
-    ConfigurationError
-        If `path` holds something else.
-    SweepIncomplete
-        If some cells failed; everything else is done and in the store.
-    """
-    config, ships, cache = prepared.config, prepared.ships, prepared.cache
-    grid = config.grid.expand()
-    views = len(ships) * len(grid.aspect)
-    code = store.code_digests(config)
-    window = prepared.window
-    plan = ViewPlan.of(config, engine=prepared.engine, cache=cache, code=code, window=window)
-    failures: list[graph.Failure] = []
-
-    with _progress() as progress, executor(config.cluster, tasks=views) as workers:
-        store.create(path, config, ships, prepared.engine, window)
-        done = int(store.views_done(path).sum())
-        bar = progress.add_task(f"views ({prepared.engine})", total=views, completed=done)
-        _follow(progress, bar, graph.run_views(workers, ships, config, plan, path), failures)
-
-        bar = progress.add_task("classification", total=len(graph.cells(config)))
-        _follow(progress, bar, graph.run_classification(workers, config, path), failures)
-
-    graph.write_tables(config, path)
-    report(path, Console())
-    if failures:
-        named = "; ".join(f"{f.what} ({f.why})" for f in failures[:NAMED_FAILURES])
-        more = len(failures) - NAMED_FAILURES
-        raise SweepIncomplete(
-            f"{len(failures)} tasks failed: {named}" + (f"; and {more} more" if more > 0 else "")
-        )
+def command(*modules: Any) -> Command:
+    """The command line of the experiment, with further modules if any are given."""
+    experiment = assemble(*MODULES, *modules, code=_packages(modules)) if modules else EXPERIMENT
+    return Command(experiment, report)
 
 
-def _follow(
-    progress: Progress,
-    bar: object,
-    outcomes: Iterable[graph.Failure | None],
-    failures: list[graph.Failure],
-) -> None:
-    for failure in outcomes:
-        progress.advance(bar)  # type: ignore[arg-type]
-        if failure is not None:
-            failures.append(failure)
-            progress.console.print(f"failed: {failure.what}: {failure.why}", style="red")
+def _packages(modules: tuple[Any, ...]) -> tuple[str, ...]:
+    return tuple(one.__name__ for one in modules)
 
 
-def _progress() -> Progress:
-    return Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description:<16}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    )
+def report(store: Path, choices: Choices) -> None:
+    """Print and write the tables of a finished store, and draw its pictures if they are wanted."""
+    from sweeps.report.command import report as report_tables
+
+    report_tables(store, Console())
+    if looks("irar")(choices) and choices.one(Irar.pictures):
+        _draw(store, choices)
+
+
+def _draw(store: Path, choices: Choices) -> None:
+    """Pictures of a finished sweep of flights, which is as good without them."""
+    from sweeps.report.flight_pictures import MISSING, write_pictures
+
+    ships = {str(ship): ship for ship in choices[Grid.ship]}
+    try:
+        write_pictures(store, Console(), ship=lambda label: read_mesh(hull.function(ships[label])))
+    except ImportError:
+        say("ncti-sweep", f"pictures are not drawn: {MISSING}")
+    except (OSError, ValueError) as error:
+        say("ncti-sweep", f"pictures are not drawn: {error}")

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import pytest
-
-from sweeps.app import check_jobs, replace_axes
-from sweeps.schema import register
+from commands import prepared
 
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
 
@@ -51,10 +49,10 @@ COMMANDS = [
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_every_command_is_a_configuration_that_would_run(line, tmp_path, monkeypatch):
-    register()
     monkeypatch.chdir(tmp_path)
     assert len(COMMANDS) >= 5
-    check_jobs(replace_axes(shlex.split(line)[1:]))
+    assert prepared(*shlex.split(line)[1:])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_every_picture_and_page_is_there():

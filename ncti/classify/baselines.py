@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from ncti.classify.adaptive_clustering import polar
+from ncti.classify.directions import polar
 
 NO_TEMPLATE = -1
 

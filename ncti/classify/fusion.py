@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
-from scipy.special import logsumexp
 
 from ncti.checks import require, require_all
 
@@ -107,6 +105,10 @@ def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> flo
     unknown = np.setdiff1d(true, names)
     if unknown.size:
         raise ValueError(f"truth has {unknown[0]!r}, but must be among the labels")
+    # Imported where it is used: scipy.optimize takes half a second.
+    from scipy.optimize import minimize_scalar
+    from scipy.special import logsumexp
+
     classes, label = np.unique(names, return_inverse=True)
     spread = float(np.ptp(values, axis=1).mean())
     if spread == 0.0 or len(classes) == 1:

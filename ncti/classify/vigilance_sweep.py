@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
-from ncti.classify.adaptive_clustering import NO_CATEGORY, SAME_DIRECTION, polar
+from ncti.classify.directions import NO_CATEGORY, SAME_DIRECTION, polar
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -20,24 +20,27 @@ class Similarities:
 
     Attributes
     ----------
-    training : (sample, sample) float64 ndarray
-        Cosines between training vectors; 0 where one of them is zero.
+    directions : (sample, feature) float64 ndarray
+        Unit directions of the training vectors; zero for a zero vector.
     lengths : (sample,) float64 ndarray
         Their lengths.
+    training : (sample, sample) float64 ndarray
+        Cosines between training vectors; 0 where one of them is zero.
     test : (test, sample) float64 ndarray
         Cosines between test and training vectors.
     answers : (test,) bool ndarray
         False where a test vector is zero.
     """
 
-    training: Floats
+    directions: Floats
     lengths: Floats
+    training: Floats
     test: Floats
     answers: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, training: ArrayLike, tests: ArrayLike) -> Similarities:
-        """Similarities of (sample, feature) training and (test, feature) test vectors.
+    def of(cls, training: ArrayLike, tests: ArrayLike | None = None) -> Similarities:
+        """Similarities of (sample, feature) training and (test, feature) test vectors, if any.
 
         Raises
         ------
@@ -50,16 +53,28 @@ class Similarities:
                 f"training has shape {learned.shape}, but must be (sample, feature) with a sample "
                 "and a feature or more"
             )
-        shown = require_all("tests", tests)
-        if shown.ndim != 2 or shown.shape[1] != learned.shape[1]:
-            raise ValueError(
-                f"tests has shape {shown.shape}, but must be (test, {learned.shape[1]})"
-            )
         directions, lengths = polar(learned)
         if not lengths.any():
             raise ValueError("training has only zero vectors, but must have one with a direction")
+        none = np.zeros((0, len(learned)))
+        found = cls(directions, lengths, directions @ directions.T, none, np.zeros(0, dtype=bool))
+        return found if tests is None else found.to(tests)
+
+    def to(self, tests: ArrayLike) -> Similarities:
+        """Similarities of the same training vectors to other (test, feature) test vectors.
+
+        Raises
+        ------
+        ValueError
+            If an element is not finite, or the shape does not match.
+        """
+        shown = require_all("tests", tests)
+        if shown.ndim != 2 or shown.shape[1] != self.directions.shape[1]:
+            raise ValueError(
+                f"tests has shape {shown.shape}, but must be (test, {self.directions.shape[1]})"
+            )
         seen, sizes = polar(shown)
-        return cls(directions @ directions.T, lengths, seen @ directions.T, sizes > 0)
+        return replace(self, test=seen @ self.directions.T, answers=sizes > 0)
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,8 @@ def log_polar(
     ----------
     mask : (..., row, col) array_like
         The silhouette: bool, or the share of each pixel that it covers, in [0, 1]. Those of a
-        stack are mapped one by one, in less time than as many calls.
+        stack are mapped one by one, in less time than as many calls and with the same result, bit
+        for bit.
     inner_radius, outer_radius : float
         Where the map begins and ends, in units of sqrt(area / pi), the radius of the disc of
         the silhouette's area.
@@ -159,7 +160,8 @@ def cyclic_similarity(a: ArrayLike, b: ArrayLike) -> tuple[Floats, Floats]:
 
 def _checked(mask: ArrayLike) -> Images:
     """Bool, or shares in [0, 1], with rows and columns."""
-    given = np.asarray(mask)
+    # In one order of memory, in which area and centroid are summed.
+    given = np.asarray(mask, order="C")
     if given.ndim < 2 or given.size == 0:
         raise ValueError(f"mask has shape {given.shape}, but must have rows and columns")
     if given.dtype == np.bool_:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, ndtri
 
 from ncti.checks import require, require_all
 
@@ -35,6 +34,9 @@ def detection_threshold(*, false_alarm: float, sigma: float) -> float:
     """
     require("false_alarm", false_alarm, positive=True, below=1.0)
     require("sigma", sigma, positive=True)
+    # Imported where it is used: scipy takes a tenth of a second.
+    from scipy.special import ndtri
+
     # Q^-1(p) = -ndtri(p): the lower tail keeps the digits that 1 - p would lose.
     return -float(sigma) * float(ndtri(false_alarm))
 
@@ -84,6 +86,8 @@ def detection_probability(
     threshold = detection_threshold(false_alarm=false_alarm, sigma=sea_sigma)
     if count == 0:
         return 0.0
+    from scipy.special import log_ndtr
+
     log_missed = float(log_ndtr((threshold - contrast) / target_sigma))
     return float(-np.expm1(count * log_missed))
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from itertools import pairwise
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
 
+# Frames whose sum is drawn first, by the generator itself; the article averages as many.
+ANCHOR = 16
 # Pixels about the ship that are drawn with it. A super-resolved pixel depends on its neighbours up
 # to back_projections + 1 away, so that up to three back-projections see no window.
 HALO = 4
@@ -38,7 +40,7 @@ def draw_scene(
     frame_counts : (frame_count,) sequence of int
         Frames averaged, in any order.
     rng : numpy.random.Generator
-        Source of randomness.
+        Source of randomness, with a seed sequence as `numpy.random.default_rng` gives it.
     nedt : float
         Noise of one frame [K].
     target_spread, sea_spread : float
@@ -56,7 +58,8 @@ def draw_scene(
     Raises
     ------
     ValueError
-        If a parameter is out of range or the target is not an image.
+        If a parameter is out of range, the target is not an image, or the generator has no seed
+        sequence to spawn from.
 
     Notes
     -----
@@ -65,15 +68,20 @@ def draw_scene(
     never seen. The article's deviations contain the noise of the 16-frame average; here noise and
     own spread are apart, because only the noise falls with the number of frames.
 
-    The averages are over prefixes of the same frames. The sum of N_k frames is a random walk over
-    k with steps of variance N_k - N_(k-1), drawn as such at a cost free of the number of frames. So
-    another set of frame counts gives other noise from the same generator, of the same distribution,
-    and another sea beyond the rim of the ship; the ship itself stays.
+    The averages are over prefixes of the same frames, so the sum W(N) of N frames is a random walk
+    with Cov(W(M), W(N)) = nedt^2 min(M, N), drawn as such at a cost that grows with the logarithm
+    of N. What is drawn for one frame count does not depend on which others are asked for, nor on
+    their order: the generator itself draws two normals a pixel, of the scene and of W(16), whatever
+    the counts, and every other count that the walk passes on its way has a generator of its own.
+    Those are children of the generator's seed sequence, of which each call spawns one: for equal
+    results two generators must be equal in that, too. From W(16) the walk doubles, W(32), W(64),
+    ..., and between those, and below 16, it is Levy's construction of a Brownian bridge: given the
+    sums at the ends of an interval, the one in its middle is drawn, until a count is reached.
 
     Order of the draws: the ship's bounding box with a rim of `HALO` pixels, whether the window
-    holds them or not; the rest of the window; the rest of the rim. In each of them first the scene
-    and then the frame counts, ascending, each row by row. A larger window so changes no bit on the
-    ship, and a rim none in the window.
+    holds them or not; the rest of the window; the rest of the rim. In each of them, row by row, the
+    generator draws first the scene and then W(16); the others draw one sum each, in the same order.
+    A larger window so changes no bit on the ship, and a rim none in the window.
     """
     target = np.asarray(target, dtype=bool)
     if target.ndim != 2:
@@ -90,23 +98,81 @@ def draw_scene(
             raise ValueError(f"frame_counts is {count!r}, but must be whole numbers")
 
     wanted = [int(count) for count in np.ravel(frame_counts)]
-    counts = sorted(set(wanted))
-    normals = _draw(target, 1 + len(counts), rim, rng)
-    scene = normals[0]
+    node = _nodes(target, rim, rng)
+    scene, anchor = _draw(target, 2, rim, rng)
     if target_spread == sea_spread:
         scene *= sea_spread
     else:
         scene *= np.where(np.pad(target, rim), target_spread, sea_spread)
     rows, cols = target.shape
     scene[rim : rim + rows, rim : rim + cols] += contrast * target
-    walk = normals[1:]
-    walk[0] *= math.sqrt(counts[0])
-    for k, (before, after) in enumerate(pairwise(counts), start=1):
-        walk[k] *= math.sqrt(after - before)
-        walk[k] += walk[k - 1]
-    noise = walk[[counts.index(count) for count in wanted]] if wanted != counts else walk
-    noise *= (nedt / np.array(wanted))[:, None, None]
+    anchor *= math.sqrt(ANCHOR)
+    walk = dict(_walk(anchor, sorted(set(wanted)), node))
+    noise = np.stack([walk[count] for count in wanted])
+    noise *= (nedt / np.array(wanted, dtype=np.float64))[:, None, None]
     return scene, noise
+
+
+Field = NDArray[np.float64]
+Node = Callable[[int], Field]
+
+
+def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, Field]]:
+    """Sums of unit normals at ascending counts, from that at `ANCHOR`: see `draw_scene`."""
+    first, start = 0, np.zeros_like(anchor)
+    last, end = ANCHOR, anchor
+    while True:
+        yield from _between((first, start), (last, end), counts, node)
+        if last in counts:
+            yield last, end
+        if last >= counts[-1]:
+            return
+        first, start = last, end
+        last *= 2
+        end = start + math.sqrt(last - first) * node(last)
+
+
+def _between(
+    before: tuple[int, Field], after: tuple[int, Field], counts: list[int], node: Node
+) -> Iterator[tuple[int, Field]]:
+    """The sums at the counts that lie between two counts whose sums are known."""
+    (first, start), (last, end) = before, after
+    inside = counts[bisect_right(counts, first) : bisect_left(counts, last)]
+    if not inside:
+        return
+    middle = (first + last) // 2
+    left, right = middle - first, last - middle
+    # Given both ends, a normal about the chord.
+    total = (right / (last - first)) * start + (left / (last - first)) * end
+    total += math.sqrt(left * right / (last - first)) * node(middle)
+    yield from _between(before, (middle, total), inside, node)
+    if middle in inside:
+        yield middle, total
+    yield from _between((middle, total), after, inside, node)
+
+
+def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Node:
+    """Normals for the step to a count, from a stream that is of the generator and the count."""
+    family = _family(rng)
+
+    def node(count: int) -> Field:
+        own = np.random.SeedSequence(
+            family.entropy, spawn_key=(*family.spawn_key, count), pool_size=family.pool_size
+        )
+        return _draw(target, 1, rim, np.random.Generator(np.random.PCG64(own)))[0]
+
+    return node
+
+
+def _family(rng: np.random.Generator) -> np.random.SeedSequence:
+    """A child of the generator's seed sequence, another for each call: no two share noise."""
+    sequence = getattr(rng.bit_generator, "seed_seq", None)
+    if not isinstance(sequence, np.random.SeedSequence):
+        raise ValueError(
+            f"rng has a {type(rng.bit_generator).__name__} without a seed sequence, but must have "
+            "a numpy.random.SeedSequence to spawn from, as numpy.random.default_rng gives it"
+        )
+    return sequence.spawn(1)[0]
 
 
 def _draw(

@@ -169,9 +169,10 @@ def shifted_images(
     contrast : float
         Mean temperature of the ship against the mean sea [K].
     frame_counts : (frame_count,) sequence of int
-        Frames averaged *at each position*, in any order: four times as many in all.
+        Frames averaged *at each position*, in any order: four times as many in all. The image of
+        one count does not depend on the others.
     rng : numpy.random.Generator
-        Source of randomness.
+        Source of randomness, with a seed sequence as `numpy.random.default_rng` gives it.
     nedt : float
         Noise of one frame [K].
     target_spread, sea_spread : float
@@ -188,7 +189,8 @@ def shifted_images(
     Raises
     ------
     ValueError
-        If a parameter is out of range, or the target no image with at least one pixel.
+        If a parameter is out of range, the target no image with at least one pixel, or the
+        generator has no seed sequence.
 
     Notes
     -----

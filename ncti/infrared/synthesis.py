@@ -52,9 +52,10 @@ def thermal_images(
     contrast : float
         Mean temperature of the ship against the mean sea [K].
     frame_counts : (frame_count,) sequence of int
-        Frames averaged, in any order; the averages are over prefixes of the same frames.
+        Frames averaged, in any order; the averages are over prefixes of the same frames. The
+        image of one count does not depend on the others.
     rng : numpy.random.Generator
-        Source of randomness.
+        Source of randomness, with a seed sequence as `numpy.random.default_rng` gives it.
     nedt : float
         Noise of one frame [K].
     target_spread, sea_spread : float
@@ -69,14 +70,14 @@ def thermal_images(
     Raises
     ------
     ValueError
-        If a parameter is out of range.
+        If a parameter is out of range, or the generator has no seed sequence.
 
     Notes
     -----
     Article, Appendix 2: pixels of the ship are N(contrast, target_spread^2 + nedt^2 / N), those of
     the sea N(0, sea_spread^2 + nedt^2 / N), all independent. numpy's normals stand in for the
-    article's Box-Muller pairs. How they are drawn, and that the window's size does not matter on
-    the ship, is told in `ncti.infrared.scene.draw_scene`.
+    article's Box-Muller pairs. `ncti.infrared.scene.draw_scene` says how they are drawn, and why
+    neither the window's size matters on the ship nor one frame count to another.
     """
     require_generator("rng", rng)
     scene, noise = draw_scene(
@@ -170,9 +171,10 @@ def image(
     slant_range : float
         Sensor to ship origin [m], at most 1e9.
     frame_count : int or (frame_count,) sequence of int
-        Frames averaged; at each of four positions with super-resolution `shifted`.
+        Frames averaged; at each of four positions with super-resolution `shifted`. The image of
+        one number does not depend on the others.
     rng : numpy.random.Generator
-        Source of randomness.
+        Source of randomness, with a seed sequence as `numpy.random.default_rng` gives it.
     ifov : float
         Side of a detector pixel [rad], at most 1.
     phase, margin, extent
@@ -200,8 +202,8 @@ def image(
     Raises
     ------
     ValueError
-        If a parameter is out of range, the range image was made at another range, or its pixels
-        are larger than the sensor's.
+        If a parameter is out of range, the range image was made at another range, its pixels are
+        larger than the sensor's, or the generator has no seed sequence.
 
     Notes
     -----

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from ncti.checks import require
 from ncti.irar.clusters import histogram_cluster_average
@@ -101,6 +100,9 @@ def nearest_ship_range(scan: Scan) -> Floats:
     there = scan.intensity > STANDS_OUT * np.median(scan.intensity)
     if not there.any():
         return scan.range
+    # Imported where it is used: scipy takes a tenth of a second or more.
+    from scipy.ndimage import distance_transform_edt
+
     nearest = distance_transform_edt(~there, return_distances=False, return_indices=True)
     found: Floats = scan.range[tuple(nearest)]
     return found

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import find_peaks
 
 from ncti.checks import require
 
@@ -159,6 +158,9 @@ def landmarks(
         at = _centroid(values, centres, index)
         share = _energy(values, centres, at, width) / energy
         return Peak(at - spike, float(values[index]) / height, share)
+
+    # Imported where it is used: scipy.signal takes half a second.
+    from scipy.signal import find_peaks
 
     # Zeros on both sides make a peak of what the window cuts.
     tops = find_peaks(np.pad(values, 1), prominence=prominence * height)[0] - 1

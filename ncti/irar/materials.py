@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ncti.checks import require
+
+if TYPE_CHECKING:
+    import trimesh
 
 TRANSOM_DEPTH = 4.0
 """Length of the stern in which facets that look aft are the transom [m]: as long as one takes that

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ncti.checks import require_generator
@@ -18,6 +17,7 @@ from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
 from ncti.irar.speckle import speckle, speckle_correlation
 
 if TYPE_CHECKING:
+    import trimesh
     import xarray as xr
 
 Floats = NDArray[np.float64]

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ncti.checks import require_all
 from ncti.irar.flight import Flight
 from ncti.render import RayHits, cast_rays
+
+if TYPE_CHECKING:
+    import trimesh
 
 Floats = NDArray[np.float64]
 

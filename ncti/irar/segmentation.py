@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import fft
 
 from ncti.checks import require, require_all
 from ncti.irar.receiver import noise_below
@@ -110,6 +109,9 @@ def noise_threshold(
     require("false_alarm", false_alarm, minimum=1e-9, maximum=0.5)
     if not counts.size:
         return counts
+    # Imported where it is used: scipy takes a tenth of a second.
+    from scipy import fft
+
     share, step = _noise_look(depth, pulse_length, dropout)
     numbers, place = np.unique(counts, return_inverse=True)
     # Far from the mean the sum has a tail no heavier than Bernstein's inequality allows; what is

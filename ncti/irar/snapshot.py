@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ncti.checks import require
@@ -14,6 +14,9 @@ from ncti.irar.flight import Flight
 from ncti.irar.receiver import noiseless
 from ncti.irar.scene import RAYS, Returns, brightness_of
 from ncti.render import cast_rays
+
+if TYPE_CHECKING:
+    import trimesh
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ncti.irar.flight import WAVELENGTH, Flight
 
@@ -75,6 +74,9 @@ def speckle(
     drawn *= np.float32(math.sqrt(0.5))
     if correlation < INDEPENDENT:
         return drawn
+    # Imported where it is used: scipy.signal takes half a second.
+    from scipy.signal import lfilter
+
     drawn[1:] *= np.float32(math.sqrt(1 - correlation**2))
     followed: NDArray[np.complex64] = lfilter([1.0], [1.0, -correlation], drawn, axis=0)
     return followed.astype(np.complex64)

@@ -7,9 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import binary_dilation
-from scipy.stats import theilslopes
 
 from ncti.checks import require
 
@@ -224,6 +221,8 @@ class _View:
         self.cells, self.upward, self.rightward = (
             part.reshape(len(cells), -1) for part in (bordered, *slopes)
         )
+        from scipy.ndimage import binary_dilation
+
         bright = (bordered != 0).any(axis=0)
         self.near = binary_dilation(bright, iterations=2).ravel()
 
@@ -336,6 +335,9 @@ def _around(model: Floats) -> tuple[slice, slice]:
 
 def _start(seen: Floats, view: _View, looks: _Looks) -> Floats:
     """A place from the best shifts of whole rows, then of whole columns."""
+    # Imported where it is used, as other parts of scipy here: scipy.stats takes half a second.
+    from scipy.stats import theilslopes
+
     place = np.array(_START)
     # Most of an image is dark: its median deviation from 0 is noise, and the least noisy leads.
     best = int(np.median(np.abs(seen), axis=(1, 2)).argmin())
@@ -386,6 +388,8 @@ def _levels(seen: Floats, truth: Floats) -> tuple[float, float]:
 
 def _refined(cells: Floats, factor: int) -> Floats:
     """Each row of cells cut into more, as bright as smoothness and its own sum allow."""
+    from scipy.interpolate import PchipInterpolator
+
     rows = cells.shape[0]
     total = np.concatenate([np.zeros((1, cells.shape[1])), cells.cumsum(axis=0)])
     edges = np.arange(rows * factor + 1) / factor

@@ -24,7 +24,10 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # From so many target-free IFOVs on, their sum is drawn as one Gaussian process: the sum of
 # 100 Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
-NORMALS_AT_ONCE = 4_000_000  # 16 MB
+# Frames are computed in blocks of one size, whatever their number: the last bit of a matrix product
+# depends on how many rows it has, and a frame must not depend on how many follow it.
+FRAMES_AT_ONCE = 32
+NORMALS_AT_ONCE = 4_000_000  # 16 MB, for fewer frames at once when there are many IFOVs
 
 
 def sample_frames(
@@ -77,8 +80,9 @@ def sample_frames(
     band that the filter passes, and the full-profile sum of `target_free_ifovs` IFOVs, from
     GAUSSIAN_FROM on, as one Gaussian process with their exact mean and covariance.
 
-    Normals are drawn frame by frame, so that fewer frames from the same generator are the
-    first of more (to float32 rounding).
+    Fewer frames from an equal generator are the first of more, bit for bit: normals are drawn
+    frame by frame, and a frame's place in its block of `FRAMES_AT_ONCE` does not depend on their
+    number. Only the products of matrices are computed for whole blocks.
     """
     require("cnr", cnr, minimum=0.0)
     require("frame_count", frame_count, minimum=1)
@@ -98,15 +102,19 @@ def sample_frames(
     else:
         floor_factor = np.zeros((0, bins), dtype=np.float32)
     per_frame = len(floor_factor) + 2 * sum(len(factor) for factor in factors)
-    at_once = max(1, NORMALS_AT_ONCE // max(1, per_frame))
+    # Of the size of a frame alone, so that the blocks begin at the same frames for any number.
+    at_once = min(FRAMES_AT_ONCE, max(1, NORMALS_AT_ONCE // max(1, per_frame)))
     frames = np.empty((frame_count, bins))
+    normals = np.zeros((at_once, per_frame), dtype=np.float32)
     for first in range(0, frame_count, at_once):
         block = frames[first : first + at_once]
-        normals = rng.standard_normal((len(block), per_frame), dtype=np.float32)
-        floor_normals, normals = np.split(normals, [len(floor_factor)], axis=1)
-        block[:] = math.sqrt(target_free_ifovs) * (floor_normals @ floor_factor)
+        count = len(block)
+        # What is left in the rows of a last block that are not drawn changes no other row.
+        rng.standard_normal(out=normals[:count], dtype=np.float32)
+        floor_normals, field_normals = np.split(normals, [len(floor_factor)], axis=1)
+        block[:] = math.sqrt(target_free_ifovs) * (floor_normals @ floor_factor)[:count]
         block += target_free_ifovs * noise_floor() if as_sum else 0.0
-        for amplitude in _waveforms(normals, factors):
+        for amplitude in _waveforms(field_normals, factors, frame_count=count):
             block += detect(amplitude, receiver=receiver, false_alarm=false_alarm)
     return frames
 
@@ -159,14 +167,15 @@ def _field_factors(
 
 
 def _waveforms(
-    normals: NDArray[np.float32], factors: list[NDArray[np.float32]]
+    normals: NDArray[np.float32], factors: list[NDArray[np.float32]], *, frame_count: int
 ) -> Iterator[NDArray[np.float32]]:
-    """Detector output |l| (frame, bin) of one IFOV after the other."""
-    frame_count = len(normals)
+    """Detector output |l| (frame, bin) of one IFOV after the other, for the first frames."""
+    at_once = len(normals)
     start = 0
     for factor in factors:
         stop = start + 2 * len(factor)
-        field = normals[:, start:stop].reshape(2 * frame_count, len(factor)) @ factor
+        field = normals[:, start:stop].reshape(2 * at_once, len(factor)) @ factor
+        field = field[: 2 * frame_count]
         field *= field
         power = field[0::2]
         power += field[1::2]

@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ellipe, ellipk
 
 from ncti.checks import require
 from ncti.ladar.extent import REFERENCE_BIN, RangeExtent
@@ -179,6 +178,9 @@ def banded_frame_moments(
 
 def _bracket(m: Floats) -> Floats:
     """2 E(m) - (1 - m) K(m) - pi/2, m in [0, 1]: see `magnitude_covariance`."""
+    # Imported where it is used: scipy takes a tenth of a second.
+    from scipy.special import ellipe, ellipk
+
     m = np.minimum(m, 1.0)
     bracket: Floats = (math.pi / 2) * m * (1 / 4 + m * (1 / 64 + m / 256))
     large = m >= 0.01

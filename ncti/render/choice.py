@@ -6,7 +6,7 @@ import ctypes
 import os
 from dataclasses import dataclass
 from functools import lru_cache
-from threading import Lock
+from threading import RLock
 
 from ncti.render.engine import Engine, EngineError
 from ncti.render.opengl import bound_platform
@@ -77,7 +77,8 @@ def choose_engine(name: str) -> str:
         When it cannot run here.
     """
     if name == "auto":
-        bound = bound_platform()
+        with _lock:  # an engine that another thread is starting rules out others
+            bound = bound_platform()
         return next(n for n in available_engines() if n == "embree" or bound in (None, n))
     if name not in _REQUIREMENTS:
         raise ValueError(f"engine is {name!r}: it must be auto, {', '.join(engines())}.")
@@ -93,21 +94,25 @@ def choose_engine(name: str) -> str:
 def start_engine(name: str) -> Engine:
     """The engine of a name, started on first use and kept for this process.
 
+    Threads may ask at once: one starts the engine, and the others wait for it.
+
     Raises
     ------
     ValueError, EngineError
         As `choose_engine`; also when the libraries are there and cannot draw.
     """
-    name = choose_engine(name)
-    key = os.getpid(), name  # An engine does not survive a fork.
     with _lock:
+        name = choose_engine(name)
+        key = os.getpid(), name  # An engine does not survive a fork.
         if key not in _running:
             _running[key] = _start(name)
         return _running[key]
 
 
 _running: dict[tuple[int, str], Engine] = {}
-_lock = Lock()
+# Held from the choice of an engine until it runs: "auto" depends on what was started, and OpenGL is
+# bound to a platform by the import of it, which must not begin twice.
+_lock = RLock()
 
 
 def _start(name: str) -> Engine:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import trimesh
 
 from ncti.checks import require
 from ncti.render.choice import start_engine
 from ncti.render.image import RangeImage
 from ncti.render.solid import Solid, surface
 from ncti.render.view import ROLL, Lattice, View
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 def range_image(

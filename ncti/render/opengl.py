@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 import os
 import sys
 from typing import Any
@@ -51,10 +52,15 @@ def bind_platform(name: str) -> None:
 
 
 def bound_platform() -> str | None:
-    """The platform that PyOpenGL loads its functions from, None while it is not imported."""
+    """The platform that PyOpenGL loads its functions from, None while it is not imported.
+
+    Waits while another thread is importing it: halfway, it is bound to nothing that has a name.
+    """
     platform = sys.modules.get("OpenGL.platform")
     if platform is None:
         return None
+    if getattr(platform, "PLATFORM", None) is None:
+        platform = importlib.import_module("OpenGL.platform")
     return type(platform.PLATFORM).__module__.rpartition(".")[2]
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 from threading import Lock
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ncti.render.view import Lattice, View
+
+if TYPE_CHECKING:
+    import trimesh
 
 KEPT = 8
 """Ships kept ready, here and on a canvas: the six of the study and two of the user's."""

@@ -11,7 +11,7 @@ from manifold3d import Error, Manifold
 from numpy.typing import NDArray
 
 from ncti.ships import fittings, solids
-from ncti.ships.errors import ShipError
+from ncti.ships.errors import ShipError, shown
 from ncti.ships.lofting import union
 from ncti.ships.sheets import Component, Part, Sheet
 
@@ -126,7 +126,7 @@ def piece(sheet: Sheet, component: Component) -> Piece:
     one = _single(sheet, component)
     if one.status() != Error.NoError or one.volume() <= 0:
         raise ShipError(
-            f"{sheet.name}: component '{component.name}' is not a solid with these sizes, "
+            f"{sheet.name}: component {shown(component.name)} is not a solid with these sizes, "
             "but must enclose a volume."
         )
     copies = [one.translate(np.add(component.at, (*shift, 0.0))) for shift in component.offsets]

@@ -1,5 +1,45 @@
-"""The one error of this room."""
+"""The one error of this package, and how a value stands in its message."""
+
+from __future__ import annotations
+
+import reprlib
+from typing import Any
+
+LONGEST = 1000  # characters of a message
 
 
 class ShipError(ValueError):
-    """A ship that cannot be loaded: one sentence naming the value and what is allowed."""
+    """A ship that cannot be loaded: one sentence naming the value and what is allowed.
+
+    Names and paths are a user's own, so what cannot be printed is escaped.
+    """
+
+    def __init__(self, message: str) -> None:
+        line = printable(message)
+        super().__init__(line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}...")
+
+
+def printable(text: str) -> str:
+    """Text with what a terminal would obey, or cannot show, as backslash escapes."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def shown(value: Any) -> str:
+    """A value as text of at most 60 characters, at a cost that its size does not set.
+
+    An alias in YAML is a few bytes and may stand for millions of values.
+    """
+    return _Short().repr(value)[:60]
+
+
+class _Short(reprlib.Repr):
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 3
+        self.maxlist = self.maxtuple = self.maxset = self.maxdict = 4
+        self.maxstring = self.maxother = 60
+
+    def repr_int(self, x: int, level: int) -> str:
+        # Python refuses to write out thousands of digits.
+        bits = x.bit_length()
+        return super().repr_int(x, level) if bits < 1000 else f"a whole number of {bits} bits"

@@ -8,13 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from manifold3d import Manifold
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ncti.ships.lofting import loft
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 FLARE_POWER = 1.2  # half-breadth grows from the waterline to the deck as height to this power
 STEM_HEIGHT = 0.25  # the stem's face at its head [m]
@@ -48,10 +51,15 @@ class Hull:
 
     @cached_property
     def _deck(self) -> PchipInterpolator:
+        # Imported where it is used: scipy.interpolate takes half a second.
+        from scipy.interpolate import PchipInterpolator
+
         return PchipInterpolator(self.stations[:, 0], self.stations[:, 1:3])
 
     @cached_property
     def _waterline(self) -> PchipInterpolator:
+        from scipy.interpolate import PchipInterpolator
+
         x, half = self.stations[:, 0], self.stations[:, 3]
         wet = ~np.isnan(half)
         return PchipInterpolator(x[wet], half[wet])

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import stat
 from dataclasses import dataclass
 from functools import cache as memoised
 from importlib import metadata, resources
 from pathlib import Path
-
-import trimesh
+from typing import TYPE_CHECKING
 
 from ncti.ships import cache as store
 from ncti.ships import meshes, sheets
 from ncti.ships.build import build
-from ncti.ships.errors import ShipError
+from ncti.ships.errors import ShipError, shown
+
+if TYPE_CHECKING:
+    import trimesh
 
 SHEET_SUFFIXES = (".yaml", ".yml")
 MESH_SUFFIXES = (".stl", ".obj", ".glb")
+MOST_MEGABYTES = dict.fromkeys(SHEET_SUFFIXES, 1) | dict.fromkeys(MESH_SUFFIXES, 256)
+LONGEST_LABEL = 100  # characters
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,7 @@ def digest(name_or_path: str | Path) -> str:
     Raises
     ------
     ShipError
-        When there is no such ship or file.
+        When there is no such ship or file, or the file's name is no label.
     """
     return _find(name_or_path).digest
 
@@ -76,7 +82,7 @@ def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimes
     ----------
     name_or_path : str or Path
         One of `names()`, or the path of a sheet (.yaml, .yml) or of a mesh in ship axes and
-        metres (.stl, .obj, .glb).
+        metres (.stl, .obj, .glb). The name of a file, without its suffix, labels the ship.
     cache : str or Path, optional
         Folder that keeps built ships; the user's cache folder by default.
 
@@ -92,6 +98,9 @@ def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimes
     ShipError
         When there is no such ship or file, or the sheet or mesh is not fit to be used.
     """
+    # Imported where it is used: trimesh takes half a second.
+    import trimesh
+
     source = _find(name_or_path)
     if source.is_sheet:
         folder = store.default_folder() if cache is None else Path(cache)
@@ -115,7 +124,7 @@ def _find(name_or_path: str | Path) -> _Source:
     known = ", ".join(names())
     kinds = ", ".join(SHEET_SUFFIXES + MESH_SUFFIXES)
     if not isinstance(name_or_path, str | Path):
-        raise ShipError(f"ship {name_or_path!r} must be one of {known}, or a path ({kinds}).")
+        raise ShipError(f"ship {shown(name_or_path)} must be one of {known}, or a path ({kinds}).")
     if name_or_path in names():
         sheet = resources.files("ncti.ships") / "sheets" / f"{name_or_path}.yaml"
         return _Source(str(name_or_path), ".yaml", sheet.read_bytes())
@@ -125,11 +134,45 @@ def _find(name_or_path: str | Path) -> _Source:
         raise ShipError(
             f"unknown ship '{path}', known are {known}, or the path of a file ({kinds})."
         )
+    _check_label(path)
     try:
-        return _Source(path.stem, suffix, path.read_bytes())
+        return _Source(path.stem, suffix, _content(path, MOST_MEGABYTES[suffix]))
+    except ShipError:
+        raise
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise ShipError(f"ship file '{path}' cannot be read: {reason}.") from None
+
+
+def _check_label(path: Path) -> None:
+    """Refuse a file whose name cannot label its ship in tables and messages."""
+    label = path.stem
+    if not label.strip() or len(label) > LONGEST_LABEL or not label.isprintable():
+        raise ShipError(
+            f"ship file {shown(path.name)} cannot label its ship: its name must have 1 to "
+            f"{LONGEST_LABEL} printable characters before '{path.suffix}'."
+        )
+
+
+def _content(path: Path, megabytes: int) -> bytes:
+    """What a regular file holds; a pipe may never say anything, and a device never end."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise ShipError(f"ship file '{path}' is no regular file, but must be one.")
+    most = megabytes * 10**6
+    with open(path, "rb", opener=_open_without_waiting) as file:
+        size = os.fstat(file.fileno()).st_size
+        content = file.read(most + 1) if size <= most else b""
+    if max(size, len(content)) > most:
+        raise ShipError(
+            f"ship file '{path}' has {max(size, len(content))} bytes, "
+            f"but may have at most {megabytes} million."
+        )
+    return content
+
+
+def _open_without_waiting(path: str, flags: int) -> int:
+    # In case a pipe has taken the place of the file that was there a moment ago.
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def _text(source: _Source) -> str:

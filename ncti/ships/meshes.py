@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import io
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from manifold3d import Error, Manifold, Mesh64
 from numpy.typing import NDArray
 
 from ncti.ships.errors import ShipError
 from ncti.ships.lofting import union
+
+if TYPE_CHECKING:
+    import trimesh
 
 SMALLEST, LARGEST = 1.0, 1000.0  # extent of anything that may pass for a ship in metres [m]
 
@@ -37,6 +39,9 @@ def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], 
         When the file is corrupt, or its mesh is empty, not finite, not in metres, open, wound
         inconsistently or inside out, or lies under water.
     """
+    # Imported where it is used: trimesh takes half a second.
+    import trimesh
+
     parts = _parts(data, suffix, where)
     if not all(np.isfinite(part.vertices).all() for part in parts):
         raise ShipError(f"{where} has vertices that are NaN or infinite, but all must be finite.")
@@ -65,9 +70,11 @@ def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], 
 
 
 def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:
+    import trimesh
+
     kind = suffix.removeprefix(".")
     try:
-        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
+        scene = trimesh.load_scene(_stream(data, kind), file_type=kind, process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     except Exception as error:  # a parser meets a corrupt file in whichever way it likes
         raise ShipError(f"{where} cannot be read as {kind.upper()}: {error!s:.80}.") from None
@@ -76,8 +83,29 @@ def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:
     return parts
 
 
+def _stream(data: bytes, kind: str) -> io.BytesIO | io.StringIO:
+    """The file as trimesh takes it: text as text, for trimesh cannot read all of it by itself.
+
+    Names and comments in other encodings than UTF-8 are read as Latin-1, in which any bytes are
+    text; what shapes the mesh is ASCII in both.
+    """
+    if kind == "glb" or (kind == "stl" and _is_binary_stl(data)):
+        return io.BytesIO(data)
+    try:
+        return io.StringIO(data.decode("utf-8-sig"))
+    except UnicodeDecodeError:
+        return io.StringIO(data.decode("latin-1"))
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    """Whether it is as long as a header of 80 bytes, a count and so many facets of 50 bytes."""
+    return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
+
+
 def _merged(mesh: Any) -> trimesh.Trimesh:
     """Equal corners made one, and facets without area by corners dropped."""
+    import trimesh
+
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices()
     corners = np.sort(mesh.faces, axis=1)

@@ -13,10 +13,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ncti.ships import checks
-from ncti.ships.errors import ShipError
+from ncti.ships.documents import read
+from ncti.ships.errors import ShipError, shown
 from ncti.ships.hull import Hull
 from ncti.ships.vocabulary import COPIES, KEYS, PARTS, PRIMITIVES, REMARKS, Primitive
 
@@ -63,12 +63,12 @@ def _value(where: str, key: str, value: Any, check: checks.Check) -> Any:
     try:
         return check(value)
     except checks.Refused as allowed:
-        raise ShipError(f"{where}: '{key}' is {value!r:.60}, but must be {allowed}.") from None
+        raise ShipError(f"{where}: '{key}' is {shown(value)}, but must be {allowed}.") from None
 
 
 def _mapping(where: str, value: Any, needs: frozenset[str]) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise ShipError(f"{where}: must be a mapping of keys to values, not {value!r:.60}.")
+        raise ShipError(f"{where}: must be a mapping of keys to values, not {shown(value)}.")
     for key in sorted(needs - value.keys()):
         raise ShipError(f"{where}: '{key}' is missing; required are {', '.join(sorted(needs))}.")
     return value
@@ -80,7 +80,7 @@ def _sizes(where: str, prim: str, given: Mapping[str, Any]) -> dict[str, Any]:
         raise ShipError(f"{where}: '{key}' is missing; {prim} needs {spec.describe()}.")
     for key in sorted(given.keys() - spec.needs - spec.may, key=str):
         known = ", ".join(sorted(spec.needs | spec.may))
-        raise ShipError(f"{where}: '{key}' is not a key of {prim}, which knows {known}.")
+        raise ShipError(f"{where}: {shown(key)} is not a key of {prim}, which knows {known}.")
     sizes = {KEYS[key].parameter: _value(where, key, given[key], KEYS[key].check) for key in given}
     if prim == "bulwark" and sizes["end"] <= sizes["edge"][1]:
         raise ShipError(f"{where}: 'x_end' is {sizes['end']:g}, but must be aft of 'edge'.")
@@ -91,14 +91,14 @@ def _sizes(where: str, prim: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _prim(where: str, value: Any, known: Mapping[str, Primitive]) -> str:
     if not isinstance(value, str) or value not in known:
-        raise ShipError(f"{where}: unknown primitive {value!r}, known are {', '.join(known)}.")
+        raise ShipError(f"{where}: unknown primitive {shown(value)}, known are {', '.join(known)}.")
     return value
 
 
 def _templates(where: str, given: Any) -> dict[str, tuple[Part, ...]]:
     templates = {}
     for name, entry in _mapping(f"{where}: templates", given, frozenset()).items():
-        place = f"{where}: template '{name}'"
+        place = f"{where}: template {shown(name)}"
         parts = _mapping(place, entry, frozenset({"parts"}))["parts"]
         if not isinstance(parts, list) or not parts:
             raise ShipError(f"{place}: 'parts' must be a list of [prim, u, v, w, sizes].")
@@ -108,7 +108,7 @@ def _templates(where: str, given: Any) -> dict[str, tuple[Part, ...]]:
 
 def _template_part(where: str, part: Any) -> Part:
     if not isinstance(part, list) or len(part) != 5:
-        raise ShipError(f"{where}: a part must be [prim, u, v, w, sizes], not {part!r:.60}.")
+        raise ShipError(f"{where}: a part must be [prim, u, v, w, sizes], not {shown(part)}.")
     prim = _prim(where, part[0], PARTS)
     at = tuple(
         _value(where, key, value, checks.number)
@@ -120,7 +120,7 @@ def _template_part(where: str, part: Any) -> Part:
 def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Component | None:
     entry = _mapping(where, given, frozenset({"name", "prim", "src"}))
     name = _value(where, "name", entry["name"], checks.text)
-    where = f"{where} '{name}'"
+    where = f"{where} {shown(name)}"
     _value(where, "src", entry["src"], checks.text)
     prim = _prim(where, entry["prim"], PRIMITIVES)
     place = PRIMITIVES[prim].place
@@ -136,7 +136,7 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
     sizes = _sizes(where, prim, {key: entry[key] for key in entry if key in other})
     if prim == "eq" and sizes["template"] not in templates:
         known = ", ".join(sorted(templates))
-        raise ShipError(f"{where}: unknown template {sizes['template']!r}, known are {known}.")
+        raise ShipError(f"{where}: unknown template {shown(sizes['template'])}, known are {known}.")
     count = _value(where, "n", entry.get("n", 1), checks.count)
     pitch = _value(where, "dx_n", entry.get("dx_n", 0.0), checks.number)
     if count > 1 and pitch == 0:
@@ -216,16 +216,6 @@ def _stations(where: str, given: Any) -> np.ndarray:
     return stations
 
 
-def _document(where: str, text: str) -> dict[str, Any]:
-    try:
-        document = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        line = getattr(getattr(error, "problem_mark", None), "line", None)
-        at = "" if line is None else f" (line {line + 1})"
-        raise ShipError(f"{where}: is not valid YAML{at}.") from None
-    return _mapping(where, document, frozenset())
-
-
 def parse(text: str, templates: str, *, where: str) -> Sheet:
     """Read a sheet.
 
@@ -243,10 +233,10 @@ def parse(text: str, templates: str, *, where: str) -> Sheet:
     ShipError
         When a key is missing or unknown, or a value is not allowed.
     """
-    sheet = _document(where, text)
+    sheet = _mapping(where, read(where, text), frozenset())
     needs = frozenset({"name", "principal", "stations", "components"})
     _mapping(where, sheet, needs)
-    known = _templates("templates", _document("templates", templates))
+    known = _templates("templates", read("templates", templates))
     known |= _templates(where, sheet.get("templates", {}))
     hull = _hull(where, sheet)
     if not isinstance(sheet["components"], list):
@@ -258,7 +248,7 @@ def parse(text: str, templates: str, *, where: str) -> Sheet:
         host = component.sizes.get("host")
         if host is not None and host not in houses:
             raise ShipError(
-                f"{where}: component '{component.name}': 'house' is {host!r}, but must be the name "
-                f"of a poly: {', '.join(sorted(houses)) or 'there is none'}."
+                f"{where}: component {shown(component.name)}: 'house' is {shown(host)}, "
+                f"but must be the name of a poly: {', '.join(sorted(houses)) or 'there is none'}."
             )
     return Sheet(_value(where, "name", sheet["name"], checks.text), hull, components, known)

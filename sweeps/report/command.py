@@ -3,49 +3,40 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
+import xarray as xr
 from rich.console import Console
 
-from sweeps import store
-from sweeps.classifier_schema import ACN, CLASSIFIERS, FUSION
-from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
-from sweeps.report.classifiers import classifier_rows, print_classifiers
-from sweeps.report.flight_pictures import MISSING, write_pictures
-from sweeps.report.flights import flight_rows, print_flights
-from sweeps.report.fusion import fusion_rows, print_fusion
-from sweeps.report.measured import measured_rows, print_measured
-from sweeps.report.rejection import curve_rows, print_rejection, rejection_rows
-from sweeps.report.screen import (
-    print_accuracy,
-    print_categories,
-    print_detection,
-    print_reconstruction,
-    print_sensor,
-    print_silhouette_accuracy,
-    print_silhouette_categories,
+from sweeps.engine.errors import ConfigurationError
+from sweeps.report import (
+    classifiers,
+    flights,
+    fusion,
+    measured,
+    others,
+    rejection,
+    silhouettes,
+    stored,
+    tables,
 )
-from sweeps.report.silhouettes import (
-    detection_rows,
-    reconstruction_rows,
-    sensor_rows,
-    silhouette_accuracy_rows,
-    silhouette_category_rows,
-)
-from sweeps.report.tables import Row, accuracy_rows, category_rows, has_source_views
-from sweeps.variables import (
-    DETECTION,
-    IMAGES,
-    RECONSTRUCTION,
-    REJECTION,
-    TABLES,
-    TABLES_INFRARED,
-    TABLES_OF,
-)
+from sweeps.report.axes import OF_ARRAYS, printable
+from sweeps.report.output import FILES, complain, page, write_tables
+from sweeps.report.rows import Row
+from sweeps.report.screen import explain, note, plain, unforeseen
+from sweeps.report.source import has_source_views
 
 OTHER_VIEWS = "The source's figures are of its own 124 views, four ships from bow to beam."
+REJECTION = "rejection_"
+OWN = {"acn_infrared", "fusion", "detection", "super_resolution", "measured"}
+"""Groups of tables that are reported in a way of their own."""
+CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")  # of range profiles, the known ones first
+
+# Name of a file, its rows, and what prints them; a table has any of them.
+Part = tuple[str, list[Row], Callable[[Console], None] | None]
 
 
 def main() -> None:
@@ -64,141 +55,125 @@ def main() -> None:
     path, console = arguments.store.absolute(), Console()
     try:
         report(path, console)
-    except (OSError, KeyError, ValueError):
-        print(
-            f"ncti-report: store is {str(path)!r}, but must be the zarr store of a sweep with its "
-            "tables written",
-            file=sys.stderr,
-        )
+    except ConfigurationError as error:
+        complain(str(error))
+        sys.exit(2)
+    except OSError as error:
+        complain(f"tables are not written: {error}")
         sys.exit(2)
     if arguments.pictures:
-        try:
-            write_pictures(path, console)
-        except (ImportError, OSError, ValueError) as error:
-            why = MISSING if isinstance(error, ImportError) else error
-            print(f"ncti-report: pictures are not drawn: {why}", file=sys.stderr)
-            sys.exit(2)
+        _draw(path, console)
+
+
+def _draw(path: Path, console: Console) -> None:
+    """Draw the flights of a store; exits with 2 when that cannot be done."""
+    # Here, since nothing else needs what flies, which takes longer to import than tables to print.
+    from sweeps.report.flight_pictures import MISSING, write_pictures
+
+    try:
+        write_pictures(path, console)
+    except (ImportError, OSError, ValueError) as error:
+        complain(f"pictures are not drawn: {MISSING if isinstance(error, ImportError) else error}")
+        sys.exit(2)
 
 
 def report(path: Path, console: Console) -> None:
-    """Print the tables of a store and write them beside it.
+    """Write the tables of a store beside it, then print them as far as the console can take it.
 
-    Parameters
-    ----------
-    path : Path
-        The store.
-    console : rich.console.Console
-        Where to print.
-
-    Raises
-    ------
-    OSError
-        If the store has no tables.
+    Raises ConfigurationError if the store cannot be read or has no tables, and OSError if tables
+    cannot be written beside it; they are printed all the same.
     """
-    written = _range_tables(path, console)
-    written |= _classifier_tables(path, console)
-    written |= _infrared_tables(path, console)
-    written |= _rejection_tables(path, console)
-    written |= _flight_tables(path, console)
-    if not written and not store.has_group(path, VALIDATION):
-        raise FileNotFoundError(path)
-    folder = store.tables_folder(path)
-    folder.mkdir(exist_ok=True)
-    for name, rows in written.items():
-        write_csv(folder / f"{name}.csv", rows)
-    console.print(f"store   {path}", soft_wrap=True, highlight=False)
-    files = ", ".join(f"{name}.csv" for name in written)
-    console.print(f"tables  {folder}: {files}", soft_wrap=True, highlight=False)
+    try:
+        parts = list(_parts(path))
+    # Whatever zarr and xarray raise of files that are damaged or of something else.
+    except Exception as error:
+        why = f"{type(error).__name__}: {error}".split("\n")[0]
+        raise ConfigurationError(f"{_no_store(path)} ({why})") from error
+    if not parts:
+        raise ConfigurationError(_no_store(path))
+    failed, files, folder = None, [], stored.tables_folder(path)
+    try:
+        files = write_tables(folder, {name: rows for name, rows, _ in parts})
+    except OSError as error:
+        failed = error
+    with page(console) as aside:
+        for _, _, show in parts:
+            if show:
+                show(aside)
+        explain(unforeseen([row for _, rows, _ in parts for row in rows]), aside)
+        aside.print(plain(f"store   {printable(str(path))}"), soft_wrap=True)
+        where = f"tables  {printable(str(folder))}: {', '.join(files)}"
+        aside.print(plain(where), soft_wrap=True)
+    if failed:
+        raise failed
 
 
-def _range_tables(path: Path, console: Console) -> dict[str, list[Row]]:
-    """Print the tables of the range channel, if there are any, and return their rows by name."""
-    if not store.has_group(path, TABLES):
-        return {}
-    tables = store.read_group(path, TABLES).load()
-    rows = {"categories": category_rows(tables), "accuracy": accuracy_rows(tables)}
-    print_categories(rows["categories"], console)
-    print_accuracy(rows["accuracy"], console)
-    if not has_source_views(tables):
-        console.print(OTHER_VIEWS, style="dim")
-    return rows
+def _no_store(path: Path) -> str:
+    return f"store is {str(path)!r}, but must be the zarr store of a sweep with its tables written"
 
 
-def _classifier_tables(path: Path, console: Console) -> dict[str, list[Row]]:
-    """Print all classifiers of range profiles beside one another, if there is more than the ACN."""
-    there = {
-        name: store.read_group(path, TABLES_OF[name]).load()
-        for name in CLASSIFIERS
-        if store.has_group(path, TABLES_OF[name])
-    }
-    rows: dict[str, list[Row]] = {}
-    together = there.pop(FUSION, None)
-    if there and set(there) != {ACN}:
-        rows["classifiers"] = classifier_rows(there)
-        print_classifiers(rows["classifiers"], console)
-    if together is not None:
-        rows["fusion"] = fusion_rows(together)
-        print_fusion(rows["fusion"], console)
-    return rows
+def _parts(path: Path) -> Iterator[Part]:
+    """Everything that a store has tables of."""
+    top, names = stored.groups(path), stored.groups(path, "tables")
+    read = {name: stored.read(path, f"tables/{name}").load() for name in names}
+    if "acn" in read:
+        yield _part("categories", tables.category_rows(read["acn"]), tables.print_categories)
+        yield _part("accuracy", tables.accuracy_rows(read["acn"]), tables.print_accuracy)
+        yield from _other_views(read["acn"])
+    named = [name for name in set(names) - OWN if classifiers.names_profiles(read[name])]
+    if set(named) - {"acn"}:
+        named.sort(key=lambda name: ([*CLASSIFIERS, name].index(name), name))
+        rows = classifiers.classifier_rows({name: read[name] for name in named})
+        yield _part("classifiers", rows, classifiers.print_classifiers)
+    if "fusion" in read:
+        yield _part("fusion", fusion.fusion_rows(read["fusion"]), fusion.print_fusion)
+    if "infrared" in top and "detection" in read:
+        yield from _infrared(path, read)
+    rejected = {name: read[name] for name in names if name.startswith(REJECTION)}
+    if rejected:
+        by_name = {name.removeprefix(REJECTION): table for name, table in rejected.items()}
+        yield "rejection", rejection.rejection_rows(by_name), None
+        curve = rejection.curve_rows(by_name)
+        yield _part("rejection_curve", curve, rejection.print_rejection)
+    if "validation" in top:
+        flown = stored.read(path, "validation")
+        arrays = [name for name in flown.data_vars if set(flown[name].dims) & set(OF_ARRAYS)]
+        flown = flown.drop_vars(arrays).load()
+        yield "flights", flights.flight_rows(flown), partial(flights.print_flights, flown)
+    if "measured" in read:
+        yield _part("measured", measured.measured_rows(read["measured"]), measured.print_measured)
+    for name in names:
+        rows = [] if {name} & {*named, *OWN, *rejected} else others.other_rows(read[name])
+        if rows:
+            title = str(read[name].attrs.get("title", name.replace("_", " ").capitalize()))
+            file = f"{name}_table" if name in FILES else name
+            yield _part(file, rows, partial(others.print_other, title))
 
 
-def _infrared_tables(path: Path, console: Console) -> dict[str, list[Row]]:
-    """Print the tables of the infrared channel, if there are any, and return their rows."""
-    if not store.has_group(path, DETECTION):
-        return {}
-    configuration = store.read_attributes(path)["configuration"]["infrared"]
-    rows = {"infrared_sensor": sensor_rows(store.read_group(path, IMAGES), configuration)}
-    print_sensor(rows["infrared_sensor"], console)
-    if store.has_group(path, TABLES_INFRARED):  # not where the ACN names no silhouettes
-        classified = store.read_group(path, TABLES_INFRARED).load()
-        rows["infrared_categories"] = silhouette_category_rows(classified)
-        rows["infrared_accuracy"] = silhouette_accuracy_rows(classified)
-        print_silhouette_categories(rows["infrared_categories"], console)
-        print_silhouette_accuracy(rows["infrared_accuracy"], console)
-        if not has_source_views(classified):
-            console.print(OTHER_VIEWS, style="dim")
-    found, restored = (
-        store.read_group(path, group).load() for group in (DETECTION, RECONSTRUCTION)
-    )
-    rows["infrared_detection"] = detection_rows(found)
-    rows["infrared_super_resolution"] = reconstruction_rows(restored)
-    print_detection(rows["infrared_detection"], configuration["false_alarm"], console)
-    print_reconstruction(rows["infrared_super_resolution"], console)
-    return rows
+def _part(name: str, rows: list[Row], write: Callable[[list[Row], Console], None]) -> Part:
+    return name, rows, partial(write, rows)
 
 
-def _rejection_tables(path: Path, console: Console) -> dict[str, list[Row]]:
-    """Print what unknown ships come to, if there are any, and return their rows."""
-    tables = {
-        name: store.read_group(path, group).load()
-        for name, (_, group) in REJECTION.items()
-        if store.has_group(path, group)
-    }
-    if not tables:
-        return {}
-    curve = curve_rows(tables)
-    print_rejection(curve, console)
-    return {"rejection": rejection_rows(tables), "rejection_curve": curve}
+def _other_views(table: xr.Dataset) -> Iterator[Part]:
+    """A word on the source's figures, where the views are not the source's."""
+    if not has_source_views(table):
+        yield "", [], partial(note, OTHER_VIEWS)
 
 
-def _flight_tables(path: Path, console: Console) -> dict[str, list[Row]]:
-    """Print what flights measure, if there are any, and return their rows."""
-    if not store.has_group(path, VALIDATION):
-        return {}
-    flights = store.read_group(path, VALIDATION)
-    images = ("profile", "signature", "intensity", "range_image", "infrared_image")
-    flights = flights.drop_vars(images).load()
-    rows = {"flights": flight_rows(flights)}
-    print_flights(flights, console)
-    if store.has_group(path, TABLES_MEASURED):
-        rows["measured"] = measured_rows(store.read_group(path, TABLES_MEASURED).load())
-        print_measured(rows["measured"], console)
-    return rows
-
-
-def write_csv(path: Path, rows: list[Row]) -> None:
-    """Write rows with their keys as header; an absent value is an empty field."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+def _infrared(path: Path, read: dict[str, xr.Dataset]) -> Iterator[Part]:
+    """Tables of the infrared channel."""
+    given = stored.attributes(path)["configuration"]["infrared"]
+    rows = silhouettes.sensor_rows(stored.read(path, "infrared"), given)
+    yield _part("infrared_sensor", rows, silhouettes.print_sensor)
+    if "acn_infrared" in read:  # not where the network names no silhouettes
+        formed = silhouettes.silhouette_category_rows(read["acn_infrared"])
+        yield _part("infrared_categories", formed, silhouettes.print_silhouette_categories)
+        right = silhouettes.silhouette_accuracy_rows(read["acn_infrared"])
+        yield _part("infrared_accuracy", right, silhouettes.print_silhouette_accuracy)
+        yield from _other_views(read["acn_infrared"])
+    found = silhouettes.detection_rows(read["detection"])
+    alarms = stored.setting(read["detection"], given, "false_alarm")
+    show = partial(silhouettes.print_detection, found, alarms)
+    yield "infrared_detection", found, show
+    restored = silhouettes.reconstruction_rows(read["super_resolution"])
+    yield _part("infrared_super_resolution", restored, silhouettes.print_reconstruction)

@@ -14,7 +14,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -22,16 +22,22 @@ from numpy.typing import ArrayLike, NDArray
 
 import ncti.ships
 from ncti.features import profile_vector
-from sweeps import store
-from sweeps.axes import OPTIONAL
-from sweeps.report import classifier_figures, flight_figures, silhouette_figures
+from sweeps.report import classifier_figures, flight_figures, silhouette_figures, stored
+from sweeps.report.axes import nominal, which
+from sweeps.report.panels import by_bin, with_intervals
 from sweeps.report.portraits import Portrait, portrait
-from sweeps.report.tables import Row, accuracy_rows, source_figures
-from sweeps.variables import PROFILES, TABLES
+from sweeps.report.rows import BIN
+from sweeps.report.tables import accuracy_rows, source_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+KINDS = {
+    "profiles": "range profiles by aspect, by ship and by number of frames",
+    "tables": "percent correct by aspect and number of frames, beside the source's",
+}
+OTHERS = (silhouette_figures, classifier_figures, flight_figures)
 
 # The source's examples: its Figures 3 to 5 and its Table 4.
 ASPECTS, ASPECT, PULSE_WIDTH, VIGILANCE = (0.0, 30.0, 60.0, 90.0), 30.0, 30.0, 0.95
@@ -53,13 +59,8 @@ def main() -> None:
     )
     kinds = parser.add_subparsers(dest="kind", required=True)
     kinds.add_parser("ships", help="the six ships, from their range images")
-    for kind, text in (
-        ("profiles", "range profiles by aspect, by ship and by number of frames"),
-        ("tables", "percent correct by aspect and number of frames, beside the source's"),
-        *silhouette_figures.KINDS.items(),
-        *classifier_figures.KINDS.items(),
-        *flight_figures.KINDS.items(),
-    ):
+    every = KINDS | {kind: text for other in OTHERS for kind, text in other.KINDS.items()}
+    for kind, text in every.items():
         kinds.add_parser(kind, help=text).add_argument(
             "store", type=Path, help="store of a sweep, such as sweep.zarr"
         )
@@ -67,18 +68,7 @@ def main() -> None:
         subparser.add_argument("picture", type=Path, help="file to write, such as ships.png")
     arguments = parser.parse_args()
     try:
-        if arguments.kind == "ships":
-            figure = draw_ships()
-        elif arguments.kind == "profiles":
-            figure = draw_profiles(store.read_group(arguments.store, PROFILES).load())
-        elif arguments.kind in silhouette_figures.KINDS:
-            figure = silhouette_figures.draw(arguments.kind, arguments.store)
-        elif arguments.kind in classifier_figures.KINDS:
-            figure = classifier_figures.draw(arguments.kind, arguments.store)
-        elif arguments.kind in flight_figures.KINDS:
-            figure = flight_figures.draw(arguments.kind, arguments.store)
-        else:
-            figure = draw_tables(store.read_group(arguments.store, TABLES).load())
+        figure = draw(arguments.kind, getattr(arguments, "store", None))
     except ImportError:
         print("figures: matplotlib is missing: install ncti-sweep[plot]", file=sys.stderr)
         sys.exit(2)
@@ -86,6 +76,18 @@ def main() -> None:
         print(f"figures: {arguments.kind} cannot be drawn: {error}", file=sys.stderr)
         sys.exit(2)
     figure.savefig(arguments.picture)
+
+
+def draw(kind: str, path: Path | None) -> Figure:
+    """A picture of the ships, or of a store."""
+    if path is None:
+        return draw_ships()
+    for other in OTHERS:
+        if kind in other.KINDS:
+            return other.draw(kind, path)
+    if kind == "profiles":
+        return draw_profiles(stored.read(path, "range_profile").load())
+    return draw_tables(stored.read(path, "tables/acn").load())
 
 
 def draw_ships() -> Figure:
@@ -155,21 +157,13 @@ def _range_key(
 def draw_profiles(profiles: xr.Dataset) -> Figure:
     """Profiles as a classifier sees them: what aspect, ship and averaging make of them.
 
-    Parameters
-    ----------
-    profiles : xarray.Dataset
-        The store's group of range profiles. Values that it lacks are replaced by their
-        nearest neighbours.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Three panels of profiles above their noise floor, each with its peak as unit.
+    Three panels of profiles above their noise floor, each with its peak as unit. Values that the
+    store lacks are replaced by their nearest neighbours.
     """
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    here = profiles.isel(dict.fromkeys(OPTIONAL, 0), missing_dims="ignore")
+    here = nominal(profiles, keep=("ship", "aspect", "range", "pulse_width", "frame_count"))
     here = here.sel(range=100.0, method="nearest")
     here = here.sel(pulse_width=PULSE_WIDTH, method="nearest")
     first = here.isel(ship=0)
@@ -242,63 +236,33 @@ def _stack(
 
 
 def draw_tables(tables: xr.Dataset) -> Figure:
-    """Percent correct against the number of frames, one panel an aspect bin.
-
-    Parameters
-    ----------
-    tables : xarray.Dataset
-        The store's group of tables.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Our figures with their 95 % intervals, and the source's where it has one.
-    """
-    from matplotlib.figure import Figure
-
-    here = tables.isel(dict.fromkeys(OPTIONAL, 0), missing_dims="ignore")
+    """Percent correct against the number of frames, one panel a bin, beside the source's."""
+    kept = ("range", "pulse_width", "vigilance", "frame_count", "aspect_bin")
+    here = nominal(tables, keep=kept)
     nearest = {"pulse_width": PULSE_WIDTH, "vigilance": VIGILANCE, "range": 100.0}
     here = here.sel({axis: [value] for axis, value in nearest.items()}, method="nearest")
     rows = accuracy_rows(here)
-    bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in rows))
-    panels = Figure(figsize=(2.6 * len(bins) + 0.6, 3.4), dpi=160, layout="constrained")
-    every = panels.subplots(1, len(bins), sharey=True, squeeze=False)[0]
-    for axes, label in zip(every, bins, strict=True):
-        _accuracy(axes, [row for row in rows if row["aspect_bin_deg"] == label])
-        title = label if label == "overall" else f"aspect {label.replace('-', '–')}°"
-        axes.set_title(title, fontsize=10)
-    every[0].set_ylabel("percent correct")
-    every[0].legend(frameon=False, loc="lower right", fontsize=8)
+    figure, panels, bins = by_bin(rows, high=3.4)
+    for axes, label in zip(panels, bins, strict=True):
+        # Numbers of frames ascending, training last.
+        line = [row for row in rows if row[BIN] == label and row["percent_correct"] is not None]
+        line.sort(key=lambda row: row["frame_count"] or np.inf)
+        place = range(len(line))
+        with_intervals(axes, dict(enumerate(line)), "o-", color="#1f4e79", label="ours, 95 %")
+        theirs = {k: line[k]["source_percent"] for k in place if line[k]["source_percent"]}
+        if theirs:
+            shown = ([*theirs], [*theirs.values()])
+            axes.plot(*shown, "s--", color="#c1440e", mfc="white", label="source")
+        axes.set_xticks(place, [str(row["frame_count"] or "expected") for row in line], fontsize=8)
+    panels[0].legend(frameon=False, loc="lower right", fontsize=8)
     below = ["frames averaged; expected: the training profiles"]
     if any(row["source_percent"] is not None for row in rows):
         below.append(source_figures()["table4_percent_correct"]["note"])
-    panels.supxlabel("\n".join(below), fontsize=8)
+    figure.supxlabel("\n".join(below), fontsize=8)
     pulse_width, vigilance = here.pulse_width.item(), here.vigilance.item()
-    panels.suptitle(
-        f"Ships identified by the ACN, {pulse_width:g} ns, vigilance {vigilance:g}", fontsize=11
-    )
-    return panels
-
-
-def _accuracy(axes: Axes, rows: list[Row]) -> None:
-    """Percent correct of one aspect bin, numbers of frames ascending, training last."""
-    rows = [row for row in rows if row["percent_correct"] is not None]
-    rows.sort(key=lambda row: row["frame_count"] or np.inf)
-    place = np.arange(len(rows))
-    ours: list[Any] = [row["percent_correct"] for row in rows]
-    bars = [
-        [row["percent_correct"] - row["ci_low"] for row in rows],
-        [row["ci_high"] - row["percent_correct"] for row in rows],
-    ]
-    axes.errorbar(place, ours, bars, fmt="o-", color="#1f4e79", capsize=3, label="ours, 95 %")
-    theirs = [(x, row["source_percent"]) for x, row in zip(place, rows, strict=True)]
-    known = [(x, percent) for x, percent in theirs if percent is not None]
-    if known:
-        axes.plot(*zip(*known, strict=True), "s--", color="#c1440e", mfc="white", label="source")
-    axes.set_xticks(place, [str(row["frame_count"] or "expected") for row in rows], fontsize=8)
-    axes.set(ylim=(0.0, 104.0))
-    axes.grid(axis="y", color="0.9")
-    axes.spines[["right", "top"]].set_visible(False)
+    title = f"Ships identified by the ACN, {pulse_width:g} ns, vigilance {vigilance:g}"
+    figure.suptitle(title + which(here.squeeze(), tables, but=kept), fontsize=11)
+    return figure
 
 
 if __name__ == "__main__":

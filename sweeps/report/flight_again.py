@@ -1,22 +1,27 @@
-"""Flights of a store flown once more, from its configuration: raw images, and what they become."""
+"""Flights of a store flown once more: raw images, and what they become.
+
+This is the one place where the report meets the code that flies.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import trimesh
+import xarray as xr
 
 import ncti.ships
 from ncti.irar import Correction, Scan
-from sweeps.flight_course import fly_past, recorded, surface
-from sweeps.flight_grid import CORRECTED, FLOWN, RECORDED, FlightErrors
-from sweeps.flight_schema import FlightConfig
-from sweeps.grid import number_axis, ship_axis, ship_label
+from sweeps.report.axes import nominal, shown, which
 from sweeps.report.flight_stages import Way, draw_stages
-from sweeps.report.flight_words import told
+from sweeps.report.flights import TITLED, flown_past
+from sweeps.report.stored import setting
+from sweeps.stages.flight_geometry import scan_again, surface
+from sweeps.stages.irar import FLOWN, RATES, RECORDED
+from sweeps.stages.views import hull, read_mesh, ship_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,15 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Place:
-    """A flight of a store: the first on every axis but these.
-
-    Attributes
-    ----------
-    ship : str
-        Its label.
-    aspect, range : float
-        [deg, km].
-    """
+    """A flight of a store: its ship's label, aspect [deg] and range [km]; nominal on other axes."""
 
     ship: str
     aspect: float
@@ -41,121 +38,84 @@ class Place:
     @property
     def title(self) -> str:
         """For people."""
-        return f"{self.ship.capitalize()} at {self.range:g} km, aspect {self.aspect:g}°"
+        return f"{shown(self.ship).capitalize()} at {self.range:g} km, aspect {self.aspect:g}°"
 
 
-def flights_of(attributes: Mapping[str, Any]) -> list[Place]:
-    """Every ship flown past at every range and aspect, the ships slowest.
-
-    Parameters
-    ----------
-    attributes : mapping
-        Of the store.
-    """
-    given, config = attributes["configuration"], _config(attributes)
-    ships = tuple(ship_label(name) for name in ship_axis("grid.ship", given["grid"]["ship"]))
-    aspects = number_axis("grid.aspect", given["grid"]["aspect"], minimum=0, below=360)
+def flights_of(flights: xr.Dataset) -> list[Place]:
+    """Every ship of the group `validation` flown past at every range and aspect, ships slowest."""
+    places = (np.atleast_1d(flights[name].values).tolist() for name in ("range", "aspect"))
+    ranges, aspects = places
     return [
         Place(ship, aspect, kilometres)
-        for ship, kilometres, aspect in product(config.flies(ships), config.expand().range, aspects)
+        for ship in flown_past(flights)
+        for kilometres in ranges
+        for aspect in aspects
     ]
 
 
-def scan_of(attributes: Mapping[str, Any], place: Place, mesh: trimesh.Trimesh) -> tuple[Scan, Way]:
-    """A flight of a store once more, noise and all, and how the store has it corrected.
+def one_flight(flights: xr.Dataset, place: Place) -> xr.Dataset:
+    """The flight at a place: the first draw of the nominal one on all other axes."""
+    return nominal(flights.sel(ship=place.ship, aspect=place.aspect, range=place.range))
 
-    Parameters
-    ----------
-    attributes : mapping
-        Of the store: its configuration and seed.
-    place : Place
-        Which.
-    mesh : trimesh.Trimesh
-        The ship.
 
-    Returns
-    -------
-    scan : ncti.irar.Scan
-        Its raw images, those that the sweep made.
-    way : Way
-        Its corrections.
+def scan_of(
+    attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
+) -> tuple[Scan, Way]:
+    """Raw images of a flight of a store, noise and all, and how the store has them corrected.
+
+    The flight has its value on every axis as a scalar coordinate; attributes are the store's.
     """
-    given, config = attributes["configuration"], _config(attributes)
-    grid = config.expand()
-    values, receivers, choices = (
-        {name: getattr(grid, name)[0] for name in on} for on in (FLOWN, RECORDED, CORRECTED)
+    given = attributes["configuration"]
+    seed, reflectance = (
+        setting(flight, given, "seed"),
+        setting(flight, given["ladar"], "reflectance"),
     )
-    values["range"] = place.range
-    name = {"ship": place.ship, "aspect": place.aspect, **values}
-    flown = fly_past(
-        mesh,
-        config.flight(place.aspect, **values),
-        name=name,
-        replicate=receivers["replicate"],
-        seed=given["seed"],
-        reflectance=given["ladar"]["reflectance"],
-    )
-    scan = recorded(flown, name=name, values=receivers, seed=given["seed"])
-    return scan, Way(
-        chain=choices["chain"],
-        correction=Correction(
-            **{name: choices[name] for name in ("azimuth", "mirror", "range_filter")}
-        ),
-        autofocus=choices["autofocus"],
-        threshold=config.segmentation_threshold,
-        surface=surface(mesh, values, given["ladar"]["reflectance"]),
+    values = {one.name: setting(flight, {}, one.name) for one in (*FLOWN, *RECORDED)}
+    place = {"ship": flight.ship.item(), "aspect": flight.aspect.item(), "seed": seed}
+    methods = {name: flight[name].item() for name in ("azimuth", "mirror", "range_filter")}
+    return scan_again(values, mesh, **place, reflectance=reflectance), Way(
+        rate=RATES.get(flight.chain.item()),
+        correction=Correction(**methods),
+        autofocus=flight.autofocus.item(),
+        threshold=setting(flight, given["irar"], "segmentation_threshold"),
+        surface=surface(mesh, values, reflectance),
     )
 
 
 def draw_flight(
-    attributes: Mapping[str, Any], place: Place, mesh: trimesh.Trimesh | None = None
+    attributes: Mapping[str, Any],
+    flights: xr.Dataset,
+    place: Place,
+    mesh: trimesh.Trimesh | None = None,
 ) -> Figure:
-    """Stages of a flight of a store.
+    """Stages of a flight of a store, of which attributes and the group `validation` are given.
 
-    Parameters
-    ----------
-    attributes : mapping
-        Of the store.
-    place : Place
-        Which flight.
-    mesh : trimesh.Trimesh, optional
-        The ship; the known one of that name when not given.
-
-    Raises
-    ------
-    ValueError
-        If the ship is not the one that the store was made of.
+    Raises ValueError if no mesh is given, and the known ship is not the one of the store.
     """
     if mesh is None:
         mesh = known_ship(attributes, place.ship)
-    scan, way = scan_of(attributes, place, mesh)
-    grid = _config(attributes).expand()
-    first = {name: getattr(grid, name) for name in (*FLOWN[1:], *RECORDED[1:], *CORRECTED)}
-    which = [told(name, values[0]) for name, values in first.items() if len(values) > 1]
-    draws = attributes["configuration"]["grid"]["replicate"]
-    if len(draws) > 1:
-        which.append(f"first of {len(draws)} draws")
-    return draw_stages(mesh, scan, way, title=", ".join((place.title, *which)))
+    flight = one_flight(flights, place)
+    scan, way = scan_of(attributes, flight, mesh)
+    draws = flights.sizes.get("replicate", 1)
+    title = place.title + which(flight, flights.looks, but=TITLED)
+    title += f", first of {draws} draws" if draws > 1 else ""
+    return draw_stages(mesh, scan, way, title=title)
 
 
 def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
-    """The ship of a name, if it is still what a store was made of.
+    """Return the known ship of a name.
 
     Raises
     ------
     ValueError
-        If it is not.
+        If it is not what the store was made of.
     """
     if label not in ncti.ships.names():
         raise ValueError(
             f"{label} was read from a file that the store does not name, but ships drawn must be "
             f"among {', '.join(ncti.ships.names())}"
         )
-    if ncti.ships.digest(label) != attributes["mesh_digests"][label]:
+    known = hull.function(ship_name(label))
+    if known.digest != attributes["mesh_digests"][label]:
         raise ValueError(f"{label} has changed since the store was made of it")
-    return ncti.ships.load(label)
-
-
-def _config(attributes: Mapping[str, Any]) -> FlightConfig:
-    irar = dict(attributes["configuration"]["irar"])
-    return FlightConfig(**(irar | {"errors": FlightErrors(**irar["errors"])}))
+    return read_mesh(known)

@@ -18,11 +18,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sweeps import store
-from sweeps.flight_variables import TABLES_MEASURED, VALIDATION
+from sweeps.report import stored
+from sweeps.report.axes import nominal, which
 from sweeps.report.flight_again import Place, draw_flight, flights_of
-from sweeps.report.flight_words import which
-from sweeps.report.flights import SISTERS, nominal
+from sweeps.report.flights import SISTERS, STERN, TITLED, flown_past, put_in
+from sweeps.report.panels import plain_percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,6 @@ MARKED = (  # m past the hangar, height, what is there
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
     *((45, 0.76, "main mast"), (61, 0.32, "bridge")),
 )
-TITLED = ("ship", "aspect", "range")  # told in every title
 UNITS = {
     "aircraft_speed": "%",
     "ship_speed": "m/s",
@@ -50,50 +49,24 @@ UNITS = {
 
 
 def draw(kind: str, path: Path) -> Figure:
-    """A picture of a store, by kind.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    path : Path
-        The store.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    ValueError
-        If the store lacks what is to be drawn.
-    """
-    if kind == "flight":
-        attributes = store.read_attributes(path)
-        return draw_flight(attributes, flights_of(attributes)[0])
+    """A picture of a store, of one of `KINDS`. Raises ValueError if it lacks what is drawn."""
     if kind == "measured":
-        return draw_measured(store.read_group(path, TABLES_MEASURED).load())
-    flights = store.read_group(path, VALIDATION)
+        return draw_measured(stored.read(path, "tables/measured").load())
+    flights = stored.read(path, "validation")
+    if kind == "flight":
+        return draw_flight(stored.attributes(path), flights, flights_of(flights)[0])
     return (draw_validation if kind == "validation" else draw_sensitivity)(flights)
 
 
 def draw_validation(flights: xr.Dataset) -> Figure:
     """Near-stern profiles: measured over noiseless, and a ship over its synthetic sister.
 
-    Parameters
-    ----------
-    flights : xarray.Dataset
-        The store's group `validation`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The source's Figures 14 to 16; the first draw of the noise, of each ship at the range that
-        suits the source, unit the hangar's peak.
+    The source's Figures 14 to 16; the first draw of the noise, of each ship at the range that suits
+    the source, unit the hangar's peak.
     """
     from matplotlib.figure import Figure
 
-    near = flights.sel(aspect=175.0, method="nearest")
+    near = flights.sel(aspect=STERN, method="nearest")
     near = near.isel(replicate=0, missing_dims="ignore")
     draws = flights.sizes.get("replicate", 1)
     ships = flown_past(flights)
@@ -105,7 +78,7 @@ def draw_validation(flights: xr.Dataset) -> Figure:
     figure = Figure(figsize=(11.0, 2.7 * count), dpi=140, layout="constrained")
     panels = figure.subplots(count, 1, squeeze=False)[:, 0]
     for axes, (name, km) in zip(panels, shown, strict=False):
-        one = nominal(near.sel(ship=name).sel(range=km, method="nearest"))
+        one = put_in(near.sel(ship=name).sel(range=km, method="nearest"))
         place, profile = one.down_range.values, one.profile
         _filled(axes, place, profile.sel(source="noiseless"), "noiseless")
         _line(axes, place, profile.sel(source="measured"), OURS, "flown past and corrected")
@@ -127,13 +100,6 @@ def draw_validation(flights: xr.Dataset) -> Figure:
     return figure
 
 
-def flown_past(flights: xr.Dataset) -> list[str]:
-    """Ships of a store that are flown past; the others are only learned."""
-    there = np.isfinite(flights.looks).any([dim for dim in flights.looks.dims if dim != "ship"])
-    names: list[str] = flights.ship.values[there.values].tolist()
-    return names
-
-
 def _titled(one: xr.Dataset) -> str:
     """Ship, range and aspect."""
     return Place(str(one.ship.item()), float(one.aspect), float(one.range)).title
@@ -141,18 +107,18 @@ def _titled(one: xr.Dataset) -> str:
 
 def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
     """The source's Figure 16, with what it put its differences down to put in."""
-    drawn = nominal(near.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest"))
+    drawn = put_in(near.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest"))
     flown = near.sel(ship=SISTERS[2]).sel(range=SISTERS[3], method="nearest")
     glint = float(np.max(np.atleast_1d(flown.mast_gain.values)))
     dark = float(np.min(np.atleast_1d(flown.transom_gain.values)))
     lines = [
         (drawn, "point", TRUTH, "Duncan, synthetic, point sampled"),
-        (nominal(flown), "measured", OURS, "Roberts, flown past"),
+        (put_in(flown), "measured", OURS, "Roberts, flown past"),
     ]
     if glint != 1 or dark != 1:
-        put_in = nominal(flown, transom_gain=dark, mast_gain=glint)
+        changed = put_in(flown, transom_gain=dark, mast_gain=glint)
         label = f"the same, transom x {dark:g} and masts x {glint:g} put in"
-        lines.append((put_in, "measured", THEIRS, label))
+        lines.append((changed, "measured", THEIRS, label))
     for one, source, colour, label in lines:
         profile = one.profile.sel(source=source).values
         place = one.down_range.values - one.down_range.values[profile.argmax()]
@@ -162,7 +128,7 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
             _line(axes, place, profile, colour, label)
     for place, height, name in MARKED:
         axes.annotate(name, (place, height), fontsize=8, ha="center", color="0.3")
-    others = which(nominal(flown), flights, but=(*TITLED, "transom_gain", "mast_gain"))
+    others = which(put_in(flown), flights, but=(*TITLED, "transom_gain", "mast_gain"))
     ranges = " and ".join(dict.fromkeys(f"{float(one.range):g}" for one in (drawn, flown)))
     axes.set_title(f"Sister ships near the stern, {ranges} km{others}", fontsize=9)
     axes.set(xlim=(-40, 100), xlabel="down-range from the hangar [m]")
@@ -171,27 +137,15 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
 def draw_sensitivity(flights: xr.Dataset) -> Figure:
     """Correlation with the noiseless profile against the error of each flight parameter.
 
-    Parameters
-    ----------
-    flights : xarray.Dataset
-        The store's group `validation`, with an axis of errors.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Means over draws with their standard deviation; without error in every panel.
-
-    Raises
-    ------
-    ValueError
-        If there are no errors.
+    Means over draws with their standard deviation; without error in every panel. Raises ValueError
+    if there are no errors.
     """
     from matplotlib.figure import Figure
 
     if flights.sizes.get("error", 1) < 2:
         raise ValueError("irar.errors is empty, but must name parameters and their errors")
     first = flights.sel(ship=flown_past(flights)[0]).isel(aspect=0, range=0)
-    one = nominal(first, keep=("error", "autofocus"))
+    one = nominal(first, keep=("error", "autofocus", "replicate"))
     one = one[["profile_correlation", "closing_speed_error"]].load()
     names = one.error_parameter.values.tolist()
     parameters = [name for name in dict.fromkeys(names) if name in UNITS]
@@ -223,7 +177,7 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
     panels[0].set_ylabel("correlation with the noiseless profile", fontsize=8)
     panels[0].legend(frameon=False, fontsize=8, loc="lower center")
     figure.suptitle(
-        f"{_titled(one)}{which(one, flights, but=(*TITLED, 'error', 'autofocus'))}", fontsize=10
+        f"{_titled(one)}{which(one, flights.looks, but=(*TITLED, 'autofocus'))}", fontsize=10
     )
     return figure
 
@@ -231,21 +185,12 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
 def draw_measured(tables: xr.Dataset) -> Figure:
     """Percent named right by aspect bin: measured profiles beside synthetic ones.
 
-    Parameters
-    ----------
-    tables : xarray.Dataset
-        The store's group `tables/measured`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel a classifier and pulse width, the ship alone, with 95 % intervals; the first of
-        several flights and vigilances, as the title says.
+    One panel a classifier and pulse width, the ship alone, with 95 % intervals; the nominal one of
+    several flights and vigilances, as the title says.
     """
     from matplotlib.figure import Figure
 
     one = nominal(tables, keep=("pulse_width", "classifier", "kind", "aspect_bin"))
-    one = one.isel({dim: 0 for dim in ("vigilance", "range") if dim in one.dims})
     rows, columns = one.sizes["pulse_width"], one.sizes["classifier"]
     figure = Figure(figsize=(3.0 * columns + 0.6, 2.5 * rows + 0.4), dpi=140, layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
@@ -265,9 +210,7 @@ def draw_measured(tables: xr.Dataset) -> Figure:
             shown = {"learned": "synthetic, learned", "test": "synthetic, noisy"}.get(kind, kind)
             axes.errorbar(place, middle, ends, fmt="o", color=colour, capsize=3, label=shown)
         axes.set_xticks(np.arange(len(labels)), labels, fontsize=8)
-        axes.set(ylim=(0, 104))
-        axes.grid(axis="y", color="0.92")
-        axes.spines[["right", "top"]].set_visible(False)
+        plain_percent(axes)
         axes.set_title(f"{here.classifier.item()}, {here.pulse_width.item():g} ns", fontsize=9)
     for axes in panels[:, 0]:
         axes.set_ylabel("ships right [%]", fontsize=8)
@@ -275,8 +218,6 @@ def draw_measured(tables: xr.Dataset) -> Figure:
         axes.set_xlabel("aspect [deg]", fontsize=8)
     panels[0, 0].legend(frameon=False, fontsize=7, loc="lower left")
     which_one = which(one, tables)
-    if tables.sizes.get("vigilance", 1) > 1:
-        which_one += f", vigilance {one.vigilance.item():g}"
     if which_one:
         figure.suptitle(which_one.removeprefix(", "), fontsize=10)
     return figure

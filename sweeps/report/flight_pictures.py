@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import uuid
+import re
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
@@ -13,11 +13,12 @@ import trimesh
 from rich.console import Console
 from rich.progress import track
 
-from sweeps import store
-from sweeps.flight_comparison import NEAR_STERN, STERN
-from sweeps.flight_variables import VALIDATION
+from sweeps.report import stored
+from sweeps.report.axes import printable
 from sweeps.report.flight_again import draw_flight, flights_of, known_ship
 from sweeps.report.flight_figures import draw_validation
+from sweeps.report.output import page, write_whole
+from sweeps.report.screen import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,54 +32,40 @@ def write_pictures(
 ) -> None:
     """Draw every stage of the corrections of each flight, and near-stern profiles.
 
-    Of each ship flown past, range and aspect one flight, the first on any other axis.
+    Of each ship flown past, range and aspect one flight, nominal on any other axis. `ship` gives
+    the mesh of a label, in place of the known ship of that name.
 
-    Parameters
-    ----------
-    path : Path
-        The store.
-    console : rich.console.Console
-        Where to say what was written.
-    ship : callable, optional
-        The mesh of a label; that of the known ship of this name when not given.
-
-    Raises
-    ------
-    ImportError
-        If there is no matplotlib.
-    ValueError
-        If the store has no flights, or its ships are no longer known.
-
-    Notes
-    -----
-    A picture is written under another name and then moved: what can be seen is whole.
+    Raises ImportError without matplotlib, and ValueError if the store has no flights, or its ships
+    are no longer known.
     """
     import_module("matplotlib.figure")  # before anything is flown for nothing
-    if not store.has_group(path, VALIDATION):
+    if "validation" not in stored.groups(path):
         raise ValueError(f"{str(path)!r} has no flights, but must be the store of a sweep of irar")
-    attributes = store.read_attributes(path)
+    attributes, flights = stored.attributes(path), stored.read(path, "validation")
     load = partial(known_ship, attributes) if ship is None else ship
-    places = flights_of(attributes)
-    folder = store.tables_folder(path)
+    places = flights_of(flights)
+    folder = stored.tables_folder(path)
     folder.mkdir(exist_ok=True)
     meshes = {place.ship: load(place.ship) for place in places}
     drawn: dict[str, Callable[[], Figure]] = {
-        f"flight_{place.ship}_{place.range:g}km_{place.aspect:g}deg.png": partial(
-            draw_flight, attributes, place, meshes[place.ship]
+        f"flight_{_in_files(place.ship)}_{place.range:g}km_{place.aspect:g}deg.png": partial(
+            draw_flight, attributes, flights, place, meshes[place.ship]
         )
         for place in places
     }
-    if any(abs(place.aspect - STERN) <= NEAR_STERN for place in places):
-        drawn["validation.png"] = lambda: draw_validation(store.read_group(path, VALIDATION))
+    if flights.stern_to_hangar.notnull().any():
+        drawn["validation.png"] = lambda: draw_validation(flights)
     aside = Console(stderr=True)
     for name, draw in track(drawn.items(), description="  pictures        ", console=aside):
-        made = folder / f".{name}.{uuid.uuid4().hex}{store.PARTIAL}"
-        try:
-            draw().savefig(made, format="png")
-            made.replace(folder / name)
-        finally:
-            made.unlink(missing_ok=True)
+        figure = draw()
+        write_whole(folder / name, partial(figure.savefig, format="png"))
     names = list(drawn)
     more = f" and {len(names) - TOLD} more" if len(names) > TOLD else ""
     files = f"{', '.join(names[:TOLD])}{more}"
-    console.print(f"pictures  {folder}: {files}", soft_wrap=True, highlight=False)
+    with page(console) as there:
+        there.print(plain(f"pictures  {printable(str(folder))}: {files}"), soft_wrap=True)
+
+
+def _in_files(label: str) -> str:
+    """A ship's label as a part of a file's name."""
+    return re.sub(r"[^\w.-]", "_", label)

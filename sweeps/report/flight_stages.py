@@ -25,7 +25,6 @@ from ncti.irar import (
     time_delay_integrate,
     true_snapshot,
 )
-from sweeps.flight_schema import EXACT, RATES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,32 +44,19 @@ NO_LOOK, NO_RANGE = "#44566b", "0.62"
 BRIGHTEST = 99.0  # percent of the ship's pixels that are not brighter than the scale
 
 SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
-TURNS = {
-    "exact": "sheared",
-    "printed": "sheared by the printed angle",
-    "rotation": "turned",
-}
+TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Way:
     """How a flight is corrected, and what of a ship it is held against.
 
-    Attributes
-    ----------
-    chain : str
-        Whose corrections, of `irar.chain`.
-    correction : ncti.irar.Correction
-        Of our own.
-    autofocus : bool
-        Whether the closing speed is looked for in the image.
-    threshold : float, optional
-        Of segmentation, in noise powers.
-    surface : mapping
-        How the ship reflects, as of `ncti.irar.true_snapshot`.
+    Of the source's own chain, as printed, `rate` is what it takes for f, `line` or `pulse`; else
+    `correction` is ours. The closing speed may be looked for in the image (autofocus); `threshold`,
+    of segmentation, is in noise powers, and `surface` says how the ship reflects.
     """
 
-    chain: str = EXACT
+    rate: str | None = None
     correction: Correction = field(default_factory=Correction)
     autofocus: bool = False
     threshold: float | None = None
@@ -86,20 +72,10 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Images after some of the corrections.
+    """Images after some of the corrections: (row, column) arrays.
 
-    Attributes
-    ----------
-    title : str
-        Which.
-    intensity, range, infrared : (row, column) float64 ndarray
-        In noise powers, metres from the ship's origin, and kelvin.
-    unseen : (row, column) bool ndarray
-        Pixels that no sample fell into.
-    extent : (float, float, float, float)
-        Left, right, bottom and top [pixel or line].
-    square : bool
-        Whether rows and columns are equally wide.
+    Intensity in noise powers, range in metres from the ship's origin, infrared in kelvin; pixels
+    that no sample fell into are unseen. The extent is left, right, bottom and top [pixel or line].
     """
 
     title: str
@@ -114,21 +90,9 @@ class Stage:
 def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[Stage]:
     """Every stage of the chain, as the source shows them in its Figures 10, 11 and 13.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The ship, in its frame.
-    scan : Scan
-        Raw images of it.
-    way : Way, optional
-        How they are corrected; as physics has it when not given.
-
-    Returns
-    -------
-    list of Stage
-        Overscanned; averaged, of corrected range and segmented; also shifted in azimuth; also
-        sheared, which is all; and the truth. Without those that are left out; of the source's own
-        chain all corrections at once.
+    Overscanned; averaged, of corrected range and segmented; also shifted in azimuth; also sheared,
+    which is all; and the truth. Without those that are left out; of the source's own chain all
+    corrections at once.
     """
     way = Way() if way is None else way
     belief, lines, samples = way.belief(scan), *scan.intensity.shape
@@ -154,9 +118,9 @@ def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[St
 
 def _corrected(scan: Scan, way: Way, belief: Flight) -> Iterator[tuple[str, Snapshot]]:
     """The image after each correction, with what was done last."""
-    if way.chain != EXACT:
-        title = f"all corrections as printed,\nf the {RATES[way.chain]} rate"
-        yield title, correct_as_printed(scan, belief=belief, rate=RATES[way.chain])
+    if way.rate is not None:
+        title = f"all corrections as printed,\nf the {way.rate} rate"
+        yield title, correct_as_printed(scan, belief=belief, rate=way.rate)
         return
     whole = way.correction
     title = "averaged, range corrected, segmented"
@@ -197,22 +161,8 @@ def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
 def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, title: str) -> Figure:
     """Intensity, range and infrared images at every stage of the chain.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The ship, in its frame.
-    scan : Scan
-        Raw images of it.
-    way : Way, optional
-        How they are corrected; as physics has it when not given.
-    title : str
-        Of the whole.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One shade is one intensity in all its images, and one colour one temperature in the
-        corrected ones.
+    One shade is one intensity in all its images, and one colour one temperature in the corrected
+    ones.
     """
     from matplotlib.figure import Figure
 

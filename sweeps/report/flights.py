@@ -1,32 +1,17 @@
-"""Flights on the screen: images against the truth, landmarks of profiles, wrong parameters."""
+"""Flights: images against the truth, landmarks of profiles, wrong parameters."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import xarray as xr
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from sweeps.axes import OF_FLIGHT
-from sweeps.flight_comparison import PERRY
-from sweeps.report.flight_words import (
-    AXES,
-    PUT_IN,
-    SHORT,
-    column,
-    heading,
-    print_whole,
-    shown,
-    value_at,
-    which,
-)
-from sweeps.report.screen import NOTHING, WIDTH
-from sweeps.report.tables import Row
+from sweeps.report.axes import DRAWS, NOTHING, OF_ARRAYS, SHORT, axes_of, nominal, shown, which
+from sweeps.report.rows import Row, cells, rounded, together
+from sweeps.report.screen import PUT_IN, note, sheet, show
 
 LANDMARKS = {  # heading, digits, what the source says of the synthetic and of the measured ship
     "stern_to_hangar": ("stern to hangar [m]", 1, "same"),
@@ -40,52 +25,51 @@ LANDMARKS = {  # heading, digits, what the source says of the synthetic and of t
     "forward_position": ("bridge past hangar [m]", 1, "same"),
     "forward_ratio": ("bridge / hangar", 2, ""),
 }
-FIGURES = ("looks", "correlation", "no hangar", "mast [deg]", "waterline [deg]", "hangar [m]")
+FIGURES = {  # of corrected images and profiles: heading and digits
+    "looks": ("looks", 1),
+    "profile_correlation": ("correlation", 3),
+    "profile_correlation_without_hangar": ("no hangar", 3),
+    "mast_tilt": ("mast [deg]", 2),
+    "waterline_tilt": ("waterline [deg]", 2),
+    "hangar_spike_offset": ("hangar [m]", 2),
+}
 SISTERS = ("duncan", 4.0, "roberts", 3.9)
 """Of the source's Figure 16: the synthetic ship and the measured one, with their ranges [km]."""
 
+STERN = 175.0  # deg: the source's aspect
+KEPT = ("replicate", "source", "pulse_width", "kind")  # of one flight
+TITLED = ("ship", "aspect", "range")  # told in every title
+
 
 def flight_rows(flights: xr.Dataset) -> list[Row]:
-    """Every figure of every flight, mean and scatter over draws of the noise.
+    """Every figure of every flight of the group `validation`, a row each.
 
-    Parameters
-    ----------
-    flights : xarray.Dataset
-        The store's group `validation`.
-
-    Returns
-    -------
-    list of dict
-        One row a flight, figure and source of profiles: axes, mean, standard deviation between
-        draws, their number, units.
+    Mean, standard deviation between draws of the noise, their number, units.
     """
-    rows: list[Row] = []
-    for axes, flight in _flights(flights):
-        for name, values in flight.data_vars.items():
-            over = [dim for dim in values.dims if dim == "replicate"]
-            if set(values.dims) - {"replicate", "source"}:
-                continue  # profiles and images are no figures
-            mean, scatter = values.mean(over), values.std(over, ddof=1 if _draws(values) > 1 else 0)
-            for source in values.source.values if "source" in values.dims else (None,):
-                part = (here.sel(source=source) if source else here for here in (mean, scatter))
-                figure, spread = (float(here) for here in part)
-                rows.append(
-                    {column(axis): place for axis, place in axes.items()}
-                    | {
-                        "figure": name,
-                        "source": source,
-                        "value": None if math.isnan(figure) else round(figure, 5),
-                        "standard_deviation": round(spread, 5) if _draws(values) > 1 else None,
-                        "draws": _draws(values),
-                        "units": values.attrs.get("units", "1"),
-                    }
-                )
-    return rows
+    parts: list[Row] = []
+    for name, values in flights.data_vars.items():
+        if set(values.dims) & set(OF_ARRAYS):
+            continue  # profiles and images are no figures
+        over = [dim for dim in values.dims if dim in DRAWS]
+        draws = math.prod(values.sizes[dim] for dim in over)
+        spread = values.std(over, ddof=1 if draws > 1 else 0)
+        figures = xr.Dataset({"mean": values.mean(over), "spread": spread})
+        parts += [
+            {"figure": name}
+            | axes
+            | {
+                "value": rounded(cell["mean"], 5),
+                "standard_deviation": rounded(cell["spread"], 5) if draws > 1 else None,
+                "draws": draws,
+                "units": values.attrs.get("units", "1"),
+            }
+            for axes, cell in cells(figures)
+        ]
+    return together(parts)
 
 
 def print_flights(flights: xr.Dataset, console: Console) -> None:
     """Print how well flights are corrected, and what their profiles show."""
-    console.width = max(console.width, WIDTH)
     if flights.sizes.get("error", 1) > 1:
         print_sensitivity(flights, console)
         return
@@ -94,35 +78,37 @@ def print_flights(flights: xr.Dataset, console: Console) -> None:
         _print_landmarks(flights, console)
 
 
+def flown_past(flights: xr.Dataset) -> list[str]:
+    """Ships of a store that are flown past; the others are only learned."""
+    there = np.isfinite(flights.looks).any([dim for dim in flights.looks.dims if dim != "ship"])
+    names: list[str] = np.atleast_1d(flights.ship.values)[np.atleast_1d(there.values)].tolist()
+    return names
+
+
 def _print_images(flights: xr.Dataset, console: Console) -> None:
-    several = [name for name in AXES if flights.sizes.get(name, 1) > 1 or name == "ship"]
-    table = Table(title="Corrected images and profiles against the noiseless truth")
-    for name in several:
-        table.add_column(escape(heading(name)))
-    for text in FIGURES:
-        table.add_column(escape(text), justify="right")
+    several = [
+        axis
+        for axis, dim in axes_of(flights.looks).items()
+        if axis == "ship" or (dim and flights.sizes[dim] > 1 and not axis.number)
+    ]
+    headings = [text for text, _ in FIGURES.values()]
+    left, title = [axis.heading for axis in several], "Corrected images and profiles"
+    table = sheet(f"{title} against the noiseless truth", *headings, left=left)
     for axes, flight in _flights(flights):
-        if bool(np.isnan(flight.looks).all()):  # of a ship that is not flown past
-            continue
-        table.add_row(
-            *(shown(axes[name]) for name in several),
-            f"{float(flight.looks.mean()):.1f}",
-            _mean(flight.profile_correlation, 3),
-            _mean(flight.profile_correlation_without_hangar, 3),
-            _mean(flight.mast_tilt, 2),
-            _mean(flight.waterline_tilt, 2),
-            _mean(flight.hangar_spike_offset, 2),
-        )
-    print_whole(table, console)
+        first = f"{float(flight.looks.mean()):.1f}"
+        others = list(FIGURES.items())[1:]
+        figures = (_mean(flight[name], digits) for name, (_, digits) in others)
+        table.add_row(*(shown(axes[axis]) for axis in several), first, *figures)
+    show(table, console)
     _print_worst(flights, console)
-    console.print(
+    note(
         "Means over draws of the noise, and the standard deviation of one: correlation of "
         "profiles, also without the hangar's peak and 4 m either side; by how much masts lean to "
         "the right and the waterline rises to it; by how far the hangar's peak is off.",
-        style="dim",
+        console,
     )
-    if set(SHORT) & set(several):
-        console.print(PUT_IN, style="dim")
+    if any(axis.name in SHORT for axis in several):
+        note(PUT_IN, console)
 
 
 def _print_worst(flights: xr.Dataset, console: Console) -> None:
@@ -134,94 +120,92 @@ def _print_worst(flights: xr.Dataset, console: Console) -> None:
     )
     leans = [float(abs(flights[f"{name}_tilt"]).max()) for name in ("mast", "waterline")]
     if count and not any(map(math.isnan, leans)):
-        console.print(
+        note(
             f"Worst of {count} flights, each draw by itself: correlation {likeness:.3f}, without "
-            f"the hangar {beside:.3f}; mast {leans[0]:.2f} deg, waterline {leans[1]:.2f} deg."
+            f"the hangar {beside:.3f}; mast {leans[0]:.2f} deg, waterline {leans[1]:.2f} deg.",
+            console,
         )
 
 
 def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
     """The source's Figure 16 as numbers; of a ship without her sister, beside herself noiseless."""
-    near = flights.sel(aspect=175.0, method="nearest")
-    there = [name for name in PERRY if landmarks_told(near, name)]
-    synthetic, flown_past = SISTERS[::2]
-    sisters = {synthetic, flown_past} <= set(there)
-    for name in [flown_past] if sisters else there:
+    near = flights.sel(aspect=STERN, method="nearest")
+    there = ships_with_masts(near)
+    synthetic, flown_by = SISTERS[::2]
+    sisters = {synthetic, flown_by} <= set(there)
+    starred = False
+    for name in [flown_by] if sisters else there:
         flown = near.sel(ship=name).sel(range=SISTERS[3], method="nearest")
-        one, title = nominal(flown), f"{name.capitalize()}, flown past, {float(flown.range):g} km"
+        one, caption = put_in(flown), shown(name).capitalize()
+        title = f"{caption}, flown past, {float(flown.range):g} km"
         if sisters:
-            drawn = nominal(near.sel(ship=synthetic).sel(range=SISTERS[1], method="nearest"))
+            drawn = put_in(near.sel(ship=synthetic).sel(range=SISTERS[1], method="nearest"))
             title = f"{synthetic.capitalize()}, synthetic, {float(drawn.range):g} km; {title}"
             columns = {
                 f"{synthetic.capitalize()}\npoint": drawn.sel(source="point"),
                 "\nspread": drawn.sel(source="synthetic"),
-                f"{name.capitalize()}\nmeasured": one.sel(source="measured"),
+                f"{caption}\nmeasured": one.sel(source="measured"),
             }
         else:
             columns = {
-                f"{name.capitalize()}\nnoiseless": one.sel(source="noiseless"),
+                f"{caption}\nnoiseless": one.sel(source="noiseless"),
                 "\nmeasured": one.sel(source="measured"),
             }
-        gains = [np.atleast_1d(flown[name].values) for name in ("transom_gain", "mast_gain")]
-        if 0.0 in gains[0] and 1.0 in gains[0]:
-            columns["dark\ntransom*"] = nominal(flown, transom_gain=0.0).sel(source="measured")
-        glint = float(np.max(gains[1]))
-        if glint > 1 and 1.0 in gains[1]:
-            put_in = nominal(flown, mast_gain=glint)
-            columns[f"masts*\nx {glint:g}"] = put_in.sel(source="measured")
-        own = ("ship", "aspect", "range", "transom_gain", "mast_gain")
-        title += which(one, flights, but=own)
-        for axis, values in zip(own[3:], gains, strict=True):
+        gains = {axis: np.atleast_1d(flown[axis].values) for axis in ("transom_gain", "mast_gain")}
+        dark, glint = float(gains["transom_gain"].min()), float(gains["mast_gain"].max())
+        if dark == 0 and 1.0 in gains["transom_gain"]:
+            columns["dark\ntransom*"] = put_in(flown, transom_gain=dark).sel(source="measured")
+        if glint > 1 and 1.0 in gains["mast_gain"]:
+            columns[f"masts*\nx {glint:g}"] = put_in(flown, mast_gain=glint).sel(source="measured")
+        title += which(one, flights, but=(*TITLED, *gains))
+        for axis, values in gains.items():
             if 1.0 not in values:  # put in everywhere
                 title += f", {SHORT[axis]} x {float(one[axis]):g}"
-        starred = any("*" in text for text in (title, *columns))
+        starred = starred or any("*" in text for text in (title, *columns))
         _print_marks(f"Near stern: {title}", columns, console)
     if there:
-        console.print(
+        note(
             "* Put in on the source's word, which explains what it measured by a transom at 45 deg "
             "and by specular struts: inputs, no results. "
             * starred
             + "Heights are of single 1 m bins. `source`: what it says of the synthetic ship and of "
             "the measured one.",
-            style="dim",
+            console,
         )
 
 
 def _print_marks(title: str, columns: dict[str, xr.Dataset], console: Console) -> None:
-    table = Table(title=title)
-    table.add_column("")
-    table.add_column("source", style="dim")
-    for text in columns:
-        table.add_column(text, justify="right")
+    table = sheet(title, *columns, left=("", "source"))
+    table.columns[1].style = "dim"
     for name, (text, digits, said) in LANDMARKS.items():
-        table.add_row(escape(text), said, *(_mean(one[name], digits) for one in columns.values()))
-    print_whole(table, console)
+        table.add_row(text, said, *(_mean(one[name], digits) for one in columns.values()))
+    show(table, console)
 
 
-def landmarks_told(near: xr.Dataset, ship: str) -> bool:
-    """Whether landmarks of a ship are in a store, of near-stern flights."""
-    if ship not in near.ship.values.tolist():
-        return False
-    marks = nominal(near.sel(ship=ship).sel(range=SISTERS[3], method="nearest"))
-    return bool(np.isfinite(marks.stern_to_hangar.sel(source="noiseless")).any())
+def put_in(flights: xr.Dataset, **gains: float) -> xr.Dataset:
+    """The flight of nominal inputs but for some gains, all draws and sources of profiles."""
+    return nominal(flights, keep=KEPT, **gains)
+
+
+def ships_with_masts(near: xr.Dataset) -> list[str]:
+    """Ships whose landmarks a store has, of near-stern flights, masts and bridge included."""
+    there = np.isfinite(near.mast_position.sel(source="noiseless"))
+    over = [dim for dim in there.dims if dim != "ship"]
+    return [name for name in near.ship.values.tolist() if there.any(over).sel(ship=name)]
 
 
 def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
     """Print what each wrong flight parameter costs, with and without autofocus."""
     focused = flights.sizes.get("autofocus", 1) > 1
     headings = ("correlation", *(("with autofocus", "closing speed then") if focused else ()))
-    told_alone = ("ship", "aspect", "range", "error", "autofocus")
-    for axes, flight in _flights(flights, but=("error", "autofocus")):
-        if bool(np.isnan(flight.looks).all()):  # of a ship that is not flown past
-            continue
-        table = Table(
-            title=f"Wrong flight parameters: {axes['ship']}, aspect {axes['aspect']:g} deg, "
-            f"{axes['range']:g} km{which(flight, flights, but=told_alone)}"
+    inside = ("error", "error_parameter", "error_value", "autofocus")
+    for axes, flight in _flights(flights, but=inside):
+        table = sheet(
+            f"Wrong flight parameters: {shown(axes['ship'])}, aspect {axes['aspect_deg']:g} deg, "
+            f"{axes['range_km']:g} km{which(flight, flights, but=(*TITLED, *inside))}",
+            *("error", *headings),
+            left=("parameter",),
         )
-        table.add_column("parameter")
-        table.add_column("error", justify="right")
-        for text in headings:
-            table.add_column(text, justify="right")
         for k in range(flight.sizes["error"]):
             one = flight.isel(error=k)
             row = [_mean((one.sel(autofocus=False) if focused else one).profile_correlation, 3)]
@@ -229,39 +213,26 @@ def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
                 after = one.sel(autofocus=True)
                 row.append(_mean(after.profile_correlation, 3))
                 row.append(_mean(100 * after.closing_speed_error, 2, "%"))
-            parameter, amount = value_at(one, "error")
-            table.add_row(shown(parameter), f"{amount:g}", *row)
-        print_whole(table, console)
-    console.print(
+            amount = f"{one.error_value.item():g}"
+            table.add_row(shown(one.error_parameter.item()), amount, *row)
+        show(table, console)
+    note(
         "Correlation of the measured profile with the noiseless one, mean over draws with the "
         "standard deviation of one. Errors of the aircraft's speed in percent, of the ship's in "
         "m/s, of headings and pointing in deg; all else is known.",
-        style="dim",
+        console,
     )
 
 
-def _flights(flights: xr.Dataset, *, but: tuple[str, ...] = ()) -> Iterator[tuple[Row, xr.Dataset]]:
-    """Each flight with its place on the axes, draws together."""
-    dims = [name for name in AXES if name in flights.dims and name not in but]
-    for place in np.ndindex(*(flights.sizes[name] for name in dims)):
+def _flights(flights: xr.Dataset, *, but: Iterable[str] = ()) -> Iterator[tuple[Row, xr.Dataset]]:
+    """Each flight with its place on the axes, draws together; not of ships not flown past."""
+    axes = axes_of(flights.looks)
+    dims = [dim for dim in dict.fromkeys(axes.values()) if dim and dim not in but]
+    for place in np.ndindex(*(flights.sizes[dim] for dim in dims)):
         one = flights.isel(dict(zip(dims, place, strict=True)))
-        yield (
-            {
-                name: _value(one[name].item())
-                for name in (*AXES, "error_parameter", "error_value")
-                if name in one.coords and not one[name].dims
-            },
-            one,
-        )
-
-
-def _value(value: Any) -> Any:
-    """A value of an axis; none where it was left to the heading, or to the ship."""
-    return None if isinstance(value, float) and math.isnan(value) else value
-
-
-def _draws(values: xr.DataArray) -> int:
-    return int(values.sizes.get("replicate", 1))
+        if not np.isnan(one.looks).all():
+            here = {axis: one[axis.name] for axis in axes}
+            yield {axis: value.item() for axis, value in here.items() if not value.dims}, one
 
 
 def _mean(values: xr.DataArray, digits: int, unit: str = "") -> str:
@@ -273,12 +244,3 @@ def _mean(values: xr.DataArray, digits: int, unit: str = "") -> str:
     text = f"{round(found.mean(), digits) + 0.0:.{digits}f}{unit}"
     scatter = found.std(ddof=1) if found.size > 1 else 0.0
     return f"{text} ±{scatter:.{digits}f}".replace("±0.", "±.") if scatter > 0 else text
-
-
-def nominal(flights: xr.Dataset, *, keep: tuple[str, ...] = (), **wanted: float) -> xr.Dataset:
-    """The flight of nominal inputs but for those wanted, and of the first of any other axis."""
-    for name, value in ({"transom_gain": 1.0, "mast_gain": 1.0} | wanted).items():
-        if name in flights.dims:
-            flights = flights.sel({name: value}, method="nearest")
-    others = {dim: 0 for dim in OF_FLIGHT if dim in flights.dims and dim not in keep}
-    return flights.isel(others)

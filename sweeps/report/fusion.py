@@ -4,115 +4,60 @@ from __future__ import annotations
 
 import xarray as xr
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from sweeps.axes import OF_SILHOUETTES
-from sweeps.report.classifiers import gain_text
-from sweeps.report.screen import WIDTH, grouped, percent_text
-from sweeps.report.silhouettes import POSITIONS
-from sweeps.report.tables import Row, cells, percent
+from sweeps.report.axes import printable, shown
+from sweeps.report.rows import BIN, Row, grouped, nearest, score_rows
+from sweeps.report.screen import note, print_scores, settings
+from sweeps.report.silhouettes import frames_in_all, positions
 
-AXES = (
-    "range_km",
-    "pulse_width_ns",
-    "target_free_ifovs",
-    "gain_sigma",
-    *OF_SILHOUETTES,
-    "super_resolution",
-    "infrared_frame_count",
-    "frame_count",
-    "channel",
-)
-PARTS = ("accuracy", "ci_low", "ci_high", "n")
+TOLD = ("pulse_width", "target_free_ifovs", "gain_sigma")
+PLACED = ("range_km", "frame_count", "infrared_frame_count", "channel", "super_resolution", BIN)
+CHANNELS = {"range": "range profile", "infrared": "silhouette", "both": "both"}
 
 
 def fusion_rows(tables: xr.Dataset) -> list[Row]:
-    """Percent correct by sensor and by both, by aspect bin.
+    """Percent correct by sensor and by both, one row a cell and aspect bin.
 
-    Parameters
-    ----------
-    tables : xarray.Dataset
-        The store's table group.
-
-    Returns
-    -------
-    list of dict
-        One row for each channel, cell, prior of the gain, resolution, numbers of frames and
-        aspect bin, with the way in which silhouettes are made; `n` counts
-        answers, which the interval takes as fewer where those to one view are alike.
+    `n` counts answers, which the interval takes as fewer where those to one view are alike.
     """
-    rows = []
-    for axes, cell in cells(tables[list(PARTS)]):
-        fraction, low, high, n = (cell[part] for part in PARTS)
-        rows.append(
-            {key: axes[key] for key in AXES}
-            | {
-                "infrared_frames_in_all": axes["infrared_frame_count"]
-                * POSITIONS[axes["super_resolution"]],
-                "aspect_bin_deg": axes["aspect_bin"],
-                "percent_correct": percent(fraction),
-                "ci_low": percent(low),
-                "ci_high": percent(high),
-                "n": n,
-            }
-        )
+    rows = score_rows(tables, label={})
+    for row in rows:
+        row["infrared_frames_in_all"] = frames_in_all(row, "infrared_frame_count")
     return rows
 
 
 def print_fusion(rows: list[Row], console: Console) -> None:
     """Print sensors and both: ranges, resolutions and frames down, aspect bins across."""
-    console.width = max(console.width, WIDTH)
-    for (pulse_width, floor, gain), group in grouped(rows, AXES[1:4]).items():
-        bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in group))
-        title = "Percent correct by maximum likelihood on profiles, similarity of silhouettes, both"
-        assert isinstance(gain, float)
-        place = f"{pulse_width:g} ns, {floor} target-free IFOVs, {gain_text(gain)}"
-        table = Table(title=f"{title} ({place})")
-        table.add_column(escape("range [km]"), justify="right")
-        table.add_column("frames", justify="right")
-        table.add_column("channel")
-        for label in bins:
-            table.add_column(label if label == "overall" else f"{label}°", justify="right")
+    title = "Percent correct by maximum likelihood on profiles, similarity of silhouettes, both"
+    for place, group in settings(rows, TOLD, but=PLACED):
+        lines = []
         for (slant_range, frames), cell in grouped(group, ("range_km", "frame_count")).items():
             for number, (name, line) in enumerate(_lines(cell, frames).items()):
-                found = {row["aspect_bin_deg"]: row for row in line}
-                table.add_row(
-                    "" if number else f"{slant_range:g}",
-                    "" if number else str(frames),
-                    name,
-                    *(percent_text(found[label]) for label in bins),
-                    style="bold" if name.startswith("both") else "",
-                )
-            table.add_section()
-        console.print(table)
-    console.print(
+                first = ("", "") if number else (shown(slant_range), str(frames))
+                lines.append(((*first, name), line))
+        headings = ("range [km]", "frames", "channel")
+        print_scores(f"{title} ({place})", headings, lines, console)
+    note(
         "A profile's score is its log-likelihood; a silhouette's is given its weight on other "
         "phases, against templates of other phases; both name one ship at one aspect. Infrared "
         "frames as many as those of profiles, or the nearest number there. 95 % Wilson "
         "intervals; n in the CSV counts answers, which intervals take as fewer (Kish's design "
         "effect) where those to one view are alike.",
-        style="dim",
+        console,
     )
 
 
-def _lines(cell: list[Row], frames: object) -> dict[str, list[Row]]:
+def _lines(cell: list[Row], frames: int) -> dict[str, list[Row]]:
     """Rows of one range and number of frames by what to call them; the range channel once."""
-    assert isinstance(frames, int)
-    counts = {row["infrared_frame_count"] for row in cell}
-    near = min(counts, key=lambda count: (abs(count - frames), count))
-    lines: dict[str, list[Row]] = {}
-    for row in (row for row in cell if row["infrared_frame_count"] == near):
-        way = row["super_resolution"]
-        name = "range profile"
-        if row["channel"] != "range":
-            name = "silhouette" if row["channel"] == "infrared" else "both"
-            places = POSITIONS[way]
-            finer = "" if way == "none" else f", {way}"
-            count = f"{places} x {near}" if places > 1 else f"{near}"
-            name += f"{finer} ({count} images)" if name == "silhouette" else finer
-        same = lines.setdefault(name, [])
-        if row["aspect_bin_deg"] not in [other["aspect_bin_deg"] for other in same]:
-            same.append(row)
+    near = nearest(frames, {row["infrared_frame_count"] for row in cell})
+    here = [row for row in cell if row["infrared_frame_count"] == near]
     # Sensors first, then both.
-    return dict(sorted(lines.items(), key=lambda item: item[0].startswith("both")))
+    here.sort(key=lambda row: [*CHANNELS, row["channel"]].index(row["channel"]))
+    lines: dict[str, list[Row]] = {}
+    for (channel, way), line in grouped(here, ("channel", "super_resolution")).items():
+        places, finer = positions(way), "" if way == "none" else f", {printable(way)}"
+        name = CHANNELS.get(channel, printable(channel)) + finer * (channel != "range")
+        if channel == "infrared":
+            name += f" ({places} x {near} images)" if places > 1 else f" ({near} images)"
+        lines.setdefault(name, line)
+    return lines

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from sweeps.axes import OPTIONAL
-from sweeps.report.silhouettes import POSITIONS, silhouette_accuracy_rows
-from sweeps.report.tables import Row, has_source_views, source_figures
+from sweeps.report.axes import nominal
+from sweeps.report.panels import by_bin, with_intervals
+from sweeps.report.rows import BIN, Row
+from sweeps.report.silhouettes import positions, silhouette_accuracy_rows
+from sweeps.report.source import has_source_views, source_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,16 +44,8 @@ Colour = tuple[float, float, float]
 class Run:
     """Neighbouring aspects of one ship that share a category.
 
-    Attributes
-    ----------
-    ship : int
-        Place on the ship axis.
-    start, stop : float
-        Aspects half-way to the neighbouring runs [deg].
-    category : int
-        -1 where there was no answer.
-    confused : bool
-        Whether views of another ship share the category.
+    The ship is its place on the axis; start and stop are half-way to the neighbours [deg]; category
+    -1 is no answer; confused says whether views of another ship share it.
     """
 
     ship: int
@@ -62,18 +56,7 @@ class Run:
 
 
 def runs_of(training: xr.Dataset) -> list[Run]:
-    """Runs of aspects of one category, ship by ship.
-
-    Parameters
-    ----------
-    training : xarray.Dataset
-        `training_category` and `training_confused` over ship and aspect, aspects ascending.
-
-    Returns
-    -------
-    list of Run
-        In the order of ships and aspects.
-    """
+    """Runs of aspects of one category, ship by ship, aspects ascending."""
     ordered = training.transpose("ship", "aspect")
     edges = _edges(ordered.aspect.values)
     runs = []
@@ -105,23 +88,14 @@ def _edges(aspect: np.ndarray) -> np.ndarray:
 def draw_formation(classified: xr.Dataset) -> Figure:
     """Which views share a category, from bow to beam, one strip a ship.
 
-    Parameters
-    ----------
-    classified : xarray.Dataset
-        The store's group of classified silhouettes; the first phase and order are drawn, at
-        the vigilance nearest to the source's.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Strips of categories, in tints of the ship's colour, those of several ships hatched;
-        below them, how often a view's category is shared over all phases and orders.
+    The first phase and order at the vigilance nearest to the source's, in tints of the ship's
+    colour, categories of several ships hatched; below, how often a view's category is shared.
     """
     from matplotlib.figure import Figure
 
-    here = classified.isel(dict.fromkeys(OPTIONAL, 0), missing_dims="ignore")
+    kept = ("ship", "aspect", "vigilance", "phase", "order")
+    here = nominal(classified[["training_category", "training_confused"]], keep=kept)
     here = here.sel(vigilance=VIGILANCE, method="nearest").sortby("aspect")
-    here = here[["training_category", "training_confused"]]
     first = here.isel(phase=0, order=0)
     ships = [str(name) for name in first.ship.values]
 
@@ -173,18 +147,9 @@ def _tint(colour: str, share: float) -> Colour:
 
 
 def tints_of(runs: list[Run]) -> dict[tuple[int, int], Colour]:
-    """Colours of categories by ship and category: a ship's own, and shared ones.
+    """Colours of categories by ship and category: a ship's own, and shared ones, whatever the ship.
 
-    Parameters
-    ----------
-    runs : list of Run
-        Those of all ships.
-
-    Returns
-    -------
-    dict of tuple to tuple
-        Red, green and blue. A shared category has one colour, whatever the ship; where there
-        was no answer it is white.
+    Red, green and blue; white where there was no answer.
     """
     families: dict[str, list[int]] = {}
     for run in runs:
@@ -282,39 +247,24 @@ def _show_sharing(axes: Axes, training: xr.Dataset) -> None:
 def draw_table5(tables: xr.Dataset, *, ships: int) -> Figure:
     """Percent correct against range, one panel an aspect bin, one line a resolution.
 
-    Parameters
-    ----------
-    tables : xarray.Dataset
-        The store's group of tables of silhouettes.
-    ships : int
-        Ships to choose among, for the level of a guess.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Means over phases and orders with their 95 % intervals (thin) and standard deviation
-        (thick), and the source's where it has one.
+    Means over phases and orders with their 95 % intervals (thin) and standard deviation (thick),
+    the source's where it has one, and a guess among so many ships.
     """
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    here = tables.isel(dict.fromkeys(OPTIONAL, 0), missing_dims="ignore")
+    kept = ("vigilance", "range", "super_resolution", "frame_count", "aspect_bin", "phase", "order")
+    here = nominal(tables, keep=kept)
     here = here.sel(vigilance=[VIGILANCE], method="nearest")
     here = here.sel(frame_count=[FRAMES], method="nearest")
     rows = silhouette_accuracy_rows(here)
     beside = has_source_views(here) and any(row["source_percent"] is not None for row in rows)
-    bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in rows))
     ranges = sorted(here.range.values.tolist())
-    figure = Figure(figsize=(2.75 * len(bins) + 0.5, 4.5), dpi=DPI, layout="constrained")
-    every = figure.subplots(1, len(bins), sharey=True, squeeze=False)[0]
+    figure, every, bins = by_bin(rows, high=4.5)
     for axes, label in zip(every, bins, strict=True):
-        of_bin = [row for row in rows if row["aspect_bin_deg"] == label]
+        of_bin = [row for row in rows if row[BIN] == label]
         _accuracy(axes, of_bin, ranges, beside=beside)
         axes.axhline(100 / ships, color="0.6", lw=0.9, ls=":", label=f"guess among {ships}")
-        title = label if label == "overall" else f"aspect {label.replace('-', '–')}°"
-        axes.set_title(title, fontsize=10)
         axes.set_xlabel("slant range [km]")
-    every[0].set_ylabel("percent correct")
     keys: dict[str, Any] = {}
     for axes in every:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -337,7 +287,7 @@ def draw_table5(tables: xr.Dataset, *, ships: int) -> Figure:
     vigilance, frames = here.vigilance.item(), here.frame_count.item()
     taken = f"{frames} frames"
     if "shifted" in here.super_resolution.values:
-        taken += f" ({POSITIONS['shifted']} × {frames} where shifted)"
+        taken += f" ({positions('shifted')} × {frames} where shifted)"
     figure.suptitle(
         f"Silhouettes identified by the ACN, {taken}, vigilance {vigilance:g}", fontsize=12
     )
@@ -358,13 +308,10 @@ def _accuracy(axes: Axes, rows: list[Row], ranges: list[float], *, beside: bool)
         known.sort(key=lambda row: row["range_km"])
         x = np.array([ranges.index(row["range_km"]) for row in known], dtype=float)
         x += 0.24 * (place - (len(ways) - 1) / 2)
-        mean, low, high, spread = (
-            np.array([row[key] for row in known])
-            for key in ("percent_correct", "ci_low", "ci_high", "spread")
-        )
         style = {"color": COLOURS.get(way, "0.3"), "label": WAYS.get(way, way)}
+        mean, spread = ([row[key] for row in known] for key in ("percent_correct", "spread"))
         axes.errorbar(x, mean, spread, fmt="none", ecolor=style["color"], elinewidth=6, alpha=0.3)
-        axes.errorbar(x, mean, [mean - low, high - mean], fmt="o-", ms=4.5, capsize=2, **style)
+        with_intervals(axes, dict(zip(x, known, strict=True)), "o-", ms=4.5, **style)
         theirs = [(at - 0.1, row["source_percent"]) for at, row in zip(x, known, strict=True)]
         theirs = [(at, percent) for at, percent in theirs if beside and percent is not None]
         if theirs:
@@ -372,6 +319,4 @@ def _accuracy(axes: Axes, rows: list[Row], ranges: list[float], *, beside: bool)
                 *zip(*theirs, strict=True), "D", mfc="white", mec=style["color"], mew=1.6, zorder=4
             )
     axes.set_xticks(range(len(ranges)), [f"{value:g}" for value in ranges])
-    axes.set(ylim=(0.0, 104.0), xlim=(-0.5, len(ranges) - 0.5))
-    axes.grid(axis="y", color="0.92")
-    axes.spines[["right", "top"]].set_visible(False)
+    axes.set(xlim=(-0.5, len(ranges) - 0.5))

@@ -22,12 +22,8 @@ AMBIENT, HEADLIGHT, KEYLIGHT = 0.2, 0.25, 0.75
 class Portrait:
     """A ship in colours.
 
-    Attributes
-    ----------
-    colour : (row, col, 4) float64 ndarray
-        Red, green, blue and opacity, row 0 the lowest.
-    extent : (float, float, float, float)
-        Left, right, bottom and top [m], from the line of sight through the ship origin.
+    Colour is (row, col, 4): red, green, blue and opacity, row 0 the lowest; extent left, right,
+    bottom and top [m], from the line of sight through the ship origin.
     """
 
     colour: Floats
@@ -42,31 +38,13 @@ def portrait(
     pixel: float,
     tint: Callable[[Floats], ArrayLike],
 ) -> Portrait:
-    """A ship as its range image shows it.
+    """A ship as its range image shows it, at view angles [deg], by pixels [m].
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The ship.
-    aspect, depression : float
-        View angles [deg].
-    pixel : float
-        Pixel of the picture [m].
-    tint : callable
-        From down-range [m] to red, green and blue in the last axis.
-
-    Returns
-    -------
-    Portrait
-        Smoothed by averaging `SAMPLES` by `SAMPLES` pixels of the range image into one.
+    Tints come from down-range [m]. Smoothed by averaging `SAMPLES` by `SAMPLES` pixels of the range
+    image into one.
     """
     image = range_image(
-        mesh,
-        aspect=aspect,
-        depression=depression,
-        pixel=pixel / SAMPLES,
-        roll=0.0,
-        engine="auto",
+        mesh, aspect=aspect, depression=depression, pixel=pixel / SAMPLES, roll=0.0, engine="auto"
     )
     hit = image.hit
     colour = np.zeros((*hit.shape, 4))
@@ -88,18 +66,9 @@ def portrait(
 
 
 def shading(image: RangeImage) -> Floats:
-    """Brightness of every pixel of an unrolled image.
+    """Brightness of every pixel of an unrolled image, (row, col); NaN where there is none.
 
-    Parameters
-    ----------
-    image : RangeImage
-        The image.
-
-    Returns
-    -------
-    (row, col) float64 ndarray
-        A lamp at the sensor and one above its right shoulder, on a diffuse surface; NaN where
-        there is none.
+    A lamp at the sensor and one above its right shoulder, on a diffuse surface.
 
     Notes
     -----

@@ -2,291 +2,171 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
-from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
-from sweeps.report.silhouettes import CHOICES, POSITIONS
-from sweeps.report.tables import Row, first_rules, source_figures
+from sweeps.report.axes import NOTHING, Axis, Column, printable, shown, told
+from sweeps.report.rows import BIN, Row, axes_in, grouped, several
 
 SOURCE = "source"
-NOTHING = "–"  # where there is no figure
-WIDTH = 100  # columns that the widest table needs; narrower and its figures would be cut
+PUT_IN = "* Put in: what the transom and the masts reflect, over the rest of the ship."
+
+Lines = Iterable[tuple[Sequence[str], list[Row]]]
 
 
-def print_categories(rows: list[Row], console: Console) -> None:
-    """Print how many categories formed: pulse widths down, vigilances across."""
-    console.width = max(console.width, WIDTH)
-    for setting, group in grouped(rows, ("range_km", "target_free_ifovs", "learning_rate")).items():
-        vigilances = sorted({row["vigilance"] for row in group})
-        table = Table(title=f"Categories formed by the ACN ({_setting(setting, group[0])})")
-        table.add_column(escape("pulse width [ns]"), justify="right")
-        table.add_column("profiles", justify="right")
-        for vigilance in vigilances:
-            table.add_column(f"vigilance {vigilance:g}", justify="right")
-        figures = source_figures()["table3_categories"]
-        table.add_column(f"{SOURCE}, {figures['vigilance']:g}", justify="right", style="dim")
-        for (pulse_width,), cells in grouped(group, ("pulse_width_ns",)).items():
-            formed = {row["vigilance"]: row for row in cells}
-            theirs = [row["source_categories"] for row in cells if row["source_categories"]]
-            table.add_row(
-                f"{pulse_width:g}",
-                str(cells[0]["training_profiles"]),
-                *(_count(formed[vigilance]) for vigilance in vigilances),
-                str(theirs[0]) if theirs else "",
-            )
-        console.print(table)
-        if not all(row["settled"] for row in group if row["categories"]):
-            console.print("* categories still changed in the last pass", style="dim")
+class Sheet(Table):
+    """A table of plain text: nothing in it is read as markup, and no control character passes."""
+
+    def add_row(self, *cells: Any, style: Any = None, end_section: bool = False) -> None:
+        """Add a row of texts."""
+        super().add_row(*(plain(cell) for cell in cells), style=style, end_section=end_section)
 
 
-def print_accuracy(rows: list[Row], console: Console) -> None:
-    """Print percent correct with its interval: numbers of frames down, aspect bins across.
+def plain(text: str) -> Text:
+    """A text as it is, lines apart, its control characters escaped."""
+    return Text("\n".join(map(printable, text.split("\n"))))
 
-    One vigilance is printed, the source's if it is there; the CSV has them all.
+
+def sheet(
+    title: str, *headings: str, left: Sequence[str] = (), dim: Sequence[str] = (), **how: Any
+) -> Sheet:
+    """An empty table: words first, to the left, then figures, then what is less of interest."""
+    table = Sheet(title=plain(title), **how)
+    for text in left:
+        table.add_column(plain(text))
+    for text in headings:
+        table.add_column(plain(text), justify="right")
+    for text in dim:
+        table.add_column(plain(text), justify="right", style="dim")
+    return table
+
+
+def show(table: Table, console: Console) -> None:
+    """Print a table that loses no word: headings fold at blanks if they must, values do not.
+
+    A console that is too narrow even so is widened.
     """
-    console.width = max(console.width, WIDTH)
-    figures = source_figures()["table4_percent_correct"]
-    keys = ("range_km", "target_free_ifovs", "learning_rate", "pulse_width_ns", "vigilance")
-    vigilances = {row["vigilance"] for row in rows}
-    shown = figures["vigilance"] if figures["vigilance"] in vigilances else max(vigilances)
-    noted = False
-    printed = [row for row in first_rules(rows) if row["vigilance"] == shown]
-    for setting, group in grouped(printed, keys).items():
-        bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in group))
-        title = f"Percent correct, ACN ({_setting(setting[:3], group[0])}, {setting[3]:g} ns, "
-        table = Table(title=title + f"vigilance {setting[4]:g})")
-        table.add_column("frames", justify="right")
-        beside = any(row["source_percent"] is not None for row in group)
-        for label in bins:
-            table.add_column(label if label == "overall" else f"{label}°", justify="right")
-            if beside and label != "overall":
-                table.add_column(SOURCE, justify="right", style="dim")
-        tests = grouped(group, ("frame_count",))
-        first = [key for key in tests if key[0] is None]
-        for key in first + sorted((key for key in tests if key[0] is not None), reverse=True):
-            cells = {row["aspect_bin_deg"]: row for row in tests[key]}
-            line = ["training" if key[0] is None else str(key[0])]
-            for label in bins:
-                row = cells[label]
-                line.append(percent_text(row))
-                if beside and label != "overall":
-                    theirs = row["source_percent"]
-                    line.append("" if theirs is None else str(theirs))
-            table.add_row(*line)
-        console.print(table)
-        noted = noted or beside
-    if noted:
-        console.print(f"Source: {figures['note']}", style="dim")
-    if len(vigilances) > 1:
-        console.print("95 % Wilson intervals; other vigilances are in the CSV", style="dim")
-    else:
-        console.print("95 % Wilson intervals", style="dim")
-
-
-def print_sensor(rows: list[Row], console: Console) -> None:
-    """Print what the air leaves of a ship's warmth: ranges down."""
-    figures = source_figures()["table1_sensor"]
-    frames = _nearest(figures["frame_count"], (row["frame_count"] for row in rows))
-    table = Table(title=f"Passive-infrared sensor, {frames} frames averaged")
-    table.add_column(escape("range [km]"), justify="right")
-    for name in ("attenuation [dB]", "contrast [K]", "SNR"):
-        table.add_column(escape(name), justify="right")
-        table.add_column(SOURCE, justify="right", style="dim")
-    for row in (row for row in rows if row["frame_count"] == frames):
-        cells = [f"{row['range_km']:g}"]
-        for name, digits in (("attenuation_db", ".2f"), ("contrast_k", ".3f"), ("snr", ".1f")):
-            cells += [format(row[name], digits), row[f"source_{name}"] or ""]
-        table.add_row(*cells)
+    spare = console.width - 3 * len(table.columns) - 1  # blanks either side, and lines between
+    headings = [str(one.header) for one in table.columns]
+    for one, heading in zip(table.columns, headings, strict=True):
+        texts = [line for cell in one.cells for line in str(cell).split("\n")]
+        one.width = max(map(cell_len, (*heading.split(), *texts)), default=1)
+        spare -= one.width
+    for one, heading in zip(table.columns, headings, strict=True):
+        more = max(map(cell_len, heading.split("\n"))) - (one.width or 0)
+        if 0 < more <= spare:
+            one.width, spare = (one.width or 0) + more, spare - more
+    console.width += max(0, -spare)
     console.print(table)
 
 
-def print_silhouette_categories(rows: list[Row], console: Console) -> None:
-    """Print how many categories formed from silhouettes: trainings down."""
-    console.width = max(console.width, WIDTH)
-    choices = _several(rows)
-    table = Table(title="Categories formed by the ACN from noiseless silhouettes")
-    for name in choices:
-        table.add_column(name.replace("_", " "), justify="right")
-    for name in ("vigilance", "silhouettes", "categories", "least", "most"):
-        table.add_column(name, justify="right")
-    table.add_column(SOURCE, justify="right", style="dim")
-    for row in rows:
-        table.add_row(
-            *(_plain(row[name]) for name in choices),
-            f"{row['vigilance']:g}",
-            str(row["training_silhouettes"]),
-            _mean_count(row),
-            NOTHING if row["least"] is None else str(row["least"]),
-            NOTHING if row["most"] is None else str(row["most"]),
-            str(row["source_categories"] or ""),
-        )
-    console.print(table)
-    if not all(row["settled"] for row in rows if row["trainings"]):
-        console.print("* some categories still changed in the last pass", style="dim")
+def note(text: str, console: Console) -> None:
+    """Print what is to be known of a table."""
+    console.print(plain(text), style="dim")
 
 
-def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
-    """Print percent correct of silhouettes: ranges and resolutions down, aspect bins across.
+def explain(columns: Iterable[Column], console: Console) -> None:
+    """Print what columns mean, in the words of the store."""
+    meant = [f"{one.words}: {printable(one.long_name)}" for one in columns if one.long_name]
+    if meant:
+        note(f"{'; '.join(meant)}.", console)
 
-    One vigilance and one number of frames are printed, the source's if they are there; the CSV
-    has them all.
+
+def unforeseen(rows: list[Row]) -> list[Axis]:
+    """Return axes of several values that no table has words for."""
+    return [axis for axis in several(rows) if not (axis.foreseen or axis.number)]
+
+
+def settings(
+    rows: list[Row], always: Sequence[str], *, but: Iterable[str]
+) -> Iterator[tuple[str, list[Row]]]:
+    """Rows by setting, each with its words for a title.
+
+    Axes that are `always` told come first, then others of several values, except the columns `but`,
+    which have a place inside a table.
     """
-    console.width = max(console.width, WIDTH)
-    rows = first_rules(rows)
-    figures = source_figures()["table5_percent_correct"]
-    tested = [row for row in rows if row["frame_count"] is not None]
-    frames = _nearest(figures["frame_count"], (row["frame_count"] for row in tested))
-    vigilance = _nearest(figures["vigilance"], (row["vigilance"] for row in rows))
-    shown = [
-        row
-        for row in rows
-        if row["frame_count"] in (None, frames) and row["vigilance"] == vigilance
-    ]
-    bins = list(dict.fromkeys(row["aspect_bin_deg"] for row in shown))
-    for setting, group in grouped(shown, CHOICES).items():
-        beside = any(row["source_percent"] is not None for row in group)
-        title = f"Percent correct of silhouettes, ACN ({frames} frames, vigilance {vigilance:g}"
-        for name, value in zip(CHOICES, setting, strict=True):
-            if name in _several(rows):
-                title += f", {name.replace('_', ' ')} {_plain(value)}"
-        table = Table(title=f"{title})", box=SIMPLE_HEAD)
-        table.add_column("range")
-        for label in bins:
-            table.add_column(label if label == "overall" else f"{label}°", justify="right")
-        for (slant_range, way), cells in grouped(group, ("range_km", "super_resolution")).items():
-            by_bin = {row["aspect_bin_deg"]: row for row in cells}
-            table.add_row(
-                "training"
-                if slant_range is None
-                else f"{slant_range:g} km{_sharper(str(way), frames)}",
-                *(_spread_text(by_bin[label]) for label in bins),
-            )
-            theirs = [by_bin[label]["source_percent"] for label in bins]
-            if any(value is not None for value in theirs):
-                values = ("" if value is None else str(value) for value in theirs)
-                table.add_row(f"  {SOURCE}", *values, style="dim")
-        console.print(table)
-        if beside:
-            console.print(f"Source: {figures['note']}", style="dim")
-    for places in sorted({POSITIONS[row["super_resolution"]] for row in tested} - {1}):
-        note = f"{places} x {frames}: {frames} frames at each of {places} places of the detector"
-        console.print(note, style="dim")
-    console.print(
-        "Means over phases and orders of presentation with 95 % Wilson intervals of one set of "
-        "views; ±: standard deviation over them. Other frames and vigilances are in the CSV",
-        style="dim",
-    )
+    first = [axis for name in always for axis in axes_in(rows) if axis.name == name]
+    more = [axis for axis in several(rows, but=but) if axis not in first]
+    keys = (*first, *more)
+    whole = [row for row in rows if all(row.get(axis) is not None for axis in keys)]
+    for place in grouped(whole, keys) or [()]:
+        at = dict(zip(keys, place, strict=False))
+        # A row that does not depend on an axis stands at all of its values.
+        yield ", ".join(told(at, at)), [row for row in rows if _stands_at(row, at)]
 
 
-def print_detection(rows: list[Row], false_alarm: float, console: Console) -> None:
-    """Print how often ships are found: ranges down, numbers of frames across."""
-    whole = [row for row in rows if row["aspect_bin_deg"] == "overall"]
-    frames = sorted({row["frame_count"] for row in whole})
-    rules = sorted({row["coverage_rule"] for row in whole})
-    ruled = f", coverage rule {rules[0]:g}" if len(rules) > 1 else ""
-    table = Table(title=f"Ships detected, false alarms {false_alarm:g} a pixel{ruled} [%]")
-    table.add_column(escape("range [km]"), justify="right")
-    for count in frames:
-        table.add_column("1 frame" if count == 1 else f"{count} frames", justify="right")
-    for (slant_range,), group in grouped(whole, ("range_km",)).items():
-        found = {row["frame_count"]: row for row in group if row["coverage_rule"] == rules[0]}
-        chances = (found[count]["probability"] for count in frames)
-        table.add_row(
-            f"{slant_range:g}",
-            *(NOTHING if chance is None else f"{100 * chance:.3g}" for chance in chances),
-        )
-    console.print(table)
+def _stands_at(row: Row, place: Row) -> bool:
+    return all(row.get(axis) in (None, value) for axis, value in place.items())
 
 
-def print_reconstruction(rows: list[Row], console: Console) -> None:
-    """Print the error of images by resolution: ranges and frames down."""
-    ways = list(dict.fromkeys(row["super_resolution"] for row in rows))
-    rules = sorted({row["coverage_rule"] for row in rows})
-    title = "Error of images against the noiseless one of half the pixel, over contrast"
-    if len(rules) > 1:
-        title += f" (coverage rule {rules[0]:g})"
-    table = Table(title=title)
-    table.add_column(escape("range [km]"), justify="right")
-    table.add_column("frames", justify="right")
-    for way in ways:
-        places = POSITIONS[way]
-        frames = f", {places} x frames" if places > 1 else ""
-        name = "no super-resolution" if way == "none" else f"{way} 2x{frames}"
-        table.add_column(name, justify="right")
-    for key, group in grouped(rows, ("range_km", "frame_count")).items():
-        errors = {
-            row["super_resolution"]: row["error"]
-            for row in group
-            if row["coverage_rule"] == rules[0]
-        }
-        table.add_row(
-            f"{key[0]:g}",
-            str(key[1]),
-            *(NOTHING if errors[way] is None else f"{errors[way]:.3f}" for way in ways),
-        )
-    console.print(table)
+def by_training(groups: Iterable[tuple[tuple[Any, ...], Any]]) -> list[tuple[tuple[Any, ...], Any]]:
+    """Groups by number of frames, the largest first: training comes before, as of endless ones."""
+    return sorted(groups, key=lambda item: item[0][0] or math.inf, reverse=True)
 
 
-def _spread_text(row: Row) -> str:
-    """Percent correct, its interval and its spread."""
-    spread = "" if row["percent_correct"] is None else f" ±{row['spread']:.0f}"
-    return percent_text(row) + spread
+def print_scores(
+    title: str,
+    headings: Sequence[str],
+    lines: Lines,
+    console: Console,
+    *,
+    dim: Sequence[str] = (),
+    more: Any = None,
+    **how: Any,
+) -> None:
+    """Print percent correct: aspect bins across, and below a line the source's where it has some.
+
+    A line has texts for the columns before the bins (an empty first one goes on with the last one)
+    and rows; `dim` heads columns after the bins, which show `more` of its rows.
+    """
+    lines = list(lines)
+    bins = list(dict.fromkeys(row[BIN] for _, rows in lines for row in rows))
+    labels = [label if label == "overall" else f"{label}°" for label in bins]
+    table = sheet(title, *labels, left=headings, dim=dim, **how)
+    for number, (names, rows) in enumerate(lines):
+        if number and names[0] and len(headings) > 1:
+            table.add_section()
+        found = {row[BIN]: row for row in rows}
+        after = more(rows) if more else ()
+        figures = (percent_text(found.get(label)) for label in bins)
+        style = "bold" if names[-1].startswith("both") else None
+        table.add_row(*names, *figures, *after, style=style)
+        theirs = [found.get(label, {}).get("source_percent") for label in bins]
+        if any(figure is not None for figure in theirs):
+            figures = ("" if figure is None else str(figure) for figure in theirs)
+            table.add_row(*[""] * (len(headings) - 1), f"  {SOURCE}", *figures, style="dim")
+    show(table, console)
 
 
-def _several(rows: list[Row]) -> list[str]:
-    """Choices that the rows do not all share."""
-    return [name for name in CHOICES if len({row[name] for row in rows}) > 1]
+def print_grid(
+    rows: list[Row],
+    title: Callable[[str], str],
+    down: Mapping[str, str],
+    across: Mapping[str, Mapping[Any, str]],
+    text: Callable[[Row | None], str],
+    console: Console,
+) -> None:
+    """Print rows down and across: the columns `down` by their headings, of one `across` values."""
+    ((column, headings),) = across.items()
+    for words, group in settings(rows, (), but=(*down, column, BIN)):
+        table = sheet(title(f", {words}" if words else ""), *down.values(), *headings.values())
+        for place, line in grouped(group, tuple(down)).items():
+            found = {row[column]: row for row in line}
+            table.add_row(*map(shown, place), *(text(found.get(value)) for value in headings))
+        show(table, console)
 
 
-def _nearest(wanted: float, there: Iterable[float]) -> float:
-    return min(there, key=lambda value: (abs(value - wanted), value))
-
-
-def _plain(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def grouped(rows: list[Row], keys: tuple[str, ...]) -> dict[tuple[object, ...], list[Row]]:
-    """Rows by the values of some keys, in the order they come."""
-    groups: dict[tuple[object, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row[key] for key in keys), []).append(row)
-    return groups
-
-
-def _setting(setting: tuple[object, ...], row: Row) -> str:
-    slant_range, floor, rate = setting
-    return f"{slant_range:g} km, {floor} target-free IFOVs" + (
-        f", learning rate {rate:g}" if rate != 0.1 else ""
-    )
-
-
-def _count(row: Row) -> str:
-    if not row["categories"]:
-        return "failed"
-    return f"{row['categories']}" + ("" if row["settled"] else "*")
-
-
-def _mean_count(row: Row) -> str:
-    if row["categories"] is None:
-        return "failed"
-    return f"{row['categories']:.1f}" + ("" if row["settled"] else "*")
-
-
-def _sharper(way: str, frames: float) -> str:
-    """How an image got finer than the detector, and at what cost of frames."""
-    if way == "none":
+def percent_text(row: Row | None) -> str:
+    """Percent correct, its interval, and its spread where it has one."""
+    if row is None:
         return ""
-    places = POSITIONS[way]
-    return f", {way}" + (f", {places} x {frames}" if places > 1 else "")
-
-
-def percent_text(row: Row) -> str:
-    """Percent correct and its interval."""
     if row["percent_correct"] is None:
         return NOTHING
-    return f"{row['percent_correct']:.0f} [{row['ci_low']:.0f}-{row['ci_high']:.0f}]"
+    spread = "" if row.get("spread") is None else f" ±{row['spread']:.0f}"
+    return f"{row['percent_correct']:.0f} [{row['ci_low']:.0f}-{row['ci_high']:.0f}]{spread}"

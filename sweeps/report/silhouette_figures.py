@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from ncti.features import log_polar, segment
 from ncti.infrared import contrast, pixel_sigma
-from sweeps import store
-from sweeps.axes import OPTIONAL
+from sweeps.report import stored
+from sweeps.report.axes import nominal
 from sweeps.report.naming_figures import WAYS, draw_formation, draw_table5
-from sweeps.variables import ACN_INFRARED, IMAGES, TABLES_INFRARED
+from sweeps.report.stored import setting
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,26 +47,14 @@ OUTER_RADIUS: float = inspect.signature(log_polar).parameters["outer_radius"].de
 
 
 def draw(kind: str, path: Path) -> Figure:
-    """A picture of a store, by kind.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    path : Path
-        The store.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """A picture of a store, of one of `KINDS`."""
     if kind == "silhouettes":
-        images = store.read_group(path, IMAGES)
-        return draw_silhouettes(images, store.read_attributes(path)["configuration"]["infrared"])
-    classified = store.read_group(path, ACN_INFRARED).load()
+        images = stored.read(path, "infrared")
+        return draw_silhouettes(images, stored.attributes(path)["configuration"]["infrared"])
+    classified = stored.read(path, "classification/acn_infrared").load()
     if kind == "formation":
         return draw_formation(classified)
-    tables = store.read_group(path, TABLES_INFRARED).load()
+    tables = stored.read(path, "tables/acn_infrared").load()
     return draw_table5(tables, ships=classified.sizes["ship"])
 
 
@@ -74,20 +62,9 @@ def draw(kind: str, path: Path) -> Figure:
 class Look:
     """One image, and what is made of it.
 
-    Attributes
-    ----------
-    slant_range : float
-        [km]
-    way : str
-        How the image gets finer than the detector.
-    across, up : (col,), (row,) float64 ndarray
-        Where the centres of its pixels lie on the target [m].
-    image : (row, col) float64 ndarray
-        Above the mean of the sea [K].
-    mask : (row, col) bool ndarray
-        The silhouette cut out.
-    cells : (angle, radius) float64 ndarray
-        Its log-polar map, as stored.
+    The centres of its pixels lie at across (col,) and up (row,) on the target [m]; image (row, col)
+    is above the mean of the sea [K], mask (row, col) the silhouette, cells (angle, radius) its map
+    as stored; slant_range [km], way how it got finer than the detector.
     """
 
     slant_range: float
@@ -129,19 +106,9 @@ class Look:
 
 
 def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
-    """The images of one view, with silhouettes cut out as the sweep does it.
+    """The images of one view in one setting, by range, cut out as the sweep does it.
 
-    Parameters
-    ----------
-    view : xarray.Dataset
-        The store's infrared group at one ship, aspect and number of frames, in one setting.
-    configuration : mapping
-        The `infrared` part of the store's configuration.
-
-    Returns
-    -------
-    list of Look
-        By range. The nearest is shown as the detector has it, others in all resolutions.
+    The nearest is shown as the detector has it, others in all resolutions.
     """
     frame_count = view.frame_count.item()
     ways = [str(way) for way in view.super_resolution.values]
@@ -149,8 +116,8 @@ def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
     for i, slant_range in enumerate(view.range.values.tolist()):
         warmth = contrast(
             slant_range * 1e3,
-            contrast_at_zero=configuration["contrast_at_zero"],
-            extinction=configuration["extinction"] * 1e-3,
+            contrast_at_zero=setting(view, configuration, "contrast_at_zero"),
+            extinction=setting(view, configuration, "extinction") * 1e-3,
         )
         for k, way in enumerate(ways):
             if i == 0 and k > 0:
@@ -162,9 +129,9 @@ def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
             image = whole[np.ix_(rows, cols)]
             sigmas = {
                 f"{name}_sigma": pixel_sigma(
-                    configuration[f"{name}_spread"],
+                    setting(view, configuration, f"{name}_spread"),
                     frame_count=frame_count,
-                    nedt=configuration["nedt"],
+                    nedt=setting(view, configuration, "nedt"),
                     super_resolution=way,
                 )
                 for name in ("target", "sea")
@@ -187,30 +154,21 @@ def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
 def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Figure:
     """What range and super-resolution make of a ship: image, silhouette and log-polar map.
 
-    Parameters
-    ----------
-    images : xarray.Dataset
-        The store's infrared group. Values that it lacks are replaced by their nearest
-        neighbours, a ship by the first one.
-    configuration : mapping
-        The `infrared` part of the store's configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One row a range and resolution, one colour scale a range.
+    One row a range and resolution, one colour scale a range. Values that the store lacks are
+    replaced by their nearest neighbours, a ship by the first one.
     """
     from matplotlib.figure import Figure
 
-    here = images.isel(dict.fromkeys(OPTIONAL, 0), missing_dims="ignore")
+    kept = ("ship", "aspect", "range", "super_resolution", "frame_count", "phase")
+    here = nominal(images, keep=kept)
     here = here.sel(aspect=ASPECT, method="nearest").sel(frame_count=FRAMES, method="nearest")
     ships = [str(name) for name in here.ship.values]
     view = here.isel(ship=ships.index(SHIP) if SHIP in ships else 0).load()
     looks = looks_of(view, configuration)
 
     # In inches: pixels are square on paper, so heights follow from what is shown [m].
-    side = 0.475 * configuration["window_length"]
-    bottom, top = -0.07 * configuration["window_length"], 0.9 * configuration["window_height"]
+    length, depth = (setting(view, configuration, f"window_{k}") for k in ("length", "height"))
+    side, bottom, top = 0.475 * length, -0.07 * length, 0.9 * depth
     wide = 3.5
     high = wide * (top - bottom) / (2 * side)
     lefts, gap, head, foot = (1.5, 5.7, 9.75), 0.1, 0.6, 0.34
@@ -244,11 +202,7 @@ def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Fi
         _show_images(group)
     for axes, title in zip(
         rows[0],
-        (
-            "image above the sea [K]",
-            "silhouette, and the ring that is mapped",
-            "log-polar map",
-        ),
+        ("image above the sea [K]", "silhouette, and the ring that is mapped", "log-polar map"),
         strict=True,
     ):
         axes.set_title(title, fontsize=10)

@@ -1,202 +1,140 @@
-"""The tables of the infrared channel as rows, ours beside the source's."""
+"""Tables of the infrared channel, ours beside the source's."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import xarray as xr
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
 
-from ncti.infrared import attenuation, contrast, snr
-from sweeps.report.tables import RULES, Row, cells, percent, source_figures
-from sweeps.tabulation import DRAWS
+from sweeps.report.axes import DRAWS, NOTHING, axes_of, shown
+from sweeps.report.rows import (
+    BIN,
+    RULES,
+    Row,
+    beside_source,
+    cells,
+    finite,
+    grouped,
+    nearest,
+    of_one,
+    rounded,
+    score_rows,
+    several,
+    together,
+)
+from sweeps.report.screen import SOURCE, note, print_grid, print_scores, settings, sheet, show
+from sweeps.report.source import source_figures
+from sweeps.report.stored import setting
 
-CHOICES = ("coverage_rule", "segmentation", "inner_radius", "interpolation", "learning_rate")
+POSITIONS = {"shifted": 4}  # places of the detector at each of which so many frames are taken
+SENSOR = {  # heading and digits
+    "attenuation_db": ("attenuation [dB]", ".2f"),
+    "contrast_k": ("contrast [K]", ".3f"),
+    "snr": ("SNR", ".1f"),
+}
+OF_SENSOR = ("extinction", "contrast_at_zero", "nedt")
 
-# Places of the detector at each of which the given number of frames is taken.
-POSITIONS = {"none": 1, "perfect": 1, "shifted": 4}
+
+def positions(way: str) -> int:
+    """How many places of the detector an image is gathered at."""
+    return POSITIONS.get(way, 1)
+
+
+def frames_in_all(row: Row, key: str = "frame_count") -> int | None:
+    """Frames taken for an image: shifted ones add up at each of four places."""
+    frames = row[key]
+    return None if frames is None else positions(row["super_resolution"]) * frames
 
 
 def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Row]:
-    """What the air leaves of a ship's warmth (the article's Table 1).
+    """What the air leaves of a ship's warmth (the article's Table 1), by range and frames.
 
-    Parameters
-    ----------
-    images : xarray.Dataset
-        The store's infrared group, for its ranges and numbers of frames.
-    configuration : mapping
-        The `infrared` part of the store's configuration.
-
-    Returns
-    -------
-    list of dict
-        One row a range and number of frames: attenuation, contrast, SNR, and as printed in
-        the source.
+    Of the ranges and numbers of frames of the store's infrared group, with the settings of the
+    sensor that it has as coordinates, or else the `infrared` part of the configuration.
     """
+    # Here, since it takes longer to import than tables to print.
+    from ncti.infrared import attenuation, contrast, snr
+
     source = source_figures()["table1_sensor"]
-    extinction = {"extinction": configuration["extinction"] * 1e-3}
-    scene = extinction | {"contrast_at_zero": configuration["contrast_at_zero"]}
+    own = [name for name in OF_SENSOR if name in images.coords and images[name].ndim]
+    given = {name: setting(images, configuration, name) for name in set(OF_SENSOR) - set(own)}
+    kept = ("range", "frame_count", *own)
+    axes = images.drop_vars([name for name in images.variables if name not in kept])
     rows = []
-    for slant_range in images.range.values.tolist():
-        for frames in images.frame_count.values.tolist():
-            metres = slant_range * 1e3
-            printed = source["ranges"].get(slant_range) if frames == source["frame_count"] else None
-            theirs = printed or (None, None, None)
-            rows.append(
-                {
-                    "range_km": slant_range,
-                    "frame_count": frames,
-                    "attenuation_db": round(attenuation(metres, **extinction), 3),
-                    "source_attenuation_db": theirs[0],
-                    "contrast_k": round(contrast(metres, **scene), 4),
-                    "source_contrast_k": theirs[2],
-                    "snr": round(
-                        snr(metres, frame_count=frames, nedt=configuration["nedt"], **scene), 3
-                    ),
-                    "source_snr": theirs[1],
-                }
-            )
+    for place, _ in cells(axes):
+        scene = given | {axis.name: place[axis] for axis in axes_of(axes) if axis.name in own}
+        frames, metres = place["frame_count"], place["range_km"] * 1e3
+        scene["extinction"] *= 1e-3
+        nedt, extinction = scene.pop("nedt"), {"extinction": scene["extinction"]}
+        figures = {
+            "attenuation_db": round(attenuation(metres, **extinction), 3),
+            "contrast_k": round(contrast(metres, **scene), 4),
+            "snr": round(snr(metres, frame_count=frames, nedt=nedt, **scene), 3),
+        }
+        printed = source["ranges"].get(place["range_km"]) if frames == source["frame_count"] else {}
+        row = dict(place)
+        for name, figure in figures.items():
+            row |= {name: figure, f"source_{name}": (printed or {}).get(name)}
+        rows.append(row)
     return rows
 
 
 def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
-    """Categories formed from silhouettes, over phases and orders of presentation.
+    """Categories formed from silhouettes, a row for all phases and orders of a training.
 
-    Parameters
-    ----------
-    tables : xarray.Dataset
-        The store's table group.
-
-    Returns
-    -------
-    list of dict
-        One row for all phases and orders of a training: axes, how many of them there are,
-        mean, least and most categories, the first's, number of silhouettes, whether the
-        categories settled in all, and the source's count where it has one. Those that failed
-        are left out.
+    How many of these there are, mean, least and most categories, the first's, silhouettes,
+    whether categories settled in all, the source's count. Those that failed are left out.
     """
     source = source_figures()["table5_percent_correct"]
+    over = [dim for dim in DRAWS if dim in tables.category_count.dims]
     done = tables.view_count > 0
     counted = tables.category_count.where(done)
+    first = counted.isel(dict.fromkeys(over, 0)).drop_vars(over, errors="ignore")
     summary = xr.Dataset(
         {
-            "trainings": done.sum(DRAWS),
-            "mean": counted.mean(DRAWS),
-            "least": counted.min(DRAWS),
-            "most": counted.max(DRAWS),
-            "first": counted.isel(dict.fromkeys(DRAWS, 0)).drop_vars(DRAWS, errors="ignore"),
-            "views": tables.view_count.max(DRAWS),
-            "settled": (tables.settled.where(done, 1) == 1).all(DRAWS) & done.any(DRAWS),
+            "trainings": done.sum(over),
+            "categories": counted.mean(over),
+            "least": counted.min(over),
+            "most": counted.max(over),
+            "of_first_phase_and_order": first,
+            "training_silhouettes": tables.view_count.max(over),
+            "settled": (tables.settled.where(done, 1) == 1).all(over) & done.any(over),
         }
     ).drop_vars(RULES, errors="ignore")  # categories form before they are named
-    return [
-        axes
-        | {
-            "trainings": cell["trainings"],
-            "categories": _rounded(cell["mean"], 2),
-            "least": _rounded(cell["least"]),
-            "most": _rounded(cell["most"]),
-            "of_first_phase_and_order": _rounded(cell["first"]),
-            "training_silhouettes": cell["views"],
-            "settled": cell["settled"],
-            "source_categories": source["categories"]
-            if axes["vigilance"] == source["vigilance"]
-            else None,
-        }
-        for axes, cell in cells(summary)
-    ]
+    digits = {"categories": 2, "least": None, "most": None, "of_first_phase_and_order": None}
+    rows = []
+    for axes, cell in cells(summary):
+        asked = axes["vigilance"] == source["vigilance"]
+        counts = {name: rounded(cell[name], digits[name]) for name in digits}
+        theirs = {"source_categories": source["categories"] if asked else None}
+        rows.append(axes | cell | counts | theirs)
+    return rows
 
 
 def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
     """Percent correct by aspect bin (the article's Table 5), training silhouettes first.
 
-    Parameters
-    ----------
-    tables : xarray.Dataset
-        The store's table group.
-
-    Returns
-    -------
-    list of dict
-        One row for each aspect bin of a training or test: axes, which silhouettes, how many
-        frames are averaged, and how many that is at all places of the detector, percent
-        correct over phases and orders, its Wilson interval, its standard deviation over them,
-        number of views, and the source's figure.
+    Over phases and orders: with its Wilson interval, its standard deviation over them, number of
+    views, frames at all places of the detector together, and the source's figure.
     """
-    lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
-    rows = []
-    for prefix in ("training_", ""):
-        names = [prefix + name for name in ("accuracy", "ci_low", "ci_high", "spread", "n")]
-        for axes, cell in cells(tables[names]):
-            fraction, low, high, spread, n = (cell[name] for name in names)
-            label = axes.pop("aspect_bin")
-            known = {
-                name: axes.pop(name, None)
-                for name in ("range_km", "super_resolution", "frame_count")
-            }
-            rules = {name: axes.pop(name, None) for name in RULES}
-            rows.append(
-                axes
-                | {"silhouettes": "training" if prefix else "cut out"}
-                | known
-                | rules
-                | {
-                    "frames_in_all": frames_in_all(known),
-                    "aspect_bin_deg": label,
-                    "percent_correct": percent(fraction),
-                    "ci_low": percent(low),
-                    "ci_high": percent(high),
-                    "spread": percent(spread),
-                    "n": n,
-                    "source_percent": _source_percent(axes["vigilance"], known, lowest[label]),
-                }
-            )
-    return rows
-
-
-def _source_percent(vigilance: float, known: Row, lowest: float) -> int | None:
-    """The article's figure for the bin whose lowest aspect is given (NaN for all of them)."""
-    source = source_figures()["table5_percent_correct"]
-    if (vigilance, known["frame_count"]) != (source["vigilance"], source["frame_count"]):
-        return None
-    way, slant_range = known["super_resolution"], known["range_km"]
-    if lowest != lowest:
-        whole: int | None = source["overall"].get(way, {}).get(slant_range)
-        return whole
-    figures = source.get(way, {}).get(slant_range)
-    if figures is None or lowest > 90:
-        return None
-    found: int = figures[sum(lowest >= start for start in source["bin_starts"]) - 1]
-    return found
-
-
-def frames_in_all(row: Row) -> int | None:
-    """Frames taken for an image: shifted ones add up at each of four places."""
-    frames = row["frame_count"]
-    return None if frames is None else POSITIONS[row["super_resolution"]] * frames
-
-
-def _finite(value: float) -> float | None:
-    """A number; none of NaN or infinity."""
-    return value if math.isfinite(value) else None
-
-
-def _rounded(value: float, digits: int | None = None) -> float | None:
-    """A number to so many digits, or a whole one; none of NaN or infinity."""
-    return round(value, digits) if math.isfinite(value) else None
+    rows = together(
+        score_rows(tables, "training_", label={"silhouettes": "training"}),
+        score_rows(tables, label={"silhouettes": "cut out"}),
+    )
+    for row in rows:
+        row["frames_in_all"] = frames_in_all(row)
+    return beside_source(rows, tables, "acn_infrared")
 
 
 def detection_rows(tables: xr.Dataset) -> list[Row]:
     """Probability that the detector finds the ship, by range, frames and aspect bin."""
+    columns = {"probability": "probability", "lowest_of_views": "lowest"}
     return [
-        {name: value for name, value in axes.items() if name != "aspect_bin"}
-        | {
-            "aspect_bin_deg": axes["aspect_bin"],
-            "probability": _finite(cell["probability"]),
-            "lowest_of_views": _finite(cell["lowest"]),
-        }
-        for axes, cell in cells(tables[["probability", "lowest"]])
+        axes | {column: finite(cell[name]) for column, name in columns.items()}
+        for axes, cell in cells(tables[[*columns.values()]])
     ]
 
 
@@ -206,8 +144,137 @@ def reconstruction_rows(tables: xr.Dataset) -> list[Row]:
         axes
         | {
             "frames_in_all": frames_in_all(axes),
-            "error": _rounded(cell["error"], 4),
-            "spread": _rounded(cell["error_spread"], 4),
+            "error": rounded(cell["error"], 4),
+            "spread": rounded(cell["error_spread"], 4),
         }
         for axes, cell in cells(tables[["error", "error_spread"]])
     ]
+
+
+def print_sensor(rows: list[Row], console: Console) -> None:
+    """Print what the air leaves of a ship's warmth: ranges down."""
+    wanted = source_figures()["table1_sensor"]["frame_count"]
+    frames = nearest(wanted, (row["frame_count"] for row in rows))
+    here = [row for row in rows if row["frame_count"] == frames]
+    for place, group in settings(here, (), but=("range_km",)):
+        words = f", {place}" if place else ""
+        headings = [text for name, _ in SENSOR.values() for text in (name, SOURCE)]
+        title = f"Passive-infrared sensor, {frames} frames averaged{words}"
+        table = sheet(title, "range [km]", *headings)
+        for column in table.columns[2::2]:
+            column.style = "dim"
+        for row in group:
+            texts = [shown(row["range_km"])]
+            for name, (_, digits) in SENSOR.items():
+                texts += [format(row[name], digits), row[f"source_{name}"] or ""]
+            table.add_row(*texts)
+        show(table, console)
+
+
+def print_silhouette_categories(rows: list[Row], console: Console) -> None:
+    """Print how many categories formed from silhouettes: trainings down."""
+    choices = several(rows, but=("vigilance",))
+    table = sheet(
+        "Categories formed by the ACN from noiseless silhouettes",
+        *(axis.heading for axis in choices),
+        *("vigilance", "silhouettes", "categories", "least", "most"),
+        dim=(SOURCE,),
+    )
+    for row in rows:
+        count = row["categories"]
+        table.add_row(
+            *(shown(row[axis]) for axis in choices),
+            shown(row["vigilance"]),
+            str(row["training_silhouettes"]),
+            "failed" if count is None else f"{count:.1f}" + ("" if row["settled"] else "*"),
+            *(NOTHING if row[name] is None else str(row[name]) for name in ("least", "most")),
+            str(row["source_categories"] or ""),
+        )
+    show(table, console)
+    if not all(row["settled"] for row in rows if row["trainings"]):
+        note("* some categories still changed in the last pass", console)
+
+
+def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
+    """Print percent correct of silhouettes: ranges and resolutions down, aspect bins across.
+
+    One vigilance and one number of frames are printed, the source's if they are there; the CSV
+    has them all.
+    """
+    figures = source_figures()["table5_percent_correct"]
+    rows = of_one(rows)
+    tested = [row for row in rows if row["frame_count"] is not None]
+    frames = nearest(figures["frame_count"], (row["frame_count"] for row in tested))
+    vigilance = nearest(figures["vigilance"], (row["vigilance"] for row in rows))
+    rows = [
+        row
+        for row in rows
+        if row["frame_count"] in (None, frames) and row["vigilance"] == vigilance
+    ]
+    placed = ("range_km", "super_resolution", "frame_count", BIN)
+    for place, group in settings(rows, ("vigilance",), but=placed):
+        lines = [
+            ((_look(slant_range, way, frames),), line)
+            for (slant_range, way), line in grouped(group, placed[:2]).items()
+        ]
+        title = f"Percent correct of silhouettes, ACN ({frames} frames, {place})"
+        print_scores(title, ("range",), lines, console, box=SIMPLE_HEAD)
+        if any(row["source_percent"] is not None for row in group):
+            note(f"Source: {figures['note']}", console)
+    for places in sorted({positions(row["super_resolution"]) for row in tested} - {1}):
+        note(
+            f"{places} x {frames}: {frames} frames at each of {places} places of the detector",
+            console,
+        )
+    note(
+        "Means over phases and orders of presentation with 95 % Wilson intervals of one set of "
+        "views; ±: standard deviation over them. Other frames and vigilances are in the CSV",
+        console,
+    )
+
+
+def _look(slant_range: float | None, way: str, frames: int) -> str:
+    """A range, and how the image got finer than the detector, at what cost of frames."""
+    if slant_range is None:
+        return "training"
+    finer = "" if way == "none" else f", {shown(way)}"
+    more = f", {positions(way)} x {frames}" if positions(way) > 1 else ""
+    return f"{slant_range:g} km{finer}{more}"
+
+
+def print_detection(rows: list[Row], false_alarm: float, console: Console) -> None:
+    """Print how often ships are found: ranges down, numbers of frames across."""
+    whole = [row for row in rows if row[BIN] == "overall"]
+    several_alarms = any(axis.name == "false_alarm" for axis in several(whole))
+    alarms = "" if several_alarms else f", false alarms {false_alarm:g} a pixel"
+    counts = sorted({row["frame_count"] for row in whole})
+    print_grid(
+        whole,
+        lambda words: f"Ships detected{alarms}{words} [%]",
+        {"range_km": "range [km]"},
+        {"frame_count": {n: "1 frame" if n == 1 else f"{n} frames" for n in counts}},
+        lambda row: _figure(row, "probability", 100, ".3g"),
+        console,
+    )
+
+
+def print_reconstruction(rows: list[Row], console: Console) -> None:
+    """Print the error of images by resolution: ranges and frames down."""
+    ways = {}
+    for way in dict.fromkeys(row["super_resolution"] for row in rows):
+        more = f", {positions(way)} x frames" if positions(way) > 1 else ""
+        ways[way] = "no super-resolution" if way == "none" else f"{way} 2x{more}"
+    title = "Error of images against the noiseless one of half the pixel, over contrast"
+    print_grid(
+        rows,
+        lambda words: title + words,
+        {"range_km": "range [km]", "frame_count": "frames"},
+        {"super_resolution": ways},
+        lambda row: _figure(row, "error", 1, ".3f"),
+        console,
+    )
+
+
+def _figure(row: Row | None, name: str, scale: float, digits: str) -> str:
+    known = row is not None and row[name] is not None
+    return format(scale * row[name], digits) if row and known else NOTHING

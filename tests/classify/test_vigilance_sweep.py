@@ -164,3 +164,18 @@ def test_what_cannot_be_meant_is_refused(parameters, named):
     similarities = Similarities.of(np.eye(3), np.eye(3))
     with pytest.raises(ValueError, match=named):
         cluster(similarities, **{"vigilance": 0.9} | parameters)
+
+
+def test_tests_may_come_later():
+    """And again: what is shared between training vectors is not theirs."""
+    rng = np.random.default_rng(5)
+    training, tests, others = (rng.normal(size=(count, 6)) for count in (12, 5, 7))
+    later = Similarities.of(training)
+    assert (later.test.shape, later.answers.shape) == ((0, 12), (0,))
+    for shown in (tests, others):
+        at_once, found = Similarities.of(training, shown), later.to(shown)
+        for name in ("directions", "lengths", "training", "test", "answers"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(at_once, name))
+        assert found.training is later.training
+    with pytest.raises(ValueError, match=r"tests has shape \(5, 4\), but must be \(test, 6\)"):
+        later.to(tests[:, :4])

@@ -11,9 +11,7 @@ from scipy.signal import resample
 from skimage.transform import warp_polar
 
 import ncti.ships
-from ncti.features import cyclic_similarity, log_polar
-from ncti.features.log_polar import _unit_grid
-from sweeps.benchmark.invariance import (
+from benchmarks.invariance import (
     FINE,
     FINE_BINARY,
     SENSOR,
@@ -22,6 +20,8 @@ from sweeps.benchmark.invariance import (
     coverage,
     silhouette,
 )
+from ncti.features import cyclic_similarity, log_polar
+from ncti.features.log_polar import _unit_grid
 
 points = lru_cache(maxsize=64)(silhouette)  # some 2 MB each
 

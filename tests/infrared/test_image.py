@@ -48,7 +48,7 @@ def test_extreme_contrasts(way, kelvin):
 def test_a_larger_window_changes_no_bit_on_the_ship(way, back_projections, phase):
     look = {
         "slant_range": 50e3,
-        "frame_count": (16, 4),
+        "frame_count": (16, 4, 24),
         "super_resolution": way,
         "back_projections": back_projections,
         "phase": phase,

@@ -1,10 +1,11 @@
 """The store of flights that a notebook opens."""
 
-import subprocess
-import sys
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
+
+from sweeps.run import command
 
 # Two ships of which the second is flown past, several values on two of the axes that the notebook
 # asks for and one on the third; few and coarse lines, in a tenth of a second a flight.
@@ -27,20 +28,10 @@ FLIGHTS = [
 
 
 @pytest.fixture(scope="session")
-def flight_store(tmp_path_factory, cache) -> Path:
+def flight_store(tmp_path_factory) -> Path:
     """Finished store of a small sweep of flights."""
     folder = tmp_path_factory.mktemp("flights")
-    store = folder / "flights.zarr"
-    (cache / "meshes").mkdir(parents=True, exist_ok=True)
-    (folder / "cache").mkdir()
-    (folder / "cache" / "meshes").symlink_to(cache / "meshes", target_is_directory=True)
-    subprocess.run(
-        [
-            *(sys.executable, "-m", "sweeps.app", *FLIGHTS),
-            *(f"store={store}", f"cache={folder / 'cache'}", "cluster=inline"),
-        ],
-        cwd=folder,
-        check=True,
-        timeout=300,
-    )
-    return store
+    with chdir(folder):
+        own = ("store=flights.zarr", "cache=cache", "cluster=inline")
+        assert command().main([*FLIGHTS, *own]) == 0
+    return folder / "flights.zarr"

@@ -192,6 +192,95 @@ def test_an_engine_is_started_once():
         assert len({id(e) for e in pool.map(start_engine, ["auto"] * 8)}) == 1
 
 
+AT_ONCE = """
+import threading
+
+def at_once(*tasks):
+    sys.setswitchinterval(1e-5)
+    barrier, results = threading.Barrier(len(tasks)), [None] * len(tasks)
+    def run(place):
+        barrier.wait()
+        try:
+            results[place] = tasks[place]()
+        except Exception as error:
+            results[place] = repr(error)
+    threads = [threading.Thread(target=run, args=(i,)) for i in range(len(tasks))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return results
+
+class Slow:
+    \"\"\"Holds the import of OpenGL where it is half done, and tells when it is there.\"\"\"
+
+    def __init__(self, module):
+        self.module, self.there = module, threading.Event()
+        sys.meta_path.insert(0, self)
+
+    def find_spec(self, name, path=None, target=None):
+        if name == self.module:
+            self.there.set()
+            threading.Event().wait(0.3)
+"""
+
+
+@needs("osmesa")
+@pytest.mark.parametrize("attempt", range(4))
+@pytest.mark.parametrize("engine", ["osmesa", "auto"])
+def test_two_threads_start_an_engine_at_once(engine, attempt):
+    said = run(
+        AT_ONCE
+        + textwrap.dedent(f"""
+        def draw():
+            name = choose_engine("{engine}")
+            return name, range_image(ship, engine=name, **view)
+        (one, first), (other, second) = at_once(draw, draw)
+        print(one, other, np.array_equal(first.down_range, second.down_range, equal_nan=True),
+              int(first.hit.sum()) > 100, start_engine(one) is start_engine(other))
+    """)
+    )
+    assert said == "osmesa osmesa True True True"
+
+
+@needs("osmesa")
+@pytest.mark.parametrize("module", ["OpenGL.platform", "OpenGL.platform.osmesa", "pyrender"])
+def test_a_choice_waits_for_the_engine_that_is_being_started(module):
+    """At each of these OpenGL is imported in part; it must not pass for one bound to elsewhere."""
+    said = run(
+        AT_ONCE
+        + textwrap.dedent(f"""
+        slow = Slow("{module}")
+        def choose():
+            slow.there.wait(60)
+            return choose_engine("auto")
+        def bound():
+            slow.there.wait(60)
+            return __import__("ncti.render.opengl").render.opengl.bound_platform()
+        def start():
+            return int(range_image(ship, engine="osmesa", **view).hit.sum()) > 100
+        print(*at_once(start, choose, bound))
+    """)
+    )
+    # While PyOpenGL's module for platforms is not there at all, it is bound to nothing.
+    assert said in ("True osmesa osmesa", "True osmesa None")
+
+
+@needs("osmesa", "egl")
+def test_the_choice_follows_what_another_thread_is_starting():
+    said = run(
+        AT_ONCE
+        + textwrap.dedent("""
+        slow = Slow("OpenGL.platform")
+        def draw():
+            slow.there.wait(60)
+            return start_engine("auto") is start_engine("egl")
+        print(*at_once(lambda: type(start_engine("egl")).__name__, draw, draw))
+    """)
+    )
+    assert said == "PyrenderEngine True True"
+
+
 @pytest.mark.parametrize("engine", [choose_engine("auto"), "embree"])
 def test_threads_share_an_engine(engine):
     """Four threads at once get what one gets alone: an OpenGL context would crash."""

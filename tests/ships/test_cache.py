@@ -135,7 +135,9 @@ def test_digest_follows_templates_and_builder(sheet, monkeypatch) -> None:
         ("", "unknown ship"),
         ("hull.step", r"\(.yaml, .yml, .stl, .obj, .glb\)"),
         ("nowhere.stl", "cannot be read: No such file"),
-        ("nul\0.stl", "cannot be read"),
+        ("nul\0.stl", "cannot label its ship"),
+        ("nul\0/hulk.stl", r"'nul\\x00/hulk.stl' cannot be read"),
+        ("\ud800/hulk.stl", "cannot be read"),
         (None, "ship None must be one of"),
         (7, "ship 7 must be one of"),
         (["duncan"], "must be one of"),
@@ -150,5 +152,5 @@ def test_what_is_no_ship_is_refused(value, message) -> None:
 
 def test_folder_is_no_ship(tmp_path) -> None:
     (tmp_path / "fleet.stl").mkdir()
-    with pytest.raises(ships.ShipError, match="cannot be read"):
+    with pytest.raises(ships.ShipError, match="is no regular file, but must be one"):
         ships.load(tmp_path / "fleet.stl")

@@ -1,16 +1,16 @@
-"""Fixtures that several files of this room share."""
+"""Where the sweeps of these tests keep their results."""
 
 import pytest
-from classifier_sweep import SWEEP
-from sweeping import command, fresh
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """Folder of a test, in which its commands run: Hydra writes there."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture(scope="session")
-def swept(tmp_path_factory, cache):
-    """The folder of the tiny sweep of all classifiers: two workers, a stage cache of its own."""
-    folder = tmp_path_factory.mktemp("classifiers")
-    done = command(
-        *SWEEP, "cluster.workers=2", "store=s.zarr", folder=folder, cache=fresh(folder, cache)
-    )
-    assert done.returncode == 0, done.stderr
-    return folder
+def results(tmp_path_factory):
+    """Cache of finished results that the tests share."""
+    return tmp_path_factory.mktemp("cache")

@@ -1,0 +1,121 @@
+"""The command `python -m benchmarks`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+
+import ncti.ships
+from benchmarks import (
+    accuracy,
+    classification,
+    classifiers,
+    convergence,
+    engine,
+    flights,
+    grid,
+    images,
+    invariance,
+    memory,
+    paper,
+    views,
+)
+from benchmarks.reports import Report, machine, show, write_json
+from sweeps.stages.views import cache_folder
+
+REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
+    "views": lambda asked: views.measure(asked.ship, repeats=asked.repeats),
+    "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
+    "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
+    "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
+    "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
+    "classifier_times": lambda asked: classifiers.measure(repeats=asked.repeats),
+    "vigilances": lambda asked: classifiers.measure_vigilances(repeats=asked.repeats),
+    "convergence": lambda asked: convergence.measure(repeats=asked.repeats),
+    "course": lambda asked: convergence.measure_course(),
+    "classification": lambda asked: classification.measure(repeats=asked.repeats),
+    "flights": lambda asked: flights.measure(repeats=asked.repeats),
+    "engine_time": lambda asked: engine.measure(repeats=asked.repeats),
+    "engine_memory": lambda asked: engine.measure_memory(repeats=asked.repeats),
+    "memory": lambda asked: memory.measure(repeats=asked.repeats),
+    "paper": lambda asked: paper.measure(repeats=asked.repeats),
+    "grid22320": lambda asked: grid.measure(repeats=asked.repeats),
+}
+SETS = {
+    "classifiers": ("classifier_times", "vigilances", "convergence", "course", "classification"),
+    "engine": ("engine_time", "engine_memory"),
+    "all": tuple(REPORTS),
+}
+"""Reports that one name asks for."""
+
+MEANINGS = {
+    "views": "time of a view by engine",
+    "accuracy": "error of a range extent against its time",
+    "invariance": "what of a silhouette's map outlives shift, scale and rotation",
+    "images": "infrared images a second",
+    "infrared": "the infrared part of the experiment",
+    "classifier_times": "classifiers beside scikit-learn's",
+    "vigilances": "vigilances that share cosines",
+    "convergence": "training with and without gain annealing",
+    "course": "the same, epoch by epoch",
+    "classification": "the classification part of the experiment",
+    "classifiers": "the last five together",
+    "flights": "a flight of the airborne sensor step by step",
+    "engine_time": "overhead of the sweep engine a cell",
+    "engine_memory": "its memory by number of cells",
+    "engine": "the last two together",
+    "memory": "memory of a sweep, driver and workers, by number of aspects",
+    "paper": "the whole experiment: cold, again, and with one more value on an axis",
+    "grid22320": "the grid at three ranges as one job, as -m, and by Hydra's basic launcher",
+    "all": "everything, which takes long",
+}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; exits with 2 when something asked for is not there."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description="Measure time, memory and error.",
+        epilog="\n".join(f"{name:<17} {meaning}" for name, meaning in MEANINGS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("report", nargs="?", choices=list(MEANINGS), default="all")
+    parser.add_argument(
+        "--repeats", type=int, default=3, metavar="N", help="how often to measure everything (3)"
+    )
+    parser.add_argument(
+        "--ship", default="duncan", metavar="NAME", help="ship of views and accuracy (duncan)"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
+    asked = parser.parse_args(arguments)
+    if asked.repeats < 1:
+        parser.error(f"--repeats is {asked.repeats}, but must be at least 1")
+    try:
+        for ship in (asked.ship, *classifiers.SHIPS):
+            # built here, so that no report measures the building
+            ncti.ships.load(ship, cache=cache_folder() / "meshes")
+    except ncti.ships.ShipError as error:
+        parser.error(f"--ship: {error}")
+
+    console = Console()
+    here = machine()
+    console.print(", ".join(f"{key} {value}" for key, value in here.items()), highlight=False)
+    reports: dict[str, Report] = {}
+    for name, run in REPORTS.items():
+        if name in SETS.get(asked.report, (asked.report,)):
+            try:
+                reports[name] = run(asked)
+            except RuntimeError as error:
+                print(f"benchmark: {name} failed: {error}", file=sys.stderr)
+                sys.exit(1)
+            show(reports[name], console)
+    if asked.json:
+        write_json(asked.json, here, reports)
+
+
+if __name__ == "__main__":
+    main()

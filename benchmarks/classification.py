@@ -1,0 +1,67 @@
+"""Time of the whole classification part of the source's experiment, by stage."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.phases import timed
+from benchmarks.reports import Report
+from benchmarks.sweeping import by_stage, choices_of, on_workers
+from sweeps.engine.cells import open_index
+from sweeps.engine.experiment import Bound
+from sweeps.engine.plan import Plan
+from sweeps.experiment import EXPERIMENT
+from sweeps.stages.views import Grid
+
+EXPERIMENTS = ("+experiment=paper",)
+
+
+def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
+    """Time the classification of what an experiment's sensors saw, all of that at hand.
+
+    Parameters
+    ----------
+    repeats : int
+        How often.
+    overrides : sequence of str
+        Arguments of `ncti-sweep` that choose the experiment.
+
+    Returns
+    -------
+    Report
+        Work of each stage, and time of each phase.
+
+    Raises
+    ------
+    RuntimeError
+        If a cell fails.
+    """
+    choices = choices_of(overrides)
+    plan = Plan(EXPERIMENT, choices)
+    stages = naming_stages(plan)
+    keys = [plan.key(bound, place) for bound in stages for place in plan.cells(bound)]
+    runs = []
+    with tempfile.TemporaryDirectory() as parent:
+        folder = Path(parent)
+        timed(EXPERIMENT, choices, on_workers(folder, "first.zarr"))
+        for turn in range(repeats):
+            with open_index(folder / "cache", lambda sentence: None) as index:
+                index.forget(keys)
+            runs.append(timed(EXPERIMENT, choices, on_workers(folder, f"{turn}.zarr")))
+    return by_stage(
+        f"Classification part of `{' '.join(overrides)}`",
+        runs,
+        (bound.name for bound in stages),
+        ["All that the sensors saw is in the cache. Expected: calls together under 10 s."],
+    )
+
+
+def naming_stages(plan: Plan) -> list[Bound]:
+    """Return the kept stages that look at all views at once, and those behind them."""
+    found: list[Bound] = []
+    for bound in plan.bound.values():  # every stage behind those that it needs
+        if Grid.ship.key in bound.gather or any(source in found for source in bound.inputs):
+            found.append(bound)
+    return [bound for bound in found if bound.stage.kept]

@@ -1,0 +1,102 @@
+"""The command `ncti-sweep` as one types it: time, memory, and the work of its stages."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.processes import Run, watch
+from sweeps.stages.views import cache_folder
+
+PROGRAM = ("-m", "sweeps.app")
+CORES = 2
+
+HEADING = re.compile(r"stage +done +reused +failed +work.*")
+ROW = re.compile(r"\w+ +(?P<done>\d+) +(?P<reused>\d+)(?: +\d+)?(?: +(?P<work>\d+\.\d+))?")
+
+
+@dataclass(frozen=True)
+class Swept:
+    """What a command took, and what it did.
+
+    Attributes
+    ----------
+    run : Run
+        Time and memory.
+    made, reused : int
+        Cells that it made, and found.
+    work : float
+        Time that all calls of stages took, those of all workers added [s].
+    """
+
+    run: Run
+    made: int
+    reused: int
+    work: float
+
+    @property
+    def efficiency(self) -> float:
+        """Work over cores times wall time, start of the command included."""
+        return self.work / (CORES * self.run.seconds)
+
+
+def new_folder(folder: Path) -> Path:
+    """Make a folder for sweeps whose cache has the built ships and nothing else."""
+    meshes = cache_folder() / "meshes"
+    meshes.mkdir(parents=True, exist_ok=True)
+    cache = folder / "cache"
+    cache.mkdir(parents=True)
+    (cache / "meshes").symlink_to(meshes.absolute(), target_is_directory=True)
+    return folder
+
+
+def sweep(overrides: Sequence[str], folder: Path) -> Swept:
+    """Run `ncti-sweep` with its cache in a folder.
+
+    Parameters
+    ----------
+    overrides : sequence of str
+        Its arguments. With `-m` among them every job has a store in Hydra's folder, else the
+        store is `sweep.zarr` in the folder.
+    folder : Path
+        See `new_folder`.
+
+    Returns
+    -------
+    Swept
+
+    Raises
+    ------
+    RuntimeError
+        If it fails, or does not say what it did.
+    """
+    keys = {
+        "cache": folder / "cache",
+        "hydra.run.dir": folder / "hydra",
+        "hydra.sweep.dir": folder / "hydra",
+    }
+    if "-m" not in overrides:
+        keys["store"] = folder / "sweep.zarr"
+    arguments = [*overrides, *(f"{key}={value}" for key, value in keys.items())]
+    run = watch([sys.executable, *PROGRAM, *arguments], cores=CORES)
+    rows = list(stages_printed(run.output))
+    if not rows:
+        raise RuntimeError(f"`{' '.join([*PROGRAM, *arguments])}` printed no table of its stages")
+    done, reused, work = (sum(values) for values in zip(*rows, strict=True))
+    return Swept(run, int(done), int(reused), work)
+
+
+def stages_printed(output: str) -> Iterator[tuple[int, int, float]]:
+    """Cells done, cells reused and work [s] of every stage in the tables that a command prints.
+
+    The tables are those of `sweeps.engine.watching.summary`, which leave out work below 0.05 s.
+    """
+    inside = False
+    for line in output.splitlines():
+        row = ROW.fullmatch(line.strip()) if inside else None
+        if row:
+            yield int(row["done"]), int(row["reused"]), float(row["work"] or 0)
+        inside = bool(row) or HEADING.fullmatch(line.strip()) is not None

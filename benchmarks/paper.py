@@ -1,0 +1,93 @@
+"""The source's whole experiment, as one types it: cold, again, and with one more value."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from benchmarks.commands import CORES, Swept, new_folder, sweep
+from benchmarks.reports import Column, Report, Sample
+
+COLD, AGAIN = "cold, ships built", "again"
+EXPERIMENT = ("+experiment=paper",)
+MORE = {
+    "one more vigilance": "grid.vigilance=[0.80,0.85,0.90,0.95,0.97,0.99]",
+    "one more aspect": f"grid.aspect=[{','.join(map(str, (*range(0, 91, 3), 91)))}]",
+    "one more pulse width": "grid.pulse_width=[10,20,30,50]",
+}
+"""What is added to the finished store: an override that has the experiment's values, too."""
+
+COLUMNS = (
+    Column("step", "step"),
+    Column("cells", "made", "d"),
+    Column("wall_s", "time [s]", ".1f"),
+    Column("ratio", "x cold", ".2f"),
+    Column("work_s", "work [s]", ".1f"),
+    Column("efficiency", "efficiency", ".2f"),
+    Column("cpu_s", "of processors", ".1f"),
+    Column("together_mib", "all [MiB]", ".0f"),
+    Column("largest_mib", "largest", ".0f"),
+)
+
+
+def measure(
+    *, repeats: int, experiment: Sequence[str] = EXPERIMENT, more: Mapping[str, str] = MORE
+) -> Report:
+    """Run an experiment with ships built, the same again, and with one value more on an axis.
+
+    Parameters
+    ----------
+    repeats : int
+        How often to do all of it.
+    experiment : sequence of str
+        Arguments of the command.
+    more : mapping of str to str
+        Further argument by name of the step. Each is added to the finished store of its own.
+
+    Returns
+    -------
+    Report
+        One row a step.
+    """
+    steps: dict[str, list[Swept]] = {step: [] for step in (COLD, AGAIN, *more)}
+    for _ in range(repeats):
+        with tempfile.TemporaryDirectory() as parent:
+            folder = new_folder(Path(parent, "cold"))
+            steps[COLD].append(sweep(experiment, folder))
+            steps[AGAIN].append(sweep(experiment, folder))
+            for step, override in more.items():
+                copy = Path(shutil.copytree(folder, Path(parent, "more"), symlinks=True))
+                steps[step].append(sweep([*experiment, override], copy))
+                shutil.rmtree(copy)
+    rows = []
+    for step, found in steps.items():
+        cold = zip(found, steps[COLD], strict=True)
+        rows.append(
+            {
+                "step": step,
+                "cells": found[0].made,
+                "wall_s": Sample.of(one.run.seconds for one in found),
+                "ratio": Sample.of(one.run.seconds / first.run.seconds for one, first in cold),
+                "work_s": Sample.of(one.work for one in found).median,
+                "efficiency": Sample.of(one.efficiency for one in found).median,
+                "cpu_s": Sample.of(one.run.cpu for one in found).median,
+                "together_mib": Sample.of(one.run.together for one in found).median,
+                "largest_mib": Sample.of(one.run.largest for one in found).median,
+            }
+        )
+    return Report(
+        f"`ncti-sweep {' '.join(experiment)}` on {CORES} cores, {repeats} times",
+        COLUMNS,
+        rows,
+        [
+            "From start to exit of the command, workers started and tables printed. Again: the "
+            "same command, all of it there. One more: added to the finished store and its cache. "
+            "Work: time of all calls of stages, as the command prints it to 0.1 s; a worker's "
+            f"first call of a stage imports it. Efficiency: work over {CORES} times the time. "
+            "Expected: under 30 s cold, under 2 GiB.",
+            "Memory of all processes together, pages that they share counted once, and of the "
+            "largest alone: highest of some twenty looks a second.",
+        ],
+    )

@@ -1,0 +1,71 @@
+"""Phases of a sweep that the engine runs from this process: how long each takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sweeps.engine.execute import Watch
+from sweeps.engine.experiment import Experiment
+from sweeps.engine.run import Place, sweep
+from sweeps.engine.schedule import Progress, Schedule
+from sweeps.engine.settings import Choices
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Time that a sweep took.
+
+    Attributes
+    ----------
+    resolved : float
+        From its start until it is known which cells are missing [s].
+    executed : float
+        From then until the last cell is made, start of workers included [s].
+    written : float
+        From then until its end: workers ended, store and tables written [s].
+    progress : mapping of str to Progress
+        Cells and work by stage.
+    """
+
+    resolved: float
+    executed: float
+    written: float
+    progress: Mapping[str, Progress]
+
+    @property
+    def total(self) -> float:
+        """All of it [s]."""
+        return self.resolved + self.executed + self.written
+
+    @property
+    def work(self) -> float:
+        """Time that all calls of stages took, those of all workers added [s]."""
+        return sum(one.seconds for one in self.progress.values())
+
+
+def timed(experiment: Experiment, choices: Choices, place: Place) -> Timed:
+    """Run a sweep and time its phases.
+
+    Raises
+    ------
+    RuntimeError
+        If a cell fails.
+    """
+    start = time.perf_counter()
+    steps: list[float] = []  # the first when missing cells are known, the last when all are made
+
+    def step(schedule: Schedule) -> None:
+        steps.append(time.perf_counter())
+
+    finished = sweep(experiment, choices, place, Watch(lambda sentence: None, step))
+    end = time.perf_counter()
+    for what, why in finished.failures:
+        raise RuntimeError(f"{what}: {why}")
+    return Timed(
+        steps[0] - start,
+        steps[-1] - steps[0],
+        end - steps[-1],
+        finished.progress,
+    )

@@ -1,0 +1,152 @@
+"""A command and all the processes it starts: how long it takes, how much memory they hold."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil  # type: ignore[import-untyped]  # comes with distributed
+
+INTERVAL = 0.05  # between looks at the memory [s]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a command took.
+
+    Attributes
+    ----------
+    seconds : float
+        Time that passed.
+    cpu : float
+        Time that all its processes computed [s].
+    together : float
+        Most memory that all its processes held at one time, shared pages counted once [MiB].
+    driver, worker : float
+        Most memory that the command's own process held, and the largest of those that it started,
+        shared pages included [MiB].
+    output : str
+        What they printed.
+    """
+
+    seconds: float
+    cpu: float
+    together: float
+    driver: float
+    worker: float
+    output: str
+
+    @property
+    def largest(self) -> float:
+        """Most memory that one of them held, shared pages included [MiB]."""
+        return max(self.driver, self.worker)
+
+
+def watch(command: Sequence[str], *, cores: int) -> Run:
+    """Run a command on some cores, and watch its memory.
+
+    Parameters
+    ----------
+    command : sequence of str
+        Program and arguments.
+    cores : int
+        How many cores it may use, at most, where the system lets one choose.
+
+    Returns
+    -------
+    Run
+        What it took.
+
+    Raises
+    ------
+    RuntimeError
+        When it fails, with the last line that it printed.
+    """
+    highest = together = 0.0
+    peaks: defaultdict[int, float] = defaultdict(float)
+    with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as output:
+        cpu, start = _children_cpu(), time.perf_counter()
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
+        if hasattr(os, "sched_setaffinity"):
+            os.sched_setaffinity(process.pid, sorted(os.sched_getaffinity(0))[:cores])
+        while True:
+            resident = _resident(process.pid)
+            for member in resident:
+                peaks[member.pid] = max(peaks[member.pid], peak_memory(member.pid))
+            # Counting what is shared takes milliseconds a process: only at a new high.
+            if sum(resident.values()) > highest:
+                highest = sum(resident.values())
+                together = max(together, sum(map(_own_share, resident)))
+            try:
+                process.wait(INTERVAL)
+                break
+            except subprocess.TimeoutExpired:
+                continue
+        seconds, cpu = time.perf_counter() - start, _children_cpu() - cpu
+        output.seek(0)
+        printed = output.read()
+        if process.returncode != 0:
+            last = (printed.strip().splitlines() or ["nothing"])[-1]
+            raise RuntimeError(
+                f"`{' '.join(command)}` exited with {process.returncode}, its last line: {last}"
+            )
+    driver = peaks.pop(process.pid, 0.0)
+    return Run(seconds, cpu, together, driver, max(peaks.values(), default=0.0), printed)
+
+
+def peak_memory(pid: int | None = None) -> float:
+    """Most memory that a process, by default this one, has ever had resident [MiB].
+
+    What it has now, where the system keeps no such count; 0 when it has ended.
+    """
+    process = os.getpid() if pid is None else pid
+    # Not `ru_maxrss`, in which a process begins with that of its parent.
+    try:
+        lines = Path(f"/proc/{process}/status").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    for line in lines:
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) / 2**10
+    try:
+        return float(psutil.Process(process).memory_info().rss) / 2**20
+    except psutil.Error:
+        return 0.0
+
+
+def _resident(pid: int) -> dict[psutil.Process, float]:
+    """A process and its descendants, with the memory that each has resident [MiB]."""
+    held = {}
+    try:
+        root = psutil.Process(pid)
+        for member in (root, *root.children(recursive=True)):
+            with suppress(psutil.Error):
+                held[member] = member.memory_info().rss / 2**20
+    except psutil.NoSuchProcess:
+        pass
+    return held
+
+
+def _own_share(process: psutil.Process) -> float:
+    """Memory of a process [MiB], a page that n processes share counting 1/n in each.
+
+    All that it has resident, where the system keeps no such count; 0 when it has ended.
+    """
+    try:
+        memory = process.memory_full_info()
+    except psutil.Error:
+        return 0.0
+    return float(getattr(memory, "pss", memory.rss)) / 2**20
+
+
+def _children_cpu() -> float:
+    """Time that ended children of this process, and theirs, have computed [s]."""
+    times = psutil.Process().cpu_times()
+    return float(times.children_user + times.children_system)

@@ -1,0 +1,117 @@
+"""What a benchmark finds, printed as a table and written as JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Repeated measurements of one quantity."""
+
+    median: float
+    low: float
+    high: float
+    n: int
+
+    @classmethod
+    def of(cls, values: Iterable[float]) -> Sample:
+        """Median, lowest and highest of at least one value."""
+        values = list(values)
+        return cls(statistics.median(values), min(values), max(values), len(values))
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a report: its key in rows and JSON, its heading, and how numbers are shown."""
+
+    key: str
+    heading: str
+    spec: str = "s"
+
+
+@dataclass(frozen=True)
+class Report:
+    """A table of measurements.
+
+    Attributes
+    ----------
+    title : str
+        What was measured, and on what.
+    columns : tuple of Column
+        In the order shown.
+    rows : list of dict
+        A text, a number, a Sample, or nothing for each column.
+    notes : list of str
+        What a reader must know.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: list[dict[str, Any]]
+    notes: list[str] = field(default_factory=list)
+
+
+def machine() -> dict[str, str]:
+    """Where the benchmark runs, and how busy it was when it began."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return {
+        "cpu": _cpu(),
+        "cores": str(cores),
+        "load": f"{os.getloadavg()[0]:.1f}",
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numpy", "pyrender", "embreex", "trimesh")},
+    }
+
+
+def show(report: Report, console: Console) -> None:
+    """Print a report."""
+    table = Table(title=escape(report.title), title_justify="left")
+    for column in report.columns:
+        text = column.spec == "s"
+        table.add_column(escape(column.heading), justify="left" if text else "right", no_wrap=True)
+    for row in report.rows:
+        cells = (_text(row.get(column.key), column.spec) for column in report.columns)
+        table.add_row(*map(escape, cells))
+    wide = console.options.update(max_width=1000)
+    console.width = max(console.width, 100, console.measure(table, options=wide).maximum)
+    console.print(table)
+    for note in report.notes:
+        console.print(note, style="dim", highlight=False, markup=False)
+
+
+def write_json(path: Path, where: Mapping[str, str], reports: Mapping[str, Report]) -> None:
+    """Write reports with the machine that they are from."""
+    content = {"machine": dict(where)} | {name: asdict(report) for name, report in reports.items()}
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _text(value: Any, spec: str) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, Sample):
+        ends = f" ({value.low:{spec}}–{value.high:{spec}})" if value.n > 1 else ""
+        return f"{value.median:{spec}}{ends}"
+    return f"{value:{spec}}" if spec != "s" else str(value)
+
+
+def _cpu() -> str:
+    """Model of the processor, where the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(models, platform.machine())

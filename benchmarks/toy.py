@@ -1,0 +1,73 @@
+"""Toy experiments over the axes of the source's grid, whose stages take no time."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.command import Command
+from sweeps.engine.experiment import Experiment
+from sweeps.engine.settings import Choices, Settings, count, number, read_choices, word
+from sweeps.engine.stage import Output, stage
+
+LENGTH = 1000  # floats of a profile
+
+
+class Grid(Settings, key="grid"):
+    """The grid."""
+
+    ship = word("duncan", ("duncan", "horne", "spruance", "texas"), label="ship")
+    aspect = number(0, label="aspect", unit="degree")
+    pulse_width = number(30, label="pulse width", unit="ns")
+    frame_count = count(4, label="frames averaged")
+    range = number(100, label="slant range", unit="km")
+    vigilance = number(0.95, label="vigilance")
+
+
+@stage(Output("nothing", label="zero"), uses=(Grid,), group="toy")
+def nothing(
+    ship: str,
+    aspect: float,
+    pulse_width: float,
+    frame_count: int,
+    range: float,
+    vigilance: float,
+) -> float:
+    """Return zero for every cell of the grid."""
+    return 0.0
+
+
+@stage(Output("profile", ("bin",), label="aspect in every bin"), uses=(Grid,), group="toy")
+def profile(aspect: float) -> NDArray[np.float32]:
+    """Return the aspect, many times."""
+    return np.full(LENGTH, aspect, dtype=np.float32)
+
+
+NOTHING = Experiment("toy", "Nothing", (Grid,), (nothing,), code=("benchmarks",))
+PROFILES = Experiment("toy", "Profiles", (Grid,), (profile,), code=("benchmarks",))
+
+
+def choices(experiment: Experiment, lengths: Sequence[int]) -> Choices:
+    """Return choices with so many values of each axis: ship, aspect, pulse width and so on.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        One of the toys.
+    lengths : sequence of int
+        For the first axes, as `Grid` has them; the others keep their one value.
+    """
+    ships = Grid.ship.kind.values(Grid.ship.key, ["duncan", "horne", "spruance", "texas"])
+    given = {
+        setting.key: list(ships[:length] if setting is Grid.ship else range(1, length + 1))
+        for setting, length in zip(Grid.declared, lengths, strict=False)
+    }
+    return experiment.check(read_choices(experiment.declared, given))
+
+
+def main() -> None:
+    """Run the command line of the toy that does nothing."""
+    sys.exit(Command(NOTHING).main())

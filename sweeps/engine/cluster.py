@@ -1,0 +1,218 @@
+"""Where the tasks of a sweep run: in this process, in local processes, or on a cluster."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from sweeps.engine.errors import ConfigurationError
+
+# Settings that each kind of cluster reads; all others must be None.
+READ = {
+    "inline": (),
+    "local": ("workers",),
+    "address": ("address", "ca_file", "cert", "key"),
+    "slurm": ("workers", "queue", "account", "walltime", "memory", "interface"),
+}
+# Settings that a kind of cluster cannot do without, and what they must be.
+REQUIRED = {
+    "address": {"address": "the address of a dask scheduler"},
+    "slurm": {"workers": "the number of jobs", "memory": "the memory of a job, such as 4GiB"},
+}
+# Pattern that a setting must match, and what that means in words.
+FORMS = {
+    "address": (r"(tcp|tls)://(\[[\d:a-f]+\]|[^\s:/\[\]]+):\d+", "like tls://10.0.0.1:8786"),
+    "memory": (r"\d+(\.\d+)? ?[kMGT]i?B", "a number of bytes such as 4GiB"),
+    "walltime": (r"(\d+-)?\d+(:\d+){0,2}", "a time of Slurm such as 12:00:00 or 1-12:00:00"),
+    # These go into a job script.
+    "queue": (r"[\w.,@+-]+", "the name of a Slurm partition"),
+    "account": (r"[\w.@+-]+", "the name of a Slurm account"),
+    "interface": (r"[\w.@+-]+", "the name of a network interface such as ib0"),
+}
+# Environment of numerical libraries. Tasks are the parallelism, results must not depend on how a
+# product is split, and threads that wait for one another spin when a neighbour has the cores.
+ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR")}
+
+
+@dataclass(frozen=True)
+class ClusterChoice:
+    """Choice of where the tasks of a sweep run.
+
+    Attributes
+    ----------
+    kind : str
+        ``inline`` (this process), ``local`` (processes of this machine), ``address`` (a running
+        dask scheduler) or ``slurm`` (jobs submitted with ``sbatch``).
+    workers : int, optional
+        Of ``local``, the number of processes, by default one a core; of ``slurm``, of jobs.
+    address : str, optional
+        Of a dask scheduler, ``tls://host:port`` or ``tcp://host:port``.
+    ca_file, cert, key : str, optional
+        PEM files for a ``tls://`` address: the certificate authority, and the certificate and
+        private key of this client. The key may be part of the certificate's file.
+    queue, account, walltime, memory, interface : str, optional
+        Of Slurm jobs, which run one task at a time on one core: partition, account, time limit,
+        memory, and network interface through which they and this process reach each other.
+
+    Raises
+    ------
+    ConfigurationError
+        If a setting is invalid, missing, or not read by this kind of cluster.
+    """
+
+    kind: str = "local"
+    workers: int | None = None
+    address: str | None = None
+    ca_file: str | None = None
+    cert: str | None = None
+    key: str | None = None
+    queue: str | None = None
+    account: str | None = None
+    walltime: str | None = None
+    memory: str | None = None
+    interface: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in READ:
+            raise _wrong("kind", self.kind, f"one of {', '.join(READ)}")
+        if self.workers is not None and self.workers < 1:
+            raise _wrong("workers", self.workers, "at least 1")
+        where = f"where cluster.kind is {self.kind}"
+        required = REQUIRED.get(self.kind, {})
+        for name in (field.name for field in fields(self) if field.name != "kind"):
+            value = getattr(self, name)
+            if value is None:
+                if name in required:
+                    raise _wrong(name, None, f"{required[name]} {where}")
+            elif name not in READ[self.kind]:
+                raise _wrong(name, value, f"None {where}")
+            elif name in FORMS and not re.fullmatch(FORMS[name][0], value):
+                raise _wrong(name, value, FORMS[name][1])
+        encrypted = str(self.address).startswith("tls://")
+        for name in ("ca_file", "cert", "key"):
+            path = getattr(self, name)
+            if path is not None and not encrypted:
+                raise _wrong(name, path, "None where cluster.address does not begin with tls://")
+            if path is None and encrypted and name != "key":
+                raise _wrong(name, None, "a PEM file where cluster.address begins with tls://")
+            if path is not None and not Path(path).is_file():
+                raise _wrong(name, path, "an existing PEM file")
+
+
+def _wrong(name: str, value: Any, allowed: str) -> ConfigurationError:
+    key = "private_key" if name == "key" else name  # as users know it
+    return ConfigurationError(f"cluster.{key} is {value}, but must be {allowed}")
+
+
+class Finished(NamedTuple):
+    """Outcome of one task: its number, and its result or the error that it ended with."""
+
+    number: int
+    result: Any
+    error: Exception | None
+
+
+class Executor(Protocol):
+    """Runs tasks, each known by a number.
+
+    Tasks of one process run one at a time, all in the same thread, since a renderer belongs to
+    the thread that made it. Numerical libraries have one thread meanwhile.
+    """
+
+    @property
+    def workers(self) -> int:
+        """Number of tasks that run at once, which may change where others run the cluster."""
+
+    def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
+        """Hand over the task to call a function with some arguments."""
+
+    def finished(self) -> list[Finished]:
+        """Wait for tasks to finish and return their outcomes, or none if no task is left."""
+
+
+class InlineExecutor:
+    """Runs tasks in this process, in the order of their submission. See `Executor`."""
+
+    workers = 1
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[int, Callable[..., Any], tuple[Any, ...]]] = deque()
+
+    def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
+        """Keep a task until it is its turn."""
+        self._waiting.append((number, function, arguments))
+
+    def finished(self) -> list[Finished]:
+        """Run the oldest task."""
+        if not self._waiting:
+            return []
+        number, function, arguments = self._waiting.popleft()
+        try:
+            return [Finished(number, function(*arguments), None)]
+        except Exception as error:
+            return [Finished(number, None, error)]
+
+
+@contextmanager
+def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
+    """Set environment variables for a while; restore them, and those named as `changed`."""
+    before = {name: os.environ.get(name) for name in (*variables, *changed)}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Limit numerical libraries to one thread, those that are loaded meanwhile too."""
+    with environment(ONE_THREAD), threadpool_limits(1):
+        yield
+
+
+@contextmanager
+def executor(
+    choice: ClusterChoice, *, tasks: int | None = None, say: Callable[[str], None]
+) -> Iterator[Executor]:
+    """Start or reach the workers that a choice asks for, and end or leave them afterwards.
+
+    Parameters
+    ----------
+    choice : ClusterChoice
+        Kind of cluster and its settings.
+    tasks : int, optional
+        Upper bound of the number of tasks: no more workers than that are started.
+    say : callable
+        Told, in one sentence each, what is waited for, and what the user should know.
+
+    Yields
+    ------
+    Executor
+        To be used from the thread that entered this context.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cluster that is asked for cannot be reached or started.
+    """
+    if choice.kind == "inline":
+        with one_thread():
+            yield InlineExecutor()
+    else:
+        from sweeps.engine import workers  # which imports dask
+
+        with getattr(workers, choice.kind)(choice, tasks=tasks, say=say) as dask_executor:
+            yield dask_executor

@@ -1,0 +1,213 @@
+"""What a store says of where its numbers come from, and which sweeps may extend it."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from itertools import product
+from typing import Any
+
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.experiment import Experiment
+from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word
+from sweeps.engine.plan import Plan
+from sweeps.engine.run_settings import Run
+from sweeps.engine.settings import Choices, Joint, Setting, flatten, read_choices
+
+ENGINE_LIBRARIES = ("dask", "numpy", "xarray", "zarr")
+
+
+def written(setting: Setting, values: tuple[Value, ...]) -> Any:
+    """Values of a setting as a user would write them."""
+    own = getattr(setting.kind, "written", None)
+    if own is not None:
+        return own(values)
+    if isinstance(setting.kind, Draws):
+        return len(values)
+    if isinstance(setting.kind, SetOf):
+        return None if values[0] is None else list(values[0])
+    return values[0] if len(values) == 1 else list(values)
+
+
+def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Root attributes: all that the numbers depend on, and nothing that does not change them.
+
+    No times, hosts, paths or numbers of workers are among them: equal sweeps make equal stores.
+
+    Parameters
+    ----------
+    plan : Plan
+        The sweep.
+    failures : mapping of str to str
+        Names of cells that failed, and why.
+    """
+    experiment, choices = plan.experiment, plan.choices
+    tree: dict[str, Any] = {}
+    for setting in experiment.declared:
+        if not setting.identity:
+            continue
+        *groups, last = setting.key.split(".")
+        branch = tree
+        for group in groups:
+            branch = branch.setdefault(group, {})
+        branch[last] = written(setting, choices[setting])
+    seeds = choices[Run.seed]
+    attributes: dict[str, Any] = {
+        "title": experiment.title,
+        "Conventions": "CF-1.11",
+        "configuration": tree,
+        "seed": seeds[0] if len(seeds) == 1 else list(seeds),
+        "versions": versions(experiment),
+        "code": dict(sorted(plan.code.items())),
+        "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
+        **experiment.attributes(choices),
+    }
+    if choices.joint:
+        attributes["joint"] = [
+            [one.name, list(one.keys), [list(point) for point in one.points], one.labels]
+            for one in choices.joint
+        ]
+    if failures:
+        attributes["failures"] = dict(sorted(failures.items()))
+    return attributes
+
+
+def versions(experiment: Experiment) -> dict[str, str]:
+    """Versions of the distributions behind the numbers, and of Python."""
+    found = {"python": ".".join(platform.python_version_tuple()[:2])}
+    for name in sorted({*ENGINE_LIBRARIES, *experiment.versions}):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def choices_of(experiment: Experiment, attributes: Mapping[str, Any]) -> Choices:
+    """Choices that a store was made with, from its attributes.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are none of this experiment.
+    """
+    declared = tuple(one for one in experiment.declared if one.identity)
+    choices = read_choices(declared, flatten(declared, attributes["configuration"]))
+    joint = []
+    for name, keys, points, labels in attributes.get("joint", ()):
+        # As the settings have them: JSON has lists for tuples, and plain texts for their kinds.
+        known = [{_plain(value): value for value in choices.values[key]} for key in keys]
+        there = tuple(
+            tuple(of[_plain(value)] for of, value in zip(known, point, strict=True))
+            for point in points
+        )
+        joint.append(Joint(name, tuple(keys), there, tuple(labels) if labels else None))
+    return Choices(choices.values, tuple(joint))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return tuple(map(_plain, value))
+    return str(value) if isinstance(value, str) else value
+
+
+def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], plan: Plan) -> None:
+    """Refuse a store that another configuration, or other code, has made.
+
+    A sweep may go on with a store whose every value of every setting it has, too.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What is declared.
+    path : str
+        Of the store.
+    old : mapping
+        Its attributes.
+    plan : Plan
+        The sweep.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the keys that differ, and what to do.
+    """
+    if "configuration" not in old or old.get("title") != experiment.title:
+        raise ConfigurationError(
+            f"store is {path!r}, which holds something else; it must be a new path, or a store of "
+            f"{experiment.name}"
+        )
+    before = choices_of(experiment, old)
+    for setting in experiment.declared:
+        if not setting.identity:
+            continue
+        there, asked = before[setting], plan.choices[setting]
+        lacking = sorted(set(there).difference(asked), key=there.index)
+        if not lacking:
+            continue
+        both = sorted({*map(_shown, there), *map(_shown, asked)}, key=_numeric)
+        advice = f"give {setting.key}=[{','.join(both)}] to have both, or another store"
+        if setting.fixed or not isinstance(setting.kind, Number | Count | Word | Switch | Text):
+            advice = "give another store"
+        raise ConfigurationError(
+            f"{setting.key} is {', '.join(map(_shown, asked))}, but the store {path!r} has "
+            f"{', '.join(map(_shown, lacking))}: {advice}"
+        )
+    if keys := _lacking_together(before, plan.choices):
+        raise ConfigurationError(
+            f"store is {path!r}, which has other values of {', '.join(keys)} together; have these "
+            "among those that run together, too, or give another store"
+        )
+    now = {"code": plan.code, "versions": versions(experiment)}
+    for kind, word in (("code", "code of"), ("versions", "version of")):
+        for name, value in old.get(kind, {}).items():
+            if name in now[kind] and now[kind][name] != value:
+                raise ConfigurationError(
+                    f"store is {path!r}, which was made by another {word} {name}; give another "
+                    "store, or remove it"
+                )
+
+
+def _lacking_together(before: Choices, now: Choices) -> tuple[str, ...]:
+    """Keys of settings of which some values met before, and do not now."""
+    groups: list[set[str]] = []
+    for joint in (*before.joint, *now.joint):
+        met = [group for group in groups if group & set(joint.keys)]
+        groups = [group for group in groups if group not in met] + [set(joint.keys).union(*met)]
+    for group in groups:
+        keys = tuple(sorted(group))
+        if not _points(before, keys) <= _points(now, keys):
+            return keys
+    return ()
+
+
+def _points(choices: Choices, keys: tuple[str, ...]) -> set[tuple[Value, ...]]:
+    """Values of some settings that meet, where those that run together are all among them."""
+    axes = [(one.keys, one.points) for one in choices.joint if set(one.keys) <= set(keys)]
+    together = {key for names, _ in axes for key in names}
+    axes += [
+        ((key,), tuple((value,) for value in choices.values[key]))
+        for key in keys
+        if key not in together
+    ]
+    order = [key for names, _ in axes for key in names]
+    places = [order.index(key) for key in keys]
+    return {
+        tuple(values[place] for place in places)
+        for point in product(*(points for _, points in axes))
+        for values in [[value for part in point for value in part]]
+    }
+
+
+def _shown(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.12g}" if isinstance(value, float) else "null" if value is None else str(value)
+
+
+def _numeric(word: str) -> tuple[int, float, str]:
+    try:
+        return 0, float(word), word
+    except ValueError:
+        return 1, 0.0, word

@@ -1,0 +1,191 @@
+"""The result of a sweep on disk, one zarr DataTree: written whole or not at all, and read back.
+
+Equal input, given in the same order, makes equal bytes: a store holds no times, hosts or paths.
+The metadata of a group repeat those of all below it ("consolidated"), so that a store opens by one
+file, at the root or at any group.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.manifest import read_manifest, write_file, write_manifest
+from sweeps.engine.replacement import PARTIAL, hidden, put_in_place
+from sweeps.engine.target import check_target, real_place
+from sweeps.engine.zarr_array import METADATA, Array, Group, Region, encode, metadata, regions
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
+
+
+def write_store(
+    path: Path,
+    groups: Mapping[str, Group],
+    attributes: Mapping[str, Any],
+    *,
+    after: Callable[[Path], object] | None = None,
+    threads: int = 1,
+) -> None:
+    """Write a store and put it in its place whole, also in that of an older store.
+
+    Hold the lock of the store meanwhile (`sweeps.engine.lock.locked`). Memory holds a few chunks
+    a thread. If anything fails, the place is as it was. Who opened the old store must open it
+    again. Files are left to the operating system to flush: `verify` tells what a power cut broke.
+
+    Parameters
+    ----------
+    path : Path
+        Where the store goes.
+    groups : mapping of str to Group
+        Groups by path, as 'classification/acn'; groups above them need not be given.
+    attributes : mapping
+        Attributes of the root, as JSON can hold them.
+    after : callable
+        Called with the path of the written store before it is put in its place; may read it and
+        `add_group` to it.
+    threads : int
+        Number of chunks read, compressed and written at a time.
+
+    Raises
+    ------
+    ConfigurationError
+        If something else is at `path`.
+    OSError
+        If it cannot be written, as on a full disk.
+    """
+    check_target(path)
+    place = real_place(path)
+    place.parent.mkdir(parents=True, exist_ok=True)
+    partial = hidden(place, PARTIAL)
+    try:
+        known = _add(partial, {}, attributes, groups, threads)
+        if after is not None:
+            after(partial)
+        write_manifest(partial, known)
+        check_target(path)  # nobody else may have put something there meanwhile
+        put_in_place(partial, place)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def add_group(path: Path, name: str, dataset: xr.Dataset) -> None:
+    """Write a data set into a store that is not in its place yet (`after` of `write_store`)."""
+    root = json.loads((path / METADATA).read_bytes())
+    group = Group(_arrays(dataset.data_vars), _arrays(dataset.coords), dataset.attrs)
+    nodes = root["consolidated_metadata"]["metadata"]
+    _add(path, nodes, root["attributes"], {name: group}, threads=1)
+
+
+def read_attributes(path: Path) -> dict[str, Any] | None:
+    """Attributes of the root of a store; None where nothing is.
+
+    Raises
+    ------
+    ConfigurationError
+        If what is there is no store, or its metadata are damaged.
+    """
+    if not path.exists():
+        return None
+    checksum = read_manifest(path).get(METADATA)
+    try:
+        content = (path / METADATA).read_bytes()
+        if zlib.crc32(content) != checksum:
+            raise ValueError("its checksum differs")
+        return dict(json.loads(content)["attributes"])
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(
+            f"store is {str(path)!r}, whose {METADATA} cannot be read; "
+            "give another path or remove it"
+        ) from error
+
+
+def _arrays(variables: Mapping[Any, xr.DataArray]) -> dict[str, Array]:
+    return {
+        str(name): Array.of(tuple(map(str, found.dims)), found.values, found.attrs)
+        for name, found in variables.items()
+    }
+
+
+def _add(
+    path: Path,
+    nodes: Nodes,
+    attributes: Mapping[str, Any],
+    groups: Mapping[str, Group],
+    threads: int,
+) -> dict[str, int]:
+    """Write groups into a store that has some nodes already; checksums of their chunks."""
+    arrays: dict[str, Array] = {}
+    for name, group in groups.items():
+        parts = name.split("/")
+        for depth in range(1, len(parts)):
+            nodes.setdefault("/".join(parts[:depth]), _group_node({}))
+        nodes[name] = _group_node(group.attributes)
+        for inner, array in (*group.arrays.items(), *group.coordinates.items()):
+            if f"{name}/{inner}" in nodes:
+                raise ValueError(f"'{name}/{inner}' is given twice")
+            nodes[f"{name}/{inner}"] = metadata(array)
+            arrays[f"{name}/{inner}"] = array
+    _write_metadata(path, nodes, attributes)
+    return _write_chunks(path, arrays, threads)
+
+
+def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> None:
+    """Write the metadata of arrays that have none yet, of all groups, and of the root."""
+    # zarr reads the children of a group only if they follow each other.
+    ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))
+    for name, node in {"": _group_node(attributes), **nodes}.items():
+        file = path / name / METADATA
+        if node["node_type"] == "group":
+            prefix = f"{name}/" if name else ""
+            below = [inner for inner in ordered if inner.startswith(prefix)]
+            node = _group_node(
+                node["attributes"], {inner.removeprefix(prefix): nodes[inner] for inner in below}
+            )
+        elif file.exists():
+            continue
+        write_file(file, json.dumps(node, separators=(",", ":"), default=_plain).encode())
+
+
+def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) -> dict[str, Any]:
+    consolidated = {"kind": "inline", "must_understand": False, "metadata": dict(below)}
+    return {
+        "attributes": dict(attributes),
+        "zarr_format": 3,
+        "consolidated_metadata": consolidated,
+        "node_type": "group",
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{value!r} cannot be an attribute")
+
+
+def _write_chunks(path: Path, arrays: Mapping[str, Array], threads: int) -> dict[str, int]:
+    """Write all chunks that are not empty; checksum of each."""
+    jobs: Iterator[tuple[str, Array, Region]] = (
+        (f"{name}/{key}", array, region)
+        for name, array in arrays.items()
+        for key, region in regions(array)
+    )
+
+    def write(job: tuple[str, Array, Region]) -> tuple[str, int | None]:
+        name, array, region = job
+        content = encode(array, region)
+        return name, None if content is None else write_file(path / name, content)
+
+    with ThreadPoolExecutor(threads) as pool:
+        written = pool.map(write, jobs)
+        return {name: checksum for name, checksum in written if checksum is not None}

@@ -1,0 +1,400 @@
+"""Tasks on the workers of a dask cluster: of this machine, of Slurm, or one that runs already.
+
+Tasks arrive as pickled functions: whoever may talk to a worker may run code there. So scheduler
+and workers that are started here talk only to holders of a certificate that is made for the run
+and never written where another user could read it; those of this machine listen on loopback only.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import shutil
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from urllib.parse import urlsplit
+
+import dask
+from dask.system import CPU_COUNT
+from distributed import Client, Future, KilledWorker, LocalCluster, Status, as_completed
+from distributed.core import rpc
+from distributed.security import Security
+from distributed.threadpoolexecutor import ThreadPoolExecutor
+from tornado.ioloop import PeriodicCallback
+
+from sweeps.engine.cluster import ONE_THREAD, ClusterChoice, Finished, environment, one_thread
+from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+
+# Environment that a worker process must be started with, since libraries read it only then. It
+# keeps 256 MiB of freed memory, and maps arrays separately from 32 MiB on, the most that allocators
+# accept: with dask's 64 KiB, requests for memory take a quarter of the time of array-heavy tasks.
+KEPT, MAPPED = 2**28, 2**25
+ENVIRONMENT = ONE_THREAD | dict(
+    MALLOC_TRIM_THRESHOLD_=str(KEPT), MALLOC_MMAP_THRESHOLD_=str(MAPPED)
+)
+SETTINGS = {
+    "distributed.admin.large-graph-warning-threshold": "1GB",
+    "distributed.comm.timeouts.connect": "60s",
+    "distributed.scheduler.allowed-failures": 1,
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+}
+# Its HTTP server is not encrypted, and would otherwise listen on a fixed port of all interfaces.
+SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+
+ANSWER, ARRIVAL, CHECKED = 10, 60, 1.0  # s: for a scheduler's answer, its first worker; of checks
+JOBS_CHECKED = 10.0  # s between checks whether a job ended, as by its time limit
+LOST = 30.0  # s until a job whose worker went away, but might restart it, counts as ended
+
+# Runs all tasks of this process; a daemon, unlike those of `concurrent.futures`.
+_thread = ThreadPoolExecutor(1, thread_name_prefix="task")
+
+Task = tuple[int, Callable[..., Any], tuple[Any, ...]]
+
+
+def run_task(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """Call a function in the task thread of this process, numerical libraries on one thread."""
+
+    def call() -> Any:
+        with one_thread():
+            return function(*arguments)
+
+    return _thread.submit(call).result()
+
+
+class DaskExecutor:
+    """Runs tasks on the workers of a dask cluster. See `sweeps.engine.cluster.Executor`.
+
+    A worker that dies, as of too much memory, takes along tasks that are not at fault. Those that
+    dask gives up for it are suspects: each runs again when all others have finished, alone. Only
+    if its worker dies then too is the task itself at fault.
+    """
+
+    def __init__(self, client: Client, workers: int | None) -> None:
+        self._client = client
+        self._workers = workers
+        self._completed = as_completed(loop=client.loop)
+        self._running: dict[Future, Task] = {}
+        self._suspects: deque[Task] = deque()
+        self._held: deque[Task] = deque()
+        self._alone = False
+
+    @property
+    def workers(self) -> int:
+        """Number of processes that are started, or, of a cluster of others, that are there now."""
+        return self._workers or max(1, len(self._client.nthreads()))
+
+    def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
+        """Send a task to the scheduler, or keep it while a suspect runs."""
+        task = number, function, arguments
+        if self._alone:
+            self._held.append(task)
+        else:
+            self._start(task)
+
+    def finished(self) -> list[Finished]:
+        """Wait for a task to finish; raises `SweepIncomplete` if the scheduler is gone."""
+        outcomes: list[Finished] = []
+        while not outcomes and (self._running or self._suspects or self._held):
+            if not self._running:
+                self._start_waiting()
+            # wakes up ten times a second, and so for an interrupt
+            for future in self._completed.next_batch():
+                outcomes += self._outcome(future, self._running.pop(future))
+        return outcomes
+
+    def _start(self, task: Task) -> None:
+        future = self._client.submit(run_task, *task[1:], pure=False)
+        self._running[future] = task
+        self._completed.add(future)
+
+    def _start_waiting(self) -> None:
+        """Start one suspect, or else all tasks that were held back meanwhile."""
+        self._alone = bool(self._suspects)
+        if self._alone:
+            self._start(self._suspects.popleft())
+        while self._held and not self._alone:
+            self._start(self._held.popleft())
+
+    def _outcome(self, future: Future, task: Task) -> list[Finished]:
+        """Outcome of a task, or none where it is to be run again."""
+        if future.cancelled():
+            raise SweepIncomplete("the scheduler of the cluster is gone, with the tasks it had")
+        try:
+            return [Finished(task[0], future.result(), None)]
+        except KilledWorker:
+            if self._alone:
+                message = "the worker process died whenever it ran this task (out of memory?)"
+                return [Finished(task[0], None, RuntimeError(message))]
+            self._suspects.append(task)
+            return []
+        except Exception as error:
+            return [Finished(task[0], None, error)]
+
+
+@contextmanager
+def local(
+    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
+) -> Iterator[DaskExecutor]:
+    """Start worker processes on this machine, which end with this process however it ends."""
+    count = _number(choice.workers or CPU_COUNT, tasks)
+    say(f"starting {count} worker process{'es' if count > 1 else ''}")
+    security = Security.temporary()
+    # Workers share the terminal, where one that dies would log its last steps.
+    quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
+    with ExitStack() as stack:
+        stack.enter_context(_started_with(SETTINGS, ENVIRONMENT | quiet))
+        with _interrupts_held():
+            cluster = stack.enter_context(
+                LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    host="127.0.0.1",
+                    protocol="tls://",
+                    security=security,
+                    dashboard_address=None,
+                    scheduler_kwargs=SCHEDULER,
+                    silence_logs=logging.CRITICAL,
+                )
+            )
+        stack.enter_context(_workers_replaced(cluster, count, every=CHECKED))
+        yield DaskExecutor(stack.enter_context(Client(cluster)), count)
+
+
+@contextmanager
+def address(
+    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
+) -> Iterator[DaskExecutor]:
+    """Reach a running scheduler. Each of its worker processes runs one task at a time."""
+    url = str(choice.address)
+    if choice.ca_file is None and not _is_loopback(url):
+        say(f"the traffic with {url} is neither encrypted nor authenticated")
+    with ExitStack() as stack:
+        stack.enter_context(_started_with({"distributed.comm.timeouts.connect": f"{ANSWER}s"}, {}))
+        security = _security(choice)
+        try:
+            _check_scheduler(url, security)
+            client = stack.enter_context(Client(url, security=security, timeout=ANSWER))
+        except Exception as error:  # of any kind, since whatever listens may answer anything
+            raise ConfigurationError(
+                f"cluster.address is {url}, but no scheduler answers there "
+                f"({str(error) or type(error).__name__})"
+            ) from error
+        say(f"waiting for a worker of {url}")
+        try:
+            client.wait_for_workers(1, timeout=ARRIVAL)
+        except TimeoutError as error:
+            raise ConfigurationError(
+                f"cluster.address is {url}, but its scheduler has no workers"
+            ) from error
+        yield DaskExecutor(client, None)
+
+
+@contextmanager
+def slurm(
+    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
+) -> Iterator[DaskExecutor]:
+    """Submit jobs, and cancel them at the end.
+
+    Until then the certificate of the run is in a folder, which only its owner may open, of the
+    current directory, which the jobs must see.
+    """
+    jobs = _number(choice.workers or 1, tasks)
+    say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
+    settings = SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST}s"}
+    with ExitStack() as stack:
+        stack.enter_context(_started_with(settings, ENVIRONMENT))
+        with _interrupts_held():
+            folder = stack.enter_context(TemporaryDirectory(prefix=".sweep-", dir=os.getcwd()))
+            cluster = stack.enter_context(_slurm_cluster(choice, _certificate(Path(folder))))
+        _submit(cluster, jobs)
+        stack.enter_context(_workers_replaced(cluster, jobs, every=JOBS_CHECKED))
+        yield DaskExecutor(stack.enter_context(Client(cluster)), jobs)
+
+
+def _number(workers: int, tasks: int | None) -> int:
+    """Number of workers to start: no more than tasks, but one."""
+    return workers if tasks is None else max(1, min(workers, tasks))
+
+
+def _check_scheduler(url: str, security: Security) -> None:
+    """Raise an exception if what listens at an address does not soon answer as a scheduler.
+
+    A client of dask waits for the first answer without limit.
+    """
+
+    async def ask() -> str:
+        async with rpc(url, connection_args=security.get_connection_args("client")) as peer:
+            return (await asyncio.wait_for(peer.identity(), ANSWER))["type"]
+
+    # in a thread of its own, since that of a notebook has a running event loop
+    kind = _thread.submit(asyncio.run, ask()).result()
+    if not kind.endswith("Scheduler"):
+        raise ValueError(f"{url} is a {kind}")
+
+
+def _is_loopback(url: str) -> bool:
+    host = urlsplit(url).hostname or ""
+    return host in {"localhost", "::1"} or host.startswith("127.")
+
+
+def _security(choice: ClusterChoice) -> Security:
+    """Certificates of the client, or none for an address that is not encrypted."""
+    if choice.ca_file is None:
+        return Security()
+    security = Security(
+        tls_ca_file=choice.ca_file,
+        tls_client_cert=choice.cert,
+        tls_client_key=choice.key,
+        require_encryption=True,
+    )
+    try:
+        security.get_connection_args("client")
+    except OSError as error:
+        raise ConfigurationError(
+            f"cluster.ca_file, cluster.cert and cluster.private_key are {choice.ca_file}, "
+            f"{choice.cert} and {choice.key}, but must be PEM files of which the key belongs to "
+            "the certificate"
+        ) from error
+    return security
+
+
+def _certificate(folder: Path) -> Security:
+    """Certificate and key that scheduler and jobs share, written into a folder."""
+    made = Security.temporary()
+    certificate, key = folder / "certificate.pem", folder / "key.pem"
+    certificate.write_text(made.tls_ca_file)
+    key.write_text(made.tls_client_key)
+    roles = ("client", "scheduler", "worker")
+    files = {f"tls_{role}_cert": str(certificate) for role in roles}
+    files |= {f"tls_{role}_key": str(key) for role in roles}
+    return Security(require_encryption=True, tls_ca_file=str(certificate), **files)
+
+
+def _slurm_cluster(choice: ClusterChoice, security: Security) -> Any:
+    """Cluster without jobs."""
+    try:
+        from dask_jobqueue import SLURMCluster
+    except ImportError as error:
+        raise ConfigurationError(
+            "cluster.kind is slurm, but dask-jobqueue is not installed: pip install dask-jobqueue"
+        ) from error
+    if shutil.which("sbatch") is None:
+        raise ConfigurationError("cluster.kind is slurm, but this machine has no sbatch command")
+    return SLURMCluster(
+        queue=choice.queue,
+        account=choice.account,
+        walltime=choice.walltime,
+        cores=1,
+        processes=1,
+        memory=choice.memory,
+        interface=choice.interface,
+        protocol="tls://",
+        security=security,
+        scheduler_options=SCHEDULER,
+        job_script_prologue=[f"export {name}={value}" for name, value in ENVIRONMENT.items()],
+        worker_extra_args=["--no-dashboard", "--dashboard-address", SCHEDULER["dashboard_address"]],
+        silence_logs=logging.CRITICAL,
+    )
+
+
+def _submit(cluster: Any, jobs: int) -> None:
+    """Submit the first jobs; raise ConfigurationError with Slurm's own words if it refuses."""
+    for _ in range(jobs):
+        cluster.worker_spec.update(cluster.new_worker_spec())
+
+    async def submitted() -> None:
+        await cluster  # unlike `scale`, which only logs that a job was refused
+
+    try:
+        cluster.sync(submitted)
+    except RuntimeError as error:
+        for job in cluster.workers.values():
+            if job.job_id is None:  # or else the cluster will not close
+                job.status = Status.failed
+        told = str(error).partition("stderr:\n")[2].strip() or str(error)
+        raise ConfigurationError(
+            f"cluster.kind is slurm, but sbatch refuses the job: {told}"
+        ) from error
+
+
+@contextmanager
+def _workers_replaced(cluster: Any, count: int, *, every: float) -> Iterator[None]:
+    """Start workers in the place of those that are gone, looking again after some seconds.
+
+    Dask restarts a worker process that dies, but gives up if it dies while it starts, as by a task
+    that it is given at once. It submits no job in the place of one that ended.
+    """
+
+    def restore() -> None:
+        for name, worker in list(cluster.workers.items()):
+            if worker.status in {Status.closed, Status.failed}:
+                del cluster.workers[name]
+        cluster.scale(count)  # starts those that are missing
+
+    callback = PeriodicCallback(restore, 1000 * every)
+
+    async def call(function: Callable[[], None]) -> None:
+        function()
+
+    cluster.sync(call, callback.start)  # in the loop of the cluster
+    try:
+        yield
+    finally:
+        cluster.sync(call, callback.stop)
+
+
+@contextmanager
+def _started_with(settings: Mapping[str, Any], variables: Mapping[str, str]) -> Iterator[None]:
+    """Configure dask for a while, and the environment its workers start with; hold its logs."""
+    # Failures come back with their tasks; the rest of dask's talk is of no use here.
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [logger.level for logger in loggers]
+    # A variable of this process overrides the one that dask is configured to start workers with,
+    # and dask sets those variables, and the seed of hashes, in this process.
+    settings = {**settings, "distributed.nanny.pre-spawn-environ": dict(variables)}
+    with environment(variables, "PYTHONHASHSEED"), dask.config.set(settings):
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Keep Ctrl-C, which a terminal sends to all processes, from those that are started meanwhile.
+
+    This process hears it, at the end of this context at the earliest, and ends its workers in
+    order; they would add their tracebacks.
+    """
+    # Processes inherit the signals that the thread which starts them blocks, and threads those of
+    # their starter: so also a worker that is restarted later. Python 3.11 unblocks the signal where
+    # it first starts its resource tracker, so that must be there already.
+    resource_tracker.ensure_running()
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    arrived = []
+    # Other threads of this process may take the signal; its effect is left to the main one.
+    if in_main_thread:
+        before = signal.signal(signal.SIGINT, lambda *_: arrived.append(True))
+    try:
+        yield
+    finally:
+        if in_main_thread:
+            signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        if arrived:
+            signal.raise_signal(signal.SIGINT)

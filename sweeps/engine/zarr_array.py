@@ -1,0 +1,214 @@
+"""Arrays of a store as zarr 3 has them: their metadata, and their chunks as bytes.
+
+The metadata are plain dictionaries and the chunks are encoded here, because a store has hundreds
+of small arrays: for each, zarr takes 3 ms, and this 0.1 ms.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numcodecs.vlen import VLenUTF8
+from numcodecs.zstd import Zstd
+from numpy.typing import NDArray
+
+METADATA = "zarr.json"
+CHUNK_BYTES = 2**20
+LEVEL = 1  # level 3 packs profiles and maps no tighter and takes three times as long
+
+Region = tuple[slice, ...]
+
+_ZSTD = Zstd(level=LEVEL, checksum=True)
+_STRINGS = VLenUTF8()
+_STRING = np.dtype(object)
+
+
+@dataclass(frozen=True, eq=False)
+class Array:
+    """A variable or coordinate to be written.
+
+    Attributes
+    ----------
+    dims, shape
+        Dimensions and their lengths.
+    dtype : dtype
+        Integers, floats, bool (stored as int8) or strings of any numpy kind.
+    fill : float, int, str or None
+        Value of what is not written; None is NaN, 0 or the empty string.
+    attrs : mapping
+        Attributes; integers that count steps have `scale_factor` here.
+    chunks : tuple of int
+        Shape of a chunk; every chunk is a file.
+    read : callable or ndarray
+        All values, or a function of one chunk's region (a slice with start and stop for each
+        dimension) that returns the values there. It is called from several threads.
+    """
+
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    fill: float | int | str | None
+    attrs: Mapping[str, Any]
+    chunks: tuple[int, ...]
+    read: Callable[[Region], NDArray[Any]] | NDArray[Any]
+
+    @classmethod
+    def of(
+        cls,
+        dims: tuple[str, ...],
+        values: Any,
+        attrs: Mapping[str, Any] | None = None,
+        fill: float | int | str | None = None,
+    ) -> Array:
+        """Array of values in memory, in chunks of a suggested shape."""
+        array = np.asarray(values)
+        chunks = suggest_chunks(array.shape, max(array.itemsize, 1))
+        return cls(tuple(dims), array.shape, array.dtype, fill, attrs or {}, chunks, array)
+
+    @property
+    def stored(self) -> np.dtype[Any]:
+        """Dtype of what is stored: little-endian, object for strings.
+
+        Raises
+        ------
+        TypeError
+            If values of this dtype cannot be stored.
+        """
+        dtype = np.dtype(self.dtype)
+        if dtype.kind in "OTU":
+            return _STRING  # fixed-width strings are no part of the zarr 3 format
+        if dtype.kind == "b":
+            return np.dtype(np.int8)
+        if dtype.kind in "iuf" and dtype.itemsize <= 8:
+            return dtype.newbyteorder("<")
+        raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and strings can")
+
+    @property
+    def empty(self) -> Any:
+        """Value of what is not written, as it is stored."""
+        if self.stored == _STRING:
+            return self.fill or ""
+        default = math.nan if self.stored.kind == "f" else 0
+        return self.stored.type(default if self.fill is None else self.fill)
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Variables of one group, the coordinates of their axes, and attributes."""
+
+    arrays: Mapping[str, Array]
+    coordinates: Mapping[str, Array] = field(default_factory=dict)
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Attributes, by which xarray also finds coordinates that are no dimensions."""
+        others = [name for name, array in self.coordinates.items() if array.dims != (name,)]
+        return {**self.attrs, **({"coordinates": " ".join(sorted(others))} if others else {})}
+
+
+def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
+    """Shape of chunks of at most `CHUNK_BYTES`, but never cut along some of the last axes.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of the array.
+    itemsize : int
+        Size of an element [byte].
+    whole : int
+        Number of last axes that are never cut.
+
+    Returns
+    -------
+    tuple of int
+        The last axes whole, one axis before them in nearly equal parts, and 1 along the others.
+    """
+    chunks: list[int] = []
+    room = max(CHUNK_BYTES // itemsize, 1)  # elements that a chunk may still grow by
+    for axis, size in enumerate(reversed(shape)):
+        full = max(size, 1)
+        cut = axis >= whole and size > room
+        chunks.append(math.ceil(size / math.ceil(size / room)) if cut else full)
+        # After an axis is cut, those before it have chunks of 1.
+        room = 1 if chunks[-1] < full else max(room // full, 1)
+    return tuple(reversed(chunks))
+
+
+def regions(array: Array) -> Iterator[tuple[str, Region]]:
+    """Name of the file of every chunk of an array, and the region of the array that it covers."""
+    sizes = list(zip(array.shape, array.chunks, strict=True))
+    for place in itertools.product(*(range(math.ceil(n / chunk)) for n, chunk in sizes)):
+        region = tuple(
+            slice(i * chunk, min((i + 1) * chunk, n))
+            for i, (n, chunk) in zip(place, sizes, strict=True)
+        )
+        yield "/".join(("c", *map(str, place))), region
+
+
+def metadata(array: Array) -> dict[str, Any]:
+    """Metadata of an array as zarr 3 has them."""
+    stored, fill = array.stored, array.empty
+    serializer: dict[str, Any] = {"name": "bytes"}
+    if stored == _STRING:
+        serializer = {"name": "vlen-utf8", "configuration": {}}
+    elif stored.itemsize > 1:
+        serializer["configuration"] = {"endian": "little"}
+    if stored.kind == "f":
+        words = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
+        fill = words.get(str(float(fill)), float(fill))
+    # xarray reads integers back as this type.
+    own = {"dtype": "bool"} if np.dtype(array.dtype).kind == "b" else {}
+    return {
+        "shape": list(array.shape),
+        "data_type": "string" if stored == _STRING else stored.name,
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": list(array.chunks)}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+        "fill_value": fill if stored.kind in "fO" else int(fill),
+        "codecs": [
+            serializer,
+            {"name": "zstd", "configuration": {"level": LEVEL, "checksum": True}},
+        ],
+        "attributes": {**array.attrs, **own},
+        **({"dimension_names": list(array.dims)} if array.dims else {}),
+        "zarr_format": 3,
+        "node_type": "array",
+        "storage_transformers": [],
+    }
+
+
+def encode(array: Array, region: Region) -> bytes | None:
+    """Bytes of the chunk that covers a region; None if it holds nothing but the fill value.
+
+    Raises
+    ------
+    ValueError
+        If the values there have another shape.
+    """
+    read = array.read[region] if isinstance(array.read, np.ndarray) else array.read(region)
+    values = np.asarray(read).astype(array.stored, copy=False)
+    shape = tuple(part.stop - part.start for part in region)
+    if values.shape != shape:
+        raise ValueError(f"values of {region} have shape {values.shape}, but must have {shape}")
+    if _is_empty(values, array.empty):
+        return None
+    if shape != array.chunks:  # at the end of an axis chunks are as large as elsewhere
+        padded = np.full(array.chunks, array.empty, array.stored)
+        padded[tuple(map(slice, shape))] = values
+        values = padded
+    if array.stored == _STRING:
+        return bytes(_ZSTD.encode(_STRINGS.encode(values.ravel())))
+    return bytes(_ZSTD.encode(np.ascontiguousarray(values)))
+
+
+def _is_empty(values: NDArray[Any], fill: Any) -> bool:
+    """Whether all values are the fill value: bit by bit, where NaN is NaN and -0.0 is not 0.0."""
+    if values.dtype == _STRING:
+        return bool(np.all(values == fill))
+    bits = np.dtype(f"u{values.itemsize}")
+    return bool((np.ascontiguousarray(values).view(bits) == np.asarray(fill).view(bits)).all())

@@ -1,0 +1,1 @@
+"""What this experiment declares: a module a sensor, a module a classifier, with their tables."""

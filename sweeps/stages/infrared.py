@@ -1,0 +1,255 @@
+"""The passive-infrared imager: its settings, and ships before its detector."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti import infrared as library
+from ncti.features import SEGMENTATION_METHODS
+from ncti.features.log_polar import INTERPOLATIONS
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.run_settings import Run
+from sweeps.engine.settings import Choices, Settings, count, draws, number, word
+from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
+from sweeps.stages.infrared_look import (
+    Bits,
+    Look,
+    Patches,
+    footprint_at,
+    pack_hits,
+)
+from sweeps.stages.views import (
+    INFRARED,
+    MOST_FRAMES,
+    Grid,
+    Scene,
+    check_range,
+    depression,
+    hull,
+    image_stage,
+    looks,
+    read_mesh,
+)
+
+# Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
+# 0.5 / sqrt(10,000), is still no less than the 1e-6 K that matched segmentation can tell from 0.
+LEAST_NEDT = 1e-3
+
+# Patches of ship are counted, so a pixel that the ship fills may come out a patch or so short of
+# 1, by chance: a rule above this share would drop such pixels at random.
+MOST_COVERAGE = 0.95
+
+SHAPES = "it shapes arrays"
+
+SENSOR = INFRARED
+
+
+class Infrared(Settings, key="infrared"):
+    """The passive-infrared imager: its array, the air, the scene, and what is made of an image."""
+
+    ifov = number(150, 1, 100e3, unit="urad", label="field of view of a pixel")
+    contrast_at_zero = number(
+        library.CONTRAST_AT_ZERO,
+        0,
+        1000,
+        unit="K",
+        label="ship above sea, before the air takes its part",
+    )
+    extinction = number(0.181, 0, 10, unit="dB km-1", label="extinction in the air, one way")
+    nedt = number(library.NEDT, LEAST_NEDT, 1000, unit="K", label="noise of one frame")
+    target_spread = number(
+        library.SPREAD,
+        0,
+        1000,
+        unit="K",
+        label="spread of the ship's own temperatures",
+        help="of a pixel of the detector, which averaging leaves (half pixels of shifted scenes "
+        "have twice as much, which the detector averages out); of perfect of a half pixel, as the "
+        "source assumes",
+    )
+    sea_spread = number(
+        library.SPREAD,
+        0,
+        1000,
+        unit="K",
+        label="spread of the sea's own temperatures",
+        help="as target_spread",
+    )
+    false_alarm = number(
+        1e-6, 1e-12, 0.5, label="false-alarm probability of one pixel of sea, for the detector"
+    )
+    window_length = number(
+        200, 1, 5000, unit="m", label="the longest ship that images hold", fixed=SHAPES
+    )
+    window_height = number(
+        50, 1, 500, unit="m", label="the highest ship that images hold", fixed=SHAPES
+    )
+    range = number(None, 1, 1000, unit="km", label="slant range", fallback=Grid.range, shown=True)
+    frame_count = count(
+        None,
+        1,
+        MOST_FRAMES,
+        label="infrared frames averaged",
+        fallback=Grid.frame_count,
+        shown=True,
+    )
+    super_resolution = word(
+        list(library.SUPER_RESOLUTIONS),
+        library.SUPER_RESOLUTIONS,
+        label="how an image gets finer than the detector",
+        help="perfect: half pixels with the noise of whole ones, the source's assumption; shifted: "
+        "recombined from frame_count frames at each of four places of the detector, so "
+        "4 x frame_count in all",
+        shown=True,
+    )
+    coverage_rule = number(
+        0.25,
+        0.01,
+        MOST_COVERAGE,
+        label="share of a pixel that a ship fills to show",
+        help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
+        "at 25 km",
+        noted=True,
+    )
+    segmentation = word(
+        "matched",
+        SEGMENTATION_METHODS,
+        label="how a silhouette is cut out of an image",
+        help="takes pixels as independent; neighbours in a shifted image share noise",
+        noted=True,
+    )
+    inner_radius = number(
+        0.5, 0.01, 2, label="inner radius of the map, in sqrt(area / pi)", noted=True
+    )
+    interpolation = word(
+        "nearest",
+        INTERPOLATIONS,
+        label="how the map samples a silhouette",
+        help="nearest: the plain map, as the source's; bilinear is the more invariant one and "
+        "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
+        noted=True,
+    )
+    training_range = number(
+        25,
+        1,
+        1000,
+        unit="km",
+        label="slant range of the noiseless silhouettes that are learned",
+    )
+    vigilance = number(
+        None, 0, 1, label="vigilance in training", fallback=Grid.vigilance, shown=True
+    )
+    phases = draws(
+        4,
+        label="number of the ship's place on the detector's pixels",
+        dimension="phase",
+        shown=True,
+    )
+    orders = draws(
+        4,
+        label="number of the order of presentation, 0 as in the grid",
+        dimension="order",
+        shown=True,
+    )
+
+
+looks_infrared = looks(INFRARED)
+
+infrared_depression = plain(uses=(Infrared, Scene), name="infrared_depression")(depression.function)
+training_depression = plain(
+    uses=(Scene,), reads={"range": Infrared.training_range}, name="training_depression"
+)(depression.function)
+infrared_image = image_stage("infrared_image", depression="infrared_depression")
+training_image = image_stage("training_image", depression="training_depression")
+
+
+_HITS = (
+    Output("bits", ("byte",), "u1"),
+    Output("columns", dtype="i8"),
+    Output("lattice", ("part",), "f8"),
+)
+hits = stage(*_HITS, reads={"image": "infrared_image"}, name="hits")(pack_hits)
+training_hits = stage(*_HITS, reads={"image": "training_image"}, name="training_hits")(pack_hits)
+
+
+@in_memory(uses=(Infrared, Grid, Run))
+def look(
+    hits: Bits,
+    ship: str,
+    aspect: float,
+    range: float,
+    ifov: float,
+    coverage_rule: float,
+    contrast_at_zero: float,
+    extinction: float,
+    nedt: float,
+    target_spread: float,
+    sea_spread: float,
+    seed: int,
+) -> Look:
+    """Return a ship before the detector."""
+    contrast = library.contrast(
+        range * 1e3, contrast_at_zero=contrast_at_zero, extinction=extinction * 1e-3
+    )
+    return Look(
+        Patches.of(hits),
+        footprint_at(range, ifov),
+        coverage_rule,
+        contrast,
+        nedt,
+        target_spread,
+        sea_spread,
+        seed,
+        {"ship": str(ship), "aspect": aspect, "range": range},
+    )
+
+
+def check(choices: Choices) -> Choices:
+    """Refuse ranges and ships that the imager does not see as it should.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first key that is wrong.
+    """
+    if not looks_infrared(choices):
+        return choices
+    same = choices[Infrared.range] == choices[Grid.range]
+    named = Grid.range if same else Infrared.range
+    for setting, values in (
+        (named, choices[Infrared.range]),
+        (Infrared.training_range, choices[Infrared.training_range]),
+    ):
+        for slant_range in values:
+            narrowest = min(choices[Infrared.ifov]) / 2
+            check_range(
+                choices, setting.key, slant_range, narrowest=narrowest, beam="half infrared.ifov"
+            )
+    for ship in choices[Grid.ship]:
+        _check_window(ship, read_mesh(hull.function(ship)).vertices, choices)
+    return choices
+
+
+def _check_window(label: str, vertices: NDArray[np.float64], choices: Choices) -> None:
+    """Refuse a ship that images do not hold."""
+    longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
+    for setting, needed in (
+        (Infrared.window_length, longest),
+        (Infrared.window_height, float(vertices[:, 2].max())),
+    ):
+        allowed = choices.one(setting)
+        if needed > allowed:
+            raise ConfigurationError(
+                f"{setting.key} is {allowed:g} m, but must be at least {math.ceil(needed)} m to "
+                f"hold {label}"
+            )
+
+
+SETTINGS: tuple[type[Settings], ...] = (Infrared,)
+STAGES: tuple[Stage, ...] = (
+    *(infrared_depression, training_depression, infrared_image, training_image),
+    *(hits, training_hits, look),
+)

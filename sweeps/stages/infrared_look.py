@@ -1,0 +1,252 @@
+"""A ship before an infrared detector: its places on the pixels, and images made when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.infrared import Silhouette, coverage_of, pixel_sigma, shifted_images, thermal_images
+from ncti.render import Lattice, RangeImage
+from sweeps.engine.seeds import cell_rng
+
+MARGIN = 4  # pixels of sea around a ship
+
+Place = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
+Bits = dict[str, NDArray[Any]]
+Images = NDArray[np.float64]
+
+HALVES = {"none": 2, "perfect": 1, "shifted": 1}
+"""By way of super-resolution: how many half pixels of the detector a pixel is wide."""
+
+SYNTHESES: dict[str, Callable[..., Images]] = {
+    "none": thermal_images,
+    "perfect": thermal_images,
+    "shifted": shifted_images,
+}
+"""By way of super-resolution: what makes images of a ship on their pixels."""
+
+
+def pack_hits(image: RangeImage) -> Bits:
+    """Return where a range image shows the ship.
+
+    Returns
+    -------
+    dict of str to ndarray
+        bits : (byte,) uint8, a bit a pixel; columns : (), of the image; lattice : (4,) float64,
+        pixel, origin and roll.
+    """
+    return {
+        "bits": np.packbits(image.hit),
+        "columns": np.array(image.hit.shape[1]),
+        "lattice": np.array([image.pixel, *image.origin, image.roll]),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Small patches of ship, as they lie across the line of sight.
+
+    Attributes
+    ----------
+    horizontal, vertical : (point,) float64 ndarray
+        Cross-range of their centres from the ship origin [m].
+    area : float
+        Area of one patch [m^2].
+    """
+
+    horizontal: NDArray[np.float64]
+    vertical: NDArray[np.float64]
+    area: float
+
+    @classmethod
+    def of(cls, hits: Bits) -> Patches:
+        """Patches of a stage `hits`."""
+        pixel, left, bottom, roll = hits["lattice"].tolist()
+        # Of the flat image: np.nonzero of two axes takes several times as long.
+        rows, cols = np.divmod(np.flatnonzero(np.unpackbits(hits["bits"])), int(hits["columns"]))
+        return cls(*Lattice(pixel, (left, bottom), roll).cross_range_at(rows, cols), pixel**2)
+
+    @cached_property
+    def extent(self) -> tuple[float, float, float, float]:
+        """The bounding box, for windows of one shape at all places on the detector."""
+        ends = (
+            *(self.horizontal.min(), self.horizontal.max()),
+            *(self.vertical.min(), self.vertical.max()),
+        )
+        return tuple(float(end) for end in ends)  # type: ignore[return-value]
+
+    def covering(self, footprint: float, place: Place, *, subdivision: int) -> Silhouette:
+        """Coverage of a detector's pixels with this footprint [m], or of parts of them."""
+        return coverage_of(
+            self.horizontal,
+            self.vertical,
+            area=self.area,
+            footprint=footprint,
+            phase=place,
+            margin=MARGIN,
+            extent=self.extent,
+            subdivision=subdivision,
+        )
+
+
+def footprint_at(slant_range: float, ifov: float) -> float:
+    """Return the side of a pixel on the target [m] at a slant range [km], of an IFOV [urad]."""
+    return ifov * 1e-6 * slant_range * 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A ship at one aspect and range before one detector, imaged when it is asked for.
+
+    Only the ship and a margin of sea around it are ever synthesised: what lies further off
+    changes nothing on the ship.
+
+    Attributes
+    ----------
+    patches : Patches
+        The ship.
+    footprint : float
+        Side of a pixel on the target [m].
+    coverage_rule : float
+        Share of a pixel that the ship fills to show.
+    contrast : float
+        Ship above sea, after the air [K].
+    nedt, target_spread, sea_spread : float
+        Noise of one frame, and own spread of ship and sea [K].
+    seed : int
+        Of all noise.
+    name : dict
+        Ship, aspect and range, which name the noise.
+    """
+
+    patches: Patches
+    footprint: float
+    coverage_rule: float
+    contrast: float
+    nedt: float
+    target_spread: float
+    sea_spread: float
+    seed: int
+    name: dict[str, Any]
+    _covered: dict[int, Silhouette] = field(default_factory=dict)
+    _drawn: dict[tuple[str, tuple[int, ...]], _Images] = field(default_factory=dict)
+
+    def place(self, phase: int) -> Place:
+        """Where in a pixel the ship origin lies, of a number of its place on the detector."""
+        # One stream for all places, one after the other.
+        rng = cell_rng(self.seed, stage="infrared_place", **self.name)
+        across, up = rng.random((phase + 1, 2))[phase].tolist()
+        return across, up
+
+    def covered(self, phase: int) -> Silhouette:
+        """Coverage of half pixels by the ship at one of its places on the detector."""
+        if phase not in self._covered:
+            place = self.place(phase)
+            self._covered[phase] = self.patches.covering(self.footprint, place, subdivision=2)
+        return self._covered[phase]
+
+    def shown(self, phase: int, halves: int) -> NDArray[np.bool_]:
+        """(row, col): pixels of 1 or 2 half pixels' width that show the ship."""
+        covered = self.covered(phase).coverage
+        rows, cols = (size // halves for size in covered.shape)
+        pixels = covered.reshape(rows, halves, cols, halves).mean(axis=(1, 3))
+        shown: NDArray[np.bool_] = pixels >= self.coverage_rule
+        return shown
+
+    def images(self, way: str, phases: tuple[int, ...], frame_counts: tuple[int, ...]) -> Images:
+        """(phase, frame_count, row, col): images made finer by one way of super-resolution [K]."""
+        key = (way, frame_counts)
+        if key not in self._drawn:
+            rng = cell_rng(self.seed, stage="infrared", super_resolution=way, **self.name)
+            self._drawn[key] = _Images(self, way, frame_counts, rng)
+        return np.array([self._drawn[key].of(phase) for phase in phases])
+
+    def sigmas(self, way: str, frame_counts: tuple[int, ...]) -> dict[str, NDArray[np.float64]]:
+        """target_sigma, sea_sigma : (frame_count,) deviations of a pixel of such an image [K]."""
+        return {
+            f"{name}_sigma": np.asarray(
+                pixel_sigma(
+                    spread,
+                    frame_count=np.array(frame_counts),
+                    nedt=self.nedt,
+                    super_resolution=way,
+                )
+            )
+            for name, spread in (("target", self.target_spread), ("sea", self.sea_spread))
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class _Images:
+    """Images of one way of super-resolution, of all places drawn from one stream in turn."""
+
+    look: Look
+    way: str
+    frame_counts: tuple[int, ...]
+    rng: np.random.Generator
+    drawn: list[Images] = field(default_factory=list)
+
+    def of(self, phase: int) -> Images:
+        """(frame_count, row, col): those of a place, and before them those of earlier ones."""
+        look = self.look
+        draw, halves = SYNTHESES[self.way], HALVES[self.way]
+        while len(self.drawn) <= phase:
+            place = len(self.drawn)
+            self.drawn.append(
+                draw(
+                    look.shown(place, halves),
+                    contrast=look.contrast,
+                    frame_counts=self.frame_counts,
+                    rng=self.rng,
+                    nedt=look.nedt,
+                    target_spread=look.target_spread,
+                    sea_spread=look.sea_spread,
+                )
+            )
+        return self.drawn[phase]
+
+
+def whole_window(
+    slant_range: float,
+    depression: float,
+    *,
+    ifov: float,
+    length: float,
+    height: float,
+    place: Place = (0.0, 0.0),
+) -> Silhouette:
+    """Return half pixels of a window for the largest ship, all of them sea.
+
+    Parameters
+    ----------
+    slant_range : float
+        Slant range [km].
+    depression : float
+        Depression of the line of sight [deg].
+    ifov : float
+        Field of view of a pixel [urad].
+    length, height : float
+        Of the largest ship [m].
+    place : (float, float)
+        Where in a pixel the ship origin lies [pixel].
+    """
+    half, down = length / 2, np.radians(depression)
+    nowhere = np.zeros(0)
+    return coverage_of(
+        nowhere,
+        nowhere,
+        area=1.0,
+        footprint=footprint_at(slant_range, ifov),
+        phase=place,
+        margin=MARGIN,
+        extent=(
+            *(-half, half),
+            *(-half * np.sin(down), half * np.sin(down) + height * np.cos(down)),
+        ),
+        subdivision=2,
+    )

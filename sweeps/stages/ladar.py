@@ -1,0 +1,394 @@
+"""The laser radar: range extents, expected and averaged range profiles, and their covariance."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.features.profile import EDGE
+from ncti.ladar import (
+    RECEIVERS,
+    RangeExtent,
+    banded_frame_moments,
+    carrier_to_noise,
+    cumulative_average,
+    expected_profile,
+    range_extent,
+    sample_frames,
+    shortest_pulse,
+)
+from ncti.ladar.pulse import SPEED_OF_LIGHT
+from ncti.render import RangeImage
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.settings import Choices, Settings, count, number, word
+from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
+from sweeps.stages.classifier import Classifier
+from sweeps.stages.views import (
+    INFRARED,
+    RANGE,
+    Grid,
+    Sweep,
+    check_range,
+    hull,
+    looks,
+    read_mesh,
+)
+
+Arrays = dict[str, NDArray[Any]]
+
+PROFILES = "range_profile"
+STATUS = "status:view"
+MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
+# Classifiers for which covariances are stored, and the sensors that each needs.
+WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
+FULL = "full_profile"
+SHAPES = "it shapes arrays"
+
+
+class Ladar(Settings, key="ladar"):
+    """The laser radar: its beam, its receiver, its noise."""
+
+    ifov = number(150, 1, 100e3, unit="urad", label="instantaneous field of view")
+    bin_width = number(1, 0.05, 50, unit="m", label="range bin", fixed=SHAPES)
+    window = number(250, 20, 5000, unit="m", label="range window centred on the ship", fixed=SHAPES)
+    spread = number(
+        0.5,
+        0,
+        1,
+        label="share of a pixel's range extent that its area is spread over",
+        help="0: point sampling",
+    )
+    reflectance = word(
+        "projected_area",
+        ("projected_area", "lambertian"),
+        label="what a return is in proportion to",
+    )
+    cnr = number(
+        32,
+        -100,
+        100,
+        unit="dB",
+        label="carrier-to-noise ratio of a filled IFOV at cnr_range",
+    )
+    cnr_range = number(100, 1, 1000, unit="km", label="range at which cnr is stated")
+    extinction = number(
+        0,
+        0,
+        10,
+        unit="dB km-1",
+        label="extinction of the air at 10.6 um, one way",
+        help="the source's 32 dB at 100 km contains its own",
+    )
+    target_free_ifovs = count(
+        4000, 0, 10**7, label="target-free IFOVs accumulated a frame", noted=True
+    )
+    receiver = word(
+        FULL, RECEIVERS, label="what the receiver keeps of a returned waveform", noted=True
+    )
+    false_alarm = number(
+        1e-6,
+        1e-12,
+        0.5,
+        label="probability of a false first pulse in one bin",
+    )
+
+
+@plain(uses=(Grid, Ladar))
+def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) -> float:
+    """Return the carrier-to-noise power ratio of a filled IFOV at a range [km]."""
+    return carrier_to_noise(
+        range * 1e3,
+        reference=10 ** (cnr / 10),
+        reference_range=cnr_range * 1e3,
+        extinction=extinction * 1e-3,
+    )
+
+
+def bin_centres(window: float, bin_width: float) -> NDArray[np.float64]:
+    """Return the (bin,) down-range places [m] of a range window [m]."""
+    bins = round(window / bin_width)
+    return bin_width * (np.arange(bins, dtype=np.float64) - (bins - 1) / 2)
+
+
+@stage(
+    Output(
+        "fraction", ("ifov", "down_range"), "f8", label="share of each IFOV that the ship fills"
+    ),
+    Output("down_range", ("down_range",), "f8", label="centres of the bins", unit="m"),
+    Output("cell", ("ifov", "side"), "i8", label="column and row of each IFOV"),
+    uses=(Grid, Ladar),
+    status=STATUS,
+)
+def extent(
+    image: RangeImage,
+    range: float,
+    ifov: float,
+    bin_width: float,
+    window: float,
+    spread: float,
+    reflectance: str,
+) -> Arrays:
+    """Return the fractions of the IFOVs that see the ship, bin by range bin."""
+    found = range_extent(
+        image,
+        slant_range=range * 1e3,
+        ifov=ifov * 1e-6,
+        bin_width=bin_width,
+        window=window,
+        spread=spread,
+        reflectance=reflectance,
+    )
+    return {"fraction": found.fraction, "down_range": found.down_range, "cell": found.cell}
+
+
+@in_memory(uses=(Grid, Ladar))
+def ifovs(extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeExtent:
+    """Return the range extent as the library has it."""
+    return RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
+
+
+@stage(
+    Output("expected", ("down_range",), label="expected range profile, noise floor included"),
+    uses=(Grid, Ladar),
+    group=PROFILES,
+    dims=("ship", "aspect", "pulse_width", "range", "target_free_ifovs"),
+    when=looks(RANGE),
+    status=STATUS,
+)
+def expected(
+    ifovs: RangeExtent,
+    pulse_width: float,
+    cnr_at_range: float,
+    target_free_ifovs: int,
+    receiver: str,
+    false_alarm: float,
+) -> NDArray[np.float32]:
+    """Return the expected range profile: what the receiver reports of each IFOV's waveform.
+
+    Equation C of the article for the full profile.
+    """
+    return expected_profile(
+        ifovs,
+        pulse_width=pulse_width * 1e-9,
+        cnr=cnr_at_range,
+        target_free_ifovs=target_free_ifovs,
+        receiver=receiver,
+        false_alarm=false_alarm,
+    ).astype(np.float32)
+
+
+@stage(
+    Output("averaged", ("down_range",), label="frame-averaged range profile, noise floor included"),
+    uses=(Grid, Ladar),
+    group=PROFILES,
+    dims=(
+        *("ship", "aspect", "pulse_width", "replicate", "frame_count", "range"),
+        "target_free_ifovs",
+    ),
+    when=looks(RANGE),
+    along=(Grid.frame_count,),
+    noise="range_profile",
+    # The first replicate is what a sweep without replicates draws.
+    stream=(
+        *(Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range),
+        *(Ladar.target_free_ifovs, Grid.replicate),
+    ),
+    optional=(Grid.replicate,),
+    status=STATUS,
+)
+def averaged(
+    ifovs: RangeExtent,
+    pulse_width: float,
+    frame_count: tuple[int, ...],
+    cnr_at_range: float,
+    target_free_ifovs: int,
+    receiver: str,
+    false_alarm: float,
+    rng: np.random.Generator,
+) -> NDArray[np.float32]:
+    """Return averages over the first frames of a run, for several lengths of the run."""
+    frames = sample_frames(
+        ifovs,
+        pulse_width=pulse_width * 1e-9,
+        cnr=cnr_at_range,
+        frame_count=max(frame_count),
+        rng=rng,
+        target_free_ifovs=target_free_ifovs,
+        receiver=receiver,
+        false_alarm=false_alarm,
+    )
+    return cumulative_average(frames, frame_count).astype(np.float32)
+
+
+def stores_moments(choices: Choices) -> bool:
+    """Whether range profiles have their covariance beside them."""
+    sensors = set(choices.one(Sweep.sensor))
+    return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in choices[Classifier.name])
+
+
+@stage(
+    Output(
+        "covariance",
+        ("lag", "down_range"),
+        pad=0,
+        label="covariance of one frame at this bin and the one a lag further",
+    ),
+    uses=(Grid, Ladar),
+    group=PROFILES,
+    dims=("ship", "aspect", "pulse_width", "range", "target_free_ifovs"),
+    when=stores_moments,
+    status=STATUS,
+)
+def covariance(
+    ifovs: RangeExtent, pulse_width: float, cnr_at_range: float, target_free_ifovs: int
+) -> NDArray[np.float32]:
+    """Return the covariance of one frame, as a lower band, of the full profile."""
+    _, band = banded_frame_moments(
+        ifovs,
+        pulse_width=pulse_width * 1e-9,
+        cnr=cnr_at_range,
+        target_free_ifovs=target_free_ifovs,
+    )
+    return band.astype(np.float32)
+
+
+@stage(
+    Output("down_range", ("down_range",), "f8", label="down-range from the ship origin", unit="m"),
+    uses=(Ladar,),
+    group=PROFILES,
+    when=looks(RANGE),
+    coordinates=True,
+)
+def profile_bins(window: float, bin_width: float) -> NDArray[np.float64]:
+    """Return the down-range bins of every profile."""
+    return bin_centres(window, bin_width)
+
+
+@stage(
+    Output("lag", ("lag",), "f8", label="lag of a covariance, down-range", unit="m"),
+    uses=(Grid, Ladar),
+    group=PROFILES,
+    when=stores_moments,
+    coordinates=True,
+    gather=(Grid.pulse_width, Grid.range, Ladar.cnr, Ladar.cnr_range, Ladar.extinction),
+)
+def lags(
+    pulse_width: tuple[float, ...],
+    range: tuple[float, ...],
+    cnr: tuple[float, ...],
+    cnr_range: tuple[float, ...],
+    extinction: tuple[float, ...],
+    window: float,
+    bin_width: float,
+) -> NDArray[np.float64]:
+    """Return the lags at which profiles are correlated, for the widest reach of the pulses.
+
+    They reach as far with no ship there, and the farther the larger the carrier-to-noise ratio is.
+    """
+    strongest = max(
+        cnr_at_range.function(where, ratio, at, loss)
+        for where in range
+        for ratio in cnr
+        for at in cnr_range
+        for loss in extinction
+    )
+    bands = [
+        banded_frame_moments(nowhere(window, bin_width), pulse_width=width * 1e-9, cnr=strongest)[1]
+        for width in pulse_width
+    ]
+    return bin_width * np.arange(max(map(len, bands)), dtype=np.float64)
+
+
+def nowhere(window: float, bin_width: float) -> RangeExtent:
+    """Return a range extent without a ship."""
+    bins = bin_centres(window, bin_width)
+    return RangeExtent(
+        fraction=np.zeros((0, bins.size)),
+        down_range=bins,
+        cell=np.zeros((0, 2), dtype=np.int64),
+        bin_width=bin_width,
+        ifov=1.0,
+        slant_range=1.0,
+    )
+
+
+def check(choices: Choices) -> Choices:
+    """Refuse (`ConfigurationError`) what makes no sense together of the laser radar."""
+    check_receivers(choices)
+    # Flights make profiles, too.
+    if set(choices.one(Sweep.sensor)) - {INFRARED}:
+        check_pulses(choices)
+        if FULL in choices[Ladar.receiver]:
+            check_window(choices)
+    if looks(RANGE)(choices):
+        narrowest = min(choices[Ladar.ifov])
+        for slant_range in choices[Grid.range]:
+            check_range(choices, "grid.range", slant_range, narrowest=narrowest, beam="ladar.ifov")
+    return choices
+
+
+def check_receivers(choices: Choices) -> None:
+    """Refuse too few bins, and more target-free IFOVs than a receiver can have drawn.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the key.
+    """
+    window, bin_width = choices.one(Ladar.window), choices.one(Ladar.bin_width)
+    if window < 10 * bin_width:
+        raise ConfigurationError(
+            f"ladar.window is {window:g} m, but must hold at least 10 bins of "
+            f"ladar.bin_width {bin_width:g} m"
+        )
+    most = max(choices[Ladar.target_free_ifovs])
+    for receiver in choices[Ladar.receiver]:
+        if receiver != FULL and most > MOST_DRAWN:
+            raise ConfigurationError(
+                f"ladar.target_free_ifovs has {most}, but must be at most {MOST_DRAWN} with "
+                f"the {receiver} receiver, which needs each of them drawn"
+            )
+
+
+def check_pulses(choices: Choices) -> None:
+    """Refuse (`ConfigurationError`) pulses that are shorter than range bins resolve."""
+    bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])
+    shortest = shortest_pulse(bin_width) * 1e9
+    if given < shortest:
+        raise ConfigurationError(
+            f"grid.pulse_width has {given:g}, but must be at least {shortest:.3g} for "
+            f"ladar.bin_width {bin_width:g} m"
+        )
+
+
+def check_window(choices: Choices) -> None:
+    """Refuse a range window that does not hold every ship, both its ends free.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first ship that it does not hold.
+    """
+    window = choices.one(Ladar.window)
+    longest = max(choices[Grid.pulse_width]) * 1e-9 * SPEED_OF_LIGHT
+    for ship in choices[Grid.ship]:
+        reach = float(np.linalg.norm(read_mesh(hull.function(ship)).vertices, axis=1).max())
+        # The returned pulse reaches beyond the ship, and both ends of the window must stay free
+        # of it for the noise floor to be read there.
+        needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)
+        if needed > window:
+            raise ConfigurationError(
+                f"ladar.window is {window:g} m, but must be at least {needed:.0f} m to hold {ship} "
+                f"and leave {EDGE:.0%} free at each end"
+            )
+
+
+SENSOR = RANGE
+SETTINGS: tuple[type[Settings], ...] = (Ladar,)
+STAGES: tuple[Stage, ...] = (
+    *(cnr_at_range, extent, ifovs, expected, averaged, covariance),
+    *(profile_bins, lags),
+)

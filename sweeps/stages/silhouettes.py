@@ -1,0 +1,165 @@
+"""Silhouettes of ships, cut out of infrared images and mapped for a classifier."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti import features
+from sweeps.engine.stage import Output, Stage, stage
+from sweeps.stages.images import IMAGES, LOOK, VIEW
+from sweeps.stages.infrared import Infrared, looks_infrared
+from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at
+
+ANGLES, RADII = 64, 32  # cells of the log-polar map
+STEPS = 255  # of a cell between empty and full
+
+# Steps of a sequence that fills the unit square evenly, however long it is: Roberts' R2.
+PLASTIC = (0.7548776662466927, 0.5698402909980532)
+
+TEMPLATE = ("coverage_rule", "inner_radius", "interpolation", "phase")
+OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
+
+Masks = NDArray[np.bool_]
+
+
+def _map(name: str, label: str) -> Output:
+    return Output(name, ("angle", "radius"), "u1", label=label, fill=0, step=1 / STEPS)
+
+
+@stage(
+    Output("angle", ("angle",), "f8", "angle about the centroid, from the right upwards", "degree"),
+    Output("radius", ("radius",), "f8", "place between inner (0) and outer (1) log radius"),
+    group=IMAGES,
+    when=looks_infrared,
+    coordinates=True,
+)
+def map_cells() -> dict[str, NDArray[Any]]:
+    """Return where the cells of log-polar maps lie."""
+    return {
+        "angle": 360 / ANGLES * (np.arange(ANGLES) + 0.5),
+        "radius": (np.arange(RADII) + 0.5) / RADII,
+    }
+
+
+@stage(
+    Output("silhouettes", ("row", "byte"), "u1"),
+    uses=(Infrared,),
+    along=(Infrared.segmentation, Infrared.phases, Infrared.frame_count),
+)
+def silhouettes(
+    look: Look,
+    super_resolution: str,
+    segmentation: tuple[str, ...],
+    phases: tuple[int, ...],
+    frame_count: tuple[int, ...],
+) -> NDArray[np.uint8]:
+    """(segmentation, phase, frame_count, row, byte): masks cut out of images, a bit a pixel."""
+    shown = look.images(super_resolution, phases, frame_count)
+    sigmas = look.sigmas(super_resolution, frame_count)
+    return np.array(
+        [
+            np.packbits(
+                features.segment(shown, method=method, contrast=look.contrast, **sigmas), axis=-1
+            )
+            for method in segmentation
+        ]
+    )
+
+
+@stage(
+    _map("log_polar", "log-polar map of the silhouette cut out of the image"),
+    uses=(Infrared,),
+    along=(
+        *(Infrared.segmentation, Infrared.inner_radius, Infrared.interpolation),
+        *(Infrared.phases, Infrared.frame_count),
+    ),
+    group=IMAGES,
+    dims=(*VIEW, *OF_SILHOUETTES, "phase", *LOOK),
+    when=looks_infrared,
+    status="status:view",
+)
+def log_polar(
+    silhouettes: NDArray[np.uint8],
+    segmentation: tuple[str, ...],
+    inner_radius: tuple[float, ...],
+    interpolation: tuple[str, ...],
+    phases: tuple[int, ...],
+    frame_count: tuple[int, ...],
+) -> NDArray[np.uint8]:
+    """(segmentation, inner_radius, interpolation, phase, frame_count, angle, radius): maps."""
+    # What bytes hold beyond the last column is sea, which changes nothing.
+    masks = np.unpackbits(silhouettes, axis=-1).astype(bool)
+    # (inner_radius, interpolation, segmentation, ...)
+    return np.moveaxis(maps_of(masks, inner_radius, interpolation), 2, 0)
+
+
+@stage(
+    _map(
+        "template_log_polar",
+        "log-polar map of the noiseless silhouette at the training range",
+    ),
+    uses=(Infrared,),
+    reads={"hits": "training_hits"},
+    along=(Infrared.inner_radius, Infrared.interpolation, Infrared.phases),
+    group=IMAGES,
+    dims=(*VIEW, *TEMPLATE),
+    when=looks_infrared,
+    status="status:view",
+)
+def template_log_polar(
+    hits: Bits,
+    training_range: float,
+    ifov: float,
+    coverage_rule: float,
+    inner_radius: tuple[float, ...],
+    interpolation: tuple[str, ...],
+    phases: tuple[int, ...],
+) -> NDArray[np.uint8]:
+    """(inner_radius, interpolation, phase, angle, radius): noiseless maps."""
+    patches = Patches.of(hits)
+    footprint = footprint_at(training_range, ifov)
+    # Evenly spread places on the detector, the first with the ship origin on a corner.
+    places = [(phase * PLASTIC[0] % 1, phase * PLASTIC[1] % 1) for phase in phases]
+    shown = [
+        patches.covering(footprint, place, subdivision=1).target(coverage_rule) for place in places
+    ]
+    # Without noise every threshold cuts out the same.
+    return maps_of(features.segment(shown, method="otsu"), inner_radius, interpolation)
+
+
+def maps_of(
+    masks: Masks, inner_radius: tuple[float, ...], interpolation: tuple[str, ...]
+) -> NDArray[np.uint8]:
+    """Return log-polar maps, in steps of a 255th.
+
+    The values of a cell are shares of it; half a step is nothing beside what a pixel's noise does.
+
+    Parameters
+    ----------
+    masks : (..., row, col) bool ndarray
+        Silhouettes.
+    inner_radius : tuple of float
+        Inner radii, in sqrt(area / pi).
+    interpolation : tuple of str
+        How maps sample silhouettes.
+
+    Returns
+    -------
+    (inner_radius, interpolation, ..., angle, radius) uint8 ndarray
+    """
+    cells: Any = [
+        [
+            features.log_polar(
+                masks, inner_radius=radius, interpolation=between, angles=ANGLES, radii=RADII
+            )
+            for between in interpolation
+        ]
+        for radius in inner_radius
+    ]
+    return np.rint(STEPS * np.array(cells)).astype(np.uint8)
+
+
+STAGES: tuple[Stage, ...] = (map_cells, silhouettes, log_polar, template_log_polar)

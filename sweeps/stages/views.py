@@ -1,0 +1,393 @@
+"""The grid, and what every sensor looks at: ships, the scene, and range images of them."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from platformdirs import user_cache_path
+
+import ncti.ships
+from ncti.render import ROLL, EngineError, RangeImage, choose_engine, engines, range_image
+from ncti.render.flight import depression_angle
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.experiment import Status
+from sweeps.engine.kinds import Text, Value, ascending
+from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
+from sweeps.engine.stage import Condition, Stage, in_memory, plain
+
+if TYPE_CHECKING:
+    import trimesh
+
+RANGE, INFRARED, IRAR = "range", "infrared", "irar"
+MOST_FRAMES = 10_000
+FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
+
+CACHE_VARIABLE = "NCTI_CACHE"
+"""Name of the environment variable with the cache folder, whose `meshes` keeps built ships."""
+
+
+class ShipName(str):
+    """Label of a ship: its name, or the stem of its file.
+
+    Attributes
+    ----------
+    source : str
+        What `ncti.ships.load` takes: the name, or the absolute path of a sheet or mesh.
+    """
+
+    source: str
+
+    def __new__(cls, label: str, source: str) -> ShipName:
+        """Make a label with its source."""
+        name = super().__new__(cls, label)
+        name.source = source
+        return name
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        """Return the arguments that make an equal one when unpickled."""
+        return str(self), self.source
+
+
+@dataclass(frozen=True)
+class Ships(Text):
+    """Ships: names, or paths of sheets and meshes; one, or several."""
+
+    @property
+    def allowed(self) -> str:
+        """See `sweeps.engine.kinds.Kind.allowed`."""
+        return "a ship, or a list of ships"
+
+    def values(self, key: str, given: Any) -> tuple[Value, ...]:
+        """Labels in ascending order, each a `ShipName`; see `sweeps.engine.kinds.Kind.values`."""
+        names = [given] if isinstance(given, str) else given
+        if not isinstance(names, Sequence) or not all(
+            isinstance(name, str) and name for name in names
+        ):
+            raise ConfigurationError(f"{key} is {given!r}, but must be {self.allowed}")
+        ascending(key, names)
+        ships: dict[str, ShipName] = {}
+        for name in names:
+            ship = ship_name(name)
+            if ship in ships:
+                raise ConfigurationError(
+                    f"{key} has {name!r}, but {str(ship)!r} is the name of another ship of the grid"
+                )
+            ships[ship] = ship
+        return tuple(sorted(ships.values()))
+
+
+def ship_name(name: str) -> ShipName:
+    """Return the label of a name or path, with its source."""
+    if isinstance(name, ShipName):
+        return name
+    path = Path(name)
+    if name in ncti.ships.names() or not path.suffix:
+        return ShipName(path.name, name)
+    return ShipName(path.stem, str(path.absolute()))
+
+
+def ships(default: Any, **about: Any) -> Setting:
+    """Setting that is a ship or several; the rest as of `Setting`."""
+    return Setting(Ships(null=default is None), default, **about)
+
+
+class Sweep(Settings):
+    """The sweep."""
+
+    sensor = set_of(
+        word(RANGE, (RANGE, INFRARED, IRAR), label="sensors that look", fixed="it is a set"),
+        spellings=(("both", (RANGE, INFRARED)),),
+    )
+
+
+class Grid(Settings, key="grid"):
+    """The grid."""
+
+    ship = ships(["duncan", "horne", "spruance", "texas"], label="ship", shown=True)
+    aspect = number(
+        {"start": 0, "stop": 90, "step": 3},
+        low=0,
+        below=360,
+        unit="degree",
+        label="aspect, 0 bow-on, 90 port beam",
+        shown=True,
+    )
+    pulse_width = number(
+        30, 1, 1000, unit="ns", label="pulse width, full width at 1/e^2", shown=True
+    )
+    frame_count = count(
+        [4, 8, 16, 32],
+        1,
+        MOST_FRAMES,
+        label="frames averaged",
+        help="prefixes of the same frames",
+        shown=True,
+    )
+    range = number(100, 1, 1000, unit="km", label="slant range", shown=True)
+    vigilance = number(0.95, 0, 1, label="vigilance in training", shown=True)
+    replicate = draws(1, label="number of the draw of the noise", noted=True)
+
+
+class Scene(Settings, key="scene"):
+    """Where the aircraft is: one depression for every range, or one altitude."""
+
+    geometry = word(
+        "fixed",
+        ("fixed", "altitude"),
+        label="what is the same at every range: the depression, or the altitude",
+    )
+    depression = number(
+        3.84,
+        0,
+        90,
+        unit="degree",
+        label="depression of the line of sight at the target",
+        help="where geometry is fixed; 22,000 ft at 100 km over a flat sea",
+    )
+    altitude = number(6705.6, 1, 50e3, unit="m", label="altitude of the aircraft", help="22,000 ft")
+    earth_radius = number(
+        6371e3, 1e6, 1e12, unit="m", label="radius of the Earth", help="1e12 for a flat sea"
+    )
+
+
+class Render(Settings, key="render"):
+    """How range images are drawn."""
+
+    engine = word(
+        "auto",
+        ("auto", *engines()),
+        label="what draws",
+        help="auto: osmesa, else egl, else embree",
+    )
+    pixel = number(0.25, 0.01, 5, unit="m", label="pixel on the target")
+    samples = count(
+        20_000,
+        0,
+        10**7,
+        label="samples on the ship below which its image is drawn again with smaller pixels",
+    )
+    roll = number(
+        ROLL,
+        -180,
+        180,
+        unit="degree",
+        label="roll of the pixels about the line of sight",
+        help="by default atan of the golden section, so that no ship edge lies along the lattice",
+    )
+
+
+@dataclass(frozen=True)
+class Hull:
+    """What a mesh is made from.
+
+    Attributes
+    ----------
+    source : str
+        Name, or absolute path of a sheet or mesh.
+    digest : str
+        Hash of its content, and of the code that builds it.
+    """
+
+    source: str
+    digest: str
+
+    @property
+    def identity(self) -> str:
+        """What results depend on: not where the file lies."""
+        return self.digest
+
+
+@plain(uses=(Grid,))
+def hull(ship: ShipName) -> Hull:
+    """Return what a ship's mesh is made from.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such ship or file.
+    """
+    try:
+        return Hull(ship.source, ncti.ships.digest(ship.source))
+    except ncti.ships.ShipError as error:
+        raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
+
+
+@plain(uses=(Render,))
+def drawing_engine(engine: str) -> str:
+    """Return the name of the engine that draws.
+
+    Raises
+    ------
+    ConfigurationError
+        If it does not start on this machine.
+    """
+    try:
+        return choose_engine(engine)
+    except EngineError as error:
+        raise ConfigurationError(f"render.engine is {engine!r}: {error}") from error
+
+
+@plain(uses=(Grid, Scene))
+def depression(
+    range: float, geometry: str, depression: float, altitude: float, earth_radius: float
+) -> float:
+    """Return the depression [deg] at a slant range [km].
+
+    Raises
+    ------
+    ValueError
+        If the scene has no such range.
+    """
+    if geometry == "fixed":
+        return depression
+    return depression_angle(range * 1e3, altitude=altitude, earth_radius=earth_radius)
+
+
+BUILT_BY = ("manifold3d", "networkx", "trimesh")
+DRAWN_BY = ("embreex", "PyOpenGL", "pyrender")
+
+
+@in_memory(keep=8, also=BUILT_BY)
+def mesh(hull: Hull) -> trimesh.Trimesh:
+    """Return a ship's mesh, refused when its file has changed since its digest."""
+    return read_mesh(hull)
+
+
+@in_memory(uses=(Grid, Render), also=DRAWN_BY)
+def image(
+    mesh: trimesh.Trimesh,
+    aspect: float,
+    depression: float,
+    drawing_engine: str,
+    pixel: float,
+    samples: int,
+    roll: float,
+) -> RangeImage:
+    """Return the range image at the configured pixel, or a finer one where that has few samples.
+
+    Ends of ships are small: at one pixel for all, they would err several times more than
+    broadsides, and it is the ends that tell ships apart.
+    """
+
+    def draw(size: float) -> RangeImage:
+        return range_image(
+            mesh,
+            aspect=aspect,
+            depression=depression,
+            pixel=size,
+            roll=roll,
+            engine=drawing_engine,
+        )
+
+    drawn = draw(pixel)
+    hits = int(drawn.hit.sum())
+    if 0 < hits < samples:
+        drawn = draw(pixel * max(math.sqrt(hits / samples), FINEST))
+    return drawn
+
+
+def image_stage(name: str, *, depression: str) -> Stage:
+    """Return a stage that draws with the depression of another plain stage.
+
+    Images of equal depression are one result, whichever stage asks for them.
+    """
+    return replace(image, name=name, reads={"depression": depression})
+
+
+def cache_folder() -> Path:
+    """Return the folder of finished results: that of the environment, or the user's."""
+    given = os.environ.get(CACHE_VARIABLE)
+    return Path(given) if given else user_cache_path("ncti-sweep")
+
+
+@lru_cache(maxsize=16)
+def read_mesh(hull: Hull) -> trimesh.Trimesh:
+    """Return a ship's mesh, kept for this process.
+
+    Raises
+    ------
+    ValueError
+        If its file has changed since its digest, or is not fit to be used.
+    """
+    found = ncti.ships.load(hull.source, cache=cache_folder() / "meshes")
+    if found.metadata["digest"] != hull.digest:
+        raise ValueError(f"{hull.source} was changed while the sweep ran")
+    return found
+
+
+def looks(sensor: str) -> Condition:
+    """Return the condition that a sensor is among those of the sweep."""
+
+    def chosen(choices: Choices) -> bool:
+        return sensor in choices.one(Sweep.sensor)
+
+    return chosen
+
+
+def check(choices: Choices) -> Choices:
+    """Refuse ships that are not there, or not fit to be used.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first of them.
+    """
+    for ship in choices[Grid.ship]:
+        try:
+            read_mesh(hull.function(ship))
+        except ValueError as error:
+            if isinstance(error, ConfigurationError):
+                raise
+            raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
+    return choices
+
+
+def check_range(
+    choices: Choices, key: str, slant_range: float, *, narrowest: float, beam: str
+) -> None:
+    """Refuse a slant range that the scene does not allow, or that leaves a beam unresolved.
+
+    Parameters
+    ----------
+    choices : Choices
+        Of the sweep.
+    key : str
+        Key of the slant range, for the message.
+    slant_range : float
+        Slant range [km].
+    narrowest : float
+        Narrowest field of view [urad] that pixels must resolve.
+    beam : str
+        What that is, for the message.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the key and the range.
+    """
+    for geometry in choices[Scene.geometry]:
+        for altitude in choices[Scene.altitude]:
+            for radius in choices[Scene.earth_radius]:
+                try:
+                    depression.function(slant_range, geometry, 0.0, altitude, radius)
+                except ValueError as error:
+                    raise ConfigurationError(f"{key} has {slant_range:g}: {error}") from error
+    width, pixel = narrowest * 1e-6 * slant_range * 1e3, max(choices[Render.pixel])
+    if width < pixel:
+        raise ConfigurationError(
+            f"{key} has {slant_range:g}, where {beam} of {narrowest:g} urad is {width:.2g} m wide, "
+            f"but must be at least render.pixel, {pixel:g} m"
+        )
+
+
+SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
+STAGES: tuple[Stage, ...] = (hull, drawing_engine, depression, mesh, image)
+STATUSES = (
+    Status("status:view", (Grid.ship, Grid.aspect), "state of what the sensors see of a view"),
+)

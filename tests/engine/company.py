@@ -1,0 +1,77 @@
+"""A check that values along an axis come out equal alone and in company."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from sweeps.engine.cells import open_index
+from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.execute import Watch, execute
+from sweeps.engine.experiment import Experiment
+from sweeps.engine.inputs import forget_all
+from sweeps.engine.packs import read_cells
+from sweeps.engine.plan import Plan
+from sweeps.engine.schedule import Job, Schedule
+from sweeps.engine.settings import Choices
+from sweeps.engine.tasks import run_calls
+
+
+def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> dict[str, int]:
+    """Compute cells in company, then alone, and compare them bit for bit.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        All stages of it that compute axes together (`along`), where these have several values.
+    choices : Choices
+        Checked ones, which decide what keeps each other company.
+    most : int
+        Cells of a stage that are computed alone, spread evenly over all it has.
+
+    Returns
+    -------
+    dict of str to int
+        Number of cells compared, by stage.
+
+    Raises
+    ------
+    AssertionError
+        Naming the first cell whose output differs, or which failed.
+    """
+    plan = Plan(experiment, choices)
+    schedule = Schedule(plan)
+    compared: dict[str, int] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder, alone = Path(name, "company"), Path(name, "alone")
+        quiet = Watch(lambda sentence: None)
+        with open_index(folder, quiet.say) as index:
+            schedule.resolve(index.find)
+            with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
+                outcome = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
+                assert not outcome.failures, outcome.failures[0]
+                forget_all()  # a stage must not owe anything to what another has left in memory
+                for bound in plan.bound.values():
+                    if not plan.together(bound):
+                        continue
+                    cells = list(dict.fromkeys(plan.cells(bound)))
+                    for place in cells[:: max(1, len(cells) // most)]:
+                        [(_, call)] = schedule.retried(Job(bound, (place,), ""))
+                        [done] = run_calls((call,), folder, alone).calls
+                        assert not done.reason, f"{plan.described(bound, place)}: {done.reason}"
+                        spots = [schedule.spots[plan.key(bound, place)], done.spots[0]]
+                        there, again = read_cells(folder, spots)
+                        _compare(plan.described(bound, place), there, again)
+                        compared[bound.name] = compared.get(bound.name, 0) + 1
+    return compared
+
+
+def _compare(what, there, again):
+    for output, array in there.items():
+        other = again[output]
+        assert array.shape == other.shape, f"{what}: the shape of {output} depends on its company"
+        assert np.ascontiguousarray(array).tobytes() == np.ascontiguousarray(other).tobytes(), (
+            f"{what}: {output} depends on its company"
+        )

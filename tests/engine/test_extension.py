@@ -1,0 +1,281 @@
+"""Stores that grow: on any axis, at any place, with or without a cache; and those that may not."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from small_stores import files, opened
+from toys import CALLS, SPRINGS, Told, go, run, without
+
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.experiment import Experiment
+from sweeps.engine.provenance import choices_of
+from sweeps.engine.settings import Joint, Settings, count, read_choices, set_of, text, word
+from sweeps.engine.stage import Output, plain, stage
+
+CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
+GROWN = {
+    "in front": {"spring__mass": [0.5, 1, 2]},
+    "between": {"spring__stiffness": [1, 2, 3, 4]},
+    "at the end": {"measured__length": [2, 4, 5]},
+    "two axes": {"measured__rule": ["max", "mean", "min"], "spring__mass": [1, 2, 7]},
+    "a new axis": {"spring__limit": [100, 200]},
+    "a new axis of switches": {"measured__doubled": [False, True]},
+    "more draws": {"measured__draw": 3},
+    "more seeds": {"seed": [0, 2**62 + 1]},
+}
+
+
+@pytest.fixture(scope="module")
+def grown(tmp_path_factory):
+    """Stores of single runs, by what was asked for."""
+    folder, made = tmp_path_factory.mktemp("grown"), {}
+
+    def clean(**given):
+        name = repr(sorted(given.items()))
+        if name not in made:
+            made[name] = folder / f"{len(made)}.zarr"
+            go(made[name], **given)
+        return made[name]
+
+    return clean
+
+
+@pytest.mark.parametrize("given", GROWN.values(), ids=GROWN)
+def test_a_store_grows_on_any_axis(grown, tmp_path, given):
+    store, cache = tmp_path / "s.zarr", tmp_path / "cache"
+    shutil.copytree(grown(), store)
+    shutil.copytree(grown().with_suffix(".cache"), cache)
+    finished = go(store, cache, **given)
+    assert files(store) == files(grown(**given))
+    for name, progress in finished.progress.items():
+        if name != "answers" or "spring__stiffness" not in given:  # which these gather
+            assert progress.reused == CELLS[name], name
+
+
+def test_one_more_value_along_an_axis_computes_only_itself(grown, tmp_path):
+    store, cache = tmp_path / "s.zarr", tmp_path / "cache"
+    go(store, cache)
+    CALLS.clear()
+    go(store, cache, measured__length=[2, 3, 4])
+    assert CALLS == {"noisy": 12, "trace": 12, "answers": 8}  # those of one length
+    CALLS.clear()
+    go(store, cache, measured__length=[2, 3, 4], measured__rule=["max", "mean", "min"])
+    assert CALLS == {"answers": 12}  # those of one rule
+
+
+def test_without_a_cache_the_store_gives_what_it_has(grown, tmp_path):
+    store = tmp_path / "s.zarr"
+    shutil.copytree(grown(), store)
+    CALLS.clear()
+    finished = go(store, tmp_path / "new", measured__rule=["max", "mean", "min"])
+    # Ragged arrays cannot be told from their padding: those two stages begin again.
+    assert CALLS == {"answers": 8, "trace": 24, "energy": 6, "solver": 4}
+    assert finished.progress["answers"].reused == 16
+    assert files(store) == files(grown(measured__rule=["max", "mean", "min"]))
+
+
+def test_nothing_is_computed_again_for_a_cache_that_is_gone(tmp_path):
+    store = tmp_path / "s.zarr"
+    plain_ones = without(without(SPRINGS, "trace"), "energy")
+    choices = read_choices(SPRINGS.declared, {})
+    run(plain_ones, choices, store, tmp_path / "a")
+    before = files(store)
+    CALLS.clear()
+    assert not run(plain_ones, choices, store, tmp_path / "b").written
+    wider = replace(choices, values={**choices.values, "spring.limit": (50.0, 100.0)})
+    run(plain_ones, wider, store, tmp_path / "c")
+    assert CALLS["period"] == 4 and files(store) != before
+
+
+class Odd(Settings, key="odd"):
+    """Settings of kinds that a store does not have as they are."""
+
+    name = text("a", label="name")
+    parts = set_of(word(None, ("x", "y"), label="parts"))
+    size = count([1, 2], label="size")
+
+
+@stage(
+    Output("big", label="big", dtype="?"),
+    Output("word", label="word", dtype="U3"),
+    uses=(Odd,),
+    group="odd",
+)
+def odd(name, parts, size):
+    """A truth value and a word."""
+    CALLS["odd"] += 1
+    return {"big": size > 1, "word": f"{name}{len(parts or ())}"}
+
+
+@stage(Output("kind", ("letter",), label="kind", dtype="i2"), uses=(Odd,), group="odd")
+def kind(odd, size):
+    """What the next stage is given: of the same types from a pack and from a store."""
+    given = f"{odd['big'].dtype} {odd['word'].dtype}"
+    return np.array([ord(letter) for letter in given[: 7 + size]])
+
+
+def test_truth_values_and_words_come_back_as_they_were(tmp_path):
+    alone = Experiment("odd", "Odd", (Odd,), (odd,))
+    both = Experiment("odd", "Odd", (Odd,), (odd, replace(kind, outputs=(_padded(),))))
+    given = {"odd.parts": ["y", "x"]}
+    run(alone, read_choices(alone.declared, given), tmp_path / "s.zarr", tmp_path / "a")
+    CALLS.clear()
+    run(both, read_choices(both.declared, given), tmp_path / "s.zarr", tmp_path / "b")
+    assert not CALLS  # all taken over
+    run(both, read_choices(both.declared, given), tmp_path / "t.zarr", tmp_path / "c")
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert opened(tmp_path / "s.zarr", "odd").word.values.tolist() == ["a2", "a2"]
+
+
+def _padded():
+    return replace(kind.outputs[0], pad=0)
+
+
+CONTENT = {"digest": "one"}
+
+
+@plain(uses=(Odd,))
+def content(name):
+    """What is in a file that a setting names."""
+    return CONTENT["digest"]
+
+
+@stage(Output("read", label="read", dtype="U3"), uses=(Odd,), group="odd")
+def reading(content, size):
+    """A result of that file."""
+    CALLS["reading"] += 1
+    return content
+
+
+def test_a_file_that_has_changed_is_not_taken_over_from_the_store(tmp_path):
+    files_read = Experiment("files", "Files", (Odd,), (content, reading))
+    choices = read_choices(files_read.declared, {})
+    run(files_read, choices, tmp_path / "s.zarr", tmp_path / "a")
+    CONTENT["digest"] = "two"
+    try:
+        run(files_read, choices, tmp_path / "s.zarr", tmp_path / "b")
+    finally:
+        CONTENT["digest"] = "one"
+    assert opened(tmp_path / "s.zarr", "odd").read.values.tolist() == ["two", "two"]
+
+
+REFUSED = [
+    (
+        {"spring__mass": [1, 3]},
+        "spring.mass is 1, 3, but the store '{}' has 2: give spring.mass=[1,2,3] to have both, or "
+        "another store",
+    ),
+    (
+        {"measured__rule": "min"},
+        "measured.rule is min, but the store '{}' has max, mean: give measured.rule=[max,mean,min] "
+        "to have both, or another store",
+    ),
+    ({"measured__draw": 1}, "measured.draw is 0, but the store '{}' has 1: give another store"),
+    (
+        {"seed": 3},
+        "seed is 3, but the store '{}' has 0: give seed=[0,3] to have both, or another store",
+    ),
+    (
+        {"measured__doubled": True},
+        "measured.doubled is true, but the store '{}' has false: give "
+        "measured.doubled=[false,true] to have both, or another store",
+    ),
+    (
+        {"spring__reference": 4.0},
+        "spring.reference is 4, but the store '{}' has null: give spring.reference=[4,null] to "
+        "have both, or another store",
+    ),
+]
+
+
+@pytest.mark.parametrize(("given", "sentence"), REFUSED, ids=[next(iter(g)) for g, _ in REFUSED])
+def test_another_configuration_is_refused_by_its_keys(grown, given, sentence):
+    store = grown()
+    before = files(store)
+    with pytest.raises(ConfigurationError) as refused:
+        go(store, store.with_suffix(".cache"), **given)
+    assert str(refused.value) == sentence.format(store)
+    assert files(store) == before
+
+
+def test_other_code_is_refused(grown):
+    store = grown()
+    changed = replace(SPRINGS.by_name["period"], also=("pyyaml",))  # another library behind it
+    other = replace(SPRINGS, stages=(*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
+    with pytest.raises(ConfigurationError, match="was made by another code of period; give"):
+        run(other, read_choices(SPRINGS.declared, {}), store)
+
+
+def test_a_store_of_something_else_is_refused(grown, tmp_path):
+    other = replace(SPRINGS, title="Pendulums")
+    with pytest.raises(ConfigurationError, match="holds something else"):
+        run(other, read_choices(SPRINGS.declared, {}), grown())
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "a.txt").write_text("mine")
+    with pytest.raises(ConfigurationError, match="exists and is no store of a sweep"):
+        go(tmp_path / "notes")
+    assert files(tmp_path / "notes") == {"a.txt": b"mine"}
+
+
+def joined(points, labels=None):
+    """Choices in which stiffness and mass run together."""
+    choices = read_choices(SPRINGS.declared, {"measured.draw": 1})
+    values = [sorted({point[k] for point in points}) for k in range(2)]
+    ours = {"spring.stiffness": tuple(values[0]), "spring.limit": tuple(values[1])}
+    keys = ("spring.stiffness", "spring.limit")
+    return replace(
+        choices, values={**choices.values, **ours}, joint=(Joint("two", keys, points, labels),)
+    )
+
+
+NOT_GATHERED = replace(SPRINGS, stages=SPRINGS.stages[:4], tables=(), statuses=())
+
+
+def test_settings_that_run_together_grow_by_whole_points(tmp_path):
+    store = tmp_path / "s.zarr"
+    few, more = ((1.0, 9.0), (2.0, 8.0)), ((1.0, 9.0), (1.5, 9.0), (2.0, 8.0))
+    run(NOT_GATHERED, joined(few), store)
+    CALLS.clear()
+    run(NOT_GATHERED, joined(more), store)
+    assert CALLS["period"] == 2
+    run(NOT_GATHERED, joined(more), tmp_path / "t.zarr")
+    assert files(store) == files(tmp_path / "t.zarr")
+    springs = opened(store, "springs")
+    assert springs.period.dims == ("two", "mass")
+    assert springs.stiffness.values.tolist() == [1, 1.5, 2] and "limit" in springs.coords
+    crossed = ((1.0, 8.0), (1.5, 9.0), (2.0, 8.0))
+    with pytest.raises(ConfigurationError, match=r"spring\.limit, spring\.stiffness together"):
+        run(NOT_GATHERED, joined(crossed), store)
+    attributes = xr.open_zarr(store).attrs
+    assert choices_of(NOT_GATHERED, attributes).joint == joined(more).joint
+
+
+def test_settings_that_ran_together_may_be_crossed_later(tmp_path):
+    store = tmp_path / "s.zarr"
+    run(NOT_GATHERED, joined(((1.0, 9.0), (2.0, 8.0))), store)
+    given = {"spring.stiffness": [1, 2], "spring.limit": [8, 9], "measured.draw": 1}
+    CALLS.clear()
+    run(NOT_GATHERED, read_choices(SPRINGS.declared, given), store)
+    assert CALLS["period"] == 2  # of two rates at each limit, one is there
+    assert opened(store, "springs").period.dims == ("stiffness", "mass", "limit")
+
+
+def test_settings_that_run_together_cannot_be_gathered():
+    both = joined(((1.0, 9.0), (2.0, 8.0)))
+    with pytest.raises(ConfigurationError, match=r"spring\.stiffness runs together with other"):
+        run(SPRINGS, both, "never.zarr")
+
+
+def test_a_damaged_store_is_told_of_when_it_is_taken_over(grown, tmp_path):
+    store, told = tmp_path / "s.zarr", Told()
+    shutil.copytree(grown(), store)
+    chunk = next(file for file in (store / "springs" / "period" / "c").rglob("*") if file.is_file())
+    chunk.write_bytes(chunk.read_bytes()[:-1])
+    CALLS.clear()
+    go(store, tmp_path / "new", watch=told.watch)
+    assert any("files of the store are damaged (springs/period/c" in s for s in told.sentences)
+    assert CALLS["period"] == 4 and not CALLS["noisy"]
+    assert files(store) == files(grown())

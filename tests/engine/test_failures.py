@@ -1,0 +1,327 @@
+"""Cells that fail, results that are damaged, disks that are full: the rest goes on and heals."""
+
+import contextlib
+import errno
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from small_stores import files, opened
+from toys import CALLS, Told, go, run
+
+from sweeps.engine import run as running
+from sweeps.engine import tasks
+from sweeps.engine.cluster import Finished, InlineExecutor
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.experiment import Experiment
+from sweeps.engine.manifest import MANIFEST
+from sweeps.engine.packs import list_files
+from sweeps.engine.settings import Settings, count, read_choices
+from sweeps.engine.stage import Output, in_memory, stage
+
+STIFF = "ValueError: too [stiff]"
+
+
+def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
+    store, told = tmp_path / "s.zarr", Told()
+    finished = go(store, watch=told.watch, spring__limit=1.5)
+    name = "period stiffness=4 mass=1"
+    assert told.failures == finished.failures == [(name, STIFF)]
+    failures = xr.open_zarr(store).attrs["failures"]
+    needing = {
+        f"noisy stiffness=4 mass=1 length={length} draw={draw}": f"needs {name}, which failed"
+        for length in (2, 4)
+        for draw in (0, 1)
+    }
+    assert failures == {name: STIFF, **needing}
+    springs, status = opened(store, "springs"), opened(store, "status_springs")
+    lost = {"stiffness": 4.0, "mass": 1.0}
+    for variable in ("period", "noisy"):
+        assert np.isnan(springs[variable].sel(lost)).all()
+        assert (status[variable].sel(lost) == 0).all()
+        assert np.isfinite(springs[variable]).sum() == (status[variable] == 1).sum()
+    assert (status.energy == 1).all() and (status.trace == 1).all()
+
+
+def test_a_gathering_stage_goes_on_without_those_that_failed(tmp_path):
+    store = tmp_path / "s.zarr"
+    go(store, spring__limit=1.5)
+    noisy, answers = opened(store, "springs").noisy, opened(store, "answers")
+    assert (answers.taken.sel(mass=1, stiffness=4) == 0).all()
+    assert answers.taken.sum() == 2 * 2 * 2 * (3 * 2 - 1)
+    np.testing.assert_array_equal(
+        answers.answer.sel(rule="max"), noisy.max("stiffness").transpose("mass", "length", "draw")
+    )
+
+
+def test_results_for_want_of_others_are_found_again_but_not_mistaken(tmp_path):
+    store, cache = tmp_path / "s.zarr", tmp_path / "cache"
+    go(store, cache, spring__limit=1.5)
+    CALLS.clear()
+    again = go(store, cache, spring__limit=1.5)  # tries the one again, and finds the rest
+    assert CALLS == {"period": 1, "solver": 1} and len(again.failures) == 1
+    # With another limit the cell succeeds: answers of the same springs are other ones.
+    go(tmp_path / "t.zarr", cache, spring__limit=[1.5, 100.0])
+    answers = opened(tmp_path / "t.zarr", "answers").taken.sel(mass=1, stiffness=4)
+    assert (answers.sel(limit=1.5) == 0).all() and (answers.sel(limit=100) == 1).all()
+
+
+class Flaky(Settings, key="flaky"):
+    """Of stages that fail while a file is there."""
+
+    size = count([1, 2, 3, 4], label="size")
+
+
+BROKEN = {"values": frozenset()}
+
+
+@stage(Output("first", label="first", dtype="f8"), uses=(Flaky,), along=(Flaky.size,), group="all")
+def first(size):
+    """Computed together; some values may fail."""
+    CALLS["first"] += len(size)
+    if BROKEN["values"] & set(size):
+        raise RuntimeError("out of order")
+    return np.sqrt(size)
+
+
+@in_memory(uses=(Flaky,))
+def made(size):
+    """An object that cannot be made while others fail."""
+    if size + 10 in BROKEN["values"]:
+        raise RuntimeError("cannot be made")
+    return size
+
+
+@stage(Output("second", label="second", dtype="f8"), uses=(Flaky,), group="all")
+def second(first, made):
+    """What needs both."""
+    return first + made
+
+
+@stage(Output("total", label="total", dtype="f8"), uses=(Flaky,), gather=(Flaky.size,), group="all")
+def total(second, there):
+    """A sum of what is there; in vain where nothing is."""
+    return second[there].sum()
+
+
+FLAKY = Experiment("flaky", "Flaky", (Flaky,), (first, made, second, total))
+
+
+@pytest.fixture
+def broken():
+    """Values for which the stages fail."""
+    yield BROKEN
+    BROKEN["values"] = frozenset()
+
+
+@pytest.mark.parametrize("values", [{2}, {1, 4}, {12}, {3, 11}, {1, 2, 3, 4}])
+def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, values):
+    choices = read_choices(FLAKY.declared, {})
+    run(FLAKY, choices, tmp_path / "clean.zarr")
+    broken["values"] = frozenset(values)
+    store = tmp_path / "s.zarr"
+    finished = run(FLAKY, choices, store)
+    assert {why for _, why in finished.failures} <= {
+        "RuntimeError: out of order",
+        "RuntimeError: cannot be made",
+    }
+    assert len(finished.failures) == len(values)
+    there = opened(store, "all")
+    assert np.isfinite(there["first"]).sum() == 4 - len({one for one in values if one < 10})
+    assert np.isfinite(there["second"]).sum() == 4 - len(values)
+    expected = sum(np.sqrt(n) + n for n in (1, 2, 3, 4) if not {n, n + 10} & values)
+    everything = np.nan if len(values) == 4 else expected
+    np.testing.assert_allclose(there["total"], everything, rtol=1e-15)
+    broken["values"] = frozenset()
+    assert run(FLAKY, choices, store).written
+    assert files(store) == files(tmp_path / "clean.zarr")
+
+
+def test_one_value_of_several_computed_together_fails_alone(tmp_path, broken):
+    choices = read_choices(FLAKY.declared, {})
+    broken["values"] = frozenset({3})
+    finished = run(FLAKY, choices, tmp_path / "s.zarr")
+    assert finished.failures == [("first size=3", "RuntimeError: out of order")]
+    progress = finished.progress["first"]
+    assert (progress.total, progress.done, progress.failed) == (4, 3, 1)
+
+
+# damage -------------------------------------------------------------------------------------------
+
+
+def damage(file, at=-3):
+    """Flip a bit of a file."""
+    content = bytearray(file.read_bytes())
+    content[at] ^= 4
+    file.write_bytes(content)
+
+
+def packs(cache):
+    """Packs of a cache."""
+    return sorted(cache / path for path in list_files(cache)[0])
+
+
+@pytest.mark.parametrize("way", ["flipped", "short", "gone", "header"])
+def test_damaged_packs_are_made_again_and_said(tmp_path, way):
+    store, cache = tmp_path / "s.zarr", tmp_path / "cache"
+    go(store, cache)
+    before = files(store)
+    for file in packs(cache):
+        match way:
+            case "flipped":
+                damage(file)
+            case "short":
+                file.write_bytes(file.read_bytes()[:-1])
+            case "gone":
+                file.unlink()
+            case "header":
+                damage(file, at=20)
+    told = Told()
+    CALLS.clear()
+    finished = go(tmp_path / "t.zarr", cache, watch=told.watch)
+    if way == "gone":
+        assert CALLS["noisy"] == 24  # the index knows it, and there is nothing to be said
+    else:
+        assert any("kept results are damaged" in one for one in told.sentences)
+        assert 0 < sum(CALLS.values()) <= 78
+    assert files(tmp_path / "t.zarr") == before
+    for one in finished.progress.values():
+        assert one.reused + one.done == one.total and one.done >= 0
+    wider = {"measured__rule": ["max", "mean", "min"]}
+    go(store, cache, **wider)
+    go(tmp_path / "clean.zarr", **wider)
+    assert files(store) == files(tmp_path / "clean.zarr")
+
+
+def test_many_damaged_cells_are_found_in_one_round(tmp_path):
+    store, cache, told = tmp_path / "s.zarr", tmp_path / "cache", Told()
+    go(store, cache)
+    for file in packs(cache):
+        damage(file, at=20)
+    go(tmp_path / "t.zarr", cache, watch=told.watch)
+    assert told.sentences.count("74 kept results are damaged; they are made again") == 1
+
+
+@pytest.mark.parametrize("kept", [True, False], ids=["with cache", "without cache"])
+def test_a_damaged_chunk_of_a_store_is_made_again_and_said(tmp_path, kept):
+    store, cache, told = tmp_path / "s.zarr", tmp_path / "cache", Told()
+    go(store, cache)
+    before = files(store)
+    damage(store / next(name for name in before if name.startswith("answers/answer/c/")))
+    (store / next(name for name in before if name.startswith("springs/period/c/"))).unlink()
+    CALLS.clear()
+    go(store, cache if kept else tmp_path / "new", watch=told.watch)
+    assert any("files of the store are damaged" in sentence for sentence in told.sentences)
+    assert bool(CALLS["answers"]) == (not kept)
+    assert files(store) == before
+
+
+@pytest.mark.parametrize("name", ["zarr.json", MANIFEST])
+@pytest.mark.parametrize("way", ["flipped", "short", "empty", "gone"])
+def test_damaged_metadata_give_one_sentence(tmp_path, name, way):
+    store = tmp_path / "s.zarr"
+    go(store)
+    file = store / name
+    content = file.read_bytes()
+    match way:
+        case "flipped":
+            damage(file, at=len(content) // 2)
+        case "short":
+            file.write_bytes(content[: len(content) // 2])
+        case "empty":
+            file.write_bytes(b"")
+        case "gone":
+            file.unlink()
+    with pytest.raises(ConfigurationError) as refused:
+        go(store)
+    assert str(store) in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_metadata_of_a_group_are_made_again(tmp_path):
+    store, told = tmp_path / "s.zarr", Told()
+    go(store)
+    before = files(store)
+    (store / "state" / "zarr.json").write_text("{")
+    go(store, watch=told.watch)
+    assert files(store) == before and "1 files of the store are damaged" in told.sentences[-1]
+
+
+# disks --------------------------------------------------------------------------------------------
+
+
+def test_a_full_cache_costs_no_results(tmp_path, monkeypatch):
+    write = tasks.write_pack
+
+    def full(folder, name, cells):
+        if folder.name == "cache":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(folder, name, cells)
+
+    monkeypatch.setattr(tasks, "write_pack", full)
+    told = Told()
+    go(tmp_path / "s.zarr", tmp_path / "cache", watch=told.watch)
+    go(tmp_path / "t.zarr", watch=told.watch)
+    spilled = [one for one in told.sentences if "No space left" in one]
+    assert spilled == ["results are not kept: the cache takes none (No space left on device)"]
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert [one.name for one in tmp_path.iterdir() if one.name.startswith(".")] == []
+
+
+def test_a_store_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
+    from sweeps.engine import store as writing
+
+    store = tmp_path / "s.zarr"
+    go(store)
+    before = files(store)
+    write = writing.write_file
+
+    def full(file: Path, content):
+        if "noisy" in str(file):
+            raise OSError(errno.ENOSPC, "No space left on device", str(file))
+        return write(file, content)
+
+    monkeypatch.setattr(writing, "write_file", full)
+    with pytest.raises(OSError, match="No space left"):
+        go(store, spring__mass=[1, 2, 3])
+    assert files(store) == before
+    assert [one.name for one in tmp_path.iterdir() if one.name.startswith(".")] == []
+    monkeypatch.undo()
+    CALLS.clear()
+    go(store, spring__mass=[1, 2, 3])
+    assert not CALLS  # all were kept
+    go(tmp_path / "t.zarr", spring__mass=[1, 2, 3])
+    assert files(store) == files(tmp_path / "t.zarr")
+
+
+def test_a_cache_that_never_gives_back_what_it_took_ends_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "read_cells", lambda folder, spots: [None] * len(spots))
+    with pytest.raises(OSError, match="cannot be read back"):
+        go(tmp_path / "s.zarr")
+
+
+class Mortal(InlineExecutor):
+    """An executor whose worker dies of one value: of its task nothing comes back."""
+
+    def finished(self):
+        """See `InlineExecutor.finished`."""
+        _, _, (calls, *_) = self._waiting[0]
+        if any(call.recipe.sources["size"].value == 3 for call in calls):
+            return [Finished(self._waiting.popleft()[0], None, RuntimeError("the worker died"))]
+        return super().finished()
+
+
+def test_a_worker_that_dies_of_one_cell_loses_only_that(tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "executor", lambda *a, **k: contextlib.nullcontext(Mortal()))
+    finished = run(DEADLY, read_choices(DEADLY.declared, {}), tmp_path / "s.zarr")
+    assert finished.failures == [("deadly size=3", "RuntimeError: the worker died")]
+    assert opened(tmp_path / "s.zarr", "all").gone.isnull().values.tolist() == [0, 0, 1, 0]
+
+
+@stage(Output("gone", label="gone", dtype="f8"), uses=(Flaky,), group="all")
+def deadly(size):
+    """What a worker may die of."""
+    return size
+
+
+DEADLY = Experiment("deadly", "Deadly", (Flaky,), (deadly,))

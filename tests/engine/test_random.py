@@ -1,0 +1,214 @@
+"""Any sequence of kills, extensions, repeats and damage ends in the store of one clean run."""
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from small_stores import files
+from toys import Told, go
+
+from sweeps.engine.errors import ConfigurationError
+
+AXES = {
+    "spring__stiffness": [1.0, 2.0, 3.0, 4.0],
+    "spring__mass": [0.5, 1.0, 2.0],
+    "spring__limit": [1.2, 50.0, 100.0],  # of the first, some springs are too stiff
+    "measured__length": [2, 3, 4],
+    "measured__rule": ["max", "mean", "min"],
+    "measured__doubled": [False, True],
+    "seed": [0, 1],
+}
+FIRST = {
+    "spring__stiffness": [2.0],
+    "spring__mass": [1.0],
+    "spring__limit": [50.0],
+    "measured__length": [3],
+    "measured__rule": ["mean"],
+    "measured__doubled": [False],
+    "seed": [0],
+}
+REPAIRS = 3  # runs that a configuration needs at most after damage
+
+
+def actions():
+    """What may happen to a store and its cache."""
+    more = st.tuples(st.just("more"), st.sampled_from(sorted(AXES)), st.integers(0, 3))
+    kill = st.tuples(st.just("kill"), st.integers(1, 560), st.just(0))
+    damage = st.tuples(
+        st.sampled_from(["cache", "store"]), st.integers(0, 10**6), st.integers(1, 4)
+    )
+    others = st.tuples(st.sampled_from(["run", "clear", "lose"]), st.just(0), st.just(0))
+    return st.lists(st.one_of(more, kill, damage, others), min_size=2, max_size=9)
+
+
+CLEAN = {}
+
+
+def clean(folder, asked):
+    """Files of the store of one run."""
+    name = repr(asked)
+    if name not in CLEAN:
+        with tempfile.TemporaryDirectory(dir=folder) as place:
+            go(Path(place, "s.zarr"), **asked)
+            CLEAN[name] = files(Path(place, "s.zarr"))
+    return CLEAN[name]
+
+
+def killed_at(moment, store, cache, asked):
+    """Run in a process that ends, as by SIGKILL, when it is about to touch its so manieth file."""
+    child = os.fork()
+    if child == 0:
+        left = moment
+        events = {"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.truncate"}
+
+        def hook(event, arguments):
+            nonlocal left
+            if event in events and str(store.parent) in str(arguments[0]):
+                left -= 1
+                if left == 0:
+                    os._exit(9)
+
+        try:
+            sys.addaudithook(hook)
+            go(store, cache, **asked)
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+
+
+def damaged(folder, seed, flips):
+    """Flip bits of files below a folder."""
+    chance = random.Random(seed)
+    there = sorted(file for file in folder.rglob("*") if file.is_file() and file.stat().st_size)
+    for _ in range(flips if there else 0):
+        file = chance.choice(there)
+        content = bytearray(file.read_bytes())
+        content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        file.write_bytes(content)
+
+
+def healed(store, cache, asked):
+    """Run until a store is there; one whose metadata are damaged is removed, as users are told."""
+    for _ in range(REPAIRS):
+        try:
+            go(store, cache, **asked)
+        except ConfigurationError as error:
+            assert "give another path" in str(error), error
+            shutil.rmtree(store)
+        else:
+            return
+
+
+@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
+@given(actions=actions())
+def test_whatever_happens_the_store_is_that_of_one_clean_run(tmp_path_factory, actions):
+    folder = Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp()))
+    store, cache = folder / "s.zarr", folder / "cache"
+    asked = dict(FIRST)
+    for what, one, two in actions:
+        match what:
+            case "more":
+                value = AXES[one][two % len(AXES[one])]
+                asked = asked | {one: [*{*asked[one], value}]}
+            case "kill":
+                killed_at(one, store, cache, asked)
+            case "cache" | "store":
+                damaged(cache if what == "cache" else store, one, two)
+            case "clear":
+                shutil.rmtree(cache, ignore_errors=True)
+            case "lose":
+                shutil.rmtree(store, ignore_errors=True)
+            case "run":
+                healed(store, cache, asked)
+    healed(store, cache, asked)
+    assert files(store) == clean(folder, asked)
+    left = [one.name for one in folder.iterdir() if one.name.startswith(".")]
+    assert left == [], "what a killed run leaves is removed by the next"
+    shutil.rmtree(folder)
+
+
+@settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_a_kill_at_any_file_leaves_the_old_store_or_the_new(tmp_path_factory, data):
+    folder = Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp()))
+    store, cache = folder / "s.zarr", folder / "cache"
+    few, more = dict(FIRST), FIRST | {"spring__mass": [1.0, 2.0]}
+    go(store, cache, **few)
+    killed_at(data.draw(st.integers(1, 520)), store, cache, more)
+    assert files(store) in (clean(folder, few), clean(folder, more))
+    go(store, cache, **more)
+    assert files(store) == clean(folder, more)
+    shutil.rmtree(folder)
+
+
+@settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_the_order_of_values_never_matters(tmp_path_factory, data):
+    folder = Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp()))
+    asked = {
+        key: data.draw(st.lists(st.sampled_from(values), min_size=1, max_size=3, unique=True))
+        for key, values in AXES.items()
+    }
+    assume(sum(len(values) for values in asked.values()) <= 14)
+    go(folder / "s.zarr", **asked)
+    ordered = {key: sorted(values) for key, values in asked.items()}
+    assert files(folder / "s.zarr") == clean(folder, ordered)
+    shutil.rmtree(folder)
+
+
+SCRIPT = """
+import sys
+
+if __name__ == "__main__":
+    sys.path.insert(0, {tests!r})
+    from toys import go
+
+    go("s.zarr", "cache", {kind!r}, {workers}, **{asked!r})
+"""
+SLOW = {"measured__pause": 0.02, "spring__stiffness": list(range(1, 30))}
+
+
+def started(folder, kind, asked):
+    """A process that runs the springs."""
+    workers = 2 if kind == "local" else None
+    tests = str(Path(__file__).parent)
+    file = folder / "springs_of_a_process.py"
+    file.write_text(SCRIPT.format(tests=tests, kind=kind, workers=workers, asked=asked))
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    return subprocess.Popen(
+        [sys.executable, file.name], cwd=folder, env=environment, start_new_session=True
+    )
+
+
+@pytest.mark.parametrize("kind", ["inline", "local"])
+def test_a_driver_killed_in_the_midst_of_its_work(tmp_path, kind):
+    cells = tmp_path / "cache" / "cells"
+    for more in (1, 2):  # the second begins with what the first has left
+        before = len(list(cells.rglob("*.pack")))
+        driver = started(tmp_path, kind, SLOW)
+        while driver.poll() is None and len(list(cells.rglob("*.pack"))) < before + more:
+            time.sleep(0.01)
+        os.kill(driver.pid, signal.SIGKILL)
+        driver.wait()
+    assert not (tmp_path / "s.zarr").exists()
+    told = Told()
+    while True:  # until the workers of the dead driver are gone, too
+        try:
+            finished = go(tmp_path / "s.zarr", tmp_path / "cache", watch=told.watch, **SLOW)
+        except ConfigurationError:
+            time.sleep(0.05)
+        else:
+            break
+    assert finished.progress["period"].reused > 0
+    go(tmp_path / "t.zarr", tmp_path / "cache", **SLOW)
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert not [one for one in tmp_path.iterdir() if one.name.endswith((".partial", ".lock"))]

@@ -1,0 +1,220 @@
+"""Settings: what may be written, what is refused and how, and what is derived from them."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from toys import SPRINGS, Measured, Spring
+
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
+from sweeps.engine.layout import value_array
+from sweeps.engine.provenance import written
+from sweeps.engine.run_settings import ENGINE_SETTINGS, Run
+from sweeps.engine.settings import (
+    Settings,
+    count,
+    draws,
+    flatten,
+    nested,
+    number,
+    read_choices,
+    set_of,
+    text,
+    word,
+)
+from sweeps.engine.settings_table import settings_table
+
+finite = st.floats(-1e12, 1e12)
+whole = st.integers(-(10**18), 10**18)
+
+
+@settings(deadline=None)
+@given(st.lists(finite, min_size=1, unique=True))
+def test_numbers_come_in_ascending_order_whatever_was_written(values):
+    found = Number().values("a.b", values)
+    assert found == tuple(sorted(float(value) for value in values))
+    assert all(math.copysign(1, value) == 1 for value in found if value == 0)
+
+
+@settings(deadline=None)
+@given(st.lists(whole, min_size=1, unique=True))
+def test_whole_numbers_are_not_rounded(values):
+    assert Count(-(10**18)).values("a.b", values) == tuple(sorted(values))
+
+
+@settings(deadline=None)
+@given(start=st.integers(-1000, 1000), step=st.integers(1, 1000), steps=st.integers(0, 500))
+def test_steps_end_at_stop_where_they_land_on_it(start, step, steps):
+    given = {"start": start / 100, "stop": (start + step * steps) / 100, "step": step / 100}
+    found = Number().values("a.b", given)
+    # Products and quotients err by a unit in the last place each; 12 decimals are kept.
+    wanted = [(start + step * k) / 100 for k in range(steps + 1)]
+    assert found == pytest.approx(wanted, rel=1e-15, abs=1e-12)
+    short = given | {"stop": (start + step * steps - step / 2) / 100}
+    if steps:
+        assert Number().values("a.b", short) == found[:-1]
+
+
+ABOVE, UNIT = Number(positive=True), Number(0, below=1)
+PAIRS = SetOf(Word(("x", "y")), spellings=(("both", ("x", "y")),))
+REFUSED = [
+    (Number(0, 9), 10, "a.b has 10, but every value must be a finite number at least 0 and at"),
+    (Number(0), [1, -1], "a.b has -1, but every value must be a finite number at least 0"),
+    (ABOVE, 0, "a.b has 0, but every value must be a finite number above 0"),
+    (UNIT, 1, "a.b has 1, but every value must be a finite number at least 0 and below 1"),
+    (Number(), math.nan, "a.b has nan, but"),
+    (Number(), math.inf, "a.b has inf, but"),
+    (Number(), 10**400, "but every value must be a finite number"),
+    (Number(), True, "a.b has True, but"),
+    (Number(), "7", "a.b has '7', but"),
+    (Number(), None, "a.b has None, but every value must be a finite number"),
+    (Number(), [], "a.b is empty, but must hold at least one value"),
+    (Number(), [1, 2, 1.0], "a.b has 1.0 more than once, but values must differ"),
+    (Number(), [[1]], "but every value must be a finite number"),
+    (Number(), {"start": 1, "stop": 2}, "a.b has the keys start, stop, but must have start"),
+    (Number(), {"start": 2, "stop": 1, "step": 1}, "a.b runs from 2 to 1, but stop must not"),
+    (Number(), {"start": 0, "stop": 1, "step": 0}, "a.b.step has 0, but every value must be a"),
+    (Number(), {"start": 0, "stop": 1, "step": 1e-9}, "a.b.step is 1e-09, but must leave at most"),
+    (Number(), {"start": "0", "stop": 1, "step": 1}, "a.b.start is '0', but must be a number"),
+    (Count(), 1.5, "a.b has 1.5, but every value must be a whole number"),
+    (Count(), 0, "a.b has 0, but every value must be a whole number at least 1"),
+    (Word(("x", "y")), "z", "a.b has 'z', but every value must be one of x, y"),
+    (Word(("x", "y")), ["x", "x"], "a.b has 'x' more than once"),
+    (Switch(), 1, "a.b has 1, but every value must be one of true, false"),
+    (Text(), "", "a.b is empty, but must be a text"),
+    (Text(), 3, "a.b is 3, but must be a text"),
+    (Draws(9), [1], "a.b is [1], but must be a whole number from 1 to 9"),
+    (Draws(9), 10, "a.b is 10, but must be a whole number from 1 to 9"),
+    (PAIRS, "neither", "a.b is 'neither', but must be one of x, y, both"),
+    (PAIRS, ["z"], "a.b has 'z', but every value must be one of x, y"),
+    (
+        Groups(),
+        [["a"]],
+        "a.b is [['a']], but must be a list of lists of names, two or more in each",
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "given", "sentence"), REFUSED)
+def test_what_is_refused_is_named_with_what_is_allowed(kind, given, sentence):
+    with pytest.raises(ConfigurationError) as refused:
+        kind.values("a.b", given)
+    assert sentence in str(refused.value) and "\n" not in str(refused.value)
+
+
+READ = [
+    (Number(null=True), [3, None], (None, 3.0)),
+    (Count(null=True), None, (None,)),
+    (Word(("b", "a")), ["b", "a"], ("a", "b")),
+    (Switch(), [True, False], (False, True)),
+    (Draws(9), 3, (0, 1, 2)),
+    (PAIRS, "both", (("x", "y"),)),
+    (PAIRS, "y", (("y",),)),
+    (PAIRS, ["y", "x"], (("x", "y"),)),
+    (Groups(), [["a", "b"], ["c", "d"]], ((("a", "b"), ("c", "d")),)),
+    (Groups(), None, ((),)),
+]
+
+
+@pytest.mark.parametrize(("kind", "given", "values"), READ)
+def test_what_is_read(kind, given, values):
+    assert kind.values("a.b", given) == values
+
+
+class Apart(Settings, key="apart"):
+    """Settings that stand for each other, and one that takes one value."""
+
+    far = number([1.0, 2.0], label="far")
+    near = number(None, label="near", fallback=far)
+    only = count(1, label="only", fixed="it shapes arrays")
+    many = set_of(word(["x"], ("x", "y"), label="many"))
+    name = text(None, label="name", dimension="called")
+
+
+def test_null_stands_for_another_setting_of_the_same_group():
+    assert read_choices(Apart.declared, {})[Apart.near] == (1.0, 2.0)
+    assert read_choices(Apart.declared, {"apart.far": 5})[Apart.near] == (5.0,)
+    assert read_choices(Apart.declared, {"apart.near": 7})[Apart.near] == (7.0,)
+
+
+def test_a_setting_that_is_no_axis_says_why():
+    with pytest.raises(ConfigurationError) as refused:
+        read_choices(Apart.declared, {"apart.only": [1, 2]})
+    assert str(refused.value) == "apart.only has 2 values, but must have one: it shapes arrays"
+
+
+def test_a_name_that_settings_need_themselves_is_no_setting():
+    with pytest.raises(TypeError, match="has a setting key, a name that is taken"):
+
+        class Bad(Settings, key="bad"):
+            key = text("a", label="key")
+
+
+def test_keys_names_and_attributes_follow_from_the_declaration():
+    assert [one.key for one in Apart.declared] == [
+        f"apart.{name}" for name in ("far", "near", "only", "many", "name")
+    ]
+    assert Apart.far.name == "far" and Apart.name.name == "called"
+    assert Spring.mass.attrs == {"units": "kg", "long_name": "mass"}
+    assert Measured.rule.attrs == {"long_name": "rule"}  # words have no unit
+
+
+def test_every_default_of_the_engine_is_allowed():
+    declared = tuple(one for group in ENGINE_SETTINGS for one in group.declared)
+    choices = read_choices(declared, {})
+    assert choices.one(Run.seed) == 0
+    assert all(one.fixed for one in declared if one is not Run.seed)
+    assert not any(one.identity for one in declared if one is not Run.seed)
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_what_a_store_has_is_read_back_as_it_was(data):
+    words = st.sampled_from([["max"], ["mean", "min"]])
+    given = {
+        "spring.mass": data.draw(st.lists(st.floats(0.1, 1e9), min_size=1, unique=True)),
+        "spring.reference": data.draw(st.sampled_from([None, 4.0, [None, 1.0]])),
+        "measured.draw": data.draw(st.integers(1, 5)),
+        "measured.rule": data.draw(words),
+        "measured.doubled": data.draw(st.sampled_from([True, [True, False]])),
+        "seed": data.draw(st.integers(0, 2**63)),
+    }
+    choices = read_choices(SPRINGS.declared, given)
+    again = {one.key: written(one, choices[one]) for one in SPRINGS.declared}
+    assert read_choices(SPRINGS.declared, again).values == choices.values
+
+
+def test_trees_of_settings():
+    tree = nested(SPRINGS.declared)
+    assert tree["spring"]["mass"] is Spring.mass and tree["seed"] is Run.seed
+    given = {"spring": {"mass": 3}, "seed": 1, "other": 2}
+    assert flatten(SPRINGS.declared, given) == {"spring.mass": 3, "seed": 1}
+
+
+def test_the_table_of_settings_has_each_of_them():
+    rows = settings_table(SPRINGS).splitlines()
+    assert len(rows) == 2 + len(SPRINGS.declared)
+    assert rows[2] == (
+        "| `spring.stiffness` | [1, 2, 4] | N m-1 | a finite number at least 0 | stiffness |"
+    )
+    assert (
+        "| `dry_run` | false |  | one of true, false; one value: it says where or how to run | "
+        "whether only to say what would be done |"
+    ) in rows
+
+
+def test_values_in_coordinates():
+    assert value_array([1.0, None]).tolist()[0] == 1 and math.isnan(value_array([1.0, None])[1])
+    assert value_array([2, 3]).dtype.kind == "i" and value_array([True]).dtype.kind == "b"
+    assert value_array(["a", "bb"]).dtype == object
+
+
+def test_choices_with_other_values():
+    choices = read_choices(SPRINGS.declared, {})
+    assert choices.having(Spring.mass, (3.0,)).one(Spring.mass) == 3
+    assert choices[Spring.mass] == (1.0, 2.0)
+    assert draws(3, label="d").values(2) == (0, 1)
+    assert replace(Spring.mass, dimension="m").name == "m"

@@ -1,0 +1,289 @@
+"""Stores read back bit for bit, laid out as zarr itself would, whose damage is noticed."""
+
+import json
+import tracemalloc
+import warnings
+
+import numpy as np
+import pytest
+import xarray as xr
+import zarr
+from hypothesis import given
+from hypothesis import strategies as st
+from small_stores import CHUNKS, COUNTS, DIMS, SHAPE, array, files, opened, small
+from zarr.codecs import ZstdCodec
+
+from sweeps.engine.blocks import read_block
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.manifest import MANIFEST, verify
+from sweeps.engine.store import add_group, read_attributes, write_store
+from sweeps.engine.target import check_target
+from sweeps.engine.zarr_array import CHUNK_BYTES, LEVEL, Array, Group, metadata, suggest_chunks
+
+DTYPES = [
+    *("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"),
+    *("float16", "float32", "float64"),
+]
+
+
+def same_bits(one, other):
+    return (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
+
+
+def test_round_trip_of_every_dtype(tmp_path):
+    random_bits = np.random.default_rng(1)
+    values = {}
+    for name in DTYPES:
+        itemsize = np.dtype(name).itemsize
+        # Any bits: infinities, NaN of all kinds, subnormal numbers, -0.0.
+        values[name] = np.frombuffer(random_bits.bytes(105 * itemsize), name).reshape(SHAPE)
+    values["big_endian"] = COUNTS.astype(">f8")
+    values["bool"] = COUNTS % 3 == 0
+    values["fixed_width"] = COUNTS.astype("U3")
+    values["objects"] = COUNTS.astype("U3").astype(object)
+    values["variable_width"] = COUNTS.astype("U3").astype(np.dtypes.StringDType())
+    path = tmp_path / "s.zarr"
+    write_store(path, {"g": Group({k: array(v) for k, v in values.items()})}, {}, threads=2)
+
+    found = opened(path, "g")
+    assert set(found) == set(values)
+    for name, value in values.items():
+        block = read_block(path, "g", name, (4, 5, slice(None)))
+        if value.dtype.kind in "OTU":
+            assert found[name].dtype.kind in "OT"
+            assert (found[name].values == value.astype(object)).all()
+            assert (block == value[4, 5].astype(object)).all()
+        else:
+            native = value.astype(value.dtype.newbyteorder("="))
+            stored = native[4, 5].astype("i1" if value.dtype.kind == "b" else native.dtype)
+            assert same_bits(found[name].values, native), name
+            assert same_bits(block, stored), name
+
+
+FILLS = [
+    *((dtype, fill) for dtype in ("f2", "f4", "f8") for fill in (None, -1, 0.1, np.inf, -np.inf)),
+    *((dtype, fill) for dtype in ("i1", "i8", "u1", "u4") for fill in (None, 1)),
+    *((dtype, -1) for dtype in ("i1", "i8")),
+    (str, None),
+]
+
+
+@pytest.mark.parametrize(("dtype", "fill"), FILLS)
+def test_metadata_are_those_of_zarr(dtype, fill):
+    none = {"f": np.nan, "U": ""}.get(np.dtype(dtype).kind, 0)
+    by_zarr = zarr.create_array(
+        zarr.storage.MemoryStore(),
+        shape=SHAPE,
+        chunks=CHUNKS,
+        dtype=dtype,
+        fill_value=none if fill is None else fill,
+        compressors=ZstdCodec(level=LEVEL, checksum=True),
+        dimension_names=DIMS,
+        attributes={"units": "m"},
+    )
+    ours = metadata(
+        Array(DIMS, SHAPE, np.dtype(dtype), fill, {"units": "m"}, CHUNKS, lambda region: None)
+    )
+    buffer = by_zarr.metadata.to_buffer_dict(zarr.core.buffer.default_buffer_prototype())
+    assert ours == json.loads(buffer["zarr.json"].to_bytes())
+
+
+def test_chunks_of_nothing_but_the_fill_value_are_no_files(tmp_path):
+    values = np.full((4, 3), -1, dtype="i2")
+    values[1, 2] = 5
+    zeros = np.zeros((4, 3))
+    zeros[2] = -0.0
+    path = tmp_path / "s.zarr"
+    arrays = {
+        "answer": array(values, fill=-1, chunks=(1, 3)),
+        "zero": array(zeros, fill=0, chunks=(1, 3)),
+        "names": array(np.full((4, 3), ""), chunks=(1, 3)),
+        "none": Array.of((), np.array("")),
+        "scaled": array(values, chunks=(4, 3), scale_factor=0.5),
+    }
+    write_store(path, {"g": Group(arrays)}, {})
+    chunks = {name for name in files(path) if "/c/" in name}
+    assert chunks == {"g/answer/c/1/0", "g/zero/c/2/0", "g/scaled/c/0/0"}
+    found = opened(path, "g")
+    assert same_bits(found["answer"].values, values)  # no -1 became NaN
+    assert same_bits(found["zero"].values, zeros)
+    assert (found["names"] == "").all() and found["none"] == ""
+    np.testing.assert_array_equal(found["scaled"], values * 0.5)
+    for row in range(4):
+        block = read_block(path, "g", "answer", (row, slice(None)))
+        assert same_bits(block, values[row])
+
+
+def test_tree_opens_with_coordinates_and_tables(tmp_path):
+    path = tmp_path / "s.zarr"
+    rule = Array.of((), np.array("otsu"))
+    alone = Array.of(("other",), np.arange(2.0))
+    groups = {
+        "classification/acn": Group({"x": array(COUNTS)}, {"rule": rule, "alone": alone}),
+        "top": Group({"x": array(COUNTS)}),
+        "classification": Group({}, attrs={"title": "all"}),
+        "classification/mnn": Group({"x": array(COUNTS + 1)}),
+    }
+    table = xr.Dataset(
+        {"p": ("ship", [0.5, np.nan]), "n": ("ship", [3, 0], {"units": "1"})},
+        coords={"ship": ["a", "b"], "range": ("ship", [1.0, 2.0])},
+        attrs={"title": "table", "level": np.float32(0.5)},
+    )
+
+    def after(partial):
+        assert opened(partial, "top")["x"].shape == SHAPE  # readable before it is in place
+        assert not path.exists()
+        # Names for which siblings are not written one after the other.
+        for name in ("tables/accuracy", "classification/late", "tables/more"):
+            add_group(partial, name, table)
+        with pytest.raises(ValueError, match="'tables/more/p' is given twice"):
+            add_group(partial, "tables/more", table)
+
+    write_store(path, groups, {"seed": 3, "list": [1, None]}, after=after)
+    assert read_attributes(path) == {"seed": 3, "list": [1, None]}
+    assert verify(path) == []
+    names = {*groups, "tables", "tables/accuracy", "tables/more", "classification/late"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        tree = xr.open_datatree(path, engine="zarr")
+        assert {node.path for node in tree.subtree} == {"/", *(f"/{name}" for name in names)}
+        for name in names:
+            read = xr.open_zarr(path, group=name, consolidated=True).load()
+            xr.testing.assert_identical(tree[name].to_dataset(inherit=False).load(), read)
+    assert tree.attrs["seed"] == 3
+    assert tree["classification"].attrs == {"title": "all"}
+    assert set(tree["classification/acn"].coords) == {"rule", "alone"}
+    assert tree["classification/acn"].attrs == {}
+    np.testing.assert_array_equal(tree["classification/mnn"]["x"], COUNTS + 1)
+    for name in ("tables/accuracy", "tables/more", "classification/late"):
+        found = opened(path, name)
+        assert found["ship"].values.tolist() == ["a", "b"]
+        xr.testing.assert_identical(found.drop_vars("ship"), table.drop_vars("ship"))
+
+
+def test_consolidated_metadata_are_those_of_zarr(tmp_path):
+    path = tmp_path / "s.zarr"
+    write_store(path, small(1), {"seed": 1})
+    ours = {name: json.loads(text) for name, text in files(path).items() if "zarr.json" in name}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for group in ("two/three", "two", "one", None):
+            zarr.consolidate_metadata(path, path=group)
+    for name, document in ours.items():
+        assert json.loads((path / name).read_text()) == document, name
+
+
+@pytest.mark.parametrize(
+    ("values", "dtype", "error"),
+    [
+        (np.zeros((5, 7, 2)), "f8", ValueError),  # another shape
+        (np.zeros(SHAPE), "datetime64[s]", TypeError),
+        (COUNTS, "O", TypeError),  # no strings
+    ],
+)
+def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype, error):
+    refused = Array(DIMS, SHAPE, np.dtype(dtype), None, {}, SHAPE, lambda region: values)
+    with pytest.raises(error):
+        write_store(tmp_path / "s.zarr", {"g": Group({"x": refused})}, {})
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_name_given_twice_is_refused(tmp_path):
+    both = {"x": array(COUNTS)}
+    with pytest.raises(ValueError, match="'g/x' is given twice"):
+        write_store(tmp_path / "s.zarr", {"g": Group(both, both)}, {})
+    assert not list(tmp_path.iterdir())
+
+
+def test_equal_input_makes_equal_bytes(tmp_path):
+    for name, threads in (("one.zarr", 3), ("two.zarr", 1)):
+        write_store(tmp_path / name, small(1), {"seed": 1}, threads=threads)
+    assert files(tmp_path / "one.zarr") == files(tmp_path / "two.zarr")
+
+
+@given(
+    st.lists(st.integers(0, 2000), max_size=5).map(tuple),
+    st.sampled_from([1, 2, 4, 8]),
+    st.integers(0, 5),
+)
+def test_suggested_chunks(shape, itemsize, whole):
+    chunks = suggest_chunks(shape, itemsize, whole=whole)
+    full = tuple(max(size, 1) for size in shape)
+    own = len(shape) - min(whole, len(shape))
+    assert len(chunks) == len(shape)
+    assert chunks[own:] == full[own:]
+    cut = [k for k in range(own) if chunks[k] != full[k]]
+    if cut:  # 1 before the last axis that is cut, and whole after it
+        assert all(chunks[k] == 1 for k in range(cut[-1]))
+    size = itemsize * int(np.prod(chunks))
+    assert size <= max(CHUNK_BYTES, itemsize * int(np.prod(full[own:])))
+    if cut and full[cut[-1]] >= 2 * chunks[cut[-1]]:  # near the target: not half as large
+        assert 2 * size + size // chunks[cut[-1]] >= CHUNK_BYTES - size
+
+
+def test_block_of_a_replaced_store_is_new(tmp_path):
+    path = tmp_path / "s.zarr"
+    for value in (1, 2, 3):
+        write_store(path, small(value), {})
+        assert (read_block(path, "one", "x", (0, slice(None))) == value).all()
+    with pytest.raises(FileNotFoundError):
+        read_block(path, "one", "y", (0, 0))
+
+
+def test_memory_holds_a_few_chunks_only(tmp_path):
+    asked = []
+
+    def read(region):
+        asked.append(region)
+        return np.full((1, 2**17), region[0].start, dtype="f8")  # 1 MiB
+
+    large = Array(("a", "b"), (96, 2**17), np.dtype("f8"), np.nan, {}, (1, 2**17), read)
+    tracemalloc.start()
+    write_store(tmp_path / "s.zarr", {"g": Group({"x": large})}, {}, threads=2)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(asked) == 96
+    assert peak < 16 * 2**20
+    assert (read_block(tmp_path / "s.zarr", "g", "x", (95, slice(None))) == 95).all()
+
+
+# damage -------------------------------------------------------------------------------------------
+
+
+def test_each_changed_byte_missing_and_extra_file_is_noticed(tmp_path):
+    path = tmp_path / "s.zarr"
+    write_store(path, {"g": Group({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
+    for name, content in files(path).items():
+        file = path / name
+        others = [content[:-1], content + b"\0"]
+        for place, byte in enumerate(content):
+            flipped = byte ^ 1 << place % 8
+            others.append(content[:place] + bytes([flipped]) + content[place + 1 :])
+        for other in [*others, None]:
+            file.unlink()
+            if other is not None:
+                file.write_bytes(other)
+            if name == MANIFEST:
+                with pytest.raises(ConfigurationError, match=MANIFEST):
+                    verify(path)
+            else:
+                assert verify(path) == [name]
+            if name == "zarr.json":
+                with pytest.raises(ConfigurationError, match=r"whose zarr\.json cannot be read"):
+                    read_attributes(path)
+        file.write_bytes(content)
+    assert verify(path) == []
+    (path / "g/x/c/7").write_bytes(b"")
+    assert verify(path) == ["g/x/c/7"]
+
+
+@pytest.mark.parametrize("content", [b"", b"{}", b'{"files":3}', b"[" * 10**5, b"\xff"])
+def test_a_foreign_manifest_is_one_sentence(tmp_path, content):
+    path = tmp_path / "s.zarr"
+    assert read_attributes(path) is None
+    path.mkdir()
+    (path / MANIFEST).write_bytes(content)
+    for function in (verify, read_attributes, check_target):
+        with pytest.raises(ConfigurationError, match=r"^store is '.*s.zarr', whose [^\n]*$"):
+            function(path)
+    assert files(path) == {MANIFEST: content}

@@ -1,0 +1,291 @@
+"""Whole sweeps of toys: right numbers, one store however it is made, nothing computed twice."""
+
+import ast
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from company import company
+from small_stores import files, opened
+from toys import CALLS, SPRINGS, Told, go, run
+
+from sweeps.engine.experiment import DeclarationError, Experiment
+from sweeps.engine.seeds import cell_rng
+from sweeps.engine.settings import Settings, count, read_choices
+from sweeps.engine.stage import Output, in_memory, stage
+
+STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """Store of the springs with all defaults."""
+    path = tmp_path_factory.mktemp("springs") / "s.zarr"
+    go(path)
+    return path
+
+
+def plain_noise(stiffness, mass, draw, length):
+    name = {"stage": "noisy", "stiffness": stiffness, "mass": mass, "draw": draw}
+    return cell_rng(0, **name).standard_normal(length)
+
+
+def plain_period(stiffness, mass):
+    return 2 * math.pi / round(math.sqrt(stiffness / mass), 12)
+
+
+def test_every_number_is_that_of_a_plain_computation(store):
+    springs, answers = opened(store, "springs"), opened(store, "answers")
+    for mass in MASS:
+        for length in LENGTH:
+            for draw in DRAW:
+                noisy = []
+                for stiffness in STIFFNESS:
+                    at = {"stiffness": stiffness, "mass": mass}
+                    period = plain_period(stiffness, mass)
+                    noise = plain_noise(stiffness, mass, draw, length)
+                    noisy.append(period + noise.mean())
+                    assert springs.period.sel(at) == period
+                    at |= {"length": length, "draw": draw}
+                    assert springs.noisy.sel(at) == noisy[-1]
+                    trace = springs.trace.sel(at).values
+                    assert (trace[:length] == (stiffness + noise).astype("f4")).all()
+                    assert np.isnan(trace[length:]).all()
+                answer = answers.answer.sel(mass=mass, length=length, draw=draw)
+                assert answer.sel(rule="max") == max(noisy)
+                assert answer.sel(rule="mean") == np.mean(noisy)
+    assert (answers.taken == 1).all()
+
+
+def test_a_table_is_made_of_the_groups(store):
+    best = opened(store, "tables/best").best
+    xr.testing.assert_equal(best, opened(store, "answers").answer.max("rule"))
+    assert best.attrs["units"] == "s"
+
+
+def test_dimensions_coordinates_and_units(store):
+    springs = opened(store, "springs")
+    assert springs.period.dims == ("stiffness", "mass")
+    assert springs.noisy.dims == ("mass", "length", "draw", "stiffness")  # as `dims` has it
+    assert springs.period.attrs == {"units": "s", "long_name": "period"}
+    assert springs.stiffness.attrs == {"units": "N m-1", "long_name": "stiffness"}
+    assert "limit" not in springs.coords  # one value, and neither shown nor noted
+    assert opened(store, "noise").drawn.dims == ("mass", "length", "draw", "stiffness")
+    assert (opened(store, "state").answers == 1).all()
+    root = xr.open_zarr(store).attrs
+    assert root["configuration"]["spring"]["mass"] == [1, 2] and root["seed"] == 0
+    assert not {"failures", "joint"} & set(root)
+
+
+def test_arrays_that_begin_elsewhere_lie_on_one_dimension(store):
+    shape = opened(store, "springs")["shape"]
+    rates = {(s, m): round(math.sqrt(s / m), 12) for s in STIFFNESS for m in MASS}
+    first = {at: int(10 * rate) for at, rate in rates.items()}
+    ends = [begin + 1 + int(mass) for (_, mass), begin in first.items()]
+    assert shape.bin.values.tolist() == list(range(min(first.values()), max(ends)))
+    assert shape.bin.attrs == {"units": "m", "long_name": "bin"}
+    for (stiffness, mass), begin in first.items():
+        own = shape.sel(stiffness=stiffness, mass=mass)
+        there = own.sel(bin=slice(begin, begin + int(mass)))
+        assert (there == 1 + np.arange(1 + int(mass))).all() and own.sum() == there.sum()
+
+
+def test_one_value_of_a_noted_setting_is_a_scalar_coordinate(tmp_path):
+    go(tmp_path / "s.zarr", measured__rule="min", spring__reference=[1.0, 4.0])
+    answers = opened(tmp_path / "s.zarr", "answers")
+    assert "rule" not in answers.dims and answers.rule.item() == "min"
+    ratio = opened(tmp_path / "s.zarr", "references").ratio
+    assert ratio.dims == ("mass", "stiffness_there")
+    expected = [[plain_period(s, m) / s for s in (1.0, 4.0)] for m in MASS]
+    np.testing.assert_array_equal(ratio, expected)
+
+
+def test_equal_cells_are_computed_once_and_parents_shared(tmp_path):
+    CALLS.clear()
+    finished = go(tmp_path / "s.zarr")
+    # 1/1 and 2/2, and 2/1 and 4/2, have the same rate: four solvers and periods for six places.
+    assert CALLS["period"] == finished.progress["period"].done == 4
+    assert CALLS["solver"] == 4  # periods and energies of a rate share one
+    assert CALLS["energy"] == 6
+    CALLS.clear()
+    again = go(tmp_path / "s.zarr")
+    assert not CALLS and not again.written
+    assert all(one.reused == one.total for one in again.progress.values())
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_local_workers_make_the_same_store(store, tmp_path, workers):
+    go(tmp_path / "s.zarr", kind="local", workers=workers)
+    assert files(tmp_path / "s.zarr") == files(store)
+
+
+def test_the_order_of_values_does_not_matter(store, tmp_path):
+    go(
+        tmp_path / "s.zarr",
+        spring__stiffness=[4, 1, 2],
+        spring__mass=[2, 1],
+        measured__length=[4, 2],
+        measured__rule=["mean", "max"],
+    )
+    assert files(tmp_path / "s.zarr") == files(store)
+
+
+def test_the_order_of_work_does_not_matter(store, tmp_path, monkeypatch):
+    from sweeps.engine import schedule
+
+    monkeypatch.setattr(schedule, "MOST_CELLS", 1)  # a task a cell, in packs of one
+    go(tmp_path / "s.zarr")
+    assert files(tmp_path / "s.zarr") == files(store)
+
+
+def test_values_alone_and_in_company_are_equal():
+    choices = read_choices(SPRINGS.declared, {"measured.rule": ["max", "mean", "min"]})
+    assert company(SPRINGS, choices) == {"noisy": 24, "answers": 24}
+    assert company(SPRINGS, choices, most=5) == {"noisy": 6, "answers": 6}
+
+
+class Poor(Settings, key="poor"):
+    """Of a stage that breaks the rule."""
+
+    size = count([1, 2, 3], label="size")
+
+
+@stage(Output("sum", label="sum"), uses=(Poor,), along=(Poor.size,), group="poor")
+def sociable(size):
+    """A sum over the company."""
+    return np.full(len(size), sum(size))
+
+
+def test_a_value_that_depends_on_its_company_is_found():
+    poor = Experiment("poor", "Poor", (Poor,), (sociable,))
+    with pytest.raises(AssertionError, match="sociable size=1: sum depends on its company"):
+        company(poor, read_choices(poor.declared, {}))
+
+
+@stage(Output("list", ("place",), label="list"), uses=(Poor,), group="poor")
+def ragged(size):
+    """Arrays of several lengths without a value to pad them with."""
+    return np.zeros(size)
+
+
+@stage(Output("flat", ("place",), label="flat"), uses=(Poor,), group="poor")
+def flat(size):
+    """A number where an array is declared."""
+    return 0.0
+
+
+@stage(Output("other", label="other"), uses=(Poor,), group="poor")
+def misnamed(size):
+    """A result of another name."""
+    return {"another": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("declared", "what"), [(ragged, "no value to pad it with"), (flat, "the dimensions place")]
+)
+def test_arrays_that_do_not_fit_their_declaration_are_named(tmp_path, declared, what):
+    poor = Experiment("poor", "Poor", (Poor,), (declared,))
+    with pytest.raises(DeclarationError, match=what):
+        run(poor, read_choices(poor.declared, {}), tmp_path / "s.zarr")
+    assert not (tmp_path / "s.zarr").exists()
+
+
+def test_a_result_of_another_name_fails_its_cells(tmp_path):
+    poor = Experiment("poor", "Poor", (Poor,), (misnamed,))
+    finished = run(poor, read_choices(poor.declared, {}), tmp_path / "s.zarr")
+    assert finished.failures[0][1] == "TypeError: misnamed returned another, but must return other"
+
+
+@stage(Output("part", label="part", dtype="f8"), uses=(Poor,))
+def part(size, rng):
+    """An array of another stage's only."""
+    CALLS["part"] += 1
+    return rng.normal()
+
+
+@in_memory(uses=(Poor,))
+def box(part):
+    """An object made of it."""
+    CALLS["box"] += 1
+    return [part]
+
+
+@stage(Output("own", label="own", dtype="f8"), uses=(Poor,), group="poor")
+def from_box(box, part):
+    """The two taken apart again."""
+    return box[0] - part
+
+
+def test_an_object_in_memory_is_made_of_results_on_disk(tmp_path):
+    CALLS.clear()
+    boxes = Experiment("boxes", "Boxes", (Poor,), (part, box, from_box))
+    many = {"poor.size": list(range(1, 41))}
+    run(boxes, read_choices(boxes.declared, many), tmp_path / "s.zarr")
+    assert CALLS == {"part": 40, "box": 40}
+    assert (opened(tmp_path / "s.zarr", "poor").own == 0).all()
+
+
+def test_many_small_cells_are_read_with_few_openings_of_packs(tmp_path, monkeypatch):
+    from sweeps.engine import inputs
+
+    read, requests = inputs.read_cells, []
+    monkeypatch.setattr(
+        inputs, "read_cells", lambda folder, spots: requests.append(spots) or read(folder, spots)
+    )
+    chain = Experiment("boxes", "Boxes", (Poor,), (part, box, from_box))
+    many = {"poor.size": list(range(1, 2001))}
+    run(chain, read_choices(chain.declared, many), tmp_path / "s.zarr")
+    assert sum(len(spots) for spots in requests) >= 4000 and len(requests) < 100
+
+
+def test_a_damaged_index_of_costs_does_not_stop_the_work(tmp_path):
+    from sweeps.engine.plan import Plan
+    from sweeps.engine.schedule import Schedule
+
+    choices = read_choices(SPRINGS.declared, {})
+    for cost in (math.nan, math.inf, -1.0, 0.0):
+        schedule = Schedule(Plan(SPRINGS, choices), dict.fromkeys(SPRINGS.by_name, cost))
+        schedule.resolve(lambda keys: {})
+        assert schedule.batch(2)[0]
+
+
+def test_what_happens_is_said(tmp_path):
+    told = Told()
+    go(tmp_path / "s.zarr", watch=told.watch)
+    assert told.sentences == ["0 cells are at hand, 74 are to be made"] and not told.failures
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "engine.md"
+
+
+def test_the_sweep_on_the_page_runs(tmp_path):
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    assert len(code.splitlines()) <= 40
+    (tmp_path / "estimate.py").write_text(code, encoding="utf-8")
+    command = [sys.executable, "estimate.py", "cluster=inline", "cache=cache", "store=s.zarr"]
+    command += ["integral.points=[10,100]", "integral.repeat=20"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    table = opened(tmp_path / "s.zarr", "tables/error")
+    assert table.error.dims == ("function", "points") and table.points.values.tolist() == [10, 100]
+    # Errors fall as the square root of the points: five standard errors of a root mean square.
+    ratio = table.error.sel(points=10) / table.error.sel(points=100)
+    assert (abs(np.log(ratio / math.sqrt(10))) < 5 * math.sqrt(2 / (2 * 20))).all()
+
+
+def test_modules_are_on_the_page_in_the_order_of_their_imports():
+    (_, table) = PAGE.read_text(encoding="utf-8").split("**Order of modules.**")
+    rows = [line.split("|")[1] for line in table.split("**Three")[0].splitlines() if "|" in line]
+    order = re.findall(r"`(\w+)`", " ".join(rows))
+    folder = PAGE.parents[1] / "sweeps" / "engine"
+    assert sorted(order) == sorted(one.stem for one in folder.glob("[a-z]*.py"))
+    for place, name in enumerate(order):
+        for node in ast.parse((folder / f"{name}.py").read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sweeps."):
+                imported = node.module.rpartition(".")[2]
+                assert imported in order[:place], f"{name} imports {imported}"

@@ -1,0 +1,123 @@
+"""Where a store may be put, and by one writer at a time."""
+
+import os
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from small_stores import files, opened, small
+
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.lock import locked
+from sweeps.engine.store import write_store
+from sweeps.engine.target import check_folder, check_target
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        *((f"{scheme}://x/y", "URLs are not supported") for scheme in ("s3", "gs", "file", "http")),
+        ("simplecache::s3://x/y", "URLs are not supported"),
+        (Path("s3://x/y"), "URLs are not supported"),
+        ("", "must be the name"),
+        ("/", "must be the name"),
+        ("a\0b", "null byte"),
+        ("n" * 214, "must have at most 213"),
+        ("n" * 300 + "/x", "File name too long"),
+        ("dangling", "link to nothing"),
+        ("dangling/x", "link to nothing"),
+        ("loop", "link to nothing"),
+        ("file", "no"),
+        ("file/x", "is no folder"),
+        ("file/x/y", "is no folder"),
+        ("/proc/x", "nothing can be written"),
+    ],
+)
+def test_impossible_paths_are_refused(tmp_path, monkeypatch, path, reason):
+    monkeypatch.chdir(tmp_path)
+    Path("dangling").symlink_to("nowhere")
+    Path("loop").symlink_to("loop")
+    Path("file").write_text("mine")
+    before = sorted(os.listdir())
+    with pytest.raises(ConfigurationError, match=rf"^store is [^\n]*{reason}[^\n]*$"):
+        check_target(path)
+    with pytest.raises(ConfigurationError, match=rf"^cache is [^\n]*{reason}[^\n]*$"):
+        check_folder("cache", path)
+    assert sorted(os.listdir()) == before
+
+
+def test_possible_paths_are_not_touched(tmp_path):
+    for path in ("n" * 213, "a/b/c.zarr"):
+        check_target(tmp_path / path)
+        check_folder("cache", tmp_path / path)
+    check_folder("cache", tmp_path)
+    assert not list(tmp_path.iterdir())
+    write_store(tmp_path / "s.zarr", small(1), {})
+    check_target(str(tmp_path / "s.zarr"))
+
+
+@pytest.mark.parametrize("appears", [False, True])
+def test_a_foreign_folder_is_never_touched(tmp_path, appears):
+    path = tmp_path / "s.zarr"
+
+    def put(_=None):
+        path.mkdir()
+        (path / "zarr.json").write_text("mine")
+
+    if not appears:
+        put()
+    with pytest.raises(ConfigurationError, match="exists and is no store"):
+        write_store(path, small(1), {}, after=put if appears else None)
+    assert files(path) == {"zarr.json": b"mine"}
+    assert os.listdir(tmp_path) == ["s.zarr"]
+
+
+def test_a_second_writer_is_told_of_the_first(tmp_path):
+    path = tmp_path / "new" / "s.zarr"
+    with locked(path):
+        holder = rf"written by process {os.getpid()} on .* since 20[0-9T:+-]+; [^\n]*$"
+        with pytest.raises(ConfigurationError, match=holder), locked(path):
+            pytest.fail("two writers")
+        with locked(path.with_name("t.zarr")):  # another store
+            pass
+    with locked(path):
+        pass
+    assert not list(path.parent.iterdir())
+
+
+def test_there_is_one_writer_at_a_time(tmp_path):
+    path = tmp_path / "s.zarr"
+    inside, most, refused, written = 0, 0, 0, 0
+
+    def work():
+        nonlocal inside, most, refused, written
+        for _ in range(50):
+            try:
+                with locked(path):
+                    inside += 1
+                    most = max(most, inside)
+                    time.sleep(0.001)
+                    inside -= 1
+                    written += 1
+            except ConfigurationError:
+                refused += 1
+
+    writers = [threading.Thread(target=work) for _ in range(4)]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert most == 1 and written + refused == 200 and written and refused
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_store_behind_a_link_is_locked_and_replaced_where_it_is(tmp_path):
+    path, link = tmp_path / "s.zarr", tmp_path / "link.zarr"
+    link.symlink_to(path)
+    write_store(path, small(1), {})
+    with locked(path), pytest.raises(ConfigurationError, match="being written"), locked(link):
+        pytest.fail("two writers")
+    write_store(link, small(2), {})
+    assert link.is_symlink()
+    assert (opened(path, "one")["x"] == 2).all()

@@ -1,0 +1,212 @@
+"""Toy experiments for the tests of the engine, and how to run them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.execute import Watch
+from sweeps.engine.experiment import Experiment, Status, Table
+from sweeps.engine.inputs import forget_all
+from sweeps.engine.run import Place, sweep
+from sweeps.engine.settings import Settings, count, draws, number, read_choices, switch, word
+from sweeps.engine.stage import Output, in_memory, plain, stage
+
+CALLS: Counter[str] = Counter()
+"""Cells that each stage computed in this process."""
+
+
+class Spring(Settings, key="spring"):
+    """A mass on a spring."""
+
+    stiffness = number([1.0, 2.0, 4.0], 0, unit="N m-1", label="stiffness", shown=True)
+    mass = number([1.0, 2.0], 0.1, unit="kg", label="mass", shown=True)
+    limit = number(100.0, unit="s-1", label="largest angular frequency")
+    reference = number(None, 0, unit="N m-1", label="stiffness compared with")
+
+
+class Measured(Settings, key="measured"):
+    """What is measured of it."""
+
+    length = count([2, 4], 1, 50, label="samples", shown=True)
+    draw = draws(2, label="draw")
+    rule = word(["max", "mean"], ("max", "mean", "min"), label="rule", noted=True)
+    doubled = switch(False, label="whether the answer is doubled")
+    pause = number(0.0, 0, 10, unit="s", label="time that a period takes")
+
+
+@plain(uses=(Spring,))
+def rate(stiffness, mass):
+    """Angular frequency [rad/s]; equal for some pairs of stiffness and mass."""
+    return round(math.sqrt(stiffness / mass), 12)
+
+
+@in_memory(uses=(Spring,))
+def solver(rate):
+    """An object that two stages share."""
+    CALLS["solver"] += 1
+    return {"rate": rate}
+
+
+@stage(
+    Output("period", unit="s", label="period", dtype="f8"), uses=(Spring, Measured), group="springs"
+)
+def period(solver, limit, pause):
+    """Period [s], refused where the spring is too stiff."""
+    CALLS["period"] += 1
+    time.sleep(pause)
+    if solver["rate"] > limit:
+        raise ValueError("too [stiff]")
+    return np.array(2 * math.pi / solver["rate"])
+
+
+@stage(
+    Output("energy", unit="J", label="energy", dtype="f8"),
+    Output("shape", ("bin",), label="shape", origin={"bin": "begin"}, fill=0),
+    Output("begin", unit="m", label="bin", dtype="i4", stored=False),
+    uses=(Spring,),
+    group="springs",
+)
+def energy(solver, mass):
+    """Energy [J], and a shape that begins somewhere and is as long as the mass is heavy."""
+    CALLS["energy"] += 1
+    bins = 1 + int(mass)
+    begin = int(10 * solver["rate"])
+    return {"energy": solver["rate"] ** 2, "shape": 1.0 + np.arange(bins), "begin": begin}
+
+
+@stage(
+    Output("noisy", unit="s", label="measured period", dtype="f8"),
+    Output("drawn", label="noise without the period", group="noise", without=("limit", "pause")),
+    uses=(Spring, Measured),
+    along=(Measured.length,),
+    group="springs",
+    dims=("draw", "stiffness"),
+    stream=(Spring.stiffness, Spring.mass, Measured.draw),
+)
+def noisy(period, length, draw, rng):
+    """A measured period for every length; the longer ones go on where the shorter ones end."""
+    CALLS["noisy"] += len(length)
+    noise = rng.standard_normal(max(length))
+    means = np.array([noise[:samples].mean() for samples in length])
+    return {"noisy": period + means, "drawn": means}
+
+
+@stage(
+    Output("trace", ("time",), pad=np.nan, label="trace"),
+    uses=(Spring, Measured),
+    group="springs",
+    stream=(Spring.stiffness, Spring.mass, Measured.draw),
+    noise="noisy",
+)
+def trace(stiffness, length, draw, rng):
+    """The noise itself, as long as it is measured."""
+    CALLS["trace"] += 1
+    return stiffness + rng.standard_normal(length)
+
+
+@stage(
+    Output("answer", unit="s", label="answer", dtype="f8"),
+    Output("taken", ("stiffness",), label="whether it counted", dtype="i1", failed=2),
+    uses=(Spring, Measured),
+    gather=(Spring.stiffness,),
+    along=(Measured.length, Measured.rule),
+    group="answers",
+    status="state:answers",
+)
+def answers(noisy, length, rule, doubled, there):
+    """What is said of all springs that are there."""
+    CALLS["answers"] += len(length) * len(rule)
+    named = {"max": np.max, "mean": np.mean, "min": np.min}
+    values = [[named[one](noisy["noisy"][k][there]) for one in rule] for k in range(len(length))]
+    taken = np.broadcast_to(there.astype("i1"), (len(length), len(rule), len(there)))
+    return {"answer": np.array(values) * (2 if doubled else 1), "taken": taken}
+
+
+@stage(
+    Output("ratio", label="period by that of the reference", dtype="f8"),
+    uses=(Spring,),
+    at={Spring.stiffness: Spring.reference},
+    names={Spring.reference: "stiffness_there"},
+    group="references",
+    when=lambda choices: choices[Spring.reference] != (None,),
+    name="compared",
+)
+def compared(period, reference):
+    """The period at the stiffness of the reference."""
+    CALLS["compared"] += 1
+    return period / reference
+
+
+def tabulated(answers, choices):
+    """A table of the answers."""
+    best = answers["answer"].max("rule") if "rule" in answers.dims else answers["answer"]
+    best.attrs = {"units": "s", "long_name": "best answer"}
+    return xr.Dataset({"best": best})
+
+
+def checked(choices):
+    """Choices whose reference is a spring that is there."""
+    strange = [
+        one for one in choices[Spring.reference] if one not in (None, *choices[Spring.stiffness])
+    ]
+    if strange:
+        raise ConfigurationError(
+            f"spring.reference has {strange[0]:g}, but must be one of spring.stiffness"
+        )
+    return choices
+
+
+SPRINGS = Experiment(
+    "springs",
+    "Springs",
+    (Spring, Measured),
+    (rate, solver, period, energy, noisy, trace, answers, compared),
+    tables=(Table("tables/best", ("answers",), tabulated),),
+    statuses=(Status("state:answers", (Spring.mass, Measured.length), "state of the answers"),),
+    check=checked,
+    code=("toys",),
+)
+
+
+def go(store, cache=None, kind="inline", workers=None, watch=None, **given):
+    """Run the springs into a store; settings are given as `spring__mass=[1, 2]`."""
+    given = {key.replace("__", "."): value for key, value in given.items()}
+    choices = SPRINGS.check(read_choices(SPRINGS.declared, given))
+    return run(SPRINGS, choices, store, cache, kind, workers, watch)
+
+
+def run(experiment, choices, store, cache=None, kind="inline", workers=None, watch=None):
+    """Run an experiment into a store."""
+    forget_all()  # as a new process would
+    cache = Path(cache or Path(store).with_suffix(".cache"))
+    place = Place(Path(store), cache, ClusterChoice(kind=kind, workers=workers))
+    return sweep(experiment, choices, place, watch or Watch(lambda sentence: None))
+
+
+class Told:
+    """Sentences and failures that a sweep tells of."""
+
+    def __init__(self):
+        self.sentences = []
+        self.failures = []
+
+    @property
+    def watch(self):
+        """What a sweep is given."""
+        return Watch(
+            self.sentences.append, failed=lambda what, why: self.failures.append((what, why))
+        )
+
+
+def without(experiment, name):
+    """An experiment without one of its stages."""
+    return replace(experiment, stages=tuple(one for one in experiment.stages if one.name != name))

@@ -1,0 +1,106 @@
+"""A stack gives each of its images what the image gets alone, bit for bit."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from ncti.features import (
+    SEGMENTATION_METHODS,
+    cyclic_similarity,
+    log_polar,
+    profile_vector,
+    segment,
+)
+from ncti.features.log_polar import INTERPOLATIONS
+
+LAYOUTS = {
+    "rows": np.ascontiguousarray,
+    "columns": np.asfortranarray,
+    "images_last": lambda stack: np.moveaxis(
+        np.ascontiguousarray(np.moveaxis(stack, 0, -1)), -1, 0
+    ),
+    "every_other": lambda stack: np.repeat(stack, 2, axis=-1)[..., ::2],
+}
+layouts = st.sampled_from(list(LAYOUTS.values()))
+shapes = array_shapes(min_dims=3, max_dims=3, max_side=12)
+seeds = st.integers(0, 2**32 - 1)
+
+
+@st.composite
+def views(draw):
+    """Noise of any strength on ships of any warmth; among them images of nothing, and huge ones."""
+    count, rows, columns = draw(
+        st.tuples(st.integers(2, 6), st.integers(1, 24), st.integers(1, 24))
+    )
+    rng = np.random.default_rng(draw(seeds))
+    stack = rng.standard_normal((count, rows, columns))
+    stack *= rng.choice([0.0, 0.05, 0.5, 3.0, 1e6, 1e300], size=(count, 1, 1))
+    warmth = rng.choice([0.0, 0.3, 1.0, 5.0], size=(count, 1, 1))
+    stack[:, rows // 3 : rows // 2 + 1, columns // 4 : 3 * columns // 4 + 1] += warmth
+    sigmas = rng.choice([0.05, 0.2, 1.0], size=(2, count))
+    contrast = rng.choice([0.0, 0.3, 1.0, 5.0], size=count)
+    return stack, {"contrast": contrast, "target_sigma": sigmas[0], "sea_sigma": sigmas[1]}
+
+
+@settings(max_examples=100, deadline=None)
+@given(view=views(), layout=layouts)
+@pytest.mark.parametrize("method", SEGMENTATION_METHODS)
+def test_images_are_segmented_one_by_one(method, view, layout):
+    stack, known = view
+    together = segment(layout(stack), method=method, **known)
+    for place, image in enumerate(stack):
+        own = {name: values[place] for name, values in known.items()}
+        alone = segment(image.copy(), method=method, **own)
+        np.testing.assert_array_equal(together[place], alone)
+
+
+cells = st.fixed_dictionaries(
+    {
+        "radii": st.integers(1, 6),
+        "angles": st.integers(1, 9),
+        "oversample": st.integers(1, 5),
+        "inner_radius": st.sampled_from([0.1, 0.5]),
+    }
+)
+# Shares of a third and a seventh, whose sums round.
+shares = arrays(float, shapes, elements=st.sampled_from([0.0, 0.0, 1 / 3, 1 / 7, 0.9, 1.0]))
+
+
+@settings(max_examples=100, deadline=None)
+@given(stack=arrays(bool, shapes) | shares, layout=layouts, parameters=cells)
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_masks_are_mapped_one_by_one(interpolation, stack, layout, parameters):
+    together = log_polar(layout(stack), interpolation=interpolation, **parameters)
+    for place, mask in enumerate(stack):
+        alone = log_polar(mask.copy(), interpolation=interpolation, **parameters)
+        np.testing.assert_array_equal(together[place], alone)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=seeds, layout=layouts)
+def test_silhouettes_of_a_ships_size_too(seed, layout):
+    stack = np.random.default_rng(seed).random((4, 30, 70))
+    together = log_polar(layout(stack))
+    for place, mask in enumerate(stack):
+        np.testing.assert_array_equal(together[place], log_polar(mask))
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds, count=st.integers(2, 9), bins=st.integers(1, 300))
+def test_profiles_are_normalised_one_by_one(seed, count, bins):
+    profiles = np.random.default_rng(seed).random((count, bins))
+    together = profile_vector(profiles)
+    for place, profile in enumerate(profiles):
+        np.testing.assert_array_equal(together[place], profile_vector(profile))
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds, count=st.integers(2, 9), angles=st.integers(1, 40), radii=st.integers(1, 9))
+def test_pairs_of_maps_are_compared_one_by_one(seed, count, angles, radii):
+    first, second = np.random.default_rng(seed).random((2, count, angles, radii))
+    together = cyclic_similarity(first, second)
+    for place in range(count):
+        alone = cyclic_similarity(first[place], second[place])
+        assert (together[0][place], together[1][place]) == alone

@@ -1,0 +1,105 @@
+"""Finished stores to report of, and what is reported of them."""
+
+import csv
+import io
+import os
+from contextlib import chdir
+from fcntl import LOCK_EX, flock
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+from rich.console import Console
+
+from sweeps.report.command import main, report
+from sweeps.report.stored import tables_folder
+from sweeps.run import command
+
+COARSE = ["render.pixel=0.5", "render.engine=embree"]
+CLASSIFIERS = [
+    "grid.ship=[duncan,spruance]",
+    "grid.aspect=[0,45,90]",
+    "grid.pulse_width=[30,50]",
+    "grid.frame_count=[2,4]",
+    "grid.vigilance=[0.9,0.95]",
+    "grid.replicate=2",
+    "classifier=all",
+    "classifier.training=[expected,noisy]",
+    "classifier.left_out=[false,true]",
+    "classifier.gain_sigma=[0,1]",
+    "classifier.mnn.inputs=[raw,standardised]",
+    "classifier.mnn.annealing=[true,false]",
+    "classifier.mnn.epochs=40",
+    *COARSE,
+]
+# Small flights: coarse pixels and few lines, in a tenth of a second each.
+SMALL = {"ifov": 500.0, "samples": 60, "line_rate": 60.0, "detectors": 3, "pulse_rate": 4000.0}
+FLIGHTS = [
+    "sensor=irar",
+    "grid.ship=[roberts,duncan]",
+    "grid.pulse_width=[30,50]",
+    "irar.range=3",
+    "classifier.name=[acn,correlation]",
+    *(f"irar.{key}={value:g}" for key, value in SMALL.items()),
+    *COARSE,
+]
+
+
+def sweep(folder: Path, *overrides: str, code: int = 0) -> Path:
+    """The store of a sweep of the command line, which shares only ships with the machine."""
+    own = ("cluster=inline", "store=s.zarr", "cache=cache")
+    with chdir(folder):
+        assert command().main([*overrides, *own]) == code
+    return folder / "s.zarr"
+
+
+def made_once(factory: Any, name: str, *overrides: str) -> Path:
+    """The store of a sweep of that name, made by one of the processes that run tests."""
+    root = factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        root = root.parent  # that of all of them
+    folder = root / f"report-{name}"
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        flock(lock, LOCK_EX)
+        if not (folder / "done").exists():
+            sweep(folder, *overrides)
+            (folder / "done").touch()
+    return folder / "s.zarr"
+
+
+def reported(monkeypatch, *arguments: object) -> int:
+    """What `ncti-report` exits with."""
+    monkeypatch.setattr("sys.argv", ["ncti-report", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as left:
+        return left.code
+    return 0
+
+
+def rows_of(path: Path, name: str) -> list[dict[str, str]]:
+    """A table of a store as its CSV file has it."""
+    with (tables_folder(path) / f"{name}.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def printed(path: Path, width: int = 200) -> str:
+    """What the report prints of a store."""
+    console = Console(file=io.StringIO(), width=width)
+    report(path, console)
+    return console.file.getvalue()
+
+
+def opened(path: Path, group: str) -> xr.Dataset:
+    """A group of a store."""
+    return xr.open_zarr(path, group=group).load()
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, by its relative path."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }

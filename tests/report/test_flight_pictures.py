@@ -1,0 +1,200 @@
+"""Pictures of flights: drawn when a sweep ends, whole or not at all, of what the store holds."""
+
+import os
+import shutil
+import sys
+
+import numpy as np
+import pytest
+from made import scores
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from stores import FLIGHTS, SMALL, opened, reported, sweep
+
+import ncti.ships
+from ncti.irar import Correction, Flight, fly, ship_heading
+from sweeps.report.flight_again import Place, draw_flight, flights_of, known_ship, scan_of
+from sweeps.report.flight_pictures import write_pictures
+from sweeps.report.flight_stages import BRIGHTEST, Way, draw_stages, stages
+from sweeps.report.stored import attributes, tables_folder
+
+PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png", "validation.png"]
+
+
+@pytest.fixture
+def store(sisters, tmp_path):
+    """A copy of a store of flights, without tables."""
+    shutil.copytree(sisters, tmp_path / "s.zarr")
+    return tmp_path / "s.zarr"
+
+
+def pictures(folder):
+    return sorted(path.name for path in folder.iterdir() if path.suffix != ".csv")
+
+
+def test_the_report_draws_when_it_is_told_to(store, monkeypatch, capsys):
+    assert reported(monkeypatch, store) == 0
+    assert pictures(tables_folder(store)) == []
+    assert reported(monkeypatch, "--pictures", store) == 0
+    assert pictures(tables_folder(store)) == PICTURES
+    for name in PICTURES:
+        image = imread(tables_folder(store) / name)
+        assert min(image.shape[:2]) > 300
+        assert image.std() > 0.1
+    said = capsys.readouterr()
+    (told,) = [line for line in said.out.splitlines() if line.startswith("pictures")]
+    assert "s-tables" in told and all(name in told for name in PICTURES)
+    assert "pictures" in said.err and "100%" in said.err
+
+
+def test_a_store_without_flights_has_no_such_pictures(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "s.zarr"
+    scores(mass=[1.0, 2.0]).to_zarr(path, group="tables/pears", consolidated=False)
+    assert reported(monkeypatch, "--pictures", path) == 2
+    told = capsys.readouterr().err
+    assert "has no flights" in told and told.count("\n") == 1
+
+
+def test_without_matplotlib_there_are_tables(store, monkeypatch, capsys):
+    for name in ("matplotlib", "matplotlib.figure"):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert reported(monkeypatch, "--pictures", store) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert told == [
+        "ncti-report: pictures are not drawn: matplotlib is missing: install ncti-sweep[plot]"
+    ]
+    assert pictures(tables_folder(store)) == []
+    assert (tables_folder(store) / "flights.csv").is_file()
+
+
+def test_a_picture_that_is_not_finished_is_not_there(store, monkeypatch):
+    from rich.console import Console
+
+    def failing(self, target, **how):
+        target.write_bytes(b"\x89PNG half")
+        assert target.is_file()
+        raise PermissionError("no more room")
+
+    monkeypatch.setattr(Figure, "savefig", failing)
+    with pytest.raises(PermissionError, match="no more room"), open(os.devnull, "w") as nowhere:
+        write_pictures(store, Console(file=nowhere))
+    assert pictures(tables_folder(store)) == []
+
+
+def test_a_ship_that_is_no_longer_the_same_is_not_drawn(sisters):
+    given = attributes(sisters)
+    other = given | {"mesh_digests": given["mesh_digests"] | {"roberts": "0"}}
+    with pytest.raises(ValueError, match="roberts has changed since"):
+        known_ship(other, "roberts")
+    with pytest.raises(ValueError, match="mine was read from a file"):
+        known_ship(given, "mine")
+
+
+def test_titles_say_which_of_several_flights_is_drawn(sisters):
+    flights = opened(sisters, "validation")
+    places = sorted(flights_of(flights), key=lambda place: place.ship)
+    assert places == [Place("duncan", 175.0, 3.0), Place("roberts", 175.0, 3.0)]
+    title = draw_flight(attributes(sisters), flights, places[1]).get_suptitle()
+    assert title == "Roberts at 3 km, aspect 175°, transom gain 1, first of 2 draws"
+
+
+TOGETHER = "grid.zip=[[irar.azimuth,irar.mirror,irar.range_filter]]"
+CHOICES = {
+    "methods": [
+        TOGETHER,
+        "irar.azimuth=[line,none,pixel]",
+        "irar.mirror=[rotation,exact,none]",
+        "irar.range_filter=[median,mean,cluster]",
+    ],
+    "chains": ["irar.chain=[exact,printed,printed_pulse_rate]", "irar.autofocus=[false,true]"],
+    "inputs": [
+        "irar.segmentation_threshold=[null,20]",
+        "ladar.reflectance=lambertian",
+        "irar.transom_gain=0",
+        "irar.mast_gain=3",
+        "irar.jitter=100",
+        "seed=[0,1]",
+    ],
+}
+
+
+@pytest.mark.parametrize("chosen", CHOICES.values(), ids=CHOICES)
+def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
+    """Whatever the choices: the same pixels, in the same place."""
+    one = [item for item in FLIGHTS if not item.startswith("grid.")]
+    path = sweep(tmp_path, *one, "grid.ship=roberts", "grid.aspect=175", *chosen)
+    given, flights = attributes(path), opened(path, "validation").squeeze()
+    mesh = ncti.ships.load("roberts")
+    several = [name for name in flights.intensity.dims if name not in ("row", "column")]
+    sizes = [flights.sizes[name] for name in several]
+    assert np.prod(sizes) >= 3
+    for place in np.ndindex(*sizes):
+        assert_drawn(flights.isel(dict(zip(several, place, strict=True))), given, mesh)
+
+
+def assert_drawn(flight, given, mesh):
+    """The last corrected stage of a flight is its stored image."""
+    last = stages(mesh, *scan_of(given, flight, mesh))[-2]
+    assert "all corrections" in last.title
+    stored = flight.intensity.transpose("row", "column")
+    left, _, bottom, _ = (round(edge + 0.5) for edge in last.extent)
+    rows, columns = (
+        first + np.arange(size) - stored[dim].values[0]
+        for first, size, dim in zip(
+            (bottom, left), last.intensity.shape, ("row", "column"), strict=True
+        )
+    )
+    row, column = ((k >= 0) & (k < n) for k, n in zip((rows, columns), stored.shape, strict=True))
+    ours = last.intensity[np.ix_(row, column)]
+    theirs = stored.values[np.ix_(rows[row], columns[column])]
+    there = np.isfinite(theirs) & (theirs > 0)
+    assert there.sum() > 100
+    np.testing.assert_allclose(ours[there], theirs[there], rtol=1e-5)
+    # All of the ship is in the picture.
+    assert there.sum() > 0.95 * np.count_nonzero(stored > 0)
+
+
+def flown(cnr=20.0):
+    """The ship, and raw images of it."""
+    mesh = ncti.ships.load("roberts")
+    flight = Flight(
+        slant_range=3000.0,
+        ship_heading=ship_heading(aspect=175.0, sight=5.0),
+        cnr=10 ** (cnr / 10),
+        **SMALL | {"ifov": SMALL["ifov"] * 1e-6},
+    )
+    return mesh, fly(mesh, flight).record(np.random.default_rng(0))
+
+
+def test_stages_are_those_of_the_source_unless_something_is_left_out():
+    def titles(rate=None, **chosen):
+        found = stages(*flown(), Way(rate=rate, correction=Correction(**chosen)))
+        return [stage.title for stage in found][1:-1]
+
+    averaged = "averaged, range corrected, segmented"
+    assert titles() == [averaged, "shifted in azimuth", "sheared: all corrections"]
+    assert titles(mirror="none") == [averaged, "shifted in azimuth: all corrections"]
+    assert titles(azimuth="none", mirror="none") == [f"{averaged}: all corrections"]
+    assert titles(rate="line") == ["all corrections as printed,\nf the line rate"]
+
+
+@pytest.mark.parametrize("cnr", [-10.0, 0.0, 10.0, 40.0])
+def test_one_shade_is_one_intensity_and_few_pixels_saturate(cnr):
+    flight = flown(cnr)
+    figure, every = draw_stages(*flight, title=""), stages(*flight)
+    shown = [axes for axes in figure.axes if axes.get_title(loc="left")]
+    assert len(shown) == len(every)
+    (ends,) = {axes.images[0].get_clim() for axes in shown}
+    assert ends[0] == 0
+    for axes, stage in zip(shown[1:], every[1:], strict=True):
+        lit = stage.intensity[np.nan_to_num(stage.intensity) > 0]
+        assert (lit > ends[1]).sum() <= (1 - BRIGHTEST / 100) * lit.size + 1
+        # Pixels without a look are covered, and no others.
+        over = axes.images[1].get_array() if stage.unseen.any() else np.ma.masked_all((1, 1))
+        assert np.array_equal(~np.ma.getmaskarray(over), stage.unseen) or not stage.unseen.any()
+    # As bright as the truth says, where it is bright enough to tell from the noise.
+    if cnr == 40.0:
+        seen, truth = (
+            np.median(k[k > 0.1 * k.max()]) for k in (every[-2].intensity, every[-1].intensity)
+        )
+        assert 0.5 < seen / truth < 2.0

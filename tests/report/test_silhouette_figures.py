@@ -1,0 +1,312 @@
+"""Pictures of the infrared channel show what the store holds."""
+
+import sys
+import warnings
+from itertools import pairwise
+
+import matplotlib
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.colors import to_rgb
+from matplotlib.patches import Rectangle
+
+from ncti.features import log_polar
+from sweeps.report import figures, naming_figures, silhouette_figures, stored
+from sweeps.report.axes import nominal
+from sweeps.report.naming_figures import COLOURS, WAYS, Run, draw_table5, runs_of, tints_of
+from sweeps.report.silhouette_figures import looks_of
+
+ANGLES, RADII = 64, 32  # of a map
+STEPS = 255  # of which the store counts the cells of a map
+KEPT = ("ship", "aspect", "phase", "order", "range", "super_resolution", "frame_count")
+
+
+def group(path, name):
+    found = stored.read(path, name).load()
+    return nominal(found, keep=(*KEPT, "vigilance", "aspect_bin"))
+
+
+@pytest.fixture(scope="module")
+def view(smoke_store):
+    return group(smoke_store, "infrared").sel(ship="spruance", aspect=60.0, frame_count=16)
+
+
+@pytest.fixture(scope="module")
+def infrared(smoke_store):
+    return stored.attributes(smoke_store)["configuration"]["infrared"]
+
+
+@pytest.fixture(scope="module")
+def drawn(smoke_store):
+    """Figures of all kinds, with any warning as an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = {kind: silhouette_figures.draw(kind, smoke_store) for kind in PANELS}
+        for figure in made.values():
+            figure.canvas.draw()
+    return made
+
+
+# Panels that have data, of the smoke store: 4 rows of 3; strips and shares; 3 bins and all.
+PANELS = {"silhouettes": 21, "formation": 2, "table5": 4}
+
+
+def panels_of(figure):
+    return [axes for axes in figure.axes if not hasattr(axes, "_colorbar")]
+
+
+def test_every_kind_is_tested():
+    assert set(PANELS) == set(silhouette_figures.KINDS)
+
+
+@pytest.mark.parametrize(("kind", "count"), PANELS.items())
+def test_panels_are_as_many_as_there_is_data_for(kind, count, drawn):
+    assert len(panels_of(drawn[kind])) == count
+
+
+@pytest.mark.parametrize("kind", PANELS)
+def test_command_writes_the_picture_small_enough_for_a_page(
+    kind, smoke_store, tmp_path, monkeypatch
+):
+    picture = tmp_path / f"{kind}.png"
+    monkeypatch.setattr(sys, "argv", ["figures", kind, str(smoke_store), str(picture)])
+    figures.main()
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert picture.stat().st_size < 250_000
+
+
+def test_silhouette_shown_is_the_one_that_was_mapped(view, infrared):
+    # The images are stored in single precision, which leaves no pixel's side in doubt here.
+    looks = looks_of(view, infrared)
+    assert [(look.slant_range, look.way) for look in looks] == [
+        (25.0, "none"),
+        (50.0, "none"),
+        (50.0, "perfect"),
+        (50.0, "shifted"),
+        (100.0, "none"),
+        (100.0, "perfect"),
+        (100.0, "shifted"),
+    ]
+    for look in looks:
+        mapped = log_polar(
+            look.mask,
+            inner_radius=view.inner_radius.item(),
+            interpolation=view.interpolation.item(),
+            angles=ANGLES,
+            radii=RADII,
+        )
+        np.testing.assert_allclose(look.cells, mapped, atol=0.5 / STEPS + 1e-9)
+
+
+def test_pixels_are_the_detectors_or_half_as_wide(view, infrared):
+    for look in looks_of(view, infrared):
+        side = infrared["ifov"] * 1e-6 * look.slant_range * 1e3
+        assert look.pixel == pytest.approx(side if look.way == "none" else side / 2)
+        left, right, bottom, top = look.extent
+        rows, columns = look.image.shape
+        assert (right - left, top - bottom) == pytest.approx(
+            (columns * look.pixel, rows * look.pixel)
+        )
+        assert np.isfinite(look.image).all()
+        area = look.mask.sum() * look.pixel**2
+        assert np.pi * look.unit**2 == pytest.approx(area)
+
+
+def test_centroid_of_a_mask_is_where_its_pixels_are():
+    mask = np.zeros((4, 6), dtype=bool)
+    mask[1:3, 2:6] = True
+    look = silhouette_figures.Look(
+        slant_range=25.0,
+        way="none",
+        across=np.arange(6) * 3.0 - 6.0,
+        up=np.arange(4) * 3.0,
+        image=np.zeros(mask.shape),
+        mask=mask,
+        cells=np.zeros((ANGLES, RADII)),
+    )
+    assert look.centroid == pytest.approx((4.5, 4.5))
+
+
+def test_silhouettes_show_the_stores_images_to_scale_and_on_one_scale_a_range(
+    drawn, view, infrared
+):
+    panels = panels_of(drawn["silhouettes"])
+    looks = looks_of(view, infrared)
+    limits = {}
+    for look, (image, mask, polar) in zip(
+        looks, zip(*[iter(panels)] * 3, strict=True), strict=True
+    ):
+        (shown,) = image.images
+        np.testing.assert_array_equal(shown.get_array(), look.image)
+        np.testing.assert_array_equal(mask.images[0].get_array(), look.mask)
+        (cells,) = polar.collections
+        # Turned by 90 degrees, so that it begins a quarter before the angle 0.
+        expected = np.concatenate([look.cells[-ANGLES // 4 :], look.cells[: -ANGLES // 4]])
+        np.testing.assert_array_equal(
+            np.asarray(cells.get_array()).reshape(RADII, ANGLES).T, expected
+        )
+        for axes in (image, mask):
+            box = axes.get_window_extent()
+            across, up = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+            assert box.width / across == pytest.approx(box.height / up, rel=0.01)
+        limits.setdefault(look.slant_range, set()).add(shown.get_clim())
+        assert image.get_ylabel() == "up [m]"
+        assert "√(area/π)" in polar.get_ylabel()
+    assert [len(clims) for clims in limits.values()] == [1, 1, 1]
+    assert [axes.get_xlabel() for axes in panels[-3:]] == [
+        "across [m]",
+        "across [m]",
+        "angle [°], 0 right, 90 up",
+    ]
+    bars = [axes for axes in drawn["silhouettes"].axes if hasattr(axes, "_colorbar")]
+    assert [bar.get_xlabel() for bar in bars] == ["K", "K", "K"]
+
+
+def training(categories, confused, aspect):
+    dims = ("ship", "aspect")
+    return xr.Dataset(
+        {"training_category": (dims, categories), "training_confused": (dims, confused)},
+        {"ship": ["a", "b"], "aspect": aspect},
+    )
+
+
+def test_runs_join_neighbours_of_one_category_and_end_half_way():
+    runs = runs_of(
+        training([[0, 0, 1, 0], [2, 2, -1, 1]], [[0, 0, 1, 0], [0, 0, 0, 1]], [0.0, 3.0, 9.0, 12.0])
+    )
+    assert runs == [
+        Run(ship=0, start=-1.5, stop=6.0, category=0, confused=False),
+        Run(ship=0, start=6.0, stop=10.5, category=1, confused=True),
+        Run(ship=0, start=10.5, stop=13.5, category=0, confused=False),
+        Run(ship=1, start=-1.5, stop=6.0, category=2, confused=False),
+        Run(ship=1, start=6.0, stop=10.5, category=-1, confused=False),
+        Run(ship=1, start=10.5, stop=13.5, category=1, confused=True),
+    ]
+
+
+def test_runs_of_one_aspect_have_a_width():
+    (first, _) = runs_of(training([[0], [0]], [[1], [1]], [30.0]))
+    assert first.start < 30.0 < first.stop
+
+
+def test_tints_tell_categories_apart_and_join_shared_ones():
+    runs = [
+        Run(ship=ship, start=3.0 * place, stop=3.0 * place + 3.0, category=category, confused=both)
+        for ship, row in enumerate(([0, 1, 2, 3, 4, 9, 8], [0, 5, 6, -1, 7, 9, 8]))
+        for place, category in enumerate(row)
+        for both in [category in (0, 9, 8)]
+    ]
+    tints = tints_of(runs)
+    for category in (0, 9, 8):
+        assert tints[0, category] == tints[1, category]
+    assert tints[1, -1] == to_rgb("white")
+    of_categories = {category: tint for (_, category), tint in tints.items()}
+    assert len(set(of_categories.values())) == len(of_categories)
+    for first, second in pairwise(runs):
+        if first.ship == second.ship:
+            one, other = (np.array(tints[run.ship, run.category]) for run in (first, second))
+            assert np.abs(one - other).max() > 0.1
+
+
+def test_formation_prints_the_stores_categories(drawn, smoke_store):
+    classified = group(smoke_store, "classification/acn_infrared").sel(vigilance=0.87)
+    first = classified.isel(phase=0, order=0)
+    strips, share = panels_of(drawn["formation"])
+    bars = [patch for patch in strips.patches if isinstance(patch, Rectangle)]
+    numbers = [int(text.get_text()) - 1 for text in strips.texts]
+    assert len(bars) == len(numbers)
+    seen = np.full((first.sizes["ship"], first.sizes["aspect"]), -1)
+    hatched = np.zeros(seen.shape, dtype=int)
+    for bar, number in zip(bars, numbers, strict=True):
+        left, right = bar.get_x(), bar.get_x() + bar.get_width()
+        inside = (first.aspect.values > left) & (first.aspect.values < right)
+        ship = round(bar.get_y() + bar.get_height() / 2)
+        seen[ship, inside] = number
+        hatched[ship, inside] = bar.get_hatch() is not None
+    np.testing.assert_array_equal(seen, first.training_category.transpose("ship", "aspect"))
+    np.testing.assert_array_equal(hatched, first.training_confused.transpose("ship", "aspect"))
+
+    (mesh,) = share.collections
+    expected = 100 * classified.training_confused.mean(("phase", "order"))
+    np.testing.assert_allclose(
+        np.asarray(mesh.get_array()).ravel(), expected.transpose("ship", "aspect").values.ravel()
+    )
+    names = [label.get_text().lower() for label in strips.get_yticklabels()]
+    assert names == first.ship.values.tolist()
+    assert share.get_xlabel() == "aspect [°], 0 bow-on, 90 port beam"
+    count = int(first.training_category.max()) + 1
+    title = drawn["formation"].get_suptitle()
+    assert title.startswith(f"{count} categories of 14 silhouettes, ACN at vigilance 0.87")
+
+
+def lines_of(axes, colour):
+    """Points, ends of the intervals and of the spread, by order of range."""
+    (points,) = [
+        line for line in axes.lines if line.get_color() == colour and line.get_linestyle() == "-"
+    ]
+    spread, interval = [
+        np.array([segment[:, 1] for segment in bars.get_segments()])
+        for bars in axes.collections
+        if to_rgb(bars.get_color()[0][:3]) == to_rgb(colour)
+    ]
+    return np.asarray(points.get_ydata(), dtype=float), interval, spread
+
+
+def test_table5_draws_the_stores_percentages_intervals_and_spread(drawn, smoke_store):
+    tables = group(smoke_store, "tables/acn_infrared").sel(vigilance=0.87, frame_count=16)
+    panels = panels_of(drawn["table5"])
+    assert [axes.get_xlabel() for axes in panels] == ["slant range [km]"] * 4
+    assert panels[0].get_ylabel() == "percent correct"
+    for axes, label in zip(panels, tables.aspect_bin.values, strict=True):
+        assert str(label).replace("-", "–") in axes.get_title()
+        assert [tick.get_text() for tick in axes.get_xticklabels()] == ["25", "50", "100"]
+        for way in WAYS:
+            cell = tables.sel(aspect_bin=label, super_resolution=way).sortby("range")
+            points, interval, spread = lines_of(axes, COLOURS[way])
+            # Percentages are rounded to a tenth, their differences to two.
+            np.testing.assert_allclose(points, 100 * cell.accuracy, atol=0.051)
+            ends = np.stack([cell.ci_low, cell.ci_high], axis=1)
+            np.testing.assert_allclose(interval, 100 * ends, atol=0.11)
+            np.testing.assert_allclose(np.ptp(spread, axis=1), 200 * cell.spread, atol=0.11)
+        guess = [line for line in axes.lines if line.get_label().startswith("guess")]
+        assert [line.get_ydata()[0] for line in guess] == [50.0]
+
+
+def test_source_is_drawn_beside_its_own_views_only(drawn, smoke_store):
+    def diamonds(figure):
+        return [
+            float(value)
+            for axes in panels_of(figure)
+            for line in axes.lines
+            if line.get_marker() == "D"
+            for value in line.get_ydata()
+        ]
+
+    assert diamonds(drawn["table5"]) == []
+    tables = group(smoke_store, "tables/acn_infrared")
+    views = naming_figures.source_figures()["experiment"]["views"]
+    whole = tables.assign(view_count=xr.full_like(tables.view_count, views))
+    theirs = naming_figures.source_figures()["table5_percent_correct"]
+    expected = [
+        *theirs["none"][25],
+        *theirs["none"][50],
+        *theirs["perfect"][50],
+        *(value for way in ("none", "perfect") for value in theirs["overall"][way].values()),
+    ]
+    assert sorted(diamonds(draw_table5(whole, ships=4))) == sorted(expected)
+
+
+def test_pictures_leave_the_settings_of_matplotlib_alone(smoke_store):
+    before = dict(matplotlib.rcParams)
+    silhouette_figures.draw("formation", smoke_store)
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_store_without_the_channel_is_refused_in_one_sentence(tmp_path, monkeypatch, capsys):
+    absent = tmp_path / "absent.zarr"
+    monkeypatch.setattr(sys, "argv", ["figures", "silhouettes", str(absent), "picture.png"])
+    with pytest.raises(SystemExit) as caught:
+        figures.main()
+    assert caught.value.code == 2
+    assert "silhouettes cannot be drawn" in capsys.readouterr().err

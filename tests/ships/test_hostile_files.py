@@ -1,0 +1,280 @@
+"""Files that are made, or happen, to hang a reader, fill its memory or write on its terminal."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from shipyard import barge
+
+from ncti import ships
+from ncti.ships import documents, errors, loading, sheets
+
+BOX = trimesh.creation.box((100, 14, 20)).apply_translation((0, 0, 10))
+
+
+def refusal(path: str | Path) -> str:
+    with pytest.raises(ships.ShipError) as caught:
+        ships.load(path)
+    return sentence(caught.value)
+
+
+def sentence(error: Exception) -> str:
+    message = str(error)
+    assert message.isprintable()
+    assert message.endswith(".")
+    assert len(message) <= errors.LONGEST
+    return message
+
+
+def refused_sheet(text: str) -> str:
+    with pytest.raises(ships.ShipError) as caught:
+        sheets.parse(text, "{}", where="barge")
+    return sentence(caught.value)
+
+
+# Names
+
+
+@pytest.mark.parametrize(
+    "name", ["a\nb", "\x1b[31mred", "bell\a", "\u202egnp", "tab\t", " ", "x" * 101, "\x9b2J"]
+)
+def test_name_that_is_no_label_is_refused_and_shown_escaped(name, tmp_path) -> None:
+    path = tmp_path / f"{name}.stl"
+    BOX.export(path)
+    message = refusal(path)
+    assert "cannot label its ship: its name must have 1 to 100 printable characters" in message
+    assert ascii(name)[1:-1][:20] in message
+    with pytest.raises(ships.ShipError):
+        ships.digest(path)
+
+
+@pytest.mark.parametrize(
+    "name", ["=HYPERLINK(1)", "+1", "-1", "@cmd", "Ålesund", "山", "a b", "'", "x" * 100]
+)
+def test_any_printable_name_is_a_label(name, tmp_path) -> None:
+    BOX.export(tmp_path / f"{name}.stl")
+    assert ships.load(tmp_path / f"{name}.stl").metadata["name"] == name
+
+
+def test_folder_and_unknown_ship_are_shown_escaped(tmp_path) -> None:
+    folder = tmp_path / "\x1b]0;title\a"
+    assert r"\x1b]0;title\x07/hulk.stl' cannot be read" in refusal(folder / "hulk.stl")
+    assert r"unknown ship '\x1b[2J'" in refusal("\x1b[2J")
+
+
+def test_message_is_one_short_line_whatever_it_tells() -> None:
+    message = str(ships.ShipError("a\n\x1b" + "b" * 10**6 + "."))
+    assert message.isprintable()
+    assert message.startswith(r"a\n\x1bbbb")
+    assert len(message) == errors.LONGEST
+
+
+# Kinds of files and their size
+
+ALONE = """
+import sys
+from ncti import ships
+try:
+    ships.load(sys.argv[1])
+except ships.ShipError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "yaml"])
+@pytest.mark.parametrize("kind", ["pipe", "endless", "silent"])
+def test_only_regular_files_are_read(kind, suffix, tmp_path) -> None:
+    """In a process of its own, which a pipe that nobody writes to would hold for ever."""
+    path = tmp_path / f"hulk.{suffix}"
+    if kind == "pipe":
+        os.mkfifo(path)
+    else:
+        path.symlink_to({"endless": "/dev/zero", "silent": "/dev/null"}[kind])
+    ran = subprocess.run(
+        [sys.executable, "-c", ALONE, path], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert ran.stdout.strip() == f"ship file '{path}' is no regular file, but must be one."
+
+
+def test_pipe_in_place_of_the_file_just_looked_at_does_not_hang(tmp_path, monkeypatch) -> None:
+    path = tmp_path / "hulk.stl"
+    os.mkfifo(path)
+    monkeypatch.setattr(loading.stat, "S_ISREG", lambda mode: True)
+    assert "is empty" in refusal(path)
+
+
+@pytest.mark.parametrize(("suffix", "millions"), [("stl", 256), ("glb", 256), ("yaml", 1)])
+def test_huge_file_is_refused_unread(suffix, millions, tmp_path) -> None:
+    path = tmp_path / f"hulk.{suffix}"
+    path.touch()
+    os.truncate(path, 10**12)  # takes no room on the disk
+    assert f"bytes, but may have at most {millions} million" in refusal(path)
+
+
+def test_file_that_grows_while_it_is_read_is_bounded(tmp_path, monkeypatch) -> None:
+    path = tmp_path / "hulk.yaml"
+    path.write_bytes(b"#" * (10**6 + 5))
+    real = os.fstat
+
+    def small(descriptor):
+        return os.stat_result((*real(descriptor)[:6], 0, *real(descriptor)[7:10]))
+
+    monkeypatch.setattr(loading.os, "fstat", small)
+    assert "has 1000001 bytes, but may have at most 1 million" in refusal(path)
+
+
+def test_sheet_as_large_as_allowed_is_read(tmp_path) -> None:
+    path = tmp_path / "barge.yaml"
+    text = yaml.safe_dump(barge())
+    path.write_text(text + "#" * (10**6 - len(text)))
+    assert ships.load(path, cache=tmp_path).is_volume
+
+
+# YAML
+
+
+def bomb(depth: int, *, width: int = 9) -> str:
+    """`width` ** `depth` values in a few hundred bytes."""
+    lines = ["a0: &a0 [0]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * width)}]" for i in range(1, depth)]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("depth", [9, 40, 200])
+def test_aliases_of_aliases_are_refused(depth) -> None:
+    message = refused_sheet(bomb(depth) + f"\nname: *a{depth - 1}\n")
+    assert "with those that its aliases stand for, but may be at most 50000" in message
+
+
+def test_merged_aliases_of_aliases_are_refused() -> None:
+    lines = ["a0: &a0 {k: 0}"]
+    lines += [f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 9)}]}}" for i in range(1, 30)]
+    assert "at most 50000" in refused_sheet("\n".join(lines))
+
+
+@pytest.mark.parametrize("key", ["name", "principal", "stations", "components", "templates"])
+def test_bomb_below_the_limit_is_told_in_a_short_sentence(key) -> None:
+    document = {k: v for k, v in barge().items() if k != key}
+    text = bomb(5) + f"\n{key}: *a4\n" + yaml.safe_dump(document)
+    assert len(refused_sheet(text)) < 300
+
+
+def test_value_that_holds_itself_is_refused() -> None:
+    assert "'*a' holds itself, but no value may" in refused_sheet("a: &a [1, {b: *a}]")
+
+
+def test_few_aliases_are_as_good_as_what_they_stand_for() -> None:
+    document = barge()
+    shared = document["components"][0]
+    document["components"].append(shared)
+    text = yaml.safe_dump(document)
+    assert "*id001" in text
+    assert len(sheets.parse(text, "{}", where="barge").components) == 8
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[" * 50_000, "is nested 31 deep, but may be at most 30"),
+        ("- " * 50_000, "is nested 31 deep"),
+        ("- 1\n" * 60_000, "has 50001 values or more"),
+        ("name: " + "x" * 20_000, "of 20000 characters, but may be at most 10000"),
+        ("name: " + ":".join(["1"] * 300_000), "of 599999 characters"),  # a number to base 60
+        ("name: 0x" + "f" * 9_000, "a whole number of 36000 bits"),
+        ("name: " + "1" * 9_000, "is not valid YAML"),  # more digits than Python converts
+        ("name: !!int ''", "is not valid YAML"),
+        ("name: !!bool maybe", "is not valid YAML"),
+        ("name: !!timestamp now", "is not valid YAML"),
+        ("name: *nowhere", "is not valid YAML"),
+        ("a: &a 1\nb: &a 2", "is not valid YAML"),
+        ("\x1b[31m", "is not valid YAML"),
+        ('"a\\e[31m": 1', "'components' is missing"),
+    ],
+)
+def test_text_that_costs_too_much_or_says_nothing_is_refused(text, told) -> None:
+    if "name" in text:
+        rest = {k: v for k, v in barge().items() if k != "name"}
+        text = yaml.safe_dump(rest) + text
+    assert told in refused_sheet(text)
+
+
+@pytest.mark.parametrize("text", ["\x1b[31m\nred", "x" * 5000])
+def test_wild_names_and_keys_are_escaped_and_cut(text) -> None:
+    for change in ({"name": text, "l": -1}, {text: 1}, {"prim": text}, {"prim": [text] * 50}):
+        document = barge()
+        document["components"][0].update(change)
+        assert len(refused_sheet(yaml.safe_dump(document))) < 500
+    for name in ({text: {}}, {text: {"parts": [[text] * 5]}}):
+        assert len(refused_sheet(yaml.safe_dump(barge() | {"templates": name}))) < 500
+
+
+yaml_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-99, 99) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=20,
+)
+
+
+@settings(deadline=None)
+@given(yaml_values)
+def test_ordinary_documents_are_read_as_they_are(value) -> None:
+    assert documents.read("here", yaml.safe_dump([value, value])) == [value, value]
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.text(st.sampled_from(" \n-:[]{},&*ab1'\"!<?|>%#~"), max_size=60))
+def test_any_text_is_read_as_yaml_does_or_refused(text) -> None:
+    try:
+        ours = documents.read("here", text)
+    except ships.ShipError as error:
+        sentence(error)
+    else:
+        assert repr(ours) == repr(yaml.safe_load(text))
+
+
+@given(yaml_values)
+def test_short_values_are_shown_as_python_writes_them(value) -> None:
+    if len(repr(value)) < 20 and not isinstance(value, dict):
+        assert errors.shown(value) == repr(value)
+    assert len(errors.shown(value)) <= 60
+
+
+# Text in other encodings
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "cp1252"])
+@pytest.mark.parametrize("kind", ["obj", "stl_ascii"])
+def test_text_meshes_may_be_written_in_any_encoding(kind, encoding, tmp_path) -> None:
+    path = tmp_path / f"hulk.{kind[:3]}"
+    text = BOX.export(file_type=kind)
+    text = f"# Schöner Rumpf\n{text}" if kind == "obj" else text.replace("solid", "solid Größe", 1)
+    path.write_bytes(text.encode(encoding))
+    mesh = ships.load(path)
+    assert mesh.is_volume
+    np.testing.assert_allclose(mesh.bounds, BOX.bounds)
+
+
+def test_no_other_package_is_asked_to_guess_an_encoding(tmp_path, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    path = tmp_path / "hulk.obj"
+    path.write_bytes(b"# \xe9t\xe9\n" + BOX.export(file_type="obj").encode())
+    assert ships.load(path).is_volume
+
+
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(header=st.binary(min_size=80, max_size=80))
+def test_header_of_a_binary_stl_may_hold_any_bytes(header, tmp_path) -> None:
+    path = tmp_path / "hulk.stl"
+    path.write_bytes(header + BOX.export(file_type="stl")[80:])
+    assert ships.load(path).volume == pytest.approx(100 * 14 * 20)

@@ -1,0 +1,83 @@
+"""The infrared channel: its experiment, and a ship of two boxes before its detector."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ncti.render import RangeImage
+from sweeps.engine.experiment import Experiment
+from sweeps.engine.settings import read_choices
+from sweeps.stages import (
+    acn,
+    acn_infrared,
+    classifier,
+    fusion,
+    images,
+    infrared,
+    ladar,
+    likelihood,
+    silhouettes,
+    views,
+)
+from sweeps.stages.infrared_look import Patches, pack_hits
+
+MODULES = (
+    *(views, ladar, infrared, images, silhouettes),
+    *(acn, acn_infrared, likelihood, fusion),
+)
+EXPERIMENT = Experiment(
+    "infrared",
+    "Silhouettes",
+    settings=(
+        *(group for module in MODULES for group in getattr(module, "SETTINGS", ())),
+        classifier.among("acn", "likelihood", "fusion"),
+    ),
+    stages=tuple(one for module in MODULES for one in module.STAGES),
+    tables=tuple(one for module in MODULES for one in getattr(module, "TABLES", ())),
+    statuses=views.STATUSES,
+)
+
+WAYS = ("none", "perfect", "shifted")
+LENGTH, HEIGHT = 130.0, 24.0
+BOXES = ((-65, 65, 0, 9), (-20, 10, 9, HEIGHT))  # left, right, bottom, top [m]
+SENSOR = {
+    "ifov": 150.0,
+    "coverage_rule": 0.25,
+    "contrast_at_zero": 2.1585,
+    "extinction": 0.181,
+    "nedt": 0.3,
+    "target_spread": 0.15,
+    "sea_spread": 0.08,
+    "seed": 3,
+}
+
+
+def choose(**given):
+    """Choices of the infrared channel; keys have __ for dots."""
+    given = {"sensor": "infrared"} | given
+    return read_choices(
+        EXPERIMENT.declared, {key.replace("__", "."): value for key, value in given.items()}
+    )
+
+
+def drawn(pixel=0.5, roll=31.7):
+    """Range image of the boxes, all of them as far away."""
+    shape = (round(160 / pixel),) * 2
+    flat = np.zeros((*shape, 2), dtype=np.float32)
+    empty = RangeImage(np.zeros(shape), flat, pixel, (-80, -80), 0, 0, roll)
+    horizontal, vertical = empty.cross_range()
+    hit = np.zeros(shape, dtype=bool)
+    for left, right, bottom, top in BOXES:
+        hit |= (left < horizontal) & (horizontal < right) & (bottom < vertical) & (vertical < top)
+    return replace(empty, down_range=np.where(hit, 0.0, np.nan))
+
+
+HITS = pack_hits(drawn())
+PATCHES = Patches.of(HITS)
+
+
+def look_from(slant_range, **changed):
+    """The boxes before the detector at a range [km]."""
+    return infrared.look(
+        HITS, ship="boxes", aspect=60.0, range=slant_range, **{**SENSOR, **changed}
+    )

@@ -1,0 +1,112 @@
+"""The range channel alone: its experiment, and profiles of one cell that are made up."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sweeps.engine.experiment import Experiment
+from sweeps.engine.settings import read_choices
+from sweeps.stages import acn, classifier, correlation, ladar, likelihood, mnn, views
+
+NAMES = ("acn", "mnn", "correlation", "likelihood", "fusion")
+MODULES = (views, ladar, acn, mnn, correlation, likelihood)
+
+EXPERIMENT = Experiment(
+    "ranges",
+    "Range profiles",
+    settings=(
+        *(group for module in MODULES for group in module.SETTINGS),
+        classifier.among(*NAMES),
+    ),
+    stages=tuple(one for module in MODULES for one in module.STAGES),
+)
+
+SHIPS = 3
+# Both sides of every edge between aspect bins, and their numbers.
+ASPECTS = (0.0, 29.9, 30.0, 59.9, 60.0, 90.0)
+GROUP = np.array([0, 0, 1, 1, 2, 2])
+FRAMES = (4, 16)
+REPLICATES = 3
+BINS = 60
+EDGE = 5  # bins at either end, 8 % of them, that no ship reaches
+FLOOR = 5.0
+NAMED = ("a", "b", "c")
+
+# Of one frame, with noise in two neighbouring bins and a variance that differs between views.
+BAND = np.array([1.0, 0.4, 0.1])
+
+
+def choose(**given):
+    """Choices of the range channel; keys have __ for dots."""
+    return read_choices(
+        EXPERIMENT.declared, {key.replace("__", "."): value for key, value in given.items()}
+    )
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Profiles of one cell, as stages that gather ships and aspects get them.
+
+    Attributes
+    ----------
+    expected : (ship, aspect, bin) float32 ndarray
+    averaged : (replicate, frame_count, ship, aspect, bin) float32 ndarray
+    there : (ship, aspect) bool ndarray
+    """
+
+    expected: np.ndarray
+    averaged: np.ndarray
+    there: np.ndarray
+
+    def without(self, ship, aspect):
+        """Some views lost: filled, as the engine fills them."""
+        there = self.there.copy()
+        there[ship, aspect] = False
+        expected, averaged = self.expected.copy(), self.averaged.copy()
+        expected[~there] = averaged[:, :, ~there] = np.nan
+        return Cell(expected, averaged, there)
+
+    def changed(self, **arrays):
+        """The same with other arrays."""
+        return replace(self, **arrays)
+
+
+def made(noise=0.3, seed=0):
+    """Profiles of distinct views on a floor, and averages with white noise."""
+    rng = np.random.default_rng(seed)
+    views = (SHIPS, len(ASPECTS), BINS)
+    expected = np.full(views, FLOOR)
+    expected[..., EDGE:-EDGE] += rng.exponential(size=(*views[:2], BINS - 2 * EDGE))
+    deviation = noise / np.sqrt(np.array(FRAMES))[:, None, None, None]
+    averaged = expected + deviation * rng.standard_normal((REPLICATES, len(FRAMES), *views))
+    return Cell(
+        expected.astype(np.float32), averaged.astype(np.float32), np.ones(views[:2], dtype=bool)
+    )
+
+
+def directions(profiles):
+    """Profile vectors of unit length, from their definition."""
+    values = np.asarray(profiles, dtype=np.float64)
+    ends = np.concatenate([values[..., :EDGE], values[..., -EDGE:]], axis=-1)
+    above = values - ends.mean(axis=-1, keepdims=True)
+    return above / np.linalg.norm(above, axis=-1, keepdims=True)
+
+
+def bands(cell, variance=0.1):
+    """(ship, aspect, lag, bin): a covariance of one frame for every view."""
+    shape = cell.there.shape
+    scale = variance * (1 + 0.01 * np.arange(cell.there.size).reshape(shape))
+    whole = scale[..., None, None] * np.broadcast_to(BAND[:, None], (len(BAND), BINS))
+    whole = whole.copy()
+    for lag in range(1, len(BAND)):
+        whole[..., lag, BINS - lag :] = 0
+    return whole.astype(np.float32)
+
+
+def dense(band):
+    """The covariance that a band of lags stands for."""
+    whole = np.diag(band[0].astype(np.float64))
+    for lag in range(1, len(band)):
+        beside = np.diag(band[lag, : BINS - lag].astype(np.float64), lag)
+        whole += beside + beside.T
+    return whole

@@ -1,0 +1,193 @@
+"""Ships absent from training: what a test vigilance rejects, counted by hand."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from range_channel import choose
+
+from ncti.evaluate import replicated_accuracy, wilson_interval
+from sweeps.stages.classifier import names_by
+from sweeps.stages.rejection import LEAST, rejection_table, tabulate_rejection
+
+
+def test_fractions_are_counted_by_hand():
+    """Two known ships at two learned aspects and one between, one unknown ship, two draws."""
+    learned = np.array([[1, 0, 1], [1, 0, 1], [0, 0, 0]], bool)
+    similarity = np.array(
+        [
+            [[0.9, 0.8, 0.7], [0.6, 0.5, 0.4], [0.65, 0.55, 0.3]],
+            [[0.9, 0.2, 0.7], [0.6, 0.5, 0.9], [0.95, 0.1, 0.3]],
+        ]
+    )
+    correct = np.array(
+        [
+            [[1, 1, 0], [1, 0, 1], [0, 0, 0]],
+            [[1, 1, 1], [0, 0, 1], [0, 0, 0]],
+        ]
+    )
+    correct[:, 1, 2] = -1  # a view that failed
+    dims = ("replicate", "ship", "aspect")
+    classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
+    table = tabulate_rejection(classified, learned, (0.0, 0.6, 1.0))
+    at = table.sel(aspects="learned")
+    # Learned aspects of known ships: six answers, as one view failed; four of unknown ones.
+    assert at.n_known == 6
+    assert at.n_unknown == 4
+    np.testing.assert_allclose(at.correct_known, [4 / 6, 4 / 6, 0])
+    np.testing.assert_allclose(at.rejected_known, [0, 0, 1])
+    np.testing.assert_allclose(at.rejected_unknown, [0, 2 / 4, 1])
+    at = table.sel(aspects="between")
+    assert (at.n_known, at.n_unknown) == (4, 2)
+    np.testing.assert_allclose(at.correct_known, [2 / 4, 1 / 4, 0])
+    np.testing.assert_allclose(at.rejected_known, [0, 3 / 4, 1])
+    np.testing.assert_allclose(at.rejected_unknown, [0, 1, 1])
+
+
+def test_the_characteristic_is_counted_by_hand():
+    """Eight answers to known ships, eight to unknown ones, ties between and among them."""
+    learned = np.array([[True] * 4] * 2 + [[False] * 4] * 2)
+    similarity = np.array(
+        [
+            *([0.9, 0.8, 0.7, 0.4], [0.95, 0.6, 0.6, 0.2]),
+            *([0.1, 0.3, 0.5, 0.6], [0.6, 0.7, 0.8, 0.85]),
+        ]
+    )
+    correct = np.array([[1, 1, 0, 1], [1, 1, 1, 1], *[[0] * 4] * 2])
+    dims = ("ship", "aspect")
+    classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
+    table = tabulate_rejection(classified, learned, (0.5,)).sel(aspects="learned")
+    # Sorted unknown: .1 .3 .5 .6 .6 .7 .8 .85; of eight 0, 4, 7 (of 6.4), 8 (of 7.2 and 7.6).
+    np.testing.assert_array_equal(table.least_rejected, [0, 0.5, 0.8, 0.9, 0.95])
+    np.testing.assert_allclose(table.rejected_up_to, [np.nan, 0.6, 0.8, 0.85, 0.85])
+    # Right ones above: all 7; .9 .8 .95; .9 .95; as many.
+    np.testing.assert_allclose(table.correct_where_rejected, np.array([7, 3, 2, 2, 2]) / 8)
+    low, high = wilson_interval([7, 3, 2, 2, 2], 8)
+    np.testing.assert_allclose(table.correct_where_rejected_ci_low, low)
+    np.testing.assert_allclose(table.correct_where_rejected_ci_high, high)
+    pairs = sum(
+        (known > unknown) + 0.5 * (known == unknown)
+        for known in similarity[:2][correct[:2] == 1]
+        for unknown in similarity[2:].ravel()
+    )
+    assert table.area == pytest.approx(pairs / 64)
+    nothing = tabulate_rejection(classified, learned, (0.5,)).sel(aspects="between")
+    assert np.isnan(nothing.area)
+    assert np.isnan(nothing.correct_where_rejected).all()
+
+
+@pytest.mark.parametrize("vigilances", [(0.0,), (0.9, 0.95), tuple(np.arange(0, 1.01, 0.01))])
+def test_the_characteristic_does_not_hang_on_the_list_of_vigilances(vigilances):
+    """And is that of every possible vigilance, tried one after the other."""
+    answers = answers_of("replicate", seed=3).assign_coords(frame_count=16)
+    table = tabulate_rejection(answers, LEARNED, vigilances).sel(aspects="learned")
+    similarity, right = answers.similarity.values, answers.correct.values[:, :3] == 1
+    known, unknown = similarity[:, :3], similarity[:, 3:]
+    through, named = [1.0], [right.mean()]
+    for threshold in np.sort(similarity.ravel()):
+        through.append((unknown > threshold).mean())
+        named.append((right & (known > threshold)).mean())
+    assert table.area == pytest.approx(-np.trapezoid(named, through), rel=1e-12)
+    for least, found in zip(LEAST, table.correct_where_rejected.values, strict=True):
+        best = max(n for t, n in zip(through, named, strict=True) if 1 - t >= least - 1e-12)
+        assert found == pytest.approx(best, rel=1e-12)
+
+
+FIGURES = ("rejected_unknown", "rejected_known", "correct_known")
+LEARNED = np.array([[True] * 20] * 3 + [[False] * 20] * 2)
+
+
+def answers_of(*draws, seed=0):
+    """Answers by chance to five ships at 20 aspects, the last two ships unknown."""
+    rng = np.random.default_rng(seed)
+    dims = (*draws, "ship", "aspect")
+    shape = (*(3 for _ in draws), 5, 20)
+    right = rng.integers(0, 2, shape) * LEARNED.any(axis=1)[:, None]
+    return xr.Dataset({"similarity": (dims, rng.random(shape)), "correct": (dims, right)})
+
+
+def assert_wilson(table, views):
+    """Each interval is that of its fraction of so many answers."""
+    for name in FIGURES:
+        n = views["unknown" if name.endswith("unknown") else "known"]
+        low, high = wilson_interval(np.rint(table[name] * n), n)
+        np.testing.assert_allclose(table[f"{name}_ci_low"], low, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(table[f"{name}_ci_high"], high, rtol=1e-12)
+
+
+def test_intervals_of_one_draw_are_wilson_s():
+    table = tabulate_rejection(answers_of(), LEARNED, (0.2, 0.5, 0.9)).sel(aspects="learned")
+    assert (table.n_known, table.n_unknown) == (60, 40)
+    assert_wilson(table, {"known": 60, "unknown": 40})
+
+
+def test_replicates_count_as_they_differ():
+    """Equal ones as one; others by the design effect, between one and all of them."""
+    vigilances = (0.2, 0.5, 0.9)
+    alone = answers_of()
+    same = xr.concat([alone] * 3, "replicate")
+    table = tabulate_rejection(same, LEARNED, vigilances).sel(aspects="learned")
+    assert (table.n_known, table.n_unknown) == (180, 120)
+    assert_wilson(table, {"known": 60, "unknown": 40})
+    several = answers_of("replicate")
+    table = tabulate_rejection(several, LEARNED, vigilances).sel(aspects="learned")
+    for name in FIGURES:
+        views = 40 if name.endswith("unknown") else 60
+        width = table[f"{name}_ci_high"] - table[f"{name}_ci_low"]
+        widths = [
+            np.subtract(*wilson_interval(table[name] * n, n)[::-1]) for n in (3 * views, views)
+        ]
+        assert (width >= widths[0] - 1e-12).all()
+        assert (width < widths[1]).all()
+    # Those of some accuracy are the intervals of its own table, whatever the vigilance.
+    named = several.isel(ship=slice(3))
+    whole = replicated_accuracy(named.correct.values == 1, np.arange(20))
+    table = tabulate_rejection(several, LEARNED, (0.0,)).sel(aspects="learned", test_vigilance=0)
+    np.testing.assert_allclose(table.correct_known_ci_low, whole.ci_low[-1])
+    np.testing.assert_allclose(table.correct_known_ci_high, whole.ci_high[-1])
+
+
+def test_phases_and_orders_are_no_more_views():
+    """Nor is a training that failed one."""
+    answers = answers_of("phase", "order")
+    answers.correct[0, 1] = -1
+    answers.similarity[0, 1] = np.nan
+    table = tabulate_rejection(answers, LEARNED, (0.2, 0.5)).sel(aspects="learned")
+    assert (table.n_known, table.n_unknown) == (8 * 60, 8 * 40)
+    for name in FIGURES:
+        views = 40 if name.endswith("unknown") else 60
+        low, high = wilson_interval(table[name] * views, views)
+        np.testing.assert_allclose(table[f"{name}_ci_low"], low, rtol=1e-12)
+        np.testing.assert_allclose(table[f"{name}_ci_high"], high, rtol=1e-12)
+
+
+def test_nobody_unknown_is_nothing_to_reject():
+    dims = ("ship", "aspect")
+    classified = xr.Dataset(
+        {"similarity": (dims, np.ones((2, 3))), "correct": (dims, np.ones((2, 3), int))}
+    )
+    learned = np.array([[1, 0, 1], [1, 0, 1]], bool)
+    table = tabulate_rejection(classified, learned, (0.5,))
+    assert np.isnan(table.rejected_unknown).all()
+    np.testing.assert_array_equal(table.correct_known, 1.0)
+
+
+def test_the_table_is_there_where_a_view_is_not_learned():
+    table = rejection_table("acn", "classification/acn", names_by("acn", "range"))
+    assert (table.group, table.of) == ("tables/rejection_acn", ("classification/acn",))
+    assert not table.when(choose())
+    assert table.when(choose(classifier__unknown="texas"))
+    assert table.when(choose(classifier__training_aspect=[0, 90]))
+    assert not table.when(choose(classifier__unknown="texas", classifier__name="mnn"))
+
+
+def test_the_table_takes_the_test_vigilances_of_the_sweep():
+    given = {"grid__ship": ["duncan", "horne"], "grid__aspect": [0, 15]}
+    choices = choose(**given, classifier__unknown="horne", classifier__test_vigilance=[0.3, 0.7])
+    dims = ("ship", "aspect")
+    similarity, correct = [[0.9, 0.5], [0.6, 0.1]], [[1, 1], [0, 0]]
+    classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
+    table = rejection_table("acn", "a", names_by("acn", "range")).make(classified, choices)
+    at = table.sel(aspects="learned")
+    np.testing.assert_array_equal(at.test_vigilance, [0.3, 0.7])
+    np.testing.assert_array_equal(at.rejected_unknown, [0.5, 1])
+    np.testing.assert_array_equal(at.correct_known, [1, 0.5])

@@ -1,0 +1,93 @@
+"""Sweeps of the tests: composed as the command does, and run in this process."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from sweeps.app import main
+from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.execute import Watch
+from sweeps.engine.front import read_configuration, register, replaceable
+from sweeps.engine.inputs import forget_all
+from sweeps.engine.launcher import register_launcher
+from sweeps.engine.multirun import crossed
+from sweeps.engine.run import Finished, Place, sweep
+from sweeps.engine.settings import Choices
+from sweeps.experiment import EXPERIMENT
+from sweeps.run import command
+
+COMMAND = command()
+register(EXPERIMENT)
+register_launcher(COMMAND.run_jobs, partial(read_configuration, EXPERIMENT))
+
+FAST = ("render.pixel=1", "render.samples=0", "render.engine=embree")
+"""Coarse images: what a test does not look at need not be exact."""
+
+
+def prepared(*arguments: str) -> list[tuple[Choices, str | None]]:
+    """Checked choices and stores of the sweeps of a command line, `-m` among it or not."""
+    overrides = [one for one in arguments if one != "-m"]
+    several = len(overrides) < len(arguments)
+    given = crossed(EXPERIMENT, overrides) if several else overrides
+    return COMMAND.prepare(replaceable(EXPERIMENT, given), several=several)
+
+
+def chosen(*overrides: str) -> Choices:
+    """Checked choices of a command line of one sweep."""
+    [(choices, _)] = prepared(*overrides)
+    return choices
+
+
+def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> Finished:
+    """Run one sweep, and the tables of its store, without the report."""
+    forget_all()  # as a new process would
+    choices = chosen(f"store={store}", f"cache={cache}", *overrides)
+    inline = ClusterChoice(kind="inline")
+    return sweep(experiment, choices, Place(store, cache, inline), Watch(lambda sentence: None))
+
+
+def ran(*arguments: str, modules=()) -> int:
+    """Exit status of the whole command in this process, inline."""
+    forget_all()
+    try:
+        main([*arguments, "cluster=inline"], *modules)
+    except SystemExit as status:
+        return int(status.code or 0)
+    raise AssertionError("the command returned")
+
+
+def opened(store: Path, group: str) -> xr.Dataset:
+    """A group of a store as its users open it, in memory."""
+    return xr.open_zarr(store, group=group).load()
+
+
+def groups_of(store: Path) -> dict[str, xr.Dataset]:
+    """All groups that have variables."""
+    tree = xr.open_datatree(store, engine="zarr", chunks=None)
+    return {node.path[1:]: node.to_dataset().load() for node in tree.subtree if node.data_vars}
+
+
+def assert_slice(whole: Path, alone: Path, **place: object) -> set[str]:
+    """Hold a slice of a store against the store of a sweep of that one value, bit for bit.
+
+    Returns the names of all dimensions along which a variable was sliced.
+    """
+    axes, single = set(), groups_of(alone)
+    many = groups_of(whole)
+    assert set(many) == set(single)
+    for group, dataset in single.items():
+        for name, expected in dataset.data_vars.items():
+            array = many[group][name]
+            at = {dim: value for dim, value in place.items() if dim in array.dims}
+            axes |= set(at)
+            found = array.sel(at).squeeze([dim for dim in at if dim in array.sel(at).dims])
+            found = found.transpose(*expected.dims)
+            # What is as large as its largest cell is padded in company.
+            found = found.isel({dim: slice(size) for dim, size in expected.sizes.items()})
+            assert found.dtype == expected.dtype, (group, name)
+            assert np.array_equal(found, expected, equal_nan=array.dtype.kind == "f"), (group, name)
+    return axes

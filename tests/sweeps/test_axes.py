@@ -1,0 +1,68 @@
+"""Any setting is an axis, however it is given: alone or together, at once or one after another."""
+
+import pytest
+import xarray as xr
+from commands import FAST, assert_slice, swept
+
+from sweeps.experiment import EXPERIMENT
+
+TINY = (*FAST, "grid.ship=[duncan,spruance]", "grid.aspect=[0,60]", "grid.frame_count=[2,4]")
+INFRARED = ("sensor=infrared", "infrared.range=50", "infrared.phases=1", "infrared.orders=1")
+FLOWN = (
+    *("sensor=irar", "grid.ship=roberts", "grid.aspect=175", "irar.ifov=1500", "irar.samples=30"),
+    *("irar.line_rate=20", "irar.pulse_rate=2000", "irar.detectors=2", "irar.range=3"),
+)
+# Overrides, and pairs of values of some settings.
+AXES = {
+    "laser radar": (
+        TINY,
+        {"ladar.cnr": (26, 32), "ladar.ifov": (150, 300), "scene.depression": (2, 3.84)},
+    ),
+    "images": (TINY, {"render.pixel": (0.75, 1), "seed": (0, 7)}),
+    "network": (
+        (*TINY, "classifier=mnn"),
+        {"classifier.mnn.epochs": (5, 9), "ladar.receiver": ("full_profile", "peak_pulse")},
+    ),
+    "imager": (
+        (*TINY, *INFRARED, "infrared.super_resolution=none"),
+        {"infrared.nedt": (0.2, 0.4), "infrared.ifov": (150, 200), "seed": (0, 7)},
+    ),
+    "flights": (
+        (*FAST, *FLOWN, "grid.pulse_width=30"),
+        {"irar.cnr": (10, 20), "ladar.cnr": (26, 32)},
+    ),
+}
+OTHER_KEYS = {"network": ("ladar.target_free_ifovs=10",)}
+UNITS = {setting.key: setting.unit for setting in EXPERIMENT.declared}
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_slices_are_the_stores_of_single_values(name, folder, results):
+    """First and last of each setting, in a store of all combinations."""
+    given, values = AXES[name]
+    given = (*given, *OTHER_KEYS.get(name, ()))
+    lists = [f"{key}=[{','.join(map(str, pair[::-1]))}]" for key, pair in values.items()]
+    swept(folder / "all.zarr", results, *given, *lists)
+    whole = xr.open_datatree(folder / "all.zarr", engine="zarr")
+    sizes: dict[str, tuple] = {}
+    for node in whole.subtree:
+        for dim in node.to_dataset().indexes:
+            sizes.setdefault(dim, tuple(node[dim].values.tolist()))
+            if dim in dimensions(values):
+                attrs = node[dim].attrs
+                key = dimensions(values)[dim]
+                assert attrs["long_name"] and attrs.get("units", "1") == UNITS[key]
+    for place in (0, 1):
+        single = [f"{key}={pair[place]}" for key, pair in values.items()]
+        alone = folder / f"{place}.zarr"
+        swept(alone, folder / "own", *given, *single)
+        at = {dim: values[key][place] for dim, key in dimensions(values).items()}
+        assert assert_slice(folder / "all.zarr", alone, **at) >= set(at) - {"ladar_cnr"}
+    for dim, key in dimensions(values).items():
+        assert sizes[dim] == values[key]
+
+
+def dimensions(values):
+    """Keys by the names of their dimensions."""
+    named = {"ladar.cnr": "ladar_cnr"} if "irar.cnr" in values else {}
+    return {named.get(key, key.rpartition(".")[2]): key for key in values}

@@ -1,0 +1,122 @@
+"""Every configuration file composes, and every experiment runs, however little of it."""
+
+import numpy as np
+import pytest
+from commands import FAST, chosen, groups_of, ran
+from declared_values import ends
+
+from sweeps.engine.kinds import Word
+from sweeps.experiment import EXPERIMENT, conf_folder
+from sweeps.stages.classifier import Classifier
+from sweeps.stages.irar import Irar
+from sweeps.stages.ladar import Ladar
+from sweeps.stages.views import Grid, Sweep
+
+GROUPS = sorted(
+    (path.parent.name, path.stem)
+    for path in conf_folder().glob("*/*.yaml")
+    if path.parent.name != "experiment"
+)
+EXPERIMENTS = sorted(path.stem for path in conf_folder().glob("experiment/*.yaml"))
+
+# What makes them small; `smoke` is run whole by the tests of its store.
+PROFILES = ("grid.aspect=[0,90]", "grid.pulse_width=[30,50]", "grid.frame_count=[2,4]")
+MNN = ("classifier.mnn.epochs=20",)
+SEEN = ("infrared.frame_count=4", "infrared.phases=2", "infrared.orders=1")
+FLOWN = (
+    *("irar.ifov=1000", "irar.samples=40", "irar.line_rate=30", "irar.pulse_rate=2000"),
+    *("irar.detectors=2", "irar.range=3", "grid.replicate=1"),
+)
+TINY = {
+    "corrections": (*FLOWN, "grid.ship=roberts"),
+    "fusion": (*PROFILES, *SEEN, "grid.ship=[duncan,texas]", "grid.range=50", "grid.replicate=2"),
+    "measured": (
+        *(*PROFILES, *MNN, "grid.aspect=175", "grid.ship=[duncan,roberts]", "irar.flown=roberts"),
+        *FLOWN,
+    ),
+    "paper": (*PROFILES, *SEEN, *MNN, "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
+    "sensitivity": (
+        *(*FLOWN, *(f"irar.errors.{name}=null" for name in ("ship_speed", "ship_heading"))),
+        *("irar.errors.aircraft_speed=5", "irar.errors.aircraft_heading=null"),
+        "irar.errors.pointing=0.2",
+    ),
+    "table2": (*PROFILES, *MNN, "grid.ship=[duncan,texas]", "grid.replicate=2"),
+    "table4": (*PROFILES, *MNN, "grid.ship=[duncan,texas]", "grid.replicate=2"),
+    "table5": (*SEEN, "grid.aspect=[0,90]", "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
+    "unknown": (*PROFILES, "grid.aspect=[0,1.5,3]", "classifier.training_aspect=[0,3]"),
+    "validation": (
+        *(*FLOWN, "grid.ship=[duncan,roberts]", "irar.mast_gain=3", "irar.pictures=false"),
+    ),
+}
+
+
+@pytest.mark.parametrize(("group", "name"), GROUPS)
+def test_every_group_choice_composes(group, name):
+    sensor = "sensor=both" if name == "fusion" else "sensor=range"
+    assert chosen(f"{group}={name}", sensor, "grid.ship=duncan").one(Grid.pulse_width) == 30
+
+
+def test_every_classifier_is_a_choice():
+    assert isinstance(Classifier.name.kind, Word)
+    (name,) = (one for one in EXPERIMENT.declared if one.key == Classifier.name.key)
+    choices = {file for group, file in GROUPS if group == "classifier"}
+    assert choices == {*ends(name.kind), "all"}
+    receivers = {file for group, file in GROUPS if group == "ladar"}
+    assert receivers == set(ends(Ladar.receiver.kind))
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_composes_whole(name):
+    choices = chosen(f"+experiment={name}")
+    assert choices[Grid.ship]
+    assert EXPERIMENT.remarks(choices) == []
+
+
+def test_paper_is_the_sources_grid():
+    choices = chosen("+experiment=paper")
+    assert choices.one(Sweep.sensor) == ("infrared", "range")
+    assert choices[Grid.ship] == ("duncan", "horne", "spruance", "texas")
+    assert choices[Grid.aspect] == tuple(range(0, 91, 3))
+    assert choices[Grid.pulse_width] == (10, 30, 50)
+    assert choices[Grid.frame_count] == (4, 8, 16, 32)
+    assert choices[Grid.range] == (100,)
+    assert choices[Grid.vigilance] == (0.80, 0.85, 0.90, 0.95, 0.99)
+
+
+def test_sensitivity_is_one_parameter_at_a_time():
+    errors = chosen("+experiment=sensitivity")[Irar.errors]
+    assert len(errors) == 1 + 8 + 4 + 6 + 4 + 4 and errors[0] == ("none", 0.0)
+
+
+def test_every_experiment_is_run():
+    assert {*TINY, "smoke"} == set(EXPERIMENTS)
+
+
+@pytest.mark.parametrize("name", TINY)
+def test_every_experiment_runs(name, folder, results, capsys):
+    arguments = [*FAST, *TINY[name], "store=s.zarr", f"cache={results}"]
+    assert ran(f"+experiment={name}", *arguments) == 0, capsys.readouterr().err
+    groups = groups_of(folder / "s.zarr")
+    flown = ["roberts"] if name == "measured" else None
+    assert any(group.startswith("status") for group in groups)
+    for group, data in groups.items():
+        for variable, values in data.items():
+            if group.startswith("status"):
+                assert np.isin(values, [1, NOT_ASKED.get((name, group), 1)]).all(), variable
+            assert np.isfinite(asked(values, group, flown)).all(), (group, variable)
+
+
+# Ships that are not flown past have no answers.
+NOT_ASKED = {("measured", "status_measured"): -1}
+PIXELS = {"image", "infrared_image", "intensity", "range_image"}
+
+
+def asked(values, group, flown):
+    """The numbers of a variable that must all be there."""
+    if values.dtype.kind in "OTU" or values.name in PIXELS:
+        return np.zeros(0)
+    if values.name == "sharpness":  # sensors have one, both together have none
+        return values.sel(channel=["range", "infrared"])
+    if values.name == "rejected_up_to":  # none, to reject none
+        return values.isel(least_rejected=slice(1, None))
+    return values.sel(ship=flown) if flown and group == "validation" else values

@@ -1,0 +1,159 @@
+"""A sensor, a classifier and a table that one module declares: this one.
+
+A depth sounder: it measures the draught of a ship by echoes, and the ship of the nearest draught
+is named. None of its words stands anywhere else in the project.
+"""
+
+import csv
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+from commands import opened, ran
+
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.experiment import Table
+from sweeps.engine.settings import Settings, count, number
+from sweeps.engine.stage import Output, stage
+from sweeps.stages.classifier import STATE, names_by
+from sweeps.stages.views import Grid, looks
+
+SENSOR = NAME = "toy"
+DRAUGHT = {"duncan": 4.5, "spruance": 6.3, "texas": 8.0}
+
+
+class Toy(Settings, key="toy"):
+    """The depth sounder."""
+
+    echoes = count(4, 1, 100, label="echoes averaged", shown=True)
+    scatter = number(0.5, 0, 10, unit="m", label="scatter of one echo", noted=True)
+
+
+@stage(
+    Output("depth", label="depth of the keel", unit="m"),
+    uses=(Grid, Toy),
+    along=(Toy.echoes,),
+    group="toy",
+    when=looks(SENSOR),
+    stream=(Grid.ship, Grid.aspect, Toy.scatter),
+    status="status:view",
+)
+def toy_depth(ship, echoes, scatter, rng):
+    """(echoes,): mean depth of the first echoes."""
+    found = DRAUGHT[ship] + scatter * rng.standard_normal(max(echoes))
+    return np.array([found[:number].mean() for number in echoes])
+
+
+@stage(
+    Output("predicted", ("ship", "aspect"), "i2", label="ship named, as an index"),
+    Output("correct", ("ship", "aspect"), "i1", label="1 where the answer is right"),
+    Output(
+        "cell", ("ship", "aspect"), "i1", label="state", failed=0, group="status_toy", attrs=STATE
+    ),
+    uses=(Grid,),
+    gather=(Grid.ship, Grid.aspect),
+    group="classification/toy",
+    when=names_by(NAME, SENSOR),
+    status="-",
+)
+def toy_namer(toy_depth, ship, there):
+    """The ship of the nearest draught."""
+    known = np.array([DRAUGHT[one] for one in ship])
+    named = np.abs(toy_depth[..., None] - known).argmin(axis=-1)
+    right = named == np.arange(len(ship))[:, None]
+    return {"predicted": named, "correct": right, "cell": there}
+
+
+def tabulate(answers, choices):
+    """Share of the ships that are named right."""
+    share = answers.correct.mean(("ship", "aspect"))
+    share.attrs = {"units": "1", "long_name": "share of ships named right"}
+    return xr.Dataset({"share": share})
+
+
+def check(choices):
+    """Refuse ships whose draught nobody knows."""
+    for ship in choices[Grid.ship] if looks(SENSOR)(choices) else ():
+        if ship not in DRAUGHT:
+            raise ConfigurationError(f"grid.ship has {ship!r}, but toy knows {', '.join(DRAUGHT)}")
+    return choices
+
+
+SETTINGS = (Toy,)
+STAGES = (toy_depth, toy_namer)
+TABLES = (Table("tables/toy", ("classification/toy",), tabulate, names_by(NAME, SENSOR)),)
+
+MODULES = (sys.modules[__name__],)
+SWEEP = (
+    *("sensor=toy", "classifier.name=toy", "grid.ship=[duncan,spruance,texas]"),
+    *("grid.aspect=[0,90]", "toy.echoes=[1,9]", "toy.scatter=[0,2]", "store=s.zarr", "cache=cache"),
+)
+
+
+@pytest.fixture
+def store(folder, capsys):
+    assert ran(*SWEEP, modules=MODULES) == 0, capsys.readouterr().err
+    capsys.readouterr()
+    return folder / "s.zarr"
+
+
+def test_it_looks_along_axes_of_its_own(store):
+    seen = opened(store, "toy")
+    assert seen.depth.dims == ("ship", "aspect", "echoes", "scatter")
+    assert seen.scatter.attrs == {"units": "m", "long_name": "scatter of one echo"}
+    assert (opened(store, "status").view == 1).all()
+    exact = seen.depth.sel(scatter=0)
+    for ship, draught in DRAUGHT.items():
+        assert (exact.sel(ship=ship) == np.float32(draught)).all()
+    one, nine = (abs(seen.depth - exact).sel(echoes=number, scatter=2).mean() for number in (1, 9))
+    assert 0 < nine < one
+
+
+def test_it_names_ships_and_has_a_table(store):
+    answers, table = opened(store, "classification/toy"), opened(store, "tables/toy")
+    assert answers.correct.dims == ("echoes", "scatter", "ship", "aspect")
+    assert (answers.correct.sel(scatter=0) == 1).all() and not answers.correct.all()
+    assert (opened(store, "status_toy").cell == 1).all()
+    xr.testing.assert_equal(table.share, answers.correct.mean(("ship", "aspect")))
+    root = xr.open_zarr(store).attrs["configuration"]
+    assert root["sensor"] == ["toy"] and root["toy"] == {"echoes": [1, 9], "scatter": [0, 2]}
+
+
+def test_its_table_is_reported(store, capsys):
+    files = {path.name: path for path in store.with_name("s-tables").iterdir()}
+    rows = list(csv.DictReader(files["toy.csv"].open()))
+    assert len(rows) == 4
+    assert [float(row["share"]) for row in rows if float(row["scatter_m"]) == 0] == [1, 1]
+
+
+def test_it_extends_and_is_found_again(store, capsys):
+    assert ran(*SWEEP, "toy.echoes=[1,4,9]", modules=MODULES) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert next(line for line in lines if line.startswith("toy_depth")).split()[1:3] == ["12", "24"]
+    assert opened(store, "toy").echoes.values.tolist() == [1, 4, 9]
+
+
+def test_it_stands_beside_the_others(folder, results, capsys):
+    both = (*SWEEP, "sensor=[range,toy]", "classifier.name=[acn,toy]", "render.pixel=1")
+    assert ran(*both, "grid.frame_count=2", f"cache={results}", modules=MODULES) == 0
+    assert {"range_profile", "toy"} <= {path.name for path in (folder / "s.zarr").iterdir()}
+    assert "names nothing" not in capsys.readouterr().err
+
+
+def test_it_is_described_and_checked_like_the_others(capsys):
+    assert ran("--settings", modules=MODULES) == 0
+    printed = capsys.readouterr().out
+    assert "| `toy.scatter` | 0.5 | m | a finite number at least 0 and at most 10 |" in printed
+    for overrides, said in {
+        "toy.scatter=11": "toy.scatter has 11",
+        "grid.ship=horne": "toy knows duncan",
+        "toy.depth=1": "toy.depth is no key of the configuration; toy has echoes, scatter",
+    }.items():
+        assert ran(*SWEEP, overrides, modules=MODULES) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_without_it_nobody_knows_it(capsys):
+    assert ran("sensor=toy") == 2
+    assert "must be one of range, infrared, irar, both" in capsys.readouterr().err
