@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.render.image import RangeImage
+from ncti.render.lines import LineImage
+
+Floats = NDArray[np.float64]
 
 REFERENCE_BIN = 1.0  # m; the bin of the article, in which its beta-hat is stated
+ERROR = 0.65  # of the difference of odd and even lines; see `RangeExtent.error`
 _POINT = 1e-3  # bins; a narrower spread is a point
 _ROUNDING = 1e-8  # of a pixel; slopes of 1/_POINT over hundreds of bins leave some 1e-9
 
@@ -35,6 +39,9 @@ class RangeExtent:
         Side of an IFOV [rad].
     slant_range : float
         Sensor to ship origin [m].
+    difference : (ifov, bin) float64 ndarray or None
+        Fractions by the even lines of a line image less those by the odd ones, as parts of the
+        fraction; None from a range image.
     """
 
     fraction: NDArray[np.float64]
@@ -43,6 +50,42 @@ class RangeExtent:
     cell: NDArray[np.int64]
     ifov: float
     slant_range: float
+    difference: NDArray[np.float64] | None = None
+
+    @property
+    def error(self) -> float | None:
+        """Estimated error of the ship's range extent, sum |p - q| / sum q; None of an image."""
+        return self.error_after(np.ones((1, 1)))
+
+    def error_after(self, kernel: NDArray[np.float64]) -> float | None:
+        """Estimated error of the ship's range extent after a pulse.
+
+        Parameters
+        ----------
+        kernel : (bin, bin) or (1, 1) float64 ndarray
+            Response of every range bin to area in every range bin; (1, 1) for none.
+
+        Returns
+        -------
+        float or None
+            Estimate of sum |p - q| / sum q, p the extent after the pulse and q the exact one;
+            None of an image, which does not know its error.
+
+        Notes
+        -----
+        Odd and even lines are two estimates of equal spacing. Half their difference overrates the
+        error of both together: on ships of all kinds, by lines of 1 to 1/8 m, with and without a
+        pulse, 95 % of the errors were below 0.6 of it. `ERROR` is 0.65, so that the estimate is
+        a bound for nearly all views.
+        """
+        if self.difference is None:
+            return None
+        part = self.difference.sum(axis=0)
+        whole = self.fraction.sum(axis=0)
+        if kernel.shape != (1, 1):
+            part, whole = kernel @ part, kernel @ whole
+        total = float(whole.sum())
+        return ERROR * float(np.abs(part).sum()) / total if total > 0 else 0.0
 
     @property
     def density(self) -> NDArray[np.float64]:
@@ -54,7 +97,7 @@ class RangeExtent:
 
 
 def range_extent(
-    image: RangeImage,
+    image: RangeImage | LineImage,
     *,
     slant_range: float,
     ifov: float = 150e-6,
@@ -67,8 +110,8 @@ def range_extent(
 
     Parameters
     ----------
-    image : RangeImage
-        Finely resolved range image.
+    image : RangeImage or LineImage
+        Finely resolved range image, or the visible pieces along lines.
     slant_range : float
         Sensor to ship origin [m]. An image of the far field gets the wavefront curvature of
         this range; one made at a finite range must have been made at this one.
@@ -80,7 +123,7 @@ def range_extent(
         Length of the range window [m], centred on the ship origin.
     spread : float
         Share of a pixel's own range extent, p (|dr/dx| + |dr/dy|), over which its area is
-        spread; 0 is point sampling.
+        spread; 0 is point sampling. Lines are exact and need none.
     reflectance : str
         `projected_area`: the return follows the visible projected area, as in the article.
         `lambertian`: times the cosine of incidence, 1 / sqrt(1 + |grad r|^2).
@@ -124,48 +167,75 @@ def range_extent(
             "the range image was made"
         )
     side = ifov * slant_range
-    if side < image.pixel:
+    step = image.spacing if isinstance(image, LineImage) else image.pixel
+    if side < step:
         raise ValueError(
-            f"ifov is {ifov!r} rad, but must be at least {image.pixel / slant_range:.3g} rad, "
-            f"the {image.pixel:g} m pixel of the range image at {slant_range:g} m"
+            f"ifov is {ifov!r} rad, but must be at least {step / slant_range:.3g} rad, "
+            f"the {step:g} m resolution of the range image at {slant_range:g} m"
         )
+    bin_count = max(1, round(window / bin_width))
+    half_window = bin_count * bin_width / 2
+    lambertian = reflectance == "lambertian"
+    difference = None
+    if isinstance(image, LineImage):
+        parts = image.bin(
+            side=side,
+            slant_range=slant_range,
+            near=-half_window,
+            bin_width=bin_width,
+            bin_count=bin_count,
+            weight=image.cosine if lambertian else None,
+        )
+        cell, reach = parts.cell, parts.reach
+        even, odd = parts.area[:, 0] / side**2, parts.area[:, 1] / side**2
+        fraction, difference = even + odd, even - odd
+    else:
+        r, horizontal, vertical = _places(image, slant_range)
+        reach = float(np.abs(r).max(initial=0.0))
+        area, half_width = _boxes(image, side=side, spread=spread, lambertian=lambertian)
+        cell, index = _tile(horizontal / side, vertical / side)
+        fraction = _bin_boxes(
+            index,
+            (r - half_width + half_window) / bin_width,
+            (r + half_width + half_window) / bin_width,
+            area,
+            group_count=len(cell),
+            bin_count=bin_count,
+        )
+    if reach > half_window:
+        raise ValueError(
+            f"window is {window:g} m, but must be at least {2 * reach:.1f} m to hold this ship"
+        )
+    return RangeExtent(
+        fraction=fraction,
+        down_range=bin_width * (np.arange(bin_count, dtype=np.float64) + 0.5) - half_window,
+        bin_width=bin_width,
+        cell=cell,
+        ifov=ifov,
+        slant_range=slant_range,
+        difference=difference,
+    )
+
+
+def _places(image: RangeImage, slant_range: float) -> tuple[Floats, Floats, Floats]:
+    """Down-range, horizontal and vertical cross-range [m] of the pixels that see the ship."""
     hit = np.nonzero(image.hit)
     r = image.down_range[hit]
     horizontal, vertical = image.cross_range_at(*hit)
     if image.slant_range is None:
         r = r + _sagitta(r, horizontal**2 + vertical**2, slant_range)
-    bin_count = max(1, round(window / bin_width))
-    half_window = bin_count * bin_width / 2
-    reach = float(np.abs(r).max(initial=0.0))
-    if reach > half_window:
-        raise ValueError(
-            f"window is {window:g} m, but must be at least {2 * reach:.1f} m to hold this ship"
-        )
+    return r, horizontal, vertical
 
-    slope = image.gradient[hit].astype(np.float64)
-    area = np.full(r.size, (image.pixel / side) ** 2)
-    if reflectance == "lambertian":
+
+def _boxes(
+    image: RangeImage, *, side: float, spread: float, lambertian: bool
+) -> tuple[Floats, Floats]:
+    """Share of an IFOV, and half the range [m] over which it is spread, of pixels on the ship."""
+    slope = image.gradient[np.nonzero(image.hit)].astype(np.float64)
+    area = np.full(len(slope), (image.pixel / side) ** 2)
+    if lambertian:
         area /= np.sqrt(1 + slope[:, 0] ** 2 + slope[:, 1] ** 2)
-    half_width = spread * image.pixel * (np.abs(slope[:, 0]) + np.abs(slope[:, 1])) / 2
-
-    cell, index = _tile(horizontal / side, vertical / side)
-    fraction = _bin_boxes(
-        index,
-        (r - half_width + half_window) / bin_width,
-        (r + half_width + half_window) / bin_width,
-        area,
-        group_count=len(cell),
-        bin_count=bin_count,
-    )
-    centres = bin_width * (np.arange(bin_count, dtype=np.float64) + 0.5) - half_window
-    return RangeExtent(
-        fraction=fraction,
-        down_range=centres,
-        bin_width=bin_width,
-        cell=cell,
-        ifov=ifov,
-        slant_range=slant_range,
-    )
+    return area, spread * image.pixel * (np.abs(slope[:, 0]) + np.abs(slope[:, 1])) / 2
 
 
 def _sagitta(

@@ -4,6 +4,7 @@ from ncti.render.choice import available_engines, choose_engine, engines, start_
 from ncti.render.draw import range_image
 from ncti.render.engine import Engine, EngineError
 from ncti.render.image import Lattice, RangeImage
+from ncti.render.lines import LineImage, line_image, refined
 from ncti.render.rays import RayHits, cast_rays
 from ncti.render.view import ROLL, View
 
@@ -12,6 +13,7 @@ __all__ = [
     "Engine",
     "EngineError",
     "Lattice",
+    "LineImage",
     "RangeImage",
     "RayHits",
     "View",
@@ -19,6 +21,8 @@ __all__ = [
     "cast_rays",
     "choose_engine",
     "engines",
+    "line_image",
     "range_image",
+    "refined",
     "start_engine",
 ]

@@ -63,14 +63,8 @@ def range_image(
     A pixel is a sample at its centre. The engine tells which facet it sees; range and slope are
     those of the facet's plane there, in float64, perspective and wavefront curvature included.
     """
-    require("aspect", aspect, minimum=-360.0, maximum=360.0)
-    require("depression", depression, minimum=0.0, maximum=90.0)
-    require("roll", roll, minimum=-360.0, maximum=360.0)
     require("pixel", pixel, positive=True)
-    if slant_range is not None:
-        require("slant_range", slant_range, positive=True)
-        slant_range = float(slant_range)
-    view = View(float(aspect), float(depression), roll=float(roll), slant_range=slant_range)
+    view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
     solid = Solid.of(mesh)
     points = solid.along(view)
     lattice = Lattice.around(points, view, float(pixel))

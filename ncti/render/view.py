@@ -20,6 +20,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.checks import require
+
 ROLL = math.degrees(math.atan((math.sqrt(5) - 1) / 2))
 """Roll of the lattice [deg], 31.72: its tangent is the golden ratio's inverse, of all numbers the
 one hardest to approximate by fractions, so a ship's level and upright edges cross the pixels at
@@ -50,10 +52,43 @@ class View:
     roll: float = ROLL
     slant_range: float | None = None
 
+    @classmethod
+    def checked(
+        cls, *, aspect: float, depression: float, roll: float, slant_range: float | None
+    ) -> View:
+        """The view of some angles [deg] and a slant range [m].
+
+        Raises
+        ------
+        ValueError
+            When one of them is out of its range.
+        """
+        require("aspect", aspect, minimum=-360.0, maximum=360.0)
+        require("depression", depression, minimum=0.0, maximum=90.0)
+        require("roll", roll, minimum=-360.0, maximum=360.0)
+        if slant_range is not None:
+            require("slant_range", slant_range, positive=True)
+            slant_range = float(slant_range)
+        return cls(float(aspect), float(depression), float(roll), slant_range)
+
     @property
     def curvature(self) -> float:
         """Curvature of the wavefront at the ship, 1 / slant range [1/m], 0 in the far field."""
         return 0.0 if self.slant_range is None else 1.0 / self.slant_range
+
+    def check_clear(self, nearest: float) -> None:
+        """Refuse a sensor that is not clear of the ship, whose nearest point is given [m].
+
+        Raises
+        ------
+        ValueError
+            When the ship reaches the sensor.
+        """
+        if self.slant_range is not None and self.slant_range <= -nearest:
+            raise ValueError(
+                f"slant_range is {self.slant_range:g} m, and the ship reaches {-nearest:g} m "
+                "towards the sensor: the sensor must be beyond that."
+            )
 
     @cached_property
     def axes(self) -> NDArray[np.float64]:
@@ -114,11 +149,7 @@ class Lattice:
         """
         h, v, away = points
         nearest, farthest = float(away.min()), float(away.max())
-        if view.slant_range is not None and view.slant_range <= -nearest:
-            raise ValueError(
-                f"slant_range is {view.slant_range:g} m, and the ship reaches {-nearest:g} m "
-                "towards the sensor: the sensor must be beyond that."
-            )
+        view.check_clear(nearest)
         w = 1.0 + view.curvature * away
         (left, right), (bottom, top) = (
             (math.floor(seen.min() / pixel), math.ceil(seen.max() / pixel))

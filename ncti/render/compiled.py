@@ -1,0 +1,49 @@
+"""Functions compiled by numba, kept in the user's cache and never in the package."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from platformdirs import user_cache_path
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+CACHE_VARIABLE = "NCTI_CACHE"
+"""Name of the environment variable with the cache folder, whose `compiled` keeps machine code."""
+
+
+def compiled(function: F) -> F:
+    """Return a function that numba compiles on its first call, or finds in the user's cache.
+
+    Notes
+    -----
+    The folder is that of NUMBA_CACHE_DIR, of NCTI_CACHE, or the user's own, open to nobody else.
+    Where none can be written, code is compiled in each process. Division by zero gives infinity,
+    as with arrays, and other threads of Python run meanwhile.
+    """
+    config = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = before or _folder()
+    try:
+        kept = bool(config.CACHE_DIR)
+        wrapped: F = numba.njit(cache=kept, nogil=True, error_model="numpy")(function)
+        return wrapped
+    finally:
+        config.CACHE_DIR = before
+
+
+@cache
+def _folder() -> str:
+    """Return the folder for machine code, or nothing where it cannot be made."""
+    given = os.environ.get(CACHE_VARIABLE)
+    folder = (Path(given) if given else user_cache_path("ncti-sweep")) / "compiled"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return ""
+    return str(folder) if os.access(folder, os.W_OK | os.X_OK) else ""

@@ -1,0 +1,282 @@
+"""The visible pieces of parallel lines, as compiled loops.
+
+Lines run along the columns' axis of a view, `spacing` apart. Where a line crosses an edge between
+two surfaces, one of them ends and the other begins. Crossings sorted along the line are swept with
+a short list of the surfaces that the line is over; the nearest of them is what the sensor sees.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.render.compiled import compiled
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int32]
+
+NEARER = 1e-9
+"""Distance [m] by which a surface must be nearer to overtake another within a piece: rounding of
+coincident surfaces must not."""
+
+ORDERED = 1024
+"""Strips across the view into which edges are sorted first, so that crossings of a line come
+nearly in order."""
+
+
+@compiled
+def project(vertices: Floats, axes: Floats, centre: Floats, curvature: float) -> Floats:
+    """Return (vertex, 4): x = h/w, y = v/w and q = r/w, w = 1 + r k, and room for one more.
+
+    Straight edges stay straight and flat surfaces flat in (x, y, q), at any range.
+    """
+    seen = np.empty((len(vertices), 4))
+    for i in range(len(vertices)):
+        a, b, c = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        h = axes[0, 0] * a + axes[0, 1] * b + axes[0, 2] * c + centre[0]
+        v = axes[1, 0] * a + axes[1, 1] * b + axes[1, 2] * c + centre[1]
+        r = axes[2, 0] * a + axes[2, 1] * b + axes[2, 2] * c + centre[2]
+        scale = 1.0 / (1.0 + curvature * r)
+        seen[i, 0], seen[i, 1], seen[i, 2] = h * scale, v * scale, r * scale
+    return seen
+
+
+@compiled
+def cross(
+    point: Floats,
+    edge: Indices,
+    seen: Indices,
+    spacing: float,
+    phase: float,
+) -> tuple[np.int64, NDArray[np.int64], Floats, Floats, Indices, Indices]:
+    """Return where lines y = (k + phase) spacing cross the edges of surfaces that face the sensor.
+
+    Returns
+    -------
+    line : int
+        Number k of the first line.
+    start : (line + 1,) int64 ndarray
+        First crossing of each line.
+    t, depth : (crossing,) float64 ndarray
+        Coordinate along the line, and q there.
+    ends, begins : (crossing,) int32 ndarray
+        Surface that ends and that begins there, -1 for none.
+    """
+    # A line is crossed by an edge if it separates the levels of its vertices. Levels are of
+    # vertices, not of edges: so every surface begins on a line as often as it ends.
+    highest, lowest = -np.inf, np.inf
+    left_most, right_most = np.inf, -np.inf
+    for i in range(len(point)):
+        level = np.ceil(point[i, 1] / spacing - phase)
+        point[i, 3] = level
+        lowest, highest = min(lowest, level), max(highest, level)
+        left_most, right_most = min(left_most, point[i, 0]), max(right_most, point[i, 0])
+    lines = np.int64(highest - lowest)
+
+    # Edges that count: they part levels, and a side of theirs is seen. No branch, for the
+    # processor could not foresee it.
+    used = np.empty(len(edge) + 1, np.int32)
+    number = 0
+    for e in range(len(edge)):
+        used[number] = e
+        apart = point[edge[e, 0], 3] != point[edge[e, 1], 3]
+        number += apart & ((seen[edge[e, 2]] & seen[edge[e, 3]]) >= 0)
+
+    # Number of crossings of each line; edges sorted by strips.
+    start = np.zeros(lines + 1, np.int64)
+    strip = np.empty(number, np.int32)
+    strips = np.zeros(ORDERED + 1, np.int64)
+    narrow = (ORDERED - 1) / max(2 * (right_most - left_most), 1e-300)
+    for n in range(number):
+        i, j = edge[used[n], 0], edge[used[n], 1]
+        low, high = point[i, 3], point[j, 3]
+        start[np.int64(min(low, high) - lowest)] += 1
+        start[np.int64(max(low, high) - lowest)] -= 1
+        strip[n] = np.int32((point[i, 0] + point[j, 0] - 2 * left_most) * narrow)
+        strips[strip[n] + 1] += 1
+    for s in range(ORDERED):
+        strips[s + 1] += strips[s]
+    order = np.empty(number, np.int32)
+    for n in range(number):
+        order[strips[strip[n]]] = used[n]
+        strips[strip[n]] += 1
+    total, crossing = np.int64(0), np.int64(0)
+    for k in range(lines + 1):
+        crossing += start[k]
+        start[k] = total
+        total += crossing
+
+    t, depth = np.empty(total), np.empty(total)
+    ends, begins = np.empty(total, np.int32), np.empty(total, np.int32)
+    free = start.copy()
+    for n in range(number):
+        e = order[n]
+        i, j = edge[e, 0], edge[e, 1]
+        left, right = seen[edge[e, 2]], seen[edge[e, 3]]
+        if point[i, 3] > point[j, 3]:
+            i, j, left, right = j, i, right, left
+        # Upwards, what lies left of the edge ends there.
+        x, y, q = point[i, 0], point[i, 1], point[i, 2]
+        run, per_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
+        for k in range(np.int64(point[i, 3]), np.int64(point[j, 3])):
+            share = min(max(((k + phase) * spacing - y) * per_rise, 0.0), 1.0)
+            at = free[k - np.int64(lowest)]
+            free[k - np.int64(lowest)] = at + 1
+            t[at], depth[at] = x + run * share, q + deep * share
+            ends[at], begins[at] = left, right
+    return np.int64(lowest), start, t, depth, ends, begins
+
+
+@compiled
+def sweep(
+    start: NDArray[np.int64],
+    t: Floats,
+    depth: Floats,
+    ends: Indices,
+    begins: Indices,
+    surfaces: int,
+    room: int,
+) -> tuple[NDArray[np.int64], Floats, Indices]:
+    """Return the visible pieces of lines.
+
+    Parameters
+    ----------
+    start, t, depth, ends, begins
+        As of `cross`; `start` may be a part of its.
+    surfaces : int
+        Number of surfaces.
+    room : int
+        Pieces a crossing to have room for.
+
+    Returns
+    -------
+    count : (line,) int64 ndarray
+        Pieces of each line; the first is -1 where there was no room for all.
+    piece : (piece, 4) float64 ndarray
+        Begin and end along the line, and q there.
+    seen : (piece,) int32 ndarray
+        Surface.
+    """
+    lines = len(start) - 1
+    count = np.zeros(lines, np.int64)
+    most = 1
+    for k in range(lines):
+        most = max(most, start[k + 1] - start[k])
+    capacity = room * (start[lines] - start[0])
+    piece, seen = np.empty((capacity, 4)), np.empty(capacity, np.int32)
+    # Of the crossings of a line, in order.
+    at, z, slope, stop = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    place = np.empty(most, np.int32)
+    ending, beginning = np.empty(most, np.int32), np.empty(most, np.int32)
+    # Of the surfaces that the line is over: crossing where it began, and depth = base + tilt t.
+    over, base, tilt = np.empty(most, np.int32), np.empty(most), np.empty(most)
+    where = np.full(surfaces, -1, np.int32)  # of a surface: in the one list, then in the other
+    number = 0
+    for k in range(lines):
+        first, n = start[k], start[k + 1] - start[k]
+        # They nearly are in order, so insertion is quick.
+        for m in range(n):
+            value = t[first + m]
+            i = m
+            while i > 0 and at[i - 1] > value:
+                at[i], place[i] = at[i - 1], place[i - 1]
+                i -= 1
+            at[i], place[i] = value, m
+        # Where each surface that begins will end, and so how it slopes.
+        for m in range(n):
+            c = first + place[m]
+            z[m], ending[m], beginning[m] = depth[c], ends[c], begins[c]
+            stop[m] = -np.inf
+            if ending[m] >= 0:
+                i = where[ending[m]]
+                if i >= 0:
+                    where[ending[m]] = -1
+                    stop[i] = at[m]
+                    if at[m] > at[i]:
+                        slope[i] = (z[m] - z[i]) / (at[m] - at[i])
+            if beginning[m] >= 0:
+                where[beginning[m]] = m
+        for m in range(n):
+            if beginning[m] >= 0:
+                where[beginning[m]] = -1
+        # The sweep: `shown` began what is seen, from `since` on; it is at `front` in the list.
+        active, front, shown, since = 0, -1, -1, 0.0
+        for m in range(n):
+            now = at[m]
+            fresh = beginning[m] >= 0 and stop[m] > now
+            slot = where[ending[m]] if ending[m] >= 0 else -1
+            if slot < 0 and not fresh:
+                continue
+            # Surfaces that run through one another change places between crossings.
+            while active > 1:
+                closest, found, when = base[front] + tilt[front] * now - NEARER, -1, now
+                for i in range(active):
+                    if base[i] + tilt[i] * now < closest:
+                        passing = (base[i] - base[front]) / (tilt[front] - tilt[i])
+                        if not (passing > since):
+                            passing = since
+                        if found < 0 or passing < when:
+                            found, when = i, min(passing, now)
+                if found < 0:
+                    break
+                if when > since:
+                    if number == capacity:
+                        count[0] = -1
+                        return count, piece, seen
+                    piece[number, 0], piece[number, 1] = since, when
+                    piece[number, 2] = z[shown] + slope[shown] * (since - at[shown])
+                    piece[number, 3] = z[shown] + slope[shown] * (when - at[shown])
+                    seen[number] = beginning[shown]
+                    number += 1
+                    count[k] += 1
+                front, shown, since = found, over[found], when
+            old = shown
+            if slot >= 0:
+                where[ending[m]] = -1
+                if fresh:
+                    i = slot
+                    if slot == front:
+                        shown = m
+                else:
+                    active -= 1
+                    i = -1
+                    if slot < active:
+                        over[slot], base[slot], tilt[slot] = (
+                            over[active],
+                            base[active],
+                            tilt[active],
+                        )
+                        where[beginning[over[slot]]] = slot
+                    if front == slot:
+                        front, shown, nearest = -1, -1, np.inf
+                        for s in range(active):
+                            if base[s] + tilt[s] * now < nearest:
+                                front, nearest = s, base[s] + tilt[s] * now
+                        if front >= 0:
+                            shown = over[front]
+                    elif front == active:
+                        front = slot
+            else:
+                i = active
+                active += 1
+                if front < 0 or z[m] < base[front] + tilt[front] * now:
+                    front, shown = i, m
+            if i >= 0:
+                over[i], tilt[i] = m, slope[m]
+                base[i] = z[m] - slope[m] * now
+                where[beginning[m]] = i
+            if shown != old:
+                if old >= 0 and now > since:
+                    if number == capacity:
+                        count[0] = -1
+                        return count, piece, seen
+                    piece[number, 0], piece[number, 1] = since, now
+                    piece[number, 2] = z[old] + slope[old] * (since - at[old])
+                    piece[number, 3] = z[old] + slope[old] * (now - at[old])
+                    seen[number] = beginning[old]
+                    number += 1
+                    count[k] += 1
+                since = now
+        for i in range(active):
+            where[beginning[over[i]]] = -1
+    return count, piece[:number], seen[:number]

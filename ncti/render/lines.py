@@ -1,0 +1,380 @@
+"""The visible pieces of a view, exact along parallel lines: no pixels, no rays, no OpenGL."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require
+from ncti.render.surfaces import Surfaces
+from ncti.render.view import ROLL, View
+
+if TYPE_CHECKING:
+    import trimesh
+    import xarray as xr
+
+    from ncti.render.pieces import Parts
+
+Floats = NDArray[np.float64]
+
+FEWEST = 64
+"""Lines that are worth a thread of their own."""
+
+MAX_LINES = 2**20
+"""Most lines of a view: more would be a spacing given in other units."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineImage:
+    """What an aircraft sees of a ship along parallel lines, exactly.
+
+    Lines run along the columns' axis of the view, which is rolled about the line of sight. Each
+    stands for a strip as wide as their spacing. A piece is a part of a line along which one flat
+    surface is seen, and over which range is linear in the far field.
+
+    Attributes
+    ----------
+    line : (piece,) int32 ndarray
+        Number k of a piece's line, ascending: the line is at (k + phase) spacing.
+    piece : (piece, 4) float64 ndarray
+        Begin and end along the line, and q there [m]: the down-range coordinate r over
+        1 + r / slant range, which is linear along the piece; r itself in the far field.
+    surface : (piece,) int32 ndarray
+        Flat surface of the ship that is seen.
+    normal : (surface, 3) float64 ndarray
+        Outward unit normals along column, row and away; zero where there is no area.
+    spacing : float
+        Distance between lines, at the range of the ship origin [m].
+    phase : float
+        Place of the line number 0 above the line of sight through the ship origin [spacing].
+    aspect, depression, roll : float
+        View angles [deg].
+    slant_range : float or None
+        Distance from the sensor to the ship origin [m]; None in the far field.
+    """
+
+    line: NDArray[np.int32]
+    piece: Floats
+    surface: NDArray[np.int32]
+    normal: Floats
+    spacing: float
+    phase: float
+    aspect: float
+    depression: float
+    roll: float
+    slant_range: float | None = None
+
+    @property
+    def area(self) -> Floats:
+        """(piece,) float64 ndarray: area that each piece stands for [m^2]."""
+        return self.spacing * (self.piece[:, 1] - self.piece[:, 0])
+
+    @property
+    def curvature(self) -> float:
+        """Curvature of the wavefront at the ship, 1 / slant range [1/m], 0 in the far field."""
+        return 0.0 if self.slant_range is None else 1.0 / self.slant_range
+
+    @property
+    def down_range(self) -> Floats:
+        """(piece, 2) float64 ndarray: down-range where pieces begin and end [m], as of an image."""
+        q, k = self.piece[:, 2:], self.curvature
+        w = 1.0 / (1.0 - k * q)
+        square = self.piece[:, :2] ** 2 + (self._height**2)[:, None]
+        down_range: Floats = q * w + k * w * square / (1.0 + np.sqrt(1.0 + k**2 * square))
+        return down_range
+
+    @property
+    def cosine(self) -> Floats:
+        """(piece,) float64 ndarray: cosine of incidence in the middle of each piece."""
+        n = self.normal[self.surface]
+        x, y, k = self.piece[:, :2].mean(axis=1), self._height, self.curvature
+        sight = np.sqrt(1.0 + k**2 * (x**2 + y**2))
+        cosine: Floats = np.maximum(-(n[:, 2] + k * (n[:, 0] * x + n[:, 1] * y)) / sight, 0.0)
+        return cosine
+
+    @property
+    def _height(self) -> Floats:
+        """(piece,): place of the piece's line along the rows' axis [m]."""
+        return (self.line + self.phase) * self.spacing
+
+    def cross_range(self) -> tuple[Floats, Floats]:
+        """Horizontal and vertical coordinates [m] of the ends of pieces, (piece, 2) each."""
+        y = self._height[:, None]
+        cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
+        return self.piece[:, :2] * cos - y * sin, self.piece[:, :2] * sin + y * cos
+
+    def bin(
+        self,
+        *,
+        side: float,
+        shift: tuple[float, float] = (0.0, 0.0),
+        slant_range: float | None = None,
+        near: float = 0.0,
+        bin_width: float = np.inf,
+        bin_count: int = 1,
+        weight: Floats | None = None,
+    ) -> Parts:
+        """How much of the view the ship fills, by square cell and range bin.
+
+        Parameters
+        ----------
+        side : float
+            Side of a cell [m].
+        shift : (float, float)
+            Where in a cell the ship origin lies, right and up from its corner [cell].
+        slant_range : float, optional
+            Range whose wavefront curves down-range [m]; that of the view when not given.
+        near : float
+            Down-range at which the first bin begins [m].
+        bin_width : float
+            Width of a bin [m].
+        bin_count : int
+            Number of bins.
+        weight : (piece,) float64 ndarray, optional
+            What the area of a piece is multiplied by.
+
+        Returns
+        -------
+        Parts
+            Area of the cells that see the ship.
+
+        Notes
+        -----
+        Exact along lines: a piece is cut at the borders of cells, and covers the ranges between
+        its ends evenly. Where the wavefront bends it, it is cut into chords that stay within
+        1/50 of a bin.
+        """
+        from ncti.render.pieces import Parts, bin_pieces  # numba takes long to import
+
+        reach = slant_range or self.slant_range
+        curved = bool(reach) and np.isfinite(bin_width)
+        area = np.full(len(self.line), self.spacing)
+        return Parts(
+            *bin_pieces(
+                self.line,
+                self.piece,
+                area if weight is None else area * weight,
+                self.spacing,
+                self.phase,
+                (np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))),
+                side,
+                shift,
+                self.curvature,
+                1.0 / reach if reach and curved else 0.0,
+                np.sqrt(8 * reach * bin_width / 50) if reach and curved else np.inf,
+                near,
+                bin_width,
+                bin_count,
+            )
+        )
+
+    def to_xarray(self) -> xr.Dataset:
+        """The pieces as an xarray data set with units."""
+        import xarray as xr
+
+        horizontal, vertical = self.cross_range()
+        ends, metre = ("piece", "end"), {"units": "m"}
+        return xr.Dataset(
+            {
+                "down_range": (
+                    ends,
+                    self.down_range,
+                    metre | {"long_name": "down-range from the ship origin"},
+                ),
+                "area": (
+                    "piece",
+                    self.area,
+                    {"units": "m2", "long_name": "area that the piece stands for"},
+                ),
+            },
+            coords={
+                "line": ("piece", self.line, {"units": "1", "long_name": "number of the line"}),
+                "surface": ("piece", self.surface, {"units": "1", "long_name": "surface seen"}),
+                "horizontal": (ends, horizontal, metre | {"long_name": "horizontal cross-range"}),
+                "vertical": (ends, vertical, metre | {"long_name": "vertical cross-range"}),
+            },
+            attrs={
+                "aspect_deg": self.aspect,
+                "depression_deg": self.depression,
+                "roll_deg": self.roll,
+                "spacing_m": self.spacing,
+                "slant_range_m": np.inf if self.slant_range is None else self.slant_range,
+            },
+        )
+
+
+def line_image(
+    mesh: trimesh.Trimesh,
+    *,
+    aspect: float,
+    depression: float,
+    spacing: float = 0.25,
+    roll: float = ROLL,
+    slant_range: float | None = None,
+    phase: float = 0.0,
+) -> LineImage:
+    """The visible pieces of a ship along parallel lines, exactly.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        Closed mesh with outward facets, in the ship frame [m]. Solids may run through one another,
+        vertices may be unmerged, and facets may be missing or without area.
+    aspect : float
+        Bearing of the sensor from the ship [deg], 0 at the bow, growing to port.
+    depression : float
+        Angle of the line of sight below the horizontal [deg], 0 to 90.
+    spacing : float
+        Distance between lines, at the range of the ship origin [m].
+    roll : float
+        Rotation of the lines about the line of sight [deg].
+    slant_range : float, optional
+        Distance from the sensor to the ship origin [m]; the far field when not given. Perspective
+        and the curvature of the wavefront are exact.
+    phase : float
+        Place of the lines, from the line of sight through the ship origin [spacing].
+
+    Returns
+    -------
+    LineImage
+        Its area is the ship's visible projected area, up to the distance of the lines.
+
+    Raises
+    ------
+    ValueError
+        When a parameter is out of its range, or the mesh is empty or not finite.
+
+    Notes
+    -----
+    N. Max, 'Antialiasing scan-line data', IEEE Computer Graphics and Applications 10(1), 1990;
+    T. R. Jones and R. N. Perry, 'Antialiasing with line samples', Rendering Techniques 2000,
+    doi:10.1007/978-3-7091-6303-0_18; T. Auzinger, M. Wimmer and S. Jeschke, 'Non-sampled
+    anti-aliasing', Vision, Modeling and Visualization 2013.
+
+    What is left to err is the integral across the lines, by the rectangle rule. Its error falls
+    with the spacing to the power 1.6: ship edges that are parallel to a line make it worse, so
+    lines are rolled (see `ROLL`).
+
+    Coplanar facets count as one surface (`Surfaces`), so a line crosses few edges. Threads share
+    the lines, as many as OMP_NUM_THREADS says or the process has processors; the result is the
+    same, bit for bit.
+    """
+    from ncti.render.line_sweep import cross, project
+
+    require("spacing", spacing, positive=True)
+    require("phase", phase)
+    view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
+    surfaces = Surfaces.of(mesh)
+    axes = view.axes
+    point = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
+    if view.slant_range is not None or np.ptp(point[:, 1]) > MAX_LINES * spacing:
+        _check(surfaces, view, spacing)
+    # As an edge, a surface has a number if it faces the sensor, and else -1.
+    facing = surfaces.area @ -axes[2] > surfaces.moment * view.curvature
+    seen = np.full(len(facing) + 1, -1, dtype=np.int32)
+    seen[:-1][facing] = np.flatnonzero(facing)
+    first, start, *crossings = cross(point, surfaces.edge, seen, spacing, phase)
+    line, piece, surface = _swept(start, crossings, len(facing))
+    line += first
+    return LineImage(
+        line,
+        piece,
+        surface,
+        surfaces.normals @ axes.T,
+        spacing=float(spacing),
+        phase=float(phase),
+        aspect=view.aspect,
+        depression=view.depression,
+        roll=view.roll,
+        slant_range=view.slant_range,
+    )
+
+
+def refined(mesh: trimesh.Trimesh, lines: LineImage) -> LineImage:
+    """The same view by lines half as far apart: those there are, and new ones between them.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The ship of the lines.
+    lines : LineImage
+        Lines without a phase.
+
+    Returns
+    -------
+    LineImage
+        As `line_image` of half the spacing, for the cost of half its lines.
+    """
+    between = line_image(
+        mesh,
+        aspect=lines.aspect,
+        depression=lines.depression,
+        spacing=lines.spacing,
+        roll=lines.roll,
+        slant_range=lines.slant_range,
+        phase=0.5,
+    )
+    line = np.concatenate([2 * lines.line, 2 * between.line + 1])
+    order = np.argsort(line, kind="stable")
+    return replace(
+        lines,
+        line=line[order],
+        piece=np.concatenate([lines.piece, between.piece])[order],
+        surface=np.concatenate([lines.surface, between.surface])[order],
+        spacing=lines.spacing / 2,
+    )
+
+
+def _check(surfaces: Surfaces, view: View, spacing: float) -> None:
+    """Refuse a sensor within the ship, and more lines than memory holds."""
+    places = (surfaces.vertices + surfaces.centre) @ view.axes.T
+    view.check_clear(float(places[:, 2].min()))
+    height = places[:, 1] / (1.0 + view.curvature * places[:, 2])
+    lines = float(np.ptp(height)) / spacing
+    if lines > MAX_LINES:
+        raise ValueError(
+            f"spacing is {spacing:g} m, which makes {lines:.0f} lines: there may be {MAX_LINES}."
+        )
+
+
+def _swept(
+    start: NDArray[np.int64], crossings: list[NDArray[np.generic]], surfaces: int
+) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
+    """Pieces of all lines, swept in as many parts as there are threads."""
+    from ncti.render.line_sweep import sweep
+
+    lines = len(start) - 1
+    parts = max(1, min(_threads(), lines // FEWEST))
+    inner = np.searchsorted(start, np.arange(1, parts) * start[-1] // parts)
+    cuts = [0, *inner.tolist(), lines]
+
+    def part(number: int) -> tuple[NDArray[np.int64], Floats, NDArray[np.int32]]:
+        room = 1
+        while True:  # surfaces that run through one another make more pieces than crossings
+            some = start[cuts[number] : cuts[number + 1] + 1]
+            count, piece, surface = sweep(some, *crossings, surfaces, room)
+            if not len(count) or count[0] >= 0:
+                return count, piece, surface
+            room *= 4
+
+    swept = [part(0)] if parts == 1 else list(_pool(parts).map(part, range(parts)))
+    counts, piece, surface = (
+        found[0] if parts == 1 else np.concatenate(found) for found in zip(*swept, strict=True)
+    )
+    return np.repeat(np.arange(lines, dtype=np.int32), counts), piece, surface
+
+
+def _threads() -> int:
+    given = os.environ.get("OMP_NUM_THREADS", "")
+    return int(given) if given.isdigit() and int(given) else len(os.sched_getaffinity(0))
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="lines")

@@ -1,0 +1,155 @@
+"""A ship as flat surfaces and the edges between them, so that lines cross nothing but edges."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from functools import cached_property
+from threading import Lock
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ncti.render.solid import KEPT, Solid
+
+if TYPE_CHECKING:
+    import trimesh
+
+Floats = NDArray[np.float64]
+
+ANGLE = 1e-5
+"""Angle between normals [rad] up to which adjacent facets are one surface: float32 vertices of a
+flat deck make some 1e-6 of it, and the plates of a round hull a thousand times that."""
+
+FLAT = 1e-4
+"""Distance [m] up to which the vertices of a surface lie in its plane; else facets stay single."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Flat surfaces of a mesh, and their edges.
+
+    Attributes
+    ----------
+    centre : (3,) float64 ndarray
+        Middle of the solid, in the ship frame [m].
+    vertices : (vertex, 3) float64 ndarray
+        Relative to the middle of the solid [m].
+    edge : (edge, 4) int32 ndarray
+        The two vertices that it runs between, and the surfaces left and right of it as seen from
+        outside; the number of surfaces stands for none.
+    area : (surface, 3) float64 ndarray
+        Area vector [m^2], outward.
+    moment : (surface,) float64 ndarray
+        Area vector times a point of the plane, from the ship origin [m^3].
+    """
+
+    centre: Floats
+    vertices: Floats
+    edge: NDArray[np.int32]
+    area: Floats
+    moment: Floats
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(surface, 3) float64 ndarray: outward unit normals; zero where there is no area."""
+        length = np.linalg.norm(self.area, axis=1, keepdims=True)
+        return np.divide(self.area, length, out=np.zeros_like(self.area), where=length > 0)
+
+    @classmethod
+    def of(cls, mesh: trimesh.Trimesh) -> Surfaces:
+        """Return the surfaces of a mesh, made once for each content that the mesh has had."""
+        key = hash(mesh)
+        with _lock:
+            surfaces = _kept.pop(key, None) or cls._prepare(Solid.of(mesh))
+            _kept[key] = surfaces
+            if len(_kept) > KEPT:
+                _kept.popitem(last=False)
+        return surfaces
+
+    @classmethod
+    def _prepare(cls, solid: Solid) -> Surfaces:
+        place, same = np.unique(solid.vertices, axis=0, return_inverse=True)
+        faces = same.reshape(-1)[solid.faces]
+        count = len(faces)
+        corner = place[faces]
+        area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
+        moment = np.einsum("ij,ij->i", area, corner[:, 0] + solid.centre)
+
+        # Half-edges of a pair run in opposite directions; what is left over has one side only.
+        start, stop = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+        low, high = np.minimum(start, stop), np.maximum(start, stop)
+        order = np.lexsort((start > stop, high, low))
+        low, high, ahead = low[order], high[order], (start < stop)[order]
+        facet = np.repeat(np.arange(count), 3)[order]
+        paired = _pairs(low, high, ahead)
+        left, right = facet[paired], facet[paired + 1]
+
+        surface = _merged(solid, faces, place, left, right)
+        size = int(surface.max()) + 1
+        alone = np.ones(3 * count, dtype=bool)
+        alone[paired] = alone[paired + 1] = False
+        single = np.flatnonzero(alone & (low != high))
+        boundary = np.flatnonzero(surface[left] != surface[right])
+        kept = np.append(paired[boundary], single)
+        own = surface[facet[single]]
+        sides = (
+            np.append(surface[left[boundary]], np.where(ahead[single], own, size)),
+            np.append(surface[right[boundary]], np.where(ahead[single], size, own)),
+        )
+        return cls(
+            solid.centre,
+            place,
+            np.ascontiguousarray(
+                np.stack([low[kept], high[kept], sides[0], sides[1]], axis=1), dtype=np.int32
+            ),
+            np.stack([np.bincount(surface, part, size) for part in area.T], axis=1),
+            np.bincount(surface, moment, size),
+        )
+
+
+def _pairs(
+    low: NDArray[np.integer], high: NDArray[np.integer], ahead: NDArray[np.bool_]
+) -> NDArray[np.intp]:
+    """First of each two half-edges that run to and fro between the same vertices, as sorted.
+
+    Where more than two share an edge, one to and one fro at most are a pair.
+    """
+    same = (low[1:] == low[:-1]) & (high[1:] == high[:-1]) & (low[1:] != high[1:])
+    # sorted, those that run ahead come first: a pair is where they turn
+    return np.flatnonzero(same & ahead[:-1] & ~ahead[1:])
+
+
+def _merged(
+    solid: Solid,
+    faces: NDArray[np.integer],
+    place: Floats,
+    left: NDArray[np.integer],
+    right: NDArray[np.integer],
+) -> NDArray[np.intp]:
+    """Surface of each facet: coplanar neighbours are one, where all of it lies in a plane."""
+    count = len(faces)
+    n = solid.normals
+    turn = np.linalg.norm(n[left] - n[right], axis=1)
+    flat = (turn < ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
+    pairs = coo_array((np.ones(flat.sum()), (left[flat], right[flat])), shape=(count, count))
+    size, surface = connected_components(pairs, directed=False)
+    # Plates of a gentle curve may each be flat with the next, and the whole of them not.
+    corner = place[faces]
+    area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    normal = np.stack([np.bincount(surface, part, size) for part in area.T], axis=1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    height = np.einsum("ijk,ik->ij", corner, normal[surface])
+    top, bottom = np.full(size, -np.inf), np.full(size, np.inf)
+    np.maximum.at(top, surface, height.max(axis=1))
+    np.minimum.at(bottom, surface, height.min(axis=1))
+    bent = (top - bottom > FLAT)[surface]
+    surface[bent] = size + np.flatnonzero(bent)
+    return np.unique(surface, return_inverse=True)[1].reshape(-1)
+
+
+_kept: OrderedDict[int, Surfaces] = OrderedDict()
+_lock = Lock()
