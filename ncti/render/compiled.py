@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 from platformdirs import user_cache_path
@@ -26,13 +26,13 @@ def compiled(function: F) -> F:
     Where none can be written, code is compiled in each process. Division by zero gives infinity,
     as with arrays, and other threads of Python run meanwhile.
     """
-    config = numba.config
+    config: Any = numba.config  # its names are made when it is imported
     before = config.CACHE_DIR
     config.CACHE_DIR = before or _folder()
     try:
         kept = bool(config.CACHE_DIR)
-        wrapped: F = numba.njit(cache=kept, nogil=True, error_model="numpy")(function)
-        return wrapped
+        dispatcher: Any = numba.njit(cache=kept, nogil=True, error_model="numpy")(function)
+        return cast(F, dispatcher)
     finally:
         config.CACHE_DIR = before
 

@@ -73,7 +73,8 @@ class Surfaces:
     @classmethod
     def _prepare(cls, solid: Solid) -> Surfaces:
         place, same = np.unique(solid.vertices, axis=0, return_inverse=True)
-        faces = same.reshape(-1)[solid.faces]
+        faces, kept = _distinct(same.reshape(-1)[solid.faces])
+        normals = solid.normals[kept]
         count = len(faces)
         corner = place[faces]
         area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
@@ -88,7 +89,7 @@ class Surfaces:
         paired = _pairs(low, high, ahead)
         left, right = facet[paired], facet[paired + 1]
 
-        surface = _merged(solid, faces, place, left, right)
+        surface = _merged(normals, faces, place, left, right)
         size = int(surface.max()) + 1
         alone = np.ones(3 * count, dtype=bool)
         alone[paired] = alone[paired + 1] = False
@@ -106,9 +107,29 @@ class Surfaces:
             np.ascontiguousarray(
                 np.stack([low[kept], high[kept], sides[0], sides[1]], axis=1), dtype=np.int32
             ),
-            np.stack([np.bincount(surface, part, size) for part in area.T], axis=1),
-            np.bincount(surface, moment, size),
+            _sums(surface, area, size),
+            np.asarray(np.bincount(surface, moment, size), dtype=np.float64),
         )
+
+
+def _sums(surface: NDArray[np.intp], vectors: Floats, size: int) -> Floats:
+    """Sum of the vectors of the facets of each surface."""
+    return np.stack([np.bincount(surface, part, size) for part in vectors.T], 1).astype(np.float64)
+
+
+def _distinct(faces: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[np.intp]]:
+    """Facets that have three corners, each once, and which of those given they are.
+
+    Twice the same facet in one surface would begin twice on a line before it ends.
+    """
+    first = np.argmin(faces, axis=1)[:, None]
+    turned = np.take_along_axis(faces, (first + np.arange(3)) % 3, axis=1)
+    order = np.lexsort(turned.T)
+    new = np.ones(len(faces), dtype=bool)
+    new[1:] = (turned[order[1:]] != turned[order[:-1]]).any(axis=1)
+    a, b, c = faces[order].T
+    kept = np.sort(order[new & (a != b) & (b != c) & (c != a)])
+    return faces[kept], kept
 
 
 def _pairs(
@@ -124,7 +145,7 @@ def _pairs(
 
 
 def _merged(
-    solid: Solid,
+    n: Floats,
     faces: NDArray[np.integer],
     place: Floats,
     left: NDArray[np.integer],
@@ -132,7 +153,6 @@ def _merged(
 ) -> NDArray[np.intp]:
     """Surface of each facet: coplanar neighbours are one, where all of it lies in a plane."""
     count = len(faces)
-    n = solid.normals
     turn = np.linalg.norm(n[left] - n[right], axis=1)
     flat = (turn < ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
     pairs = coo_array((np.ones(flat.sum()), (left[flat], right[flat])), shape=(count, count))
@@ -140,7 +160,7 @@ def _merged(
     # Plates of a gentle curve may each be flat with the next, and the whole of them not.
     corner = place[faces]
     area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    normal = np.stack([np.bincount(surface, part, size) for part in area.T], axis=1)
+    normal = _sums(surface, area, size)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     height = np.einsum("ijk,ik->ij", corner, normal[surface])
     top, bottom = np.full(size, -np.inf), np.full(size, np.inf)

@@ -1,0 +1,342 @@
+"""Visible pieces along lines against closed forms, rays, and themselves."""
+
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from manifold3d import CrossSection, FillRule
+
+import ncti.ships
+from ncti.render import View, cast_rays, line_image, refined
+
+ship = cache(ncti.ships.load)
+
+LOW, HIGH = (-60.0, -7.0, -2.0), (70.0, 9.0, 12.0)
+
+
+def box(low=LOW, high=HIGH):
+    return trimesh.creation.box(bounds=[low, high])
+
+
+def loose(mesh):
+    """The same facets, none of which shares a vertex."""
+    return trimesh.Trimesh(
+        mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3), process=False
+    )
+
+
+def same(a, b):
+    return np.array_equal(a.line, b.line) and np.array_equal(a.piece, b.piece)
+
+
+def outline(mesh, view):
+    """Area [m^2] of the union of all facets that face a far sensor, by polygon clipping."""
+    corners = (np.asarray(mesh.vertices) @ view.axes.T)[np.asarray(mesh.faces)][..., :2]
+    along, across = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    facing = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0] > 0
+    return CrossSection(list(corners[facing]), FillRule.Positive).area()
+
+
+def projected_area(aspect, depression, low=LOW, high=HIGH):
+    a, d = np.radians([aspect, depression])
+    x, y, z = np.subtract(high, low)
+    u = np.abs([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
+    return float(u @ [y * z, x * z, x * y])
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0, 360), st.floats(0, 90), st.floats(-180, 180))
+def test_a_box_has_its_projected_area(aspect, depression, roll):
+    """Each line errs by a rectangle rule on a hexagon: the error is of its second order, and no
+    more than a spacing times the slope of the outline at its six corners."""
+    image = line_image(box(), aspect=aspect, depression=depression, roll=roll, spacing=0.05)
+    breadth = 130 + 16 + 14  # no chord of the box's outline is longer
+    assert image.area.sum() == pytest.approx(projected_area(aspect, depression), abs=0.05 * breadth)
+
+
+def test_the_area_of_a_box_converges_by_its_chords():
+    """Away from edges along lines, the rectangle rule errs by the square of the spacing."""
+    spacings = 2.0 ** -np.arange(1, 9)
+    truth = projected_area(37, 3.84)
+    errors = [
+        max(
+            abs(
+                line_image(box(), aspect=37, depression=3.84, spacing=s, phase=phase).area.sum()
+                - truth
+            )
+            for phase in np.arange(8) / 8
+        )
+        for s in spacings
+    ]
+    slope = np.polyfit(np.log(spacings), np.log(errors), 1)[0]
+    assert slope > 1.8
+
+
+@pytest.mark.parametrize("slant_range", [None, 300.0, 4e3, 100e3])
+@pytest.mark.parametrize(("aspect", "depression"), [(0, 3.84), (37, 0.3), (123.4, 12.7), (90, 45)])
+def test_pieces_lie_on_what_a_ray_meets(slant_range, aspect, depression):
+    """A ray from the sensor through the middle of a piece meets the ship where the piece is."""
+    hull = ship("spruance")
+    image = line_image(
+        hull, aspect=aspect, depression=depression, spacing=2.0, slant_range=slant_range
+    )
+    view = View(aspect, depression, slant_range=slant_range)
+    long = np.flatnonzero(image.area > 0.01 * image.spacing)
+    x = image.piece[long, :2].mean(axis=1)
+    y = (image.line[long] + image.phase) * image.spacing
+    column, row, away = view.axes
+    target = x[:, None] * column + y[:, None] * row
+    if slant_range is None:
+        far = 1e4
+        start, direction = target - far * away, np.broadcast_to(away, target.shape)
+    else:
+        far = slant_range
+        start = np.broadcast_to(-far * away, target.shape)
+        direction = target - start
+        direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    hits = cast_rays(hull, np.ascontiguousarray(start), np.ascontiguousarray(direction))
+    # In float32 a ray slips past an edge by some 1e-5 m: 5 mm pieces may lose a few of theirs.
+    assert len(hits.ray) > 0.999 * len(long)
+    q = image.piece[long, 2:].mean(axis=1)
+    w = 1 / (1 - image.curvature * q)
+    expected = np.hypot(1, np.hypot(x, y) * image.curvature) * q * w
+    if slant_range is not None:  # distance to the sensor
+        expected = slant_range * w * np.sqrt(1 + (x**2 + y**2) / slant_range**2) - slant_range
+    wrong = np.abs(hits.distance - far - expected[hits.ray]) > 1e-3
+    assert wrong.mean() < 2e-3
+
+
+@pytest.mark.parametrize("name", ncti.ships.names())
+def test_ships_have_the_area_of_their_outline(name):
+    hull = ship(name)
+    rng = np.random.default_rng(len(name))
+    for aspect, depression in zip(rng.uniform(0, 180, 2), rng.uniform(0.3, 12.7, 2), strict=True):
+        image = line_image(hull, aspect=aspect, depression=depression)
+        assert image.area.sum() == pytest.approx(outline(hull, View(aspect, depression)), rel=1e-3)
+
+
+def test_pieces_of_a_line_do_not_overlap():
+    image = line_image(ship("horne"), aspect=37, depression=3.84)
+    follows = np.diff(image.line) == 0
+    assert np.all(np.diff(image.line) >= 0)
+    assert np.all(image.piece[:, 1] > image.piece[:, 0])
+    assert np.all(image.piece[1:, 0][follows] >= image.piece[:-1, 1][follows])
+
+
+@pytest.mark.parametrize("roll", [0.0, 31.7])
+def test_vertices_on_lines_change_nothing(roll):
+    """Lines through the corners of boxes on a grid, and past them by a hair, see the same."""
+    parts = [box((i, -3, 0), (i + 1, 2, 1 + i % 3)) for i in range(-6, 6)]
+    mesh = trimesh.boolean.union(parts, engine="manifold")
+    for aspect in (0, 90, 180):
+        on, beside = (
+            line_image(mesh, aspect=aspect, depression=0, roll=roll, spacing=1.0, phase=phase)
+            for phase in (0.0, 1e-9)
+        )
+        lost = projected_area(aspect, 0, (-6, -3, 0), (6, 2, 3)) if roll == 0 else 0
+        assert abs(on.area.sum() - beside.area.sum()) <= lost + 1e-6
+        assert np.isfinite(on.piece).all()
+
+
+def test_facets_need_not_share_vertices():
+    hull = ship("connole")
+    whole = line_image(hull, aspect=20, depression=3.84)
+    assert same(whole, line_image(loose(hull), aspect=20, depression=3.84))
+
+
+def test_facets_without_area_and_twice_change_nothing():
+    hull = ship("connole")
+    whole = line_image(hull, aspect=20, depression=3.84)
+    faces = np.asarray(hull.faces)
+    flat = faces[::50].copy()
+    flat[:, 2] = flat[:, 1]
+    needles = faces[::70][:, [0, 1, 1]]
+    twice = trimesh.Trimesh(
+        hull.vertices, np.concatenate([faces, flat, needles, faces[::3]]), process=False
+    )
+    found = line_image(twice, aspect=20, depression=3.84)
+    assert found.area.sum() == pytest.approx(whole.area.sum(), rel=1e-9)
+    far = dict(side=1e3, near=-125, bin_width=1.0, bin_count=250)
+    difference = np.abs(found.bin(**far).area.sum((0, 1)) - whole.bin(**far).area.sum((0, 1)))
+    assert difference.sum() < 1e-6 * whole.area.sum()
+
+
+def test_split_edges_leave_no_gaps():
+    """T-junctions: an edge on one side that is two on the other."""
+    mesh = box()
+    longest = int(np.argmax(mesh.edges_unique_length))
+    a, b = mesh.edges_unique[longest]
+    face = next(f for f in range(len(mesh.faces)) if {a, b} <= set(mesh.faces[f]))
+    (other,) = set(mesh.faces[face]) - {a, b}
+    middle = len(mesh.vertices)
+    turn = list(mesh.faces[face])
+    first = [middle if v == b else v for v in turn]
+    second = [middle if v == a else v for v in turn]
+    assert other in first
+    assert other in second
+    split = trimesh.Trimesh(
+        np.vstack([mesh.vertices, (mesh.vertices[a] + 2 * mesh.vertices[b]) / 3]),
+        np.vstack([np.delete(mesh.faces, face, axis=0), [first, second]]),
+        process=False,
+    )
+    for aspect in (10, 100, 190, 280):
+        view = dict(aspect=aspect, depression=20, spacing=0.1)
+        assert line_image(split, **view).area.sum() == pytest.approx(
+            line_image(mesh, **view).area.sum(), rel=1e-12
+        )
+
+
+def test_missing_facets_leave_what_lies_behind():
+    """One facet in twenty is not there: what faces the sensor behind it is seen."""
+    hull = ship("duncan")
+    kept = np.random.default_rng(3).random(len(hull.faces)) > 0.05
+    torn = trimesh.Trimesh(hull.vertices, hull.faces[kept], process=False)
+    lines = line_image(torn, aspect=70, depression=5, spacing=0.125)
+    assert lines.area.sum() == pytest.approx(outline(torn, View(70, 5)), rel=1e-3)
+
+
+@pytest.mark.parametrize("aspect", [0, 33, 90, 146])
+def test_solids_that_run_through_one_another_hide_as_if_united(aspect):
+    rng = np.random.default_rng(5)
+    parts = []
+    for _ in range(30):
+        low = rng.uniform((-40, -8, 0), (30, 4, 10))
+        part = box(low, low + rng.uniform(1, 20, 3))
+        part.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+        parts.append(part)
+    united = trimesh.boolean.union(parts, engine="manifold")
+    grid = dict(side=1e3, near=-125, bin_width=1.0, bin_count=250)
+    apart, one = (
+        line_image(mesh, aspect=aspect, depression=7, spacing=0.25).bin(**grid).area.sum((0, 1))
+        for mesh in (trimesh.util.concatenate(parts), united)
+    )
+    # 'manifold' rounds where parts meet to some 1e-5 m, along a kilometre of edges
+    assert np.abs(apart - one).sum() < 1e-4 * one.sum()
+
+
+def test_finer_lines_keep_those_done():
+    hull = ship("texas")
+    view = dict(aspect=61, depression=3.84, slant_range=5e3)
+    fine = line_image(hull, spacing=2.0, **view)
+    for spacing in (1.0, 0.5, 0.25):
+        fine = refined(hull, fine)
+        assert fine.spacing == spacing
+        assert same(fine, line_image(hull, spacing=spacing, phase=fine.phase, **view))
+
+
+@pytest.mark.parametrize("threads", ["2", "3", "7"])
+def test_threads_change_no_bit(threads, monkeypatch):
+    hull = ship("texas")
+    view = dict(aspect=61, depression=3.84, spacing=0.1)
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    alone = line_image(hull, **view)
+    monkeypatch.setenv("OMP_NUM_THREADS", threads)
+    assert same(alone, line_image(hull, **view))
+
+
+@pytest.mark.parametrize("side", [0.6, 3.0, 15.0, 1e3])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.3, 0.8)])
+def test_cells_share_the_area_out(side, shift):
+    """Binned, no area is lost; every cell's is that of the parts of pieces within it."""
+    image = line_image(ship("horne"), aspect=37, depression=3.84)
+    parts = image.bin(side=side, shift=shift)
+    assert parts.area.sum() == pytest.approx(image.area.sum(), rel=1e-12)
+    # plainly: every piece as two hundred points
+    share = (np.arange(200) + 0.5) / 200
+    some = np.flatnonzero(image.line % 24 == 0)
+    horizontal, vertical = (at[some] for at in image.cross_range())
+    h, v = (at[:, :1] + (at[:, 1:] - at[:, :1]) * share for at in (horizontal, vertical))
+    cells = np.stack([np.floor(h / side + shift[0]), np.floor(v / side + shift[1])], axis=-1)
+    weights = np.repeat(image.area[some] / 200, 200)
+    found, which = np.unique(cells.reshape(-1, 2), axis=0, return_inverse=True)
+    plain = dict(zip(map(tuple, found), np.bincount(which.reshape(-1), weights), strict=True))
+    few = line_image(ship("horne"), aspect=37, depression=3.84)
+    object.__setattr__(few, "line", image.line[some])
+    object.__setattr__(few, "piece", image.piece[some])
+    exact = few.bin(side=side, shift=shift)
+    exact = dict(zip(map(tuple, exact.cell), exact.area.sum((1, 2)), strict=True))
+    # a piece ends in a cell by a point more or less
+    longest = image.area[some].max() / 200
+    assert all(
+        abs(exact.get(cell, 0) - plain.get(cell, 0)) <= 2 * longest * len(some)
+        for cell in {*exact, *plain}
+    )
+
+
+@pytest.mark.parametrize("slant_range", [200.0, 4e3])
+def test_bins_hold_the_exact_distances(slant_range):
+    """A plate across the line of sight, near enough for its wavefront to bend over many bins."""
+    plate = box((-1, -30, -30), (0, 30, 30))
+    image = line_image(plate, aspect=0, depression=0, spacing=0.05, slant_range=slant_range)
+    count, width = 400, 0.01
+    area = image.bin(side=1e3, near=0.0, bin_width=width, bin_count=count).area.sum((0, 1))
+    # distance d past the plate's: a disc of radius s, s^2 = (R + d)^2 - R^2, within the square
+    edges = slant_range + width * np.arange(count + 1)
+    disc = np.pi * (edges**2 - slant_range**2)
+    inside = edges**2 - slant_range**2 < 30**2
+    expected = np.diff(disc)[inside[1:]]
+    # A chord within 1/50 of a bin of the arc has two thirds of that too much, on the average;
+    # lines 0.05 m apart err by some (0.05 m / s)^1.5 of a disc of radius s.
+    assert np.cumsum(area[: len(expected)]) == pytest.approx(
+        disc[1:][inside[1:]], abs=disc[1] / 70 + 0.02, rel=3e-3
+    )
+    assert area.sum() == pytest.approx(3600, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "allowed"),
+    [
+        ("spacing", 0.0, "spacing"),
+        ("spacing", 1e-9, "there may be"),
+        ("spacing", float("nan"), "spacing"),
+        ("depression", 91.0, "depression"),
+        ("aspect", 1e3, "aspect"),
+        ("slant_range", 50.0, "beyond"),
+        ("slant_range", -1.0, "slant_range"),
+    ],
+)
+def test_nonsense_is_refused(argument, value, allowed):
+    given = dict(aspect=0.0, depression=3.0) | {argument: value}
+    with pytest.raises(ValueError, match=allowed):
+        line_image(box(), **given)
+
+
+def test_data_set_has_units():
+    image = line_image(box(), aspect=30, depression=3, spacing=1.0)
+    found = image.to_xarray()
+    assert float(found.area.sum()) == pytest.approx(image.area.sum())
+    assert all(found[name].attrs["units"] for name in found.variables if name != "piece")
+    inner = np.diff(found.horizontal, axis=1)[:, 0]
+    assert np.hypot(inner, np.diff(found.vertical, axis=1)[:, 0]) == pytest.approx(
+        image.piece[:, 1] - image.piece[:, 0]
+    )
+
+
+def test_machine_code_is_kept_outside_the_package(tmp_path):
+    """In the cache folder, and nowhere if that cannot be written."""
+    script = (
+        "from ncti.render.compiled import compiled\n"
+        "@compiled\n"
+        "def double(x):\n"
+        "    return 2 * x\n"
+        "assert double(21) == 42\n"
+    )
+    (tmp_path / "module.py").write_text(script)
+    root = Path(__file__).resolve().parents[2]
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment |= {"PYTHONPATH": f"{tmp_path}:{root}", "PYTHONDONTWRITEBYTECODE": "1"}
+    for folder, kept in [(tmp_path / "cache", True), (Path("/dev/null/cache"), False)]:
+        subprocess.run(
+            [sys.executable, "-c", "import module"],
+            env=environment | {"NCTI_CACHE": str(folder)},
+            check=True,
+        )
+        assert any(folder.glob("compiled/**/*.nbi")) == kept
+    assert not list(tmp_path.glob("__pycache__"))
