@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.render.image import RangeImage
+from ncti.render.lines import LineImage
 
 Extent = tuple[float, float, float, float]  # left, right, bottom, top [m]
 
@@ -63,21 +65,22 @@ class Silhouette:
 
 
 def silhouette(
-    range_image: RangeImage,
+    image: RangeImage | LineImage,
     *,
     footprint: float,
     phase: tuple[float, float] = (0.0, 0.0),
     margin: int = 4,
     extent: Extent | None = None,
+    subdivision: int = 1,
 ) -> Silhouette:
-    """Area coverage of the detector's pixels by the ship of a range image.
+    """Area coverage of the detector's pixels by a ship.
 
     Parameters
     ----------
-    range_image : RangeImage
-        Finely resolved range image.
+    image : RangeImage or LineImage
+        Finely resolved range image, or the visible pieces along lines.
     footprint : float
-        Side of a pixel on the target [m], at least the range image's pixel.
+        Side of a pixel on the target [m], at least the resolution of the image.
     phase : (float, float)
         Where in a pixel the ship origin lies, right and up from the pixel's corner [pixel], in
         [0, 1).
@@ -86,11 +89,13 @@ def silhouette(
     extent : (left, right, bottom, top), optional
         Cross-range that the window must hold, the margin apart [m]; the ship's own bounding box
         when not given.
+    subdivision : int
+        Cells along each side of a pixel.
 
     Returns
     -------
     Silhouette
-        Its area, coverage times footprint squared, is the area of the range image's hit pixels.
+        Its area, coverage times footprint squared, is the area of the image.
 
     Raises
     ------
@@ -100,21 +105,29 @@ def silhouette(
 
     Notes
     -----
-    See `coverage_of`, which takes the coordinates: use it when one view gets many footprints or
-    phases.
+    Pieces of lines are shared out exactly along the line. Pixels of a range image are points: see
+    `coverage_of`, which takes the coordinates; use it when one view gets many footprints or phases.
     """
-    require("footprint", footprint, minimum=range_image.pixel)
+    require("footprint", footprint, minimum=image.resolution)
+    if isinstance(image, LineImage):
+        horizontal, vertical = image.cross_range()
+        window = _window(horizontal, vertical, footprint, phase, margin, extent, subdivision)
+        cells = int(subdivision)
+        parts = image.bin(side=footprint / cells, shift=(phase[0] * cells, phase[1] * cells))
+        # Rounding may put a hair of the outermost piece past the border of its bounding box.
+        last = np.array(window.shape[::-1]) - 1
+        column, row = np.clip(parts.cell - window.first, 0, last).T
+        return window.filled(column, row, parts.area.sum(axis=(1, 2)))
     # Of the flat image: np.nonzero of two axes takes three times as long as all the rest.
-    rows, cols = np.divmod(np.flatnonzero(range_image.hit), range_image.down_range.shape[1])
-    horizontal, vertical = range_image.cross_range_at(rows, cols)
+    rows, cols = np.divmod(np.flatnonzero(image.hit), image.down_range.shape[1])
     return coverage_of(
-        horizontal,
-        vertical,
-        area=range_image.pixel**2,
+        *image.cross_range_at(rows, cols),
+        area=image.pixel**2,
         footprint=footprint,
         phase=phase,
         margin=margin,
         extent=extent,
+        subdivision=subdivision,
     )
 
 
@@ -164,6 +177,44 @@ def coverage_of(
     push the ship over a pixel's edge, for which the window holds one column and one row more.
     """
     require("area", area, positive=True)
+    window = _window(horizontal, vertical, footprint, phase, margin, extent, subdivision)
+    column, row = (
+        _cell(points, footprint, part, int(subdivision)) - first
+        for points, part, first in zip((horizontal, vertical), phase, window.first, strict=True)
+    )
+    return window.filled(column, row, area)
+
+
+class _Window(NamedTuple):
+    """The cells of a silhouette: column and row of the first, how many, and where they are."""
+
+    first: tuple[int, int]
+    shape: tuple[int, int]
+    side: float
+    origin: tuple[float, float]
+
+    def filled(
+        self, column: NDArray[np.int64], row: NDArray[np.int64], area: float | NDArray[np.float64]
+    ) -> Silhouette:
+        """Silhouette of some area [m^2] in each of some cells of the window."""
+        rows, columns = self.shape
+        place = row * columns + column
+        each = None if np.isscalar(area) else area
+        filled = np.bincount(place, each, rows * columns).astype(np.float64).reshape(self.shape)
+        scale = area if each is None else 1.0
+        return Silhouette(filled * (scale / self.side**2), self.side, self.origin)
+
+
+def _window(
+    horizontal: NDArray[np.float64],
+    vertical: NDArray[np.float64],
+    footprint: float,
+    phase: tuple[float, float],
+    margin: int,
+    extent: Extent | None,
+    subdivision: int,
+) -> _Window:
+    """Cells of whole pixels that hold the points, or the extent, and a margin."""
     require("footprint", footprint, positive=True)
     require("margin", margin, minimum=0.0)
     if margin != int(margin):
@@ -178,53 +229,56 @@ def coverage_of(
     if extent is None and not horizontal.size:
         raise ValueError("the ship shows no pixel, so an extent must be given")
     cells = int(subdivision)
-    left, right, bottom, top = (None,) * 4 if extent is None else extent
-    column, first_column, columns = _cells(
-        "horizontal", horizontal, footprint, phase[0], int(margin), left, right, cells
-    )
-    row, first_row, rows = _cells(
-        "vertical", vertical, footprint, phase[1], int(margin), bottom, top, cells
-    )
-    count = np.bincount(row * columns + column, minlength=rows * columns).astype(np.float64)
     side = footprint / cells
-    return Silhouette(
-        coverage=count.reshape(rows, columns) * (area / side**2),
-        footprint=side,
-        origin=(
+    left, right, bottom, top = (None,) * 4 if extent is None else extent
+    pixels = (
+        _pixels("horizontal", horizontal, footprint, phase[0], left, right),
+        _pixels("vertical", vertical, footprint, phase[1], bottom, top),
+    )
+    (first_column, last_column), (first_row, last_row) = (
+        (first - int(margin), last + int(margin)) for first, last in pixels
+    )
+    return _Window(
+        (first_column * cells, first_row * cells),
+        ((last_row - first_row + 1) * cells, (last_column - first_column + 1) * cells),
+        side,
+        (
             (first_column - phase[0]) * footprint + side / 2,
             (first_row - phase[1]) * footprint + side / 2,
         ),
     )
 
 
-def _cells(
+def _cell(
+    points: NDArray[np.float64], footprint: float, phase: float, subdivision: int
+) -> NDArray[np.int64]:
+    """Number of the cell of each point, counted from the ship origin's pixel."""
+    place = points * (1 / footprint)
+    place += phase
+    place *= subdivision
+    return np.floor(place, out=place).astype(np.int64)
+
+
+def _pixels(
     axis: str,
     points: NDArray[np.float64],
     footprint: float,
     phase: float,
-    margin: int,
     low: float | None,
     high: float | None,
-    subdivision: int,
-) -> tuple[NDArray[np.int64], int, int]:
-    """Cell of each point counted from the window's first, its first pixel, and how many cells."""
-    place = points * (1 / footprint)
-    place += phase
-    place *= subdivision
-    cell = np.floor(place, out=place).astype(np.int64)
+) -> tuple[int, int]:
+    """First and last pixel of the window, the margin apart."""
     if low is None or high is None:
-        first, last = int(cell.min()) // subdivision, int(cell.max()) // subdivision
-    else:
-        require(f"extent ({axis}, low end)", low)
-        require(f"extent ({axis}, high end)", high, minimum=low)
-        if points.size and not (low <= points.min() and points.max() <= high):
-            raise ValueError(
-                f"extent is {low:g} to {high:g} m {axis}, but must hold the ship, which reaches "
-                f"from {points.min():.2f} to {points.max():.2f} m"
-            )
-        # n whole pixels and a bit touch n + 2 pixels at most, wherever they begin.
-        first = math.floor(low * (1 / footprint) + phase)
-        last = first + math.floor((high - low) / footprint + _ROUNDING) + 1
-    first -= margin
-    cell -= first * subdivision
-    return cell, first, (last + margin - first + 1) * subdivision
+        ends = np.array([points.min(), points.max()])
+        first, last = _cell(ends, footprint, phase, 1).tolist()
+        return first, last
+    require(f"extent ({axis}, low end)", low)
+    require(f"extent ({axis}, high end)", high, minimum=low)
+    if points.size and not (low <= points.min() and points.max() <= high):
+        raise ValueError(
+            f"extent is {low:g} to {high:g} m {axis}, but must hold the ship, which reaches "
+            f"from {points.min():.2f} to {points.max():.2f} m"
+        )
+    # n whole pixels and a bit touch n + 2 pixels at most, wherever they begin.
+    first = math.floor(low * (1 / footprint) + phase)
+    return first, first + math.floor((high - low) / footprint + _ROUNDING) + 1

@@ -29,6 +29,7 @@ from ncti.infrared.super_resolution import (
     shifted_images,
 )
 from ncti.render.image import RangeImage
+from ncti.render.lines import LineImage
 
 SUPER_RESOLUTIONS = ("none", "perfect", "shifted")
 
@@ -144,7 +145,7 @@ def pixel_sigma(
 
 
 def image(
-    range_image: RangeImage,
+    image: RangeImage | LineImage,
     *,
     slant_range: float,
     frame_count: int | Sequence[int] | NDArray[np.integer],
@@ -166,7 +167,7 @@ def image(
 
     Parameters
     ----------
-    range_image : RangeImage
+    image : RangeImage or LineImage
         Finely resolved range image, of the far field or made at this range.
     slant_range : float
         Sensor to ship origin [m], at most 1e9.
@@ -227,19 +228,19 @@ def image(
     require("coverage_rule", coverage_rule, positive=True, maximum=1.0)
     require("back_projections", back_projections, whole=True, minimum=0.0)
     _require_way(super_resolution)
-    made_at = range_image.slant_range
+    made_at = image.slant_range
     if made_at is not None and not math.isclose(made_at, slant_range):
         raise ValueError(
             f"slant_range is {slant_range!r}, but must be the {made_at!r} m at which the range "
             "image was made"
         )
     footprint = ifov * slant_range * (1.0 if super_resolution == "none" else 0.5)
-    if footprint < range_image.pixel:
+    if footprint < image.resolution:
         raise ValueError(
             f"slant_range is {slant_range!r} and ifov {ifov!r}, which make pixels of "
-            f"{footprint:g} m, but they must be at least the range image's {range_image.pixel:g} m"
+            f"{footprint:g} m, but they must be at least the range image's {image.resolution:g} m"
         )
-    shape = silhouette(range_image, footprint=footprint, phase=phase, margin=margin, extent=extent)
+    shape = silhouette(image, footprint=footprint, phase=phase, margin=margin, extent=extent)
     target = shape.target(coverage_rule)
     contrast = radiometry.contrast(
         float(slant_range), contrast_at_zero=contrast_at_zero, extinction=extinction

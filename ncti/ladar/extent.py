@@ -167,11 +167,10 @@ def range_extent(
             "the range image was made"
         )
     side = ifov * slant_range
-    step = image.spacing if isinstance(image, LineImage) else image.pixel
-    if side < step:
+    if side < image.resolution:
         raise ValueError(
-            f"ifov is {ifov!r} rad, but must be at least {step / slant_range:.3g} rad, "
-            f"the {step:g} m resolution of the range image at {slant_range:g} m"
+            f"ifov is {ifov!r} rad, but must be at least {image.resolution / slant_range:.3g} rad, "
+            f"the {image.resolution:g} m resolution of the range image at {slant_range:g} m"
         )
     bin_count = max(1, round(window / bin_width))
     half_window = bin_count * bin_width / 2

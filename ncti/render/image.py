@@ -80,6 +80,11 @@ class RangeImage:
         return ~np.isnan(self.down_range)
 
     @property
+    def resolution(self) -> float:
+        """Pixel side [m], which IFOVs must be as wide as."""
+        return self.pixel
+
+    @property
     def lattice(self) -> Lattice:
         """Where the pixels lie."""
         return Lattice(self.pixel, self.origin, self.roll)

@@ -76,6 +76,11 @@ class LineImage:
     slant_range: float | None = None
 
     @property
+    def resolution(self) -> float:
+        """Spacing [m], which IFOVs must be as wide as."""
+        return self.spacing
+
+    @property
     def area(self) -> Floats:
         """(piece,) float64 ndarray: area that each piece stands for [m^2]."""
         return self.spacing * (self.piece[:, 1] - self.piece[:, 0])
