@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from manifold3d import CrossSection, FillRule
 from warm_views import SHIPS, plate, points, ship
 
+import ncti.ships
 from ncti.infrared import coverage_of, silhouette
 from ncti.render import View, line_image
 
@@ -236,7 +237,7 @@ def test_bad_rules_and_empty_images_are_named():
 @pytest.mark.parametrize("subdivision", [1, 2])
 def test_lines_cover_pixels_as_the_outline_does(footprint, phase, subdivision):
     """Against polygons clipped at the borders of pixels: rms 0.1 % of a pixel by 0.25 m lines."""
-    hull, view = ship("connole"), View(31.0, 3.84)
+    hull, view = ncti.ships.load("connole"), View(31.0, 3.84)
     corners = (np.asarray(hull.vertices) @ view_axes(view).T)[np.asarray(hull.faces)]
     along, across = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     facing = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0] > 0
