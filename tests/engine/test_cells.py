@@ -19,9 +19,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
-from sweeps.engine import cells as cells_module
-from sweeps.engine.cells import FADING, INDEX, open_index
-from sweeps.engine.packs import Pack, list_files, read_cells, write_pack
+from sweeps.engine import results
+from sweeps.engine.results import (
+    FADING,
+    INDEX,
+    Pack,
+    list_files,
+    open_index,
+    read_cells,
+    write_pack,
+)
 
 
 def key(name) -> str:
@@ -244,8 +251,8 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 import numpy as np
-from sweeps.engine.cells import open_index
-from sweeps.engine.packs import write_pack
+from sweeps.engine.results import open_index
+from sweeps.engine.results import write_pack
 folder, keys = Path(sys.argv[1]), sys.argv[3:]
 die = lambda *arguments: os.kill(os.getpid(), signal.SIGKILL)
 with open_index(folder, print) as index:
@@ -315,7 +322,7 @@ def test_an_index_that_cannot_be_saved_costs_nothing(six, said, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     more = written(six, 6)
-    monkeypatch.setattr(cells_module, "write_whole", full)
+    monkeypatch.setattr(results, "write_whole", full)
     with open_index(six, said.append) as index:
         index.add("render", [more], 1.0)
         assert whole(six, index, range(7))

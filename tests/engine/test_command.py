@@ -17,9 +17,9 @@ from small_stores import files
 from toys import CALLS, SPRINGS, go
 
 from sweeps.engine import command as commands
-from sweeps.engine.cells import CellIndex
 from sweeps.engine.command import Command
 from sweeps.engine.printing import show
+from sweeps.engine.results import CellIndex
 from sweeps.engine.watching import summary, watching
 
 
