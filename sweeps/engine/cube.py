@@ -32,21 +32,13 @@ Spans = list[tuple[int, int]]  # begin and length along each own dimension of an
 
 @dataclass(frozen=True)
 class Layout:
-    """How an output of a stage lies in the store.
-
-    Attributes
-    ----------
-    axes : tuple of int
-        Numbers of the axes that are dimensions, in their order.
-    order : tuple of int
-        Where each dimension of the variable comes from: these axes first, then its own ones.
-    """
+    """How an output of a stage lies in the store."""
 
     bound: Bound
     output: Output
     group: str
-    axes: tuple[int, ...]
-    order: tuple[int, ...]
+    axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
+    order: tuple[int, ...]  # where each dimension comes from: these axes first, then its own
 
     @property
     def ragged(self) -> bool:
@@ -65,6 +57,12 @@ class Layout:
             int(arrays[output.origin[dim]]) if dim in output.origin else 0 for dim in output.dims
         ]
         return list(zip(begins, shape, strict=True))
+
+
+def within(spans: Spans, starts: Sequence[int]) -> tuple[slice, ...]:
+    """Where a cell lies in the variable, whose own dimensions start somewhere."""
+    pairs = zip(spans, starts, strict=True)
+    return tuple(slice(begin - start, begin - start + size) for (begin, size), start in pairs)
 
 
 def layout_of(plan: Plan, bound: Bound, output: Output) -> Layout:
@@ -99,16 +97,8 @@ def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
 class Cube:
     """The arrays of a store, made of the cells of a plan.
 
-    Parameters
-    ----------
-    spots : mapping of str to Spot
-        Where cells are, by key.
-    failed : mapping of str to str
-        Why cells failed, by key.
-    read : callable
-        Reads cells; None for one that is damaged.
-    kept_as : callable
-        Key -> key that the cell is kept under.
+    By their keys, `spots` says where cells are, `failed` why they failed, and `kept_as` what key
+    they are kept under. `read` gives None for a damaged one.
     """
 
     def __init__(
@@ -148,8 +138,6 @@ class Cube:
             group.arrays.update(arrays)
             group.coordinates.update(labels)
         return dict(sorted(found.items()))
-
-    # variables ------------------------------------------------------------------------------
 
     def _names(self, layouts: Sequence[Layout]) -> dict[int, str]:
         """Names of all axes that a group depends on; the whole key where the word is taken."""
@@ -257,9 +245,7 @@ class Cube:
             if layout.ragged:
                 if output.pad is not None:
                     flat[number] = output.pad
-                pairs = zip(layout.spans(arrays), starts, strict=True)
-                inside = tuple(slice(b - start, b - start + n) for (b, n), start in pairs)
-                flat[number][inside] = array
+                flat[number][within(layout.spans(arrays), starts)] = array
             elif array.shape == tuple(lengths):
                 flat[number] = array
             else:
@@ -268,7 +254,7 @@ class Cube:
                     f"cell and {tuple(lengths)} in another, but no value to pad it with"
                 )
         own: Any = (..., *region[count:])
-        return flat.reshape(*shape, *lengths)[own]
+        return flat.reshape((*shape, *lengths))[own]
 
     def _cells(self, spots: Sequence[Spot]) -> list[Arrays]:
         """Arrays of cells, from memory where they were read a moment ago."""
@@ -288,8 +274,6 @@ class Cube:
                 self._memory, self._held = {}, 0
         return [found[spot] for spot in spots]
 
-    # coordinates ----------------------------------------------------------------------------
-
     def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
         """Coordinates of all axes: along dimensions, or scalar where one value is worth noting."""
         found: dict[str, Array] = {}
@@ -304,8 +288,6 @@ class Cube:
                         label = setting.name if axis.is_joint else name
                         found |= _setting_coordinates(setting, label, [value], scalar=True)
         return found
-
-    # status ---------------------------------------------------------------------------------
 
     def _statuses(self) -> Iterator[tuple[str, dict[str, Array], dict[str, Array]]]:
         """Group, variables and coordinates of the states of stages."""
@@ -382,9 +364,6 @@ def _setting_coordinates(
 def value_array(values: Sequence[Any]) -> NDArray[Any]:
     """(value,) ndarray: floats, with NaN for null, integers, booleans, or texts as objects."""
     if any(isinstance(value, str | tuple) for value in values):
-        array = np.empty(len(values), dtype=object)
-        array[:] = [str(value) for value in values]  # plain ones, of whatever class they are
-        return array
-    if any(value is None for value in values):
-        return np.array([np.nan if value is None else value for value in values], dtype=float)
-    return np.array(values)
+        # Plain ones, of whatever class they are.
+        return np.array([str(value) for value in values], dtype=object)
+    return np.array(values, dtype=float if None in values else None)

@@ -34,9 +34,6 @@ _HERE = -100  # AT_FDCWD: paths are relative to the working directory
 _EXCHANGE = 2  # RENAME_EXCHANGE
 
 
-# where --------------------------------------------------------------------------------------------
-
-
 def real_place(path: Path) -> Path:
     """Absolute path without links: a store behind a link is replaced where it is."""
     return Path(os.path.realpath(path))
@@ -102,9 +99,6 @@ def _check_writable(key: str, path: str | Path, folder: Path) -> None:
     except OSError as error:
         reason = f"but nothing can be written in {str(nearest)!r}: {error.strerror}"
         raise _wrong(key, path, reason) from error
-
-
-# one writer ---------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -179,9 +173,6 @@ def _remove_orphans(place: Path) -> None:
             shutil.rmtree(found, ignore_errors=True)
 
 
-# put in place -------------------------------------------------------------------------------------
-
-
 def hidden(place: Path, suffix: str) -> Path:
     """New name beside a place, hidden and unlike any other."""
     return place.with_name(f".{place.name}.{uuid.uuid4().hex}.{suffix}")
@@ -212,9 +203,6 @@ def _exchange(one: Path, other: Path) -> bool:
     renameat2 = getattr(ctypes.CDLL(None), "renameat2", None)  # which only Linux has
     given = _HERE, os.fsencode(one), _HERE, os.fsencode(other), ctypes.c_uint(_EXCHANGE)
     return renameat2 is not None and renameat2(*given) == 0
-
-
-# checksums ----------------------------------------------------------------------------------------
 
 
 def write_file(file: Path, content: bytes) -> int:

@@ -32,7 +32,6 @@ ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
 UNREADABLE = "(unreadable)"
 FORGOTTEN = 32 * "0"  # in the place of the key of a cell that proved damaged
 ORPHANED = 86400.0  # s, after which nobody writes to a partial file any more
-SAVED = 60.0  # s between savings of the index
 
 # What counts of earlier costs when the next is added: about ten of them matter.
 FADING = 0.9
@@ -56,9 +55,6 @@ def unseal(line: bytes) -> Any:
     return json.loads(text)
 
 
-# packs --------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Pack:
     """A file of finished cells: path relative to its folder, bytes, keys in the order of rows."""
@@ -73,22 +69,19 @@ def write_pack(
 ) -> Pack:
     """Write cells, given by key (32 hexadecimal digits), to a new file below a folder.
 
-    Raises
-    ------
-    TypeError
-        If an array holds objects, fields or strings of variable width.
-    OSError
-        If the file cannot be written; nothing of it is left.
+    If this fails, nothing of the file is left. TypeError if an array holds objects, fields or
+    strings of variable width.
     """
     layouts: dict[Any, int] = {}
     described = [_record(outputs) for _, outputs in cells]
     records = [record for _, record in described]
     keys = tuple(key for key, _ in cells)
+    layout_of = [layouts.setdefault(layout, len(layouts)) for layout, _ in described]
     document = {
         "stage": stage,
         "keys": keys,
         "checksums": list(map(zlib.crc32, records)),
-        "layout_of": [layouts.setdefault(layout, len(layouts)) for layout, _ in described],
+        "layout_of": layout_of,
         "layouts": list(layouts),
     }
     header = seal(document)
@@ -182,9 +175,6 @@ def list_files(folder: Path) -> tuple[set[str], set[str]]:
     return packs, partials
 
 
-# the index ----------------------------------------------------------------------------------------
-
-
 class Kept(NamedTuple):
     """What is kept of a stage: number of cells, and bytes."""
 
@@ -212,7 +202,7 @@ class CellIndex:
     def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
         self.folder = folder
         self._say = say
-        self._changed, self._saved = False, time.monotonic()
+        self._changed = False
         self._costs: dict[str, list[float]] = {}
         known: dict[str, Known] = {}
         with suppress(OSError, ValueError):  # absent or damaged
@@ -234,7 +224,6 @@ class CellIndex:
         if self._changed:
             with suppress(OSError):
                 write_whole(self.folder, INDEX, [seal([self._costs, self._packs])])
-        self._changed, self._saved = False, time.monotonic()
 
     def find(self, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
         """Path of the pack and row of each key that is there, the newest of equal ones."""
@@ -251,17 +240,14 @@ class CellIndex:
             self._packs[pack.path] = stage, pack.size, pack.keys
             self._spots |= {key: (pack.path, row) for row, key in enumerate(pack.keys)}
         self._changed = True
-        if time.monotonic() > self._saved + SAVED:
-            self.save()
 
     def forget(self, keys: Iterable[str]) -> None:
         """Drop keys whose cells proved damaged, older cells of theirs, too; packs stay."""
         gone = dict.fromkeys(keys, FORGOTTEN)
-        packs = self._packs.items()
         self._set(
             {
                 path: (stage, size, [gone.get(key, key) for key in there])
-                for path, (stage, size, there) in packs
+                for path, (stage, size, there) in self._packs.items()
             }
         )
         self._changed = True

@@ -50,26 +50,9 @@ def write_store(
 
     Hold its lock meanwhile (`locked`). Memory holds a few chunks a thread. If anything fails, the
     place is as it was. Who opened the old store must open it again. Files are left to the
-    operating system to flush: `verify` tells what a power cut broke.
-
-    Parameters
-    ----------
-    groups : mapping of str to Group
-        Groups by path, as 'classification/acn'; groups above them need not be given.
-    attributes : mapping
-        Attributes of the root, as JSON can hold them.
-    after : callable
-        Called with the path of the written store before it is put in its place; may read it and
-        `add_group` to it.
-    threads : int
-        Number of chunks read, compressed and written at a time.
-
-    Raises
-    ------
-    ConfigurationError
-        If something else is at `path`.
-    OSError
-        If it cannot be written, as on a full disk.
+    operating system to flush: `verify` tells what a power cut broke. `groups` are by path, as
+    'classification/acn'; those above them need not be given. `after` is called with the path of
+    the written store before it is put in its place; it may read it and `add_group` to it.
     """
     check_target(path)
     place = real_place(path)

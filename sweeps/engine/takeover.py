@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.cube import Layout, Spans, layout_of
+from sweeps.engine.cube import Layout, Spans, layout_of, within
 from sweeps.engine.experiment import Bound
 from sweeps.engine.folders import verify
 from sweeps.engine.inputs import Arrays, Spot
@@ -22,8 +22,7 @@ from sweeps.engine.results import write_pack
 from sweeps.engine.settings import Choices
 from sweeps.engine.store import RAGGED
 
-MOST_CELLS = 4096  # of a pack
-AT_ONCE = 2**26  # bytes of results that are read before they are packed
+AT_ONCE = 256  # cells that are read before they are packed
 KEPT_CHUNKS = 64  # decoded ones, of at most 1 MiB as a rule
 
 
@@ -44,11 +43,14 @@ class OldStore:
         self._path = path
         self._old = old
         self._say = say
+        self._layouts = lru_cache(maxsize=None)(
+            lambda bound: [
+                layout_of(self._plan, bound, one) for one in bound.stage.outputs if one.stored
+            ]
+        )
         # Faster than zarr, which opens an array and decodes a chunk for every cell.
         self._array = lru_cache(maxsize=None)(self._opened)
-        self._chunk = lru_cache(KEPT_CHUNKS)(
-            lambda name, place: self._array(name).get_block_selection(place)
-        )
+        self._chunk = lru_cache(KEPT_CHUNKS)(self._decoded)
         self._spans = lru_cache(maxsize=None)(self._spans_and_starts)
 
     def has(self, keys: Iterable[str]) -> set[str]:
@@ -63,9 +65,11 @@ class OldStore:
                 of_stage[self._places[key][0]].append(key)
         found: dict[str, Spot] = {}
         for bound, wanted in of_stage.items():
-            for cells in self._read(bound, wanted):
+            for start in range(0, len(wanted), AT_ONCE):
+                part = wanted[start : start + AT_ONCE]
+                cells = [(key, self._cell(bound, self._places[key][1])) for key in part]
                 pack = write_pack(folder, bound.name, cells)
-                found |= {key: (str(folder / pack.path), row) for row, key in enumerate(pack.keys)}
+                found |= {key: (str(folder / pack.path), row) for row, key in enumerate(part)}
         return found
 
     @cached_property
@@ -83,42 +87,24 @@ class OldStore:
             if failed and _gathers(bound):  # it may have been made of what there was
                 continue
             layouts = self._layouts(bound)
-            files = tuple(
-                f"{one.group}/{name}" for one in layouts for name in (f"{one.output.name}/", RAGGED)
-            )
-            if any(name.startswith(files) for name in damaged):
+            files = [f"{one.group}/{one.output.name}/" for one in layouts]
+            files += [f"{one.group}/{RAGGED}" for one in layouts if one.ragged]
+            if any(name.startswith(tuple(files)) for name in damaged):
                 continue
             for place in self._plan.cells(bound):
                 if not failed or self._plan.described(bound, place) not in failed:
                     found[self._plan.key(bound, place)] = bound, place
         return found
 
-    def _layouts(self, bound: Bound) -> list[Layout]:
-        return [layout_of(self._plan, bound, one) for one in bound.stage.outputs if one.stored]
-
-    def _read(self, bound: Bound, keys: list[str]) -> Iterator[list[tuple[str, Arrays]]]:
-        """Cells of a stage, as many at a time as fit into memory."""
-        layouts = self._layouts(bound)
-        numbers = self._plan.axes_on(bound)
-        cells: list[tuple[str, Arrays]] = []
-        size = 0
-        for key in keys:
-            place = dict(zip(numbers, self._places[key][1], strict=True))
-            arrays: Arrays = {}
-            for layout in layouts:
-                arrays |= self._values(layout, [place.get(number, 0) for number in layout.axes])
-            # A store has integers for truth values, and its own kind of texts.
-            cell = {
-                one.name: arrays[one.name].astype(one.dtype, copy=False)
-                for one in bound.stage.outputs
-            }
-            cells.append((key, cell))
-            size += sum(array.nbytes for array in cell.values())
-            if size > AT_ONCE or len(cells) >= MOST_CELLS:
-                yield cells
-                cells, size = [], 0
-        if cells:
-            yield cells
+    def _cell(self, bound: Bound, place: Place) -> Arrays:
+        """Arrays of a cell as its stage gave them."""
+        at = dict(zip(self._plan.axes_on(bound), place, strict=True))
+        found: Arrays = {}
+        for layout in self._layouts(bound):
+            found |= self._values(layout, [at.get(number, 0) for number in layout.axes])
+        # A store has integers for truth values, and its own kind of texts.
+        outputs = bound.stage.outputs
+        return {one.name: found[one.name].astype(one.dtype, copy=False) for one in outputs}
 
     def _values(self, layout: Layout, lead: list[int]) -> Arrays:
         """An output of a cell as its stage gave it, and where it began, at a place on its axes."""
@@ -134,11 +120,11 @@ class OldStore:
         shape = [len(self._plan.axes[number].points) for number in layout.axes]
         spans = all_spans[int(np.ravel_multi_index(lead, shape)) if lead else 0]
         assert spans is not None
-        begins = dict(zip(output.dims, (begin for begin, _ in spans), strict=True))
-        pairs = zip(spans, starts, strict=True)
-        inside = tuple(slice(b - start, b - start + n) for (b, n), start in pairs)
-        there = {name: np.asarray(begins[dim]) for dim, name in output.origin.items()}
-        return {**there, output.name: values[inside]}
+        found = {output.name: values[within(spans, starts)]}
+        for dim, (begin, _) in zip(output.dims, spans, strict=True):
+            if dim in output.origin:
+                found[output.origin[dim]] = np.asarray(begin)
+        return found
 
     def _block(self, name: str, index: list[int | slice]) -> NDArray[Any]:
         """Values of an array, as they are stored, at an index of one chunk."""
@@ -159,6 +145,10 @@ class OldStore:
         import zarr  # which takes long to import, and most sweeps read no store
 
         return zarr.open_array(self._path / name, mode="r")
+
+    def _decoded(self, name: str, place: tuple[int, ...]) -> Any:
+        array = self._array(name)
+        return array.get_block_selection(place) if array.size else array[...]
 
 
 def _is_whole(bound: Bound) -> bool:

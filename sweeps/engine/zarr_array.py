@@ -29,29 +29,16 @@ _STRING = np.dtype(object)
 
 @dataclass(frozen=True, eq=False)
 class Array:
-    """A variable or coordinate to be written.
-
-    Attributes
-    ----------
-    dtype : dtype
-        Integers, floats, bool (stored as int8) or strings of any numpy kind.
-    fill : float, int, str or None
-        Value of what is not written; None is NaN, 0 or the empty string.
-    attrs : mapping
-        Attributes; integers that count steps have `scale_factor` here.
-    chunks : tuple of int
-        Shape of a chunk; every chunk is a file.
-    read : callable or ndarray
-        All values, or a function of one chunk's region (a slice with start and stop for each
-        dimension) that returns the values there. It is called from several threads.
-    """
+    """A variable or coordinate to be written; every chunk of it is a file."""
 
     dims: tuple[str, ...]
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    fill: float | int | str | None
-    attrs: Mapping[str, Any]
+    dtype: np.dtype[Any]  # integers, floats, bool (stored as int8) or strings of any numpy kind
+    fill: float | int | str | None  # of what is not written; None is NaN, 0 or the empty string
+    attrs: Mapping[str, Any]  # integers that count steps have `scale_factor` here
     chunks: tuple[int, ...]
+    # All values, or a function of one chunk's region (a slice with start and stop for each
+    # dimension) that returns the values there and is called from several threads.
     read: Callable[[Region], NDArray[Any]] | NDArray[Any]
 
     @classmethod

@@ -98,6 +98,7 @@ class Cut(Settings, key="cut"):
     Output("same", ("bin",), label="same", dtype="i2", pad=7, origin={"bin": "first"}),
     Output("first", label="bin", dtype="i8", stored=False),
     Output("tail", ("k", "j"), label="tail", pad=0),
+    Output("none", ("nothing",), label="nothing"),
     uses=(Cut,),
     group="pieces",
     dims=("bin", "begin"),
@@ -109,7 +110,8 @@ def piece(begin, size):
         raise ValueError("too far")
     values = np.where(np.arange(size) % 2, np.nan, begin)
     tail = np.zeros((size - 1, begin))
-    return {"piece": values, "same": np.full(size, 7), "first": begin - 4, "tail": tail}
+    found = {"piece": values, "same": np.full(size, 7), "first": begin - 4, "tail": tail}
+    return found | {"none": np.zeros(0)}
 
 
 @stage(Output("hash", label="hash", dtype="i8"), uses=(Cut,), group="hashes")
