@@ -65,10 +65,8 @@ def within(spans: Spans, starts: Sequence[int]) -> tuple[slice, ...]:
     return tuple(slice(begin - start, begin - start + size) for (begin, size), start in pairs)
 
 
-def layout_of(plan: Plan, bound: Bound, output: Output) -> Layout:
-    """How an output of a stage lies in the store."""
-    group = output.group or bound.stage.group
-    assert group is not None
+def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
+    """How the outputs of a stage that the store has lie in it."""
     order = {name: place for place, name in enumerate(bound.stage.dims)}
 
     def rank(number: int) -> int:
@@ -77,14 +75,21 @@ def layout_of(plan: Plan, bound: Bound, output: Output) -> Layout:
         words = [renamed, axis.name, *(one.name for one in axis.settings)]
         return min((order[word] for word in words if word in order), default=-1)
 
-    numbers = [
-        number
-        for number in _dimensions(plan, bound)
-        if not {one.name for one in plan.axes[number].settings} <= set(output.without)
-    ]
-    axes = tuple(sorted(numbers, key=rank))
-    ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
-    return Layout(bound, output, group, axes, tuple(np.argsort(ranks, kind="stable").tolist()))
+    layouts = []
+    for output in bound.stage.outputs:
+        if not output.stored:
+            continue
+        left_out = set(output.without)
+        axes = [
+            number
+            for number in sorted(_dimensions(plan, bound), key=rank)
+            if not {one.name for one in plan.axes[number].settings} <= left_out
+        ]
+        ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
+        places = tuple(np.argsort(ranks, kind="stable").tolist())
+        group = output.group or str(bound.stage.group)
+        layouts.append(Layout(bound, output, group, tuple(axes), places))
+    return layouts
 
 
 def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
@@ -123,10 +128,8 @@ class Cube:
         found: dict[str, Group] = {}
         members: dict[str, list[Layout]] = defaultdict(list)
         for bound in self.plan.targets:
-            for output in bound.stage.outputs:
-                if output.stored:
-                    layout = layout_of(self.plan, bound, output)
-                    members[layout.group].append(layout)
+            for layout in layouts_of(self.plan, bound):
+                members[layout.group].append(layout)
         for name, layouts in members.items():
             names = self._names(layouts)
             group = found[name] = Group({}, {}, ragged={})
@@ -175,11 +178,8 @@ class Cube:
         dtype = np.dtype(output.dtype)
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(output.dims))
         words = dtype.kind in "OU"
-        attrs: dict[str, Any] = {
-            **({} if words else {"units": output.unit}),
-            "long_name": output.label,
-        }
-        attrs |= output.attrs
+        attrs: dict[str, Any] = {} if words else {"units": output.unit}
+        attrs |= {"long_name": output.label, **output.attrs}
         if output.step != 1:
             attrs["scale_factor"] = output.step  # the integers are then read as numbers
         back = np.argsort(layout.order)

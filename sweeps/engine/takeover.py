@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.cube import Layout, Spans, layout_of, within
+from sweeps.engine.cube import Layout, Spans, layouts_of, within
 from sweeps.engine.experiment import Bound
 from sweeps.engine.folders import verify
 from sweeps.engine.inputs import Arrays, Spot
@@ -43,11 +43,7 @@ class OldStore:
         self._path = path
         self._old = old
         self._say = say
-        self._layouts = lru_cache(maxsize=None)(
-            lambda bound: [
-                layout_of(self._plan, bound, one) for one in bound.stage.outputs if one.stored
-            ]
-        )
+        self._layouts = lru_cache(maxsize=None)(lambda bound: layouts_of(self._plan, bound))
         # Faster than zarr, which opens an array and decodes a chunk for every cell.
         self._array = lru_cache(maxsize=None)(self._opened)
         self._chunk = lru_cache(KEPT_CHUNKS)(self._decoded)
@@ -88,8 +84,10 @@ class OldStore:
                 continue
             layouts = self._layouts(bound)
             files = [f"{one.group}/{one.output.name}/" for one in layouts]
-            files += [f"{one.group}/{RAGGED}" for one in layouts if one.ragged]
-            if any(name.startswith(tuple(files)) for name in damaged):
+            ragged = [f"{one.group}/{RAGGED}" for one in layouts if one.ragged]
+            if any(name.startswith((*files, *ragged)) for name in damaged):
+                continue
+            if not all((self._path / name).exists() for name in ragged):  # an older store
                 continue
             for place in self._plan.cells(bound):
                 if not failed or self._plan.described(bound, place) not in failed:

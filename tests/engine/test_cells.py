@@ -145,7 +145,7 @@ def test_nothing_is_left_of_a_failed_write(tmp_path, monkeypatch, step, error):
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
-def test_every_flipped_bit_is_noticed(tmp_path):
+def test_every_changed_byte_is_noticed(tmp_path):
     """By its own cell alone if it is among the bytes of one, else by all cells."""
     made = [{"a": np.float64(n), "b": np.arange(n + 1)} for n in range(3)]
     pack = write_pack(tmp_path, "s", [(key(n), cell) for n, cell in enumerate(made)])
@@ -156,15 +156,12 @@ def test_every_flipped_bit_is_noticed(tmp_path):
     assert ends[-1] == len(content)
     for place in range(len(content)):
         owner = int(np.searchsorted(ends, place, side="right")) - 1
-        for bit in range(8):
-            flipped = bytearray(content)
-            flipped[place] ^= 1 << bit
-            path.write_bytes(flipped)
-            found = read_cells(tmp_path, [(pack.path, row) for row in range(3)])
-            assert [cell is None for cell in found] == [owner in (-1, row) for row in range(3)]
-            assert all(
-                cell is None or same(cell, one) for cell, one in zip(found, made, strict=True)
-            )
+        flipped = bytearray(content)
+        flipped[place] ^= 1 << place % 8
+        path.write_bytes(flipped)
+        found = read_cells(tmp_path, [(pack.path, row) for row in range(3)])
+        assert [cell is None for cell in found] == [owner in (-1, row) for row in range(3)]
+        assert all(cell is None or same(cell, one) for cell, one in zip(found, made, strict=True))
 
 
 def test_what_is_cut_off_is_absent(tmp_path):

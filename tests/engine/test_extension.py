@@ -12,6 +12,7 @@ from toys import CALLS, SPRINGS, Told, go, run
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.experiment import Experiment
+from sweeps.engine.folders import write_manifest
 from sweeps.engine.provenance import choices_of
 from sweeps.engine.settings import Joint, Settings, count, read_choices, set_of, text, word
 from sweeps.engine.stage import Output, plain, stage
@@ -133,13 +134,19 @@ def test_ragged_arrays_come_back_from_a_store_as_they_were(tmp_path):
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
 
 
-def test_damage_to_where_ragged_arrays_lie_is_noticed(grown, tmp_path):
+@pytest.mark.parametrize("way", ["damaged", "older"])
+def test_ragged_arrays_that_cannot_be_told_are_made_again(grown, tmp_path, way):
     store = tmp_path / "s.zarr"
     shutil.copytree(grown(), store)
-    (store / "springs" / "ragged").write_text("{}")
+    if way == "damaged":
+        (store / "springs" / "ragged").write_text("{}")
+    else:  # of a time when stores did not say where such arrays lie
+        (store / "springs" / "ragged").unlink()
+        write_manifest(store, {})
     CALLS.clear()
-    go(store, tmp_path / "new")
-    assert CALLS["trace"] == 24 and files(store) == files(grown())
+    wider = {"spring__limit": [50.0, 100.0]}
+    go(store, tmp_path / "new", **wider)
+    assert (CALLS["trace"], CALLS["noisy"]) == (24, 24) and files(store) == files(grown(**wider))
 
 
 class Odd(Settings, key="odd"):

@@ -123,7 +123,7 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
         text=True,
         env=os.environ | {"PYTHONPATH": search},
     ) as server:
-        while kills < 15 or (len(seen) < 2 and kills < 300):
+        while kills < 10 or (len(seen) < 2 and kills < 300):
             kills += 1
             print(file=server.stdin, flush=True)
             child = int(server.stdout.readline())
