@@ -207,11 +207,8 @@ def _exchange(one: Path, other: Path) -> bool:
 
 def write_file(file: Path, content: bytes) -> int:
     """Write a file, with any folders that it needs, and return its checksum."""
-    try:
-        file.write_bytes(content)
-    except FileNotFoundError:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(content)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(content)
     return zlib.crc32(content)
 
 

@@ -132,35 +132,31 @@ def read_cells(folder: Path, requests: Sequence[tuple[str, int]]) -> list[Cell |
     for path, wanted in places.items():
         with suppress(Exception), (folder / path).open("rb") as file:
             header = unseal(file.readline())
-            layouts = [list(map(_laid_out, layout)) for layout in header["layouts"]]
-            sizes = [sum(size for *_, size in layout) for layout in layouts]
+            layouts = list(map(_laid_out, header["layouts"]))
             of = header["layout_of"]
-            starts = list(accumulate((sizes[number] for number in of), initial=file.tell()))
+            starts = list(accumulate((layouts[number][1] for number in of), initial=file.tell()))
             for row, place in sorted(wanted):
+                layout, size = layouts[of[row]]
                 # Memory of its own for each cell: arrays are aligned, writable and apart.
-                record = np.empty(sizes[of[row]], dtype=np.uint8)
+                record = np.empty(size, dtype=np.uint8)
                 file.seek(starts[row])
-                whole = file.readinto(record) == len(record)  # type: ignore[arg-type]
+                whole = file.readinto(record) == size  # type: ignore[arg-type]
                 if whole and zlib.crc32(record.data) == header["checksums"][row]:
-                    found[place] = _cell(record, layouts[of[row]])
+                    found[place] = {
+                        name: np.ndarray(shape, dtype, record, start)
+                        for name, shape, dtype, start in layout
+                    }
     return found
 
 
-def _laid_out(described: Any) -> tuple[str, np.dtype[Any], tuple[int, ...], int]:
-    """Name, dtype, shape and bytes in a record of an array."""
-    name, code, shape = described
-    size = np.dtype(code).itemsize * math.prod(shape)
-    return name, np.dtype(code), tuple(shape), size + -size % ALIGNED
-
-
-def _cell(record: NDArray[np.uint8], layout: Iterable[Any]) -> Cell:
-    """Arrays of a cell, which share the memory of its record."""
-    cell: Cell = {}
-    place = 0
-    for name, dtype, shape, size in layout:
-        cell[name] = np.ndarray(shape, dtype, record, place)
-        place += size
-    return cell
+def _laid_out(described: Any) -> tuple[list[tuple[Any, ...]], int]:
+    """Name, shape, dtype and place in a record of each array, and bytes of the record."""
+    layout, place = [], 0
+    for name, code, shape in described:
+        layout.append((name, tuple(shape), np.dtype(code), place))
+        size = np.dtype(code).itemsize * math.prod(shape)
+        place += size + -size % ALIGNED
+    return layout, place
 
 
 def list_files(folder: Path) -> tuple[set[str], set[str]]:
