@@ -352,8 +352,9 @@ def _setting_coordinates(
 ) -> dict[str, Array]:
     """Coordinates of values of a setting, as its kind offers them, its own first."""
     offered = getattr(setting.kind, "coordinates", None)
-    found = {name: (value_array(values), setting.attrs)}
-    if offered is not None:
+    if offered is None:
+        found = {name: (value_array(values), setting.attrs)}
+    else:
         (_, own), *others = offered(tuple(values)).items()
         found = {**({} if scalar else {name: own}), **dict(others)}
     if scalar:

@@ -157,7 +157,7 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     assert start(*asked, "cache=new", "measured.rule=[max,mean,min]") == 0
     rows = [row.split() for row in capsys.readouterr().out.splitlines()]
     assert ["answers", "24", "16", "8"] in rows and ["noisy", "24", "24", "0"] in rows
-    assert ["trace", "24", "0", "24"] in rows
+    assert ["trace", "24", "24", "0"] in rows
     assert start("dry_run=true") == 0  # without a store
     assert start(*asked, "spring.mass=9") == 2
     assert listing(tmp_path) == before and not (tmp_path / "new").exists()

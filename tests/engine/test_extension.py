@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from small_stores import files, opened
-from toys import CALLS, SPRINGS, Told, go, run
+from toys import CALLS, SPRINGS, go, run
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.experiment import Experiment
@@ -326,15 +326,3 @@ def test_settings_that_run_together_cannot_be_gathered():
     both = joined(((1.0, 9.0), (2.0, 8.0)))
     with pytest.raises(ConfigurationError, match=r"spring\.stiffness runs together with other"):
         run(SPRINGS, both, "never.zarr")
-
-
-def test_a_damaged_store_is_told_of_when_it_is_taken_over(grown, tmp_path):
-    store, told = tmp_path / "s.zarr", Told()
-    shutil.copytree(grown(), store)
-    chunk = next(file for file in (store / "springs" / "period" / "c").rglob("*") if file.is_file())
-    chunk.write_bytes(chunk.read_bytes()[:-1])
-    CALLS.clear()
-    go(store, tmp_path / "new", watch=told.watch)
-    assert any("files of the store are damaged (springs/period/c" in s for s in told.sentences)
-    assert CALLS["period"] == 4 and not CALLS["noisy"]
-    assert files(store) == files(grown())

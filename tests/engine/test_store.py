@@ -189,13 +189,6 @@ def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype, error):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_name_given_twice_is_refused(tmp_path):
-    both = {"x": array(COUNTS)}
-    with pytest.raises(ValueError, match="'g/x' is given twice"):
-        write_store(tmp_path / "s.zarr", {"g": Group(both, both)}, {})
-    assert not list(tmp_path.iterdir())
-
-
 def test_equal_input_makes_equal_bytes(tmp_path):
     for name, threads in (("one.zarr", 3), ("two.zarr", 1)):
         write_store(tmp_path / name, small(1), {"seed": 1}, threads=threads)
