@@ -25,7 +25,7 @@ from sweeps.engine.stage import Output, Stage, stage
 from sweeps.stages.flight_comparison import LANDMARKS, SOURCES, compared
 from sweeps.stages.flight_geometry import widened, window_of_cell
 from sweeps.stages.irar import EXACT, FLIGHT, RATES, Error, Irar
-from sweeps.stages.ladar import Ladar, bin_centres, profile_bins
+from sweeps.stages.ladar import Ladar, profile_bins
 from sweeps.stages.views import IRAR, Grid, ShipName, looks
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ def corrected(
     window: float,
 ) -> Arrays:
     """Return the corrected images of a flight, their tilts, their profiles and landmarks."""
-    bins = bin_centres(window, bin_width)
+    bins = profile_bins(window, bin_width)
     if scan is None or clean is None or belief is None or truth is None or models is None:
         return _nothing(bins.size)
     flight = scan.flight

@@ -24,7 +24,7 @@ from sweeps.stages.flight_geometry import (
     surface,
 )
 from sweeps.stages.irar import Error, Irar
-from sweeps.stages.ladar import Ladar, bin_centres
+from sweeps.stages.ladar import Ladar, profile_bins
 from sweeps.stages.views import Grid, ShipName
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def models(
         ).fraction.sum(axis=0)
         for spread in (1.0, 0.0)
     ]
-    bins = bin_centres(window, bin_width).size
+    bins = profile_bins(window, bin_width).size
     return np.stack([profile(truth, flight, bins=bins, bin_width=bin_width), *drawn])
 
 

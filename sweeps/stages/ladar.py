@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -25,40 +27,42 @@ from ncti.render import RangeImage
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, count, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages.classifier import Classifier
 from sweeps.stages.views import (
     INFRARED,
     RANGE,
+    SHAPES,
+    STATUS,
     Grid,
     Sweep,
     check_range,
     hull,
     looks,
+    quantity,
     read_mesh,
 )
 
 Arrays = dict[str, NDArray[Any]]
+Floats = NDArray[np.float64]
+Profiles = NDArray[np.float32]
 
-PROFILES = "range_profile"
-STATUS = "status:view"
+SENSOR = RANGE
+PROFILES = "range_profile"  # group, and name of the noise
+VIEW = ("ship", "aspect", "pulse_width")
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
-# Classifiers for which covariances are stored, and the sensors that each needs.
-WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
 FULL = "full_profile"
-SHAPES = "it shapes arrays"
+
+WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
+"""Classifiers for which covariances are stored, and the sensors that each needs."""
 
 
 class Ladar(Settings, key="ladar"):
     """The laser radar: its beam, its receiver, its noise."""
 
-    ifov = number(150, 1, 100e3, unit="urad", label="instantaneous field of view")
-    bin_width = number(1, 0.05, 50, unit="m", label="range bin", fixed=SHAPES)
-    window = number(250, 20, 5000, unit="m", label="range window centred on the ship", fixed=SHAPES)
-    spread = number(
-        0.5,
-        0,
-        1,
-        label="share of a pixel's range extent that its area is spread over",
+    ifov = quantity(150, 1, 100e3, "urad", "instantaneous field of view")
+    bin_width = quantity(1, 0.05, 50, "m", "range bin", fixed=SHAPES)
+    window = quantity(250, 20, 5000, "m", "range window centred on the ship", fixed=SHAPES)
+    spread = quantity(
+        *(0.5, 0, 1, "1", "share of a pixel's range extent that its area is spread over"),
         help="0: point sampling",
     )
     reflectance = word(
@@ -66,20 +70,10 @@ class Ladar(Settings, key="ladar"):
         ("projected_area", "lambertian"),
         label="what a return is in proportion to",
     )
-    cnr = number(
-        32,
-        -100,
-        100,
-        unit="dB",
-        label="carrier-to-noise ratio of a filled IFOV at cnr_range",
-    )
-    cnr_range = number(100, 1, 1000, unit="km", label="range at which cnr is stated")
-    extinction = number(
-        0,
-        0,
-        10,
-        unit="dB km-1",
-        label="extinction of the air at 10.6 um, one way",
+    cnr = quantity(32, -100, 100, "dB", "carrier-to-noise ratio of a filled IFOV at cnr_range")
+    cnr_range = quantity(100, 1, 1000, "km", "range at which cnr is stated")
+    extinction = quantity(
+        *(0, 0, 10, "dB km-1", "extinction of the air at 10.6 um, one way"),
         help="the source's 32 dB at 100 km contains its own",
     )
     target_free_ifovs = count(
@@ -88,12 +82,18 @@ class Ladar(Settings, key="ladar"):
     receiver = word(
         FULL, RECEIVERS, label="what the receiver keeps of a returned waveform", noted=True
     )
-    false_alarm = number(
-        1e-6,
-        1e-12,
-        0.5,
-        label="probability of a false first pulse in one bin",
-    )
+    false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
+
+
+def stores_moments(choices: Choices) -> bool:
+    """Whether range profiles have their covariance beside them."""
+    sensors = set(choices.one(Sweep.sensor))
+    names = choices.values.get("classifier.name", ())
+    return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in names)
+
+
+_profile = partial(stage, uses=(Grid, Ladar), group=PROFILES, when=looks(RANGE), status=STATUS)
+_bins = partial(stage, uses=(Grid, Ladar), group=PROFILES, coordinates=True)
 
 
 @plain(uses=(Grid, Ladar))
@@ -105,12 +105,6 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
         reference_range=cnr_range * 1e3,
         extinction=extinction * 1e-3,
     )
-
-
-def bin_centres(window: float, bin_width: float) -> NDArray[np.float64]:
-    """Return the (bin,) down-range places [m] of a range window [m]."""
-    bins = round(window / bin_width)
-    return bin_width * (np.arange(bins, dtype=np.float64) - (bins - 1) / 2)
 
 
 @stage(
@@ -150,13 +144,9 @@ def ifovs(extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeE
     return RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
 
 
-@stage(
+@_profile(
     Output("expected", ("down_range",), label="expected range profile, noise floor included"),
-    uses=(Grid, Ladar),
-    group=PROFILES,
-    dims=("ship", "aspect", "pulse_width", "range", "target_free_ifovs"),
-    when=looks(RANGE),
-    status=STATUS,
+    dims=(*VIEW, "range", "target_free_ifovs"),
 )
 def expected(
     ifovs: RangeExtent,
@@ -165,7 +155,7 @@ def expected(
     target_free_ifovs: int,
     receiver: str,
     false_alarm: float,
-) -> NDArray[np.float32]:
+) -> Profiles:
     """Return the expected range profile: what the receiver reports of each IFOV's waveform.
 
     Equation C of the article for the full profile.
@@ -180,24 +170,16 @@ def expected(
     ).astype(np.float32)
 
 
-@stage(
+@_profile(
     Output("averaged", ("down_range",), label="frame-averaged range profile, noise floor included"),
-    uses=(Grid, Ladar),
-    group=PROFILES,
-    dims=(
-        *("ship", "aspect", "pulse_width", "replicate", "frame_count", "range"),
-        "target_free_ifovs",
-    ),
-    when=looks(RANGE),
+    dims=(*VIEW, "replicate", "frame_count", "range", "target_free_ifovs"),
     along=(Grid.frame_count,),
-    noise="range_profile",
-    # The first replicate is what a sweep without replicates draws.
+    noise=PROFILES,
     stream=(
         *(Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range),
         *(Ladar.target_free_ifovs, Grid.replicate),
     ),
-    optional=(Grid.replicate,),
-    status=STATUS,
+    optional=(Grid.replicate,),  # the first is what a sweep without replicates draws
 )
 def averaged(
     ifovs: RangeExtent,
@@ -208,7 +190,7 @@ def averaged(
     receiver: str,
     false_alarm: float,
     rng: np.random.Generator,
-) -> NDArray[np.float32]:
+) -> Profiles:
     """Return averages over the first frames of a run, for several lengths of the run."""
     frames = sample_frames(
         ifovs,
@@ -223,28 +205,19 @@ def averaged(
     return cumulative_average(frames, frame_count).astype(np.float32)
 
 
-def stores_moments(choices: Choices) -> bool:
-    """Whether range profiles have their covariance beside them."""
-    sensors = set(choices.one(Sweep.sensor))
-    return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in choices[Classifier.name])
-
-
-@stage(
+@_profile(
     Output(
         "covariance",
         ("lag", "down_range"),
         pad=0,
         label="covariance of one frame at this bin and the one a lag further",
     ),
-    uses=(Grid, Ladar),
-    group=PROFILES,
-    dims=("ship", "aspect", "pulse_width", "range", "target_free_ifovs"),
+    dims=(*VIEW, "range", "target_free_ifovs"),
     when=stores_moments,
-    status=STATUS,
 )
 def covariance(
     ifovs: RangeExtent, pulse_width: float, cnr_at_range: float, target_free_ifovs: int
-) -> NDArray[np.float32]:
+) -> Profiles:
     """Return the covariance of one frame, as a lower band, of the full profile."""
     _, band = banded_frame_moments(
         ifovs,
@@ -255,24 +228,19 @@ def covariance(
     return band.astype(np.float32)
 
 
-@stage(
+@_bins(
     Output("down_range", ("down_range",), "f8", label="down-range from the ship origin", unit="m"),
-    uses=(Ladar,),
-    group=PROFILES,
     when=looks(RANGE),
-    coordinates=True,
 )
-def profile_bins(window: float, bin_width: float) -> NDArray[np.float64]:
-    """Return the down-range bins of every profile."""
-    return bin_centres(window, bin_width)
+def profile_bins(window: float, bin_width: float) -> Floats:
+    """Return the (bin,) down-range places [m] of every profile in a range window [m]."""
+    bins = round(window / bin_width)
+    return bin_width * (np.arange(bins, dtype=np.float64) - (bins - 1) / 2)
 
 
-@stage(
+@_bins(
     Output("lag", ("lag",), "f8", label="lag of a covariance, down-range", unit="m"),
-    uses=(Grid, Ladar),
-    group=PROFILES,
     when=stores_moments,
-    coordinates=True,
     gather=(Grid.pulse_width, Grid.range, Ladar.cnr, Ladar.cnr_range, Ladar.extinction),
 )
 def lags(
@@ -283,18 +251,13 @@ def lags(
     extinction: tuple[float, ...],
     window: float,
     bin_width: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the lags at which profiles are correlated, for the widest reach of the pulses.
 
     They reach as far with no ship there, and the farther the larger the carrier-to-noise ratio is.
     """
-    strongest = max(
-        cnr_at_range.function(where, ratio, at, loss)
-        for where in range
-        for ratio in cnr
-        for at in cnr_range
-        for loss in extinction
-    )
+    sights = product(range, cnr, cnr_range, extinction)
+    strongest = max(cnr_at_range(*sight) for sight in sights)
     bands = [
         banded_frame_moments(nowhere(window, bin_width), pulse_width=width * 1e-9, cnr=strongest)[1]
         for width in pulse_width
@@ -304,25 +267,18 @@ def lags(
 
 def nowhere(window: float, bin_width: float) -> RangeExtent:
     """Return a range extent without a ship."""
-    bins = bin_centres(window, bin_width)
-    return RangeExtent(
-        fraction=np.zeros((0, bins.size)),
-        down_range=bins,
-        cell=np.zeros((0, 2), dtype=np.int64),
-        bin_width=bin_width,
-        ifov=1.0,
-        slant_range=1.0,
-    )
+    bins = profile_bins(window, bin_width)
+    empty = {"fraction": np.zeros((0, bins.size)), "cell": np.zeros((0, 2), dtype=np.int64)}
+    return RangeExtent(**empty, down_range=bins, bin_width=bin_width, ifov=1.0, slant_range=1.0)
 
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) what makes no sense together of the laser radar."""
-    check_receivers(choices)
-    # Flights make profiles, too.
-    if set(choices.one(Sweep.sensor)) - {INFRARED}:
-        check_pulses(choices)
+    _check_receivers(choices)
+    if set(choices.one(Sweep.sensor)) - {INFRARED}:  # flights make profiles, too
+        _check_pulses(choices)
         if FULL in choices[Ladar.receiver]:
-            check_window(choices)
+            _check_window(choices)
     if looks(RANGE)(choices):
         narrowest = min(choices[Ladar.ifov])
         for slant_range in choices[Grid.range]:
@@ -330,14 +286,8 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-def check_receivers(choices: Choices) -> None:
-    """Refuse too few bins, and more target-free IFOVs than a receiver can have drawn.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the key.
-    """
+def _check_receivers(choices: Choices) -> None:
+    """Refuse too few bins, and more target-free IFOVs than a receiver can have drawn."""
     window, bin_width = choices.one(Ladar.window), choices.one(Ladar.bin_width)
     if window < 10 * bin_width:
         raise ConfigurationError(
@@ -353,8 +303,8 @@ def check_receivers(choices: Choices) -> None:
             )
 
 
-def check_pulses(choices: Choices) -> None:
-    """Refuse (`ConfigurationError`) pulses that are shorter than range bins resolve."""
+def _check_pulses(choices: Choices) -> None:
+    """Refuse pulses that are shorter than range bins resolve."""
     bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])
     shortest = shortest_pulse(bin_width) * 1e9
     if given < shortest:
@@ -364,18 +314,12 @@ def check_pulses(choices: Choices) -> None:
         )
 
 
-def check_window(choices: Choices) -> None:
-    """Refuse a range window that does not hold every ship, both its ends free.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the first ship that it does not hold.
-    """
+def _check_window(choices: Choices) -> None:
+    """Refuse a range window that does not hold every ship, both its ends free."""
     window = choices.one(Ladar.window)
     longest = max(choices[Grid.pulse_width]) * 1e-9 * SPEED_OF_LIGHT
     for ship in choices[Grid.ship]:
-        reach = float(np.linalg.norm(read_mesh(hull.function(ship)).vertices, axis=1).max())
+        reach = float(np.linalg.norm(read_mesh(hull(ship)).vertices, axis=1).max())
         # The returned pulse reaches beyond the ship, and both ends of the window must stay free
         # of it for the noise floor to be read there.
         needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)
@@ -386,7 +330,6 @@ def check_window(choices: Choices) -> None:
             )
 
 
-SENSOR = RANGE
 SETTINGS: tuple[type[Settings], ...] = (Ladar,)
 STAGES: tuple[Stage, ...] = (
     *(cnr_at_range, extent, ifovs, expected, averaged, covariance),
