@@ -16,18 +16,8 @@ from ncti.irar import Correction, Flight, Landmarks, Scan, Snapshot, Tilt, Windo
 from ncti.irar.chain import places
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 from sweeps.engine.stage import Output, Stage, stage
-from sweeps.stages.irar import (
-    CELLS,
-    DIMS,
-    EXACT,
-    GROUP,
-    NO_ERROR,
-    RATES,
-    Arrays,
-    Error,
-    Irar,
-    ship_pixels,
-)
+from sweeps.stages import irar
+from sweeps.stages.irar import CELLS, DIMS, EXACT, NO_ERROR, Arrays, Error, Irar
 from sweeps.stages.ladar import Ladar, profile_bins
 from sweeps.stages.views import IRAR, STATUS, Grid, ShipName, looks
 
@@ -88,13 +78,10 @@ TILTS = {
     "pixel shows",
     "noiseless_waterline_tilt": "tilt of the waterline in the corrected noiseless scan, likewise",
 }
-IMAGES = {  # label and unit
-    "intensity": (
-        "corrected, segmented intensity in noise powers, 0 where there is none",
-        "1",
-    ),
-    "range_image": ("range less that of the ship origin, of the same pixels", "m"),
-    "infrared_image": ("apparent temperature over the sea's, of the same pixels", "K"),
+IMAGES = {  # unit and label
+    "intensity": ("1", "corrected, segmented intensity in noise powers, 0 where there is none"),
+    "range_image": ("m", "range less that of the ship origin, of the same pixels"),
+    "infrared_image": ("K", "apparent temperature over the sea's, of the same pixels"),
 }
 ORIGIN = {"row": "window_bottom", "column": "window_left"}
 
@@ -122,7 +109,7 @@ _part = partial(Output, dtype="f8", stored=False)
     ),
     *(
         Output(name, ("row", "column"), label=label, unit=unit, origin=ORIGIN)
-        for name, (label, unit) in IMAGES.items()
+        for name, (unit, label) in IMAGES.items()
     ),
     _place("window_bottom", label="row of pixels, upwards from the ship origin"),
     _place("window_left", label="column of pixels, rightwards from the ship origin"),
@@ -132,7 +119,7 @@ _part = partial(Output, dtype="f8", stored=False)
     _part("ship_value", ("pixel", "value")),
     uses=(Grid, Irar, Ladar),
     reads={"error": Irar.errors},
-    group=GROUP,
+    group=irar.GROUP,
     dims=DIMS,
     when=looks(IRAR),
     status=STATUS,
@@ -166,7 +153,7 @@ def corrected(
     def image(scan: Scan, *, overscanned: bool = False) -> Snapshot:
         where: dict[str, Any] = {"belief": belief, "window": pixels}
         if chain != EXACT:  # rows as printed are a pixel apart
-            return library.correct_as_printed(scan, rate=RATES[chain], **where)
+            return library.correct_as_printed(scan, rate=irar.RATES[chain], **where)
         return library.correct(scan, correction, overscanned=overscanned, **where)
 
     def tilt(scan: Scan, images: Any, truths: Any) -> Tilt:
@@ -203,7 +190,7 @@ def corrected(
         "waterline_tilt_error": np.array(lean.waterline_error),
         "noiseless_mast_tilt": np.array(noiseless.mast),
         "noiseless_waterline_tilt": np.array(noiseless.waterline),
-        **ship_pixels(fine),
+        **irar.ship_pixels(fine),
         **compared(profiles, bins, aspect=aspect, ship=ship),
     }
 
@@ -249,10 +236,9 @@ def window_of_cell(
 
 def widened(truth: Snapshot, values: Floats, window: Window) -> Floats:
     """Return values of a truth on its own window, on a larger one whose middle pixels they are."""
-    own = truth.window
-    rows = (window.rows - own.rows) // 2 * CELLS
-    columns = (window.columns - own.columns) // 2 * CELLS
-    return np.pad(values, ((rows, rows), (columns, columns)))
+    above = (window.rows - truth.window.rows) // 2 * CELLS
+    aside = (window.columns - truth.window.columns) // 2 * CELLS
+    return np.pad(values, ((above, above), (aside, aside)))
 
 
 def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str = "") -> Arrays:
@@ -317,7 +303,7 @@ def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
 
 @stage(
     Output("source", ("source",), "U9", label="where a profile comes from"),
-    group=GROUP,
+    group=irar.GROUP,
     when=looks(IRAR),
     coordinates=True,
 )
@@ -326,6 +312,6 @@ def profile_sources() -> NDArray[np.str_]:
     return np.array(SOURCES)
 
 
-flight_bins = replace(profile_bins, name="flight_bins", group=GROUP, when=looks(IRAR))
+flight_bins = replace(profile_bins, name="flight_bins", group=irar.GROUP, when=looks(IRAR))
 
 STAGES: tuple[Stage, ...] = (corrected, profile_sources, flight_bins)

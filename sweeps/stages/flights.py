@@ -179,8 +179,19 @@ def believed(flight: Flight, error: Error) -> Flight:
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) what cannot be flown, or be believed of a flight."""
-    _check_flown(choices)
-    _check_chain(choices)
+    for ship in choices.one(Irar.flown) or ():
+        if ship not in choices[Grid.ship]:
+            raise ConfigurationError(
+                f"irar.flown has {str(ship)!r}, but every value must be one of "
+                f"{', '.join(choices[Grid.ship])}, the values of grid.ship"
+            )
+    printed = next((name for name in choices[Irar.chain] if name != EXACT), None)
+    for one in ALONE if printed else ():
+        if choices[one] != (one.default,):
+            raise ConfigurationError(
+                f"{one.key} is {', '.join(choices[one])}, but must be {one.default} where "
+                f"irar.chain has {printed}, which has a way of its own"
+            )
     if not looks(IRAR)(choices):
         return choices
     for values in combinations(choices, (Grid.aspect, *FLOWN)):
@@ -241,27 +252,6 @@ def combinations(choices: Choices, settings: tuple[Setting, ...]) -> Iterator[di
             for pair in zip(keys, point, strict=True)
         ]
         yield {names[key]: value for key, value in whole if key in names}
-
-
-def _check_flown(choices: Choices) -> None:
-    """Refuse ships to fly past that the grid has not."""
-    for ship in choices.one(Irar.flown) or ():
-        if ship not in choices[Grid.ship]:
-            raise ConfigurationError(
-                f"irar.flown has {str(ship)!r}, but every value must be one of "
-                f"{', '.join(choices[Grid.ship])}, the values of grid.ship"
-            )
-
-
-def _check_chain(choices: Choices) -> None:
-    """Refuse, beside the source's chain, other ways with columns, the mirror and ranges."""
-    printed = next((name for name in choices[Irar.chain] if name != EXACT), None)
-    for one in ALONE if printed else ():
-        if choices[one] != (one.default,):
-            raise ConfigurationError(
-                f"{one.key} is {', '.join(choices[one])}, but must be {one.default} where "
-                f"irar.chain has {printed}, which has a way of its own"
-            )
 
 
 def _check_belief(flight: Flight, error: Error) -> None:

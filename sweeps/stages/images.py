@@ -13,7 +13,7 @@ from ncti.evaluate import aspect_bins
 from ncti.infrared import enlarge
 from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, stage
+from sweeps.engine.stage import Output, Stage, plain, stage
 from sweeps.stages.infrared import IMAGES, LOOK, VIEW, Infrared, looks_infrared
 from sweeps.stages.infrared_look import HALVES, Look, whole_window
 from sweeps.stages.scores import data_set
@@ -32,6 +32,14 @@ Floats = NDArray[np.float64]
 _of_images = partial(stage, uses=(Infrared,), group=IMAGES, when=looks_infrared)
 
 
+@plain(uses=(Infrared,), reads={"depression": "infrared_depression"})
+def largest_window(
+    range: float, depression: float, ifov: float, window_length: float, window_height: float
+) -> tuple[float, ...]:
+    """Return the arguments of `whole_window`."""
+    return tuple(locals().values())
+
+
 @_of_images(
     Output(
         "image",
@@ -43,18 +51,13 @@ _of_images = partial(stage, uses=(Infrared,), group=IMAGES, when=looks_infrared)
     ),
     Output("first_row", dtype="i8", label="row of pixels, from the lowest", stored=False),
     Output("first_col", dtype="i8", label="column of pixels, from the left", stored=False),
-    reads={"depression": "infrared_depression"},
     along=(Infrared.frame_count,),
     dims=(*VIEW, "coverage_rule", *LOOK),
     status=STATUS,
 )
 def thermal_image(
     look: Look,
-    range: float,
-    depression: float,
-    ifov: float,
-    window_length: float,
-    window_height: float,
+    largest_window: tuple[float, ...],
     super_resolution: str,
     frame_count: tuple[int, ...],
 ) -> dict[str, NDArray[Any]]:
@@ -67,8 +70,7 @@ def thermal_image(
         first_col : (frame_count,), where it begins.
     """
     (found,) = look.images(super_resolution, (0,), frame_count)
-    window = {"ifov": ifov, "length": window_length, "height": window_height}
-    whole = whole_window(range, depression, **window, place=look.place(0))
+    whole = whole_window(*largest_window, place=look.place(0))
     ours = look.covered(0).origin
     cells = HALVES[super_resolution]
     rows, cols = (n // cells for n in whole.coverage.shape)
@@ -86,20 +88,14 @@ def thermal_image(
 @_of_images(
     Output("vertical", ("row",), "f8", PLACE.format("vertical"), "m", pad=np.nan),
     Output("horizontal", ("col",), "f8", PLACE.format("horizontal"), "m", pad=np.nan),
-    reads={"depression": "infrared_depression"},
     dims=("range", "super_resolution"),
     coordinates=True,
 )
 def image_window(
-    range: float,
-    depression: float,
-    ifov: float,
-    window_length: float,
-    window_height: float,
-    super_resolution: str,
+    largest_window: tuple[float, ...], super_resolution: str
 ) -> dict[str, NDArray[Any]]:
     """Return where the rows and columns of images lie on the target [m]."""
-    window = whole_window(range, depression, ifov=ifov, length=window_length, height=window_height)
+    window = whole_window(*largest_window)
     found = {}
     for axis, name in enumerate(("vertical", "horizontal")):
         halves = window.origin[1 - axis] + window.footprint * np.arange(window.coverage.shape[axis])
@@ -209,7 +205,7 @@ def _alone(images: xr.Dataset, name: str) -> xr.DataArray:
 
 
 STAGES: tuple[Stage, ...] = (
-    *(thermal_image, image_window, detection_probability, reconstruction_error),
+    *(largest_window, thermal_image, image_window, detection_probability, reconstruction_error),
 )
 TABLES = (
     Table("tables/detection", (IMAGES,), tabulate_detection, looks_infrared),

@@ -16,20 +16,9 @@ from sweeps.engine.kinds import Value
 from sweeps.engine.run_settings import Run
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, stage
+from sweeps.stages import views
 from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at, pack_hits
-from sweeps.stages.views import (
-    INFRARED,
-    MOST_FRAMES,
-    SHAPES,
-    Grid,
-    check_range,
-    depression,
-    hull,
-    image_stage,
-    looks,
-    quantity,
-    read_mesh,
-)
+from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, Grid, image_stage, looks, quantity
 
 SENSOR = INFRARED
 IMAGES = "infrared"  # group
@@ -138,10 +127,10 @@ class Infrared(Settings, key="infrared"):
 looks_infrared = looks(INFRARED)
 
 infrared_depression = replace(
-    depression, name="infrared_depression", reads={"range": Infrared.range}
+    views.depression, name="infrared_depression", reads={"range": Infrared.range}
 )
 training_depression = replace(
-    depression, name="training_depression", reads={"range": Infrared.training_range}
+    views.depression, name="training_depression", reads={"range": Infrared.training_range}
 )
 infrared_image = image_stage("infrared_image", depression="infrared_depression")
 training_image = image_stage("training_image", depression="training_depression")
@@ -189,7 +178,9 @@ def check(choices: Choices) -> Choices:
     narrowest = min(choices[Infrared.ifov]) / 2
     for setting in (named, Infrared.training_range):
         for where in choices[setting]:
-            check_range(choices, setting.key, where, narrowest=narrowest, beam="half infrared.ifov")
+            views.check_range(
+                choices, setting.key, where, narrowest=narrowest, beam="half infrared.ifov"
+            )
     for ship in choices[Grid.ship]:
         _check_window(choices, ship)
     return choices
@@ -197,7 +188,7 @@ def check(choices: Choices) -> Choices:
 
 def _check_window(choices: Choices, ship: Value) -> None:
     """Refuse a ship that images do not hold."""
-    vertices = read_mesh(hull(ship)).vertices
+    vertices = views.read_mesh(views.hull(ship)).vertices
     longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
     highest = float(vertices[:, 2].max())
     for setting, needed in ((Infrared.window_length, longest), (Infrared.window_height, highest)):

@@ -161,10 +161,10 @@ class Look:
 def whole_window(
     slant_range: float,
     depression: float,
-    *,
     ifov: float,
     length: float,
     height: float,
+    *,
     place: Place = (0.0, 0.0),
 ) -> Silhouette:
     """Return half pixels of a window for the largest ship, all of them sea.
@@ -175,14 +175,7 @@ def whole_window(
     half, down = length / 2, np.radians(depression)
     bottom = -half * np.sin(down)
     top = half * np.sin(down) + height * np.cos(down)
-    nowhere = np.zeros(0)
-    return coverage_of(
-        nowhere,
-        nowhere,
-        area=1.0,
-        footprint=footprint_at(slant_range, ifov),
-        phase=place,
-        margin=MARGIN,
-        extent=(-half, half, bottom, top),
-        subdivision=2,
-    )
+    frame: dict[str, Any] = {"extent": (-half, half, bottom, top), "margin": MARGIN}
+    pixel = footprint_at(slant_range, ifov)
+    sea = np.zeros(0)
+    return coverage_of(sea, sea, area=1.0, footprint=pixel, phase=place, **frame, subdivision=2)

@@ -10,40 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti import ladar as library
 from ncti.features.profile import EDGE
-from ncti.ladar import (
-    RECEIVERS,
-    RangeExtent,
-    banded_frame_moments,
-    carrier_to_noise,
-    cumulative_average,
-    expected_profile,
-    range_extent,
-    sample_frames,
-    shortest_pulse,
-)
+from ncti.ladar import RECEIVERS, RangeExtent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render import RangeImage
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, count, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages.views import (
-    INFRARED,
-    RANGE,
-    SHAPES,
-    STATUS,
-    Grid,
-    Sweep,
-    check_range,
-    hull,
-    looks,
-    quantity,
-    read_mesh,
-)
+from sweeps.stages import views
+from sweeps.stages.views import INFRARED, RANGE, SHAPES, STATUS, Grid, Sweep, looks, quantity
 
 Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Profiles = NDArray[np.float32]
+Signal = tuple[tuple[str, Any], ...]  # keywords of the library
 
 SENSOR = RANGE
 PROFILES = "range_profile"  # group, and name of the noise
@@ -99,7 +80,7 @@ _bins = partial(stage, uses=(Grid, Ladar), group=PROFILES, coordinates=True)
 @plain(uses=(Grid, Ladar))
 def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) -> float:
     """Return the carrier-to-noise power ratio of a filled IFOV at a range [km]."""
-    return carrier_to_noise(
+    return library.carrier_to_noise(
         range * 1e3,
         reference=10 ** (cnr / 10),
         reference_range=cnr_range * 1e3,
@@ -126,7 +107,7 @@ def extent(
     reflectance: str,
 ) -> Arrays:
     """Return the fractions of the IFOVs that see the ship, bin by range bin."""
-    found = range_extent(
+    found = library.range_extent(
         image,
         slant_range=range * 1e3,
         ifov=ifov * 1e-6,
@@ -144,30 +125,28 @@ def ifovs(extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeE
     return RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
 
 
+@plain(uses=(Ladar,))
+def signal(
+    cnr_at_range: float, target_free_ifovs: int, receiver: str, false_alarm: float
+) -> Signal:
+    """Return what a receiver meets, and what it keeps of it."""
+    return (
+        *(("cnr", cnr_at_range), ("target_free_ifovs", target_free_ifovs)),
+        *(("receiver", receiver), ("false_alarm", false_alarm)),
+    )
+
+
 @_profile(
     Output("expected", ("down_range",), label="expected range profile, noise floor included"),
     dims=(*VIEW, "range", "target_free_ifovs"),
 )
-def expected(
-    ifovs: RangeExtent,
-    pulse_width: float,
-    cnr_at_range: float,
-    target_free_ifovs: int,
-    receiver: str,
-    false_alarm: float,
-) -> Profiles:
+def expected(ifovs: RangeExtent, pulse_width: float, signal: Signal) -> Profiles:
     """Return the expected range profile: what the receiver reports of each IFOV's waveform.
 
     Equation C of the article for the full profile.
     """
-    return expected_profile(
-        ifovs,
-        pulse_width=pulse_width * 1e-9,
-        cnr=cnr_at_range,
-        target_free_ifovs=target_free_ifovs,
-        receiver=receiver,
-        false_alarm=false_alarm,
-    ).astype(np.float32)
+    pulse = pulse_width * 1e-9
+    return library.expected_profile(ifovs, pulse_width=pulse, **dict(signal)).astype(np.float32)
 
 
 @_profile(
@@ -185,24 +164,13 @@ def averaged(
     ifovs: RangeExtent,
     pulse_width: float,
     frame_count: tuple[int, ...],
-    cnr_at_range: float,
-    target_free_ifovs: int,
-    receiver: str,
-    false_alarm: float,
+    signal: Signal,
     rng: np.random.Generator,
 ) -> Profiles:
     """Return averages over the first frames of a run, for several lengths of the run."""
-    frames = sample_frames(
-        ifovs,
-        pulse_width=pulse_width * 1e-9,
-        cnr=cnr_at_range,
-        frame_count=max(frame_count),
-        rng=rng,
-        target_free_ifovs=target_free_ifovs,
-        receiver=receiver,
-        false_alarm=false_alarm,
-    )
-    return cumulative_average(frames, frame_count).astype(np.float32)
+    run: dict[str, Any] = {"frame_count": max(frame_count), "rng": rng, **dict(signal)}
+    frames = library.sample_frames(ifovs, pulse_width=pulse_width * 1e-9, **run)
+    return library.cumulative_average(frames, frame_count).astype(np.float32)
 
 
 @_profile(
@@ -219,7 +187,7 @@ def covariance(
     ifovs: RangeExtent, pulse_width: float, cnr_at_range: float, target_free_ifovs: int
 ) -> Profiles:
     """Return the covariance of one frame, as a lower band, of the full profile."""
-    _, band = banded_frame_moments(
+    _, band = library.banded_frame_moments(
         ifovs,
         pulse_width=pulse_width * 1e-9,
         cnr=cnr_at_range,
@@ -259,7 +227,9 @@ def lags(
     sights = product(range, cnr, cnr_range, extinction)
     strongest = max(cnr_at_range(*sight) for sight in sights)
     bands = [
-        banded_frame_moments(nowhere(window, bin_width), pulse_width=width * 1e-9, cnr=strongest)[1]
+        library.banded_frame_moments(
+            nowhere(window, bin_width), pulse_width=width * 1e-9, cnr=strongest
+        )[1]
         for width in pulse_width
     ]
     return bin_width * np.arange(max(map(len, bands)), dtype=np.float64)
@@ -276,13 +246,18 @@ def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) what makes no sense together of the laser radar."""
     _check_receivers(choices)
     if set(choices.one(Sweep.sensor)) - {INFRARED}:  # flights make profiles, too
-        _check_pulses(choices)
+        bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])
+        shortest = library.shortest_pulse(bin_width) * 1e9
+        if given < shortest:
+            raise ConfigurationError(
+                f"grid.pulse_width has {given:g}, but must be at least {shortest:.3g} for "
+                f"ladar.bin_width {bin_width:g} m"
+            )
         if FULL in choices[Ladar.receiver]:
             _check_window(choices)
-    if looks(RANGE)(choices):
+    for where in choices[Grid.range] if looks(RANGE)(choices) else ():
         narrowest = min(choices[Ladar.ifov])
-        for slant_range in choices[Grid.range]:
-            check_range(choices, "grid.range", slant_range, narrowest=narrowest, beam="ladar.ifov")
+        views.check_range(choices, "grid.range", where, narrowest=narrowest, beam="ladar.ifov")
     return choices
 
 
@@ -303,23 +278,12 @@ def _check_receivers(choices: Choices) -> None:
             )
 
 
-def _check_pulses(choices: Choices) -> None:
-    """Refuse pulses that are shorter than range bins resolve."""
-    bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])
-    shortest = shortest_pulse(bin_width) * 1e9
-    if given < shortest:
-        raise ConfigurationError(
-            f"grid.pulse_width has {given:g}, but must be at least {shortest:.3g} for "
-            f"ladar.bin_width {bin_width:g} m"
-        )
-
-
 def _check_window(choices: Choices) -> None:
     """Refuse a range window that does not hold every ship, both its ends free."""
     window = choices.one(Ladar.window)
     longest = max(choices[Grid.pulse_width]) * 1e-9 * SPEED_OF_LIGHT
     for ship in choices[Grid.ship]:
-        reach = float(np.linalg.norm(read_mesh(hull(ship)).vertices, axis=1).max())
+        reach = float(np.linalg.norm(views.read_mesh(views.hull(ship)).vertices, axis=1).max())
         # The returned pulse reaches beyond the ship, and both ends of the window must stay free
         # of it for the noise floor to be read there.
         needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)
@@ -332,6 +296,6 @@ def _check_window(choices: Choices) -> None:
 
 SETTINGS: tuple[type[Settings], ...] = (Ladar,)
 STAGES: tuple[Stage, ...] = (
-    *(cnr_at_range, extent, ifovs, expected, averaged, covariance),
+    *(cnr_at_range, signal, extent, ifovs, expected, averaged, covariance),
     *(profile_bins, lags),
 )

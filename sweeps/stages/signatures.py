@@ -27,11 +27,12 @@ NAMES = {  # a flight has settings of the same words
     Render.samples: "render_samples",
 }
 
-IFOVS = {"ifovs": "flight_ifovs", "cnr_at_range": "flight_cnr"}
+SIGHT = {"ifovs": "flight_ifovs", "signal": "flight_signal"}
 UNSTORED: dict[str, Any] = {"group": None, "dims": ()}
 
 flight_image = replace(image, name="flight_image", reads={"depression": Irar.depression})
 flight_cnr = replace(ladar.cnr_at_range, name="flight_cnr", reads={"range": Irar.profile_range})
+flight_signal = replace(ladar.signal, name="flight_signal", reads={"cnr_at_range": "flight_cnr"})
 flight_extent = replace(
     ladar.extent,
     name="flight_extent",
@@ -42,11 +43,11 @@ flight_ifovs = replace(
     name="flight_ifovs",
     reads={"extent": "flight_extent", "range": Irar.profile_range},
 )
-learned_signature = replace(ladar.expected, name="learned_signature", reads=IFOVS, **UNSTORED)
+learned_signature = replace(ladar.expected, name="learned_signature", reads=SIGHT, **UNSTORED)
 test_signature = replace(
     ladar.averaged,
     name="test_signature",
-    reads={**IFOVS, "frame_count": Irar.profile_frames},
+    reads={**SIGHT, "frame_count": Irar.profile_frames},
     along=(Irar.profile_frames,),
     noise="flight_signature",
     stream=(Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate),
@@ -76,16 +77,13 @@ def signature(
     test_signature: NDArray[np.float32],
     course: Pairs | None,
     receivers: Pairs,
-    flight_cnr: float,
+    flight_signal: Pairs,
     aspect: float,
     pulse_width: tuple[float, ...],
     profile_range: float,
     ladar_ifov: float,
     bin_width: float,
     window: float,
-    target_free_ifovs: int,
-    receiver: str,
-    false_alarm: float,
 ) -> NDArray[np.float32]:
     """(pulse_width, kind, bin): what is learned, what it is tested with, what a flight measured.
 
@@ -106,14 +104,7 @@ def signature(
         except ValueError:  # nothing is in the image
             seen = ladar.nowhere(window, bin_width)
         for line, width in zip(measured, pulse_width, strict=True):
-            line[:] = expected_profile(
-                seen,
-                pulse_width=width * 1e-9,
-                cnr=flight_cnr,
-                target_free_ifovs=target_free_ifovs,
-                receiver=receiver,
-                false_alarm=false_alarm,
-            )
+            line[:] = expected_profile(seen, pulse_width=width * 1e-9, **dict(flight_signal))
     return np.stack([learned_signature, test_signature, measured], axis=1)
 
 
@@ -134,6 +125,6 @@ def signature_kinds() -> NDArray[np.str_]:
 
 
 STAGES: tuple[Stage, ...] = (
-    *(flight_image, flight_cnr, flight_extent, flight_ifovs, learned_signature, test_signature),
-    *(signature, signature_kinds),
+    *(flight_image, flight_cnr, flight_signal, flight_extent, flight_ifovs),
+    *(learned_signature, test_signature, signature, signature_kinds),
 )
