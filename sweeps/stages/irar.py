@@ -61,6 +61,7 @@ OF_NO_FLIGHT = ("transom_gain", "mast_gain", "replicate")  # of the ship, and of
 class Errors:
     """Errors of what navigation believes, one at a time; no error is always among them."""
 
+    fields: tuple[str, ...] = tuple(MOST_WRONG)  # keys that a configuration may give
     allowed: str = f"a mapping that gives values to some of {', '.join(MOST_WRONG)}"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
