@@ -28,8 +28,7 @@ from sweeps.stages.categories import (
     name_categories,
 )
 from sweeps.stages.classifier import NONE, STATE, Classifier, learned, names_by, state
-from sweeps.stages.images import LOOK, VIEW
-from sweeps.stages.infrared import Infrared
+from sweeps.stages.infrared import LOOK, VIEW, Infrared
 from sweeps.stages.rejection import rejection_table
 from sweeps.stages.scores import data_set, formed, known_ships, scored
 from sweeps.stages.silhouettes import OF_SILHOUETTES, STEPS

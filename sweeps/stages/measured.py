@@ -19,7 +19,7 @@ from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
 from sweeps.stages.acn import Lessons, Network, acn, acn_names, acn_training
 from sweeps.stages.classifier import NONE, STATE, Classifier, learned, profile_vectors, state
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
-from sweeps.stages.flight_checks import flown
+from sweeps.stages.flights import flown
 from sweeps.stages.irar import FLIGHT, Irar
 from sweeps.stages.mnn import Mnn, mnn, mnn_training
 from sweeps.stages.scores import PROFILES, Scored, data_set, known_ships, scored

@@ -14,7 +14,6 @@ from sweeps.stages import (
     classifier,
     corrections,
     correlation,
-    flight_checks,
     flights,
     irar,
     ladar,
@@ -68,7 +67,7 @@ def read(**given):
 
 def checked(**given):
     """The same, checked."""
-    return measured.check(flight_checks.check(read(**given)))
+    return measured.check(flights.check(read(**given)))
 
 
 def flown(folder, name="s", **given):
