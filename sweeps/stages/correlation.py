@@ -3,36 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices, Settings, word
 from sweeps.engine.stage import Output, Stage, in_memory, stage
 from sweeps.stages.classifier import (
+    GATHERED,
     NONE,
-    STATE,
+    OF_PROFILES,
+    VIEW,
+    Arrays,
     Classifier,
+    Views,
+    answers,
     check_left_out,
-    learned,
+    judged,
     names_by,
     profile_vectors,
     require_another_aspect,
-    state,
+    tables_of,
 )
-from sweeps.stages.rejection import rejection_table
-from sweeps.stages.scores import tabulate_answers
 from sweeps.stages.views import RANGE, Grid
 
-Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 
 NAME = "correlation"
-GROUP = "classification/correlation"
-VIEW = ("ship", "aspect")
 EXPECTED, NOISY = "expected", "noisy"
 
 
@@ -50,15 +48,7 @@ class Correlation(Settings, key="classifier"):
 
 @dataclass(frozen=True)
 class Draws:
-    """Vectors of all draws of averaged profiles.
-
-    Attributes
-    ----------
-    vectors : (replicate, view, bin) float64 ndarray
-        Those of the first ship first; zero where one is not there.
-    replicates : tuple of int
-        Numbers of the draws.
-    """
+    """(replicate, view, bin) vectors of all draws of averaged profiles, and their numbers."""
 
     vectors: Floats
     replicates: tuple[int, ...]
@@ -68,46 +58,33 @@ class Draws:
         return self.vectors[[number != replicate for number in self.replicates]]
 
 
-@in_memory(uses=(Grid,), gather=(Grid.replicate, Grid.ship, Grid.aspect), keep=4)
+@in_memory(uses=(Grid,), gather=(Grid.replicate, *GATHERED), keep=4)
 def profile_draws(averaged: NDArray[np.float32], replicate: tuple[int, ...]) -> Draws:
     """Return the vectors of all draws of profiles of as many frames."""
     return Draws(profile_vectors(averaged), replicate)
 
 
 @stage(
-    Output("predicted", VIEW, "i2", label="ship named, as an index into the ship axis"),
-    Output("correct", VIEW, "i1", label="1 where the answer is right"),
-    Output("similarity", VIEW, label="cosine to the most similar profile learned"),
-    Output(
-        "cell",
-        VIEW,
-        "i1",
-        label=f"state of a cell of {NAME}",
-        failed=0,
-        group=f"status_{NAME}",
-        attrs=STATE,
+    *answers(
+        NAME,
+        f"status_{NAME}",
+        Output("similarity", VIEW, label="cosine to the most similar profile learned"),
     ),
     uses=(Grid, Classifier, Correlation),
     along=(Classifier.left_out,),
-    gather=(Grid.ship, Grid.aspect),
-    group=GROUP,
-    dims=(
-        *("pulse_width", "range", "target_free_ifovs"),
-        *("training", "left_out", "replicate", "frame_count"),
-    ),
+    gather=GATHERED,
+    group=f"classification/{NAME}",
+    dims=(*OF_PROFILES, "training", "left_out", "replicate", "frame_count"),
     when=names_by(NAME, RANGE),
     status="-",
 )
 def correlation(
     profile_draws: Draws,
+    taught: Views,
     expected: NDArray[np.float32],
     averaged: NDArray[np.float32],
-    there: NDArray[np.bool_],
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
+    there: Views,
     replicate: int,
-    unknown: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
     training: str,
     left_out: tuple[bool, ...],
 ) -> Arrays:
@@ -120,21 +97,15 @@ def correlation(
     ships at it are. A profile that nowhere rises above its floor has no direction: it names no
     ship, which counts as wrong, and what is learned of it answers for none.
     """
-    taught = learned(ship, aspect, unknown, training_aspect) & there
-    require_another_aspect(taught, left_out)
-    lessons = {
-        EXPECTED: lambda: profile_vectors(expected)[None],
-        NOISY: lambda: profile_draws.without(replicate),
-    }
-    return match_views(lessons[training](), profile_vectors(averaged), there, taught, left_out)
+    known = taught & there
+    require_another_aspect(known, left_out)
+    noisy = training == NOISY
+    lessons = profile_draws.without(replicate) if noisy else profile_vectors(expected)[None]
+    return match_views(lessons, profile_vectors(averaged), there, known, left_out)
 
 
 def match_views(
-    lessons: Floats,
-    tests: Floats,
-    there: NDArray[np.bool_],
-    taught: NDArray[np.bool_],
-    left_out: tuple[bool, ...],
+    lessons: Floats, tests: Floats, there: Views, taught: Views, left_out: tuple[bool, ...]
 ) -> Arrays:
     """Name the ship of the lesson that is most similar to each test.
 
@@ -167,14 +138,7 @@ def match_views(
         best, cosine = neighbour.match(tests, exclude=untaught | (same & leave))
         named.append(np.where(best == NO_TEMPLATE, NONE, known[best]).reshape(there.shape))
         cosines.append(np.where(there, cosine.reshape(there.shape), np.nan))
-    predicted = np.where(there, named, NONE)
-    correct = np.where(there, predicted == ship.reshape(there.shape), NONE)
-    return {
-        "predicted": predicted,
-        "correct": correct,
-        "similarity": np.array(cosines),
-        "cell": state(correct, there),
-    }
+    return judged(np.array(named), there) | {"similarity": np.array(cosines)}
 
 
 def check(choices: Choices) -> Choices:
@@ -198,7 +162,4 @@ def check(choices: Choices) -> Choices:
 
 SETTINGS: tuple[type[Settings], ...] = (Correlation,)
 STAGES: tuple[Stage, ...] = (profile_draws, correlation)
-TABLES: tuple[Table, ...] = (
-    Table(f"tables/{NAME}", (GROUP,), tabulate_answers, names_by(NAME, RANGE)),
-    rejection_table(NAME, GROUP, names_by(NAME, RANGE)),
-)
+TABLES = tables_of(NAME, names_by(NAME, RANGE), rejecting=True)

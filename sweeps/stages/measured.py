@@ -5,144 +5,119 @@ Article, 'Conclusions': measured profiles of ships that synthetic ones were lear
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.classify.vigilance_sweep import Similarities
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages.acn import Lessons, Network, acn, acn_names, acn_training
-from sweeps.stages.classifier import NONE, STATE, Classifier, learned, profile_vectors, state
+from sweeps.stages.categories import (
+    Lessons,
+    Network,
+    answer_tests,
+    form_categories,
+    name_categories,
+)
+from sweeps.stages.classifier import (
+    GATHERED,
+    NONE,
+    Arrays,
+    Classifier,
+    Views,
+    answers,
+    known_ships,
+    profile_vectors,
+    state,
+)
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flight_checks import flown
 from sweeps.stages.irar import FLIGHT, Irar
 from sweeps.stages.mnn import Mnn, mnn, mnn_training
-from sweeps.stages.scores import PROFILES, Scored, data_set, known_ships, scored
+from sweeps.stages.scores import data_set, scored_profiles
 from sweeps.stages.signatures import KINDS, NAMES, signature_kinds
 from sweeps.stages.views import IRAR, Grid, Sweep, looks
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Arrays = dict[str, NDArray[Any]]
 Profiles = NDArray[np.float32]
-Views = NDArray[np.bool_]
 Namer = Callable[[Profiles, Views], Arrays]
 """(kind, ship, aspect, bin) profiles, (ship, aspect) views that are there -> `predicted` and
 `correct`, (kind, ship, aspect)."""
 
-VIEWS = ("ship", "aspect", "unknown", "training_aspect")
 GROUP, STATES = "classification/measured", "status_measured"
+ANSWER = ("kind", "ship", "aspect")
 
 
-def train_acn(
+def acn_namer(
     profiles: Profiles,
     there: Views,
-    rng: np.random.Generator,
-    grid: Mapping[str, Any],
+    taught: Views,
     *,
+    vigilance: float,
     learn_in_test: bool,
     label_rule: str,
     score_rule: str,
     **settings: Any,
 ) -> Namer:
     """Train the Adaptive Clustering Network."""
-    vectors = profile_vectors(profiles)
-    lessons = Lessons(vectors, Similarities.of(vectors), there)
-    formed = acn_training(profile_lessons=lessons, **settings, **grid)
-    names = acn_names(acn_training=formed, label_rule=label_rule)["names"]
+    lessons = Lessons.of(profiles, there, profile_vectors)
+    formed = form_categories(lessons, taught, (0, 0), vigilance, **settings)
+    names = name_categories(formed, label_rule)
 
     def name(tests: Profiles, there: Views) -> Arrays:
-        found = acn(
-            profile_lessons=lessons,
-            acn_training={key: array[None] for key, array in formed.items()},
-            acn_names={"names": names[None, None]},
-            averaged=tests,
-            there=there,
-            ship=grid["ship"],
-            aspect=grid["aspect"],
-            frame_count=KINDS,
-            label_rule=(label_rule,),
-            score_rule=(score_rule,),
+        found = answer_tests(
+            lessons,
+            {key: array[None] for key, array in formed.items()},
+            {key: array[None, None] for key, array in names.items()},
+            tests,
+            there,
+            *((vigilance,), (label_rule,), (score_rule,)),
             learn_in_test=learn_in_test,
-            **settings | {"vigilance": (settings["vigilance"],)},
+            **settings,
         )
         return {key: found[key][0, :, 0, 0] for key in ("predicted", "correct")}
 
     return name
 
 
-def train_mnn(
-    profiles: Profiles,
-    there: Views,
-    rng: np.random.Generator,
-    grid: Mapping[str, Any],
-    *,
-    mnn_learning_rate: float,
-    **settings: Any,
+def mnn_namer(
+    profiles: Profiles, there: Views, taught: Views, *, mnn_learning_rate: float, **settings: Any
 ) -> Namer:
     """Train the multilayered network."""
-    settings["learning_rate"] = mnn_learning_rate
-    trained = mnn_training(expected=profiles, there=there, rng=rng, **settings, **grid)
-    return lambda tests, there: mnn(
-        mnn_training=trained,
-        averaged=tests,
-        there=there,
-        ship=grid["ship"],
-        aspect=grid["aspect"],
-        frame_count=KINDS,
-        inputs=settings["inputs"],
-    )
+    trained = mnn_training(profiles, there, taught, learning_rate=mnn_learning_rate, **settings)
+    aspect, inputs = settings["aspect"], settings["inputs"]
+    return lambda tests, there: mnn(trained, tests, there, aspect, inputs)
 
 
-def train_correlation(
-    profiles: Profiles, there: Views, rng: np.random.Generator, grid: Mapping[str, Any]
-) -> Namer:
+def correlation_namer(profiles: Profiles, there: Views, taught: Views) -> Namer:
     """Learn profiles to correlate others with."""
     lessons = profile_vectors(profiles)[None]
-    taught = learned(*(grid[key] for key in VIEWS)) & there
 
-    def name(tests: Profiles, there: Views) -> Arrays:
+    def name(tests: Profiles, now_there: Views) -> Arrays:
         found = [
-            match_views(lessons, of_kind, there, taught, (False,))
+            match_views(lessons, of_kind, now_there, taught & there, (False,))
             for of_kind in profile_vectors(tests)
         ]
-        return {
-            key: np.concatenate([one[key] for one in found]) for key in ("predicted", "correct")
-        }
+        return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
 
     return name
 
 
-def answer_nothing(
-    profiles: Profiles, there: Views, rng: np.random.Generator, grid: Mapping[str, Any]
-) -> Namer:
-    """Stand for a classifier that cannot name measured profiles."""
-    return lambda tests, there: dict.fromkeys(
-        ("predicted", "correct"), np.full(tests.shape[:-1], NONE)
-    )
-
-
 TRAINERS: dict[str, Callable[..., Namer]] = {
-    "acn": train_acn,
-    "mnn": train_mnn,
-    "correlation": train_correlation,
+    "acn": acn_namer,
+    "mnn": mnn_namer,
+    "correlation": correlation_namer,
 }
 """Who can name measured profiles: whoever needs no moments, which nobody knows of them."""
 
 OWN: dict[str, tuple[str, ...]] = {
-    "acn": (
-        *("vigilance", "learning_rate", "max_passes", "learn_in_test", "label_rule", "score_rule"),
-    ),
-    "mnn": (
-        *("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing"),
-        "max_hidden",
-    ),
+    "acn": ("vigilance", *(one.name for one in Network.declared)),
+    "mnn": tuple(one.name for one in Mnn.declared),
 }
 """Settings that matter to each."""
 
@@ -170,54 +145,34 @@ def lesson(
 
 
 @in_memory(
-    uses=(Grid, Classifier),
-    gather=(Grid.ship, Grid.aspect),
-    noise="mnn",
-    stream=(Grid.pulse_width, Irar.depression),
-    keep=4,
+    uses=(Grid,), gather=GATHERED, noise="mnn", stream=(Grid.pulse_width, Irar.depression), keep=4
 )
 def namer(
     lesson: tuple[str, tuple[tuple[str, Any], ...]],
     learned_signature: Profiles,
     there: Views,
-    ship: tuple[str, ...],
+    taught: Views,
     aspect: tuple[float, ...],
-    unknown: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
     rng: np.random.Generator,
 ) -> Namer:
     """Return a classifier that learned synthetic profiles, for all flights."""
     name, settings = lesson
-    grid = dict(zip(VIEWS, (ship, aspect, unknown, training_aspect), strict=True))
-    train = TRAINERS.get(name, answer_nothing)
-    return train(learned_signature, there, rng, grid, **dict(settings))
+    if name not in TRAINERS:
+        nothing = ("predicted", "correct")
+        return lambda tests, there: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
+    more = {"aspect": aspect, "rng": rng} if name == "mnn" else {}
+    return TRAINERS[name](learned_signature, there, taught, **dict(settings), **more)
 
 
 @stage(
-    Output(
-        "predicted",
-        ("kind", "ship", "aspect"),
-        "i2",
-        label="ship named, as an index into the ship axis",
+    *answers(
+        "measured profiles",
+        STATES,
+        Output("ship_correct", ANSWER, "i1", label="1 where the ship is right"),
+        dims=ANSWER,
+        right=": the ship, of the multilayered network its aspect bin, too",
     ),
-    Output(
-        "correct",
-        ("kind", "ship", "aspect"),
-        "i1",
-        label="1 where the answer is right: the ship, of the multilayered network its aspect bin, "
-        "too",
-    ),
-    Output("ship_correct", ("kind", "ship", "aspect"), "i1", label="1 where the ship is right"),
-    Output(
-        "cell",
-        ("kind", "ship", "aspect"),
-        "i1",
-        label="state of a cell of measured profiles",
-        failed=0,
-        group=STATES,
-        attrs=STATE,
-    ),
-    gather=(Grid.ship, Grid.aspect),
+    gather=GATHERED,
     uses=(Grid,),
     group=GROUP,
     dims=(
@@ -228,13 +183,7 @@ def namer(
     when=looks(IRAR),
     status="-",
 )
-def measured(
-    namer: Namer,
-    signature: Profiles,
-    there: Views,
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
-) -> Arrays:
+def measured(namer: Namer, signature: Profiles, there: Views) -> Arrays:
     """Return what signatures of every kind are named.
 
     -1 where a view is not there, or not measured. A signature that shows nothing names no ship,
@@ -244,7 +193,7 @@ def measured(
     absent = np.asarray(np.isnan(seen).any(axis=-1))
     found = namer(np.where(absent[..., None], seen[KINDS.index("learned")], seen), there)
     predicted, correct = (np.where(absent, NONE, found[name]) for name in ("predicted", "correct"))
-    true = np.arange(len(ship))[:, None]
+    true = np.arange(len(there))[:, None]
     return {
         "predicted": predicted,
         "correct": correct,
@@ -296,14 +245,9 @@ def check(choices: Choices) -> Choices:
 
 def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Tabulate the answers about ships that are learned, and flown past."""
-    known = known_ships(classified, choices)
-    past = flown(choices)
+    known, past = known_ships(classified, choices), flown(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
-    tables: Scored = {}
-    for name, (prefix, what) in PROFILES.items():
-        if name in known:
-            tables |= scored(known[name], prefix, what)
-    return data_set(tables, known.aspect)
+    return data_set(scored_profiles(known), known.aspect)
 
 
 STAGES: tuple[Stage, ...] = (lesson, namer, measured, kinds_named, kinds_of_states)

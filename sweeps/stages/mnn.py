@@ -3,34 +3,40 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Settings, count, number, switch, word
 from sweeps.engine.stage import Output, Stage, stage
-from sweeps.stages.classifier import NONE, STATE, Classifier, learned, names_by, state
+from sweeps.stages.classifier import (
+    GATHERED,
+    NONE,
+    OF_PROFILES,
+    VIEW,
+    Arrays,
+    Views,
+    answers,
+    judged,
+    names_by,
+    state,
+    tables_of,
+)
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.scores import tabulate_answers
 from sweeps.stages.views import RANGE, Grid
 
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
-Arrays = dict[str, NDArray[Any]]
-
 NAME = "mnn"
 GROUP = "classification/mnn"
-VIEW = ("ship", "aspect")
 RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
 DIMS = (
-    *("pulse_width", "range", "target_free_ifovs"),
-    *("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing"),
-    *("replicate", "frame_count"),
+    *(*OF_PROFILES, "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs"),
+    *("annealing", "replicate", "frame_count"),
 )
 
 
@@ -93,14 +99,15 @@ class Mnn(Settings, key="classifier.mnn"):
     Output("classes", ("class",), "i8", stored=False),
     Output("hidden_weights", ("node", "feature"), "f8", stored=False),
     Output("output_weights", ("class", "node"), "f8", stored=False),
-    Output("hidden_offsets", ("node",), "f8", stored=False),
-    Output("output_offsets", ("class",), "f8", stored=False),
-    Output("hidden_gains", ("node",), "f8", stored=False),
-    Output("output_gains", ("class",), "f8", stored=False),
+    *(
+        Output(f"{layer}_{name}", (of,), "f8", stored=False)
+        for name in ("offsets", "gains")
+        for layer, of in (("hidden", "node"), ("output", "class"))
+    ),
     Output("centre", ("feature",), "f8", stored=False),
     Output("scale", ("feature",), "f8", stored=False),
-    uses=(Grid, Classifier, Mnn),
-    gather=(Grid.ship, Grid.aspect),
+    uses=(Grid, Mnn),
+    gather=GATHERED,
     group=GROUP,
     dims=DIMS,
     when=names_by(NAME, RANGE),
@@ -111,11 +118,9 @@ class Mnn(Settings, key="classifier.mnn"):
 )
 def mnn_training(
     expected: NDArray[np.float32],
-    there: NDArray[np.bool_],
-    ship: tuple[str, ...],
+    there: Views,
+    taught: Views,
     aspect: tuple[float, ...],
-    unknown: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
     epochs: int,
     grow_every: int,
     learning_rate: float,
@@ -147,14 +152,14 @@ def mnn_training(
         random_state=int(rng.integers(2**32)),
     )
     truth = classes_of(there.shape, aspect)
-    taught = learned(ship, aspect, unknown, training_aspect) & there
+    known = taught & there
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` tells
-        network.fit(seen(expected[taught], inputs), truth[taught])
-    answers = np.full(there.shape, NONE)
-    answers[there] = network.predict(seen(expected[there], inputs))
+        network.fit(seen(expected[known], inputs), truth[known])
+    named = np.full(there.shape, NONE)
+    named[there] = network.predict(seen(expected[there], inputs))
     return {
-        "training_correct": np.where(taught, answers == truth, NONE),
+        "training_correct": np.where(known, named == truth, NONE),
         "presentations": np.array(network.n_iter_),
         "hidden": np.array(network.n_hidden_),
         "loss": np.array(network.loss_curve_[-1]),
@@ -162,22 +167,17 @@ def mnn_training(
 
 
 @stage(
-    Output("predicted", VIEW, "i2", label="ship named, as an index into the ship axis"),
-    Output("correct", VIEW, "i1", label="1 where the answer is right"),
-    Output("predicted_bin", VIEW, "i2", label="number of the aspect bin named"),
-    Output("ship_correct", VIEW, "i1", label="1 where the ship is right, whatever the aspect bin"),
-    Output(
-        "cell",
-        VIEW,
-        "i1",
-        label=f"state of a cell of {NAME}",
-        failed=0,
-        group=f"status_{NAME}",
-        attrs=STATE,
+    *answers(
+        NAME,
+        f"status_{NAME}",
+        Output("predicted_bin", VIEW, "i2", label="number of the aspect bin named"),
+        Output(
+            "ship_correct", VIEW, "i1", label="1 where the ship is right, whatever the aspect bin"
+        ),
     ),
     uses=(Grid, Mnn),
     along=(Grid.frame_count,),
-    gather=(Grid.ship, Grid.aspect),
+    gather=GATHERED,
     group=GROUP,
     dims=DIMS,
     when=names_by(NAME, RANGE),
@@ -186,25 +186,22 @@ def mnn_training(
 def mnn(
     mnn_training: Arrays,
     averaged: NDArray[np.float32],
-    there: NDArray[np.bool_],
-    ship: tuple[str, ...],
+    there: Views,
     aspect: tuple[float, ...],
-    frame_count: tuple[int, ...],
     inputs: str,
 ) -> Arrays:
     """Return what averaged profiles are named, one number of frames at a time."""
     network = from_arrays(mnn_training)
-    truth = classes_of(there.shape, aspect)
-    named = np.full((len(frame_count), *there.shape), NONE)
-    for answers, profiles in zip(named, averaged, strict=True):
-        answers[there] = network.predict(seen(profiles[there], inputs))
+    named = np.full(averaged.shape[:-1], NONE)
+    for of_count, profiles in zip(named, averaged, strict=True):
+        of_count[there] = network.predict(seen(profiles[there], inputs))
     bins = len(aspect_bins(aspect)[0])
-    right = np.where(there, named == truth, NONE)
-    return {
-        "predicted": np.where(there, named // bins, NONE),
+    found = judged(named // bins, there)
+    right = np.where(there, named == classes_of(there.shape, aspect), NONE)
+    return found | {
         "correct": right,
         "predicted_bin": np.where(there, named % bins, NONE),
-        "ship_correct": np.where(there, named // bins == truth // bins, NONE),
+        "ship_correct": found["correct"],
         "cell": state(right, there),
     }
 
@@ -250,6 +247,4 @@ def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
 
 SETTINGS: tuple[type[Settings], ...] = (Mnn,)
 STAGES: tuple[Stage, ...] = (mnn_training, mnn)
-TABLES: tuple[Table, ...] = (
-    Table(f"tables/{NAME}", (GROUP,), tabulate_answers, names_by(NAME, RANGE)),
-)
+TABLES = tables_of(NAME, names_by(NAME, RANGE))
