@@ -18,9 +18,8 @@ from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.stages.classifier import NONE, Arrays, Views, state
+from sweeps.stages.classifier import NONE, Arrays, Floats, Ships, Views, state
 
-Floats = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 
@@ -53,16 +52,8 @@ class Network(Settings, key="classifier"):
 class Lessons:
     """What all trainings with the same views share.
 
-    Attributes
-    ----------
-    vectors : (view, feature) float64 ndarray
-        Training vectors, zero where a view is not there.
-    similarities : Similarities
-        Of these.
-    there : (ship, aspect) bool ndarray
-        Views that are there.
-    see : callable
-        (ship, aspect, ...) profiles or maps -> (view, feature) vectors.
+    (view, feature) vectors, zero where a view is not there, with their similarities; the (ship,
+    aspect) views that are there; and how (ship, aspect, ...) profiles or maps become vectors.
     """
 
     vectors: Floats
@@ -92,10 +83,7 @@ def form_categories(
     learning_rate: float,
     max_passes: int,
 ) -> Arrays:
-    """Train with the views that are there and learned.
-
-    Presented in an order of some number and seed, see `presentation_order`, those that are not
-    learned left out.
+    """Train with the views that are there and learned, in an order of some number and seed.
 
     Returns
     -------
@@ -103,7 +91,7 @@ def form_categories(
         training_category, training_confused : (ship, aspect), negative where not taught;
         passes : (), negative where the categories did not settle;
         weights : (view, view) float64, a row a category, zero below the last of them;
-        turn : (view,), the order of all views
+        turn : (view,), the order of all views; taught_by : the last three arguments
     """
     known = (taught & lessons.there).reshape(-1)
     ship, aspect = np.indices(taught.shape).reshape(2, -1)
@@ -127,6 +115,7 @@ def form_categories(
         "passes": np.array(found.passes if found.converged else -found.passes),
         "weights": weights,
         "turn": turn,
+        "taught_by": np.array([vigilance, learning_rate, max_passes]),
     }
 
 
@@ -140,12 +129,8 @@ def clustering_of(training: Arrays) -> Clustering:
 def name_categories(training: Arrays, label_rule: str) -> Arrays:
     """Give every category the ship of most members (majority), or of the first one presented.
 
-    Returns
-    -------
-    dict of str to ndarray
-        names : (view,), ship of each category, -1 beyond the last of them;
-        training_correct : (ship, aspect), 1 where a view's category has its ship's name, -1 where
-        it is not taught
+    (view,) `names`, -1 beyond the last category; (ship, aspect) `training_correct`, 1 where a
+    view's category has its ship's name, -1 where it is not taught.
     """
     categories = training["training_category"]
     ship = np.indices(categories.shape)[0]
@@ -161,7 +146,7 @@ def name_categories(training: Arrays, label_rule: str) -> Arrays:
     return {"training_correct": correct, "names": names}
 
 
-def ships_named(names: NDArray[np.integer], category: NDArray[np.integer]) -> NDArray[np.integer]:
+def ships_named(names: Ships, category: Ships) -> Ships:
     """Return the ship of each category; none for a vector that matches nothing."""
     return np.where(category >= 0, names[np.maximum(category, 0)], NONE)
 
@@ -172,32 +157,23 @@ def answer_tests(
     names: Arrays,
     tests: NDArray[Any],
     there: Views,
-    vigilance: tuple[float, ...],
-    label_rule: tuple[str, ...],
     score_rule: tuple[str, ...],
-    learning_rate: float,
-    max_passes: int,
     learn_in_test: bool,
 ) -> Arrays:
     """Return what (frame_count, ship, aspect, ...) tests are named by several trainings.
 
-    By the rule `ship` the ship must be right; by `category` the category must be that of the same
-    view, and nothing is asked where that is not taught.
-
-    Parameters
-    ----------
-    training, names : dict of str to ndarray
-        As of `form_categories` and `name_categories`, with leading axes (..., vigilance) and
-        (..., vigilance, label_rule).
+    These, as of `form_categories` and `name_categories`, have leading axes (...) and (...,
+    label_rule). By the rule `ship` the ship must be right; by `category` the category must be that
+    of the same view, and nothing is asked where that is not taught.
 
     Returns
     -------
     dict of str to ndarray
         category, similarity (cosine to it), predicted, correct, cell :
-        (..., vigilance, frame_count, label_rule, score_rule, ship, aspect)
+        (..., frame_count, label_rule, score_rule, ship, aspect)
     """
-    lead = training["passes"].shape
-    whole = (*lead, len(tests), len(label_rule), len(score_rule), *there.shape)
+    lead, rules = training["passes"].shape, names["names"].shape[training["passes"].ndim]
+    whole = (*lead, len(tests), rules, len(score_rule), *there.shape)
     answers = {name: np.full(whole, NONE) for name in ("category", "predicted", "correct")}
     answers["similarity"] = np.full(whole, np.nan)
     ship = np.indices(there.shape)[0]
@@ -207,8 +183,7 @@ def answer_tests(
         for at in np.ndindex(lead):
             formed = {name: values[at] for name, values in training.items()}
             if learn_in_test:
-                taught = vigilance[at[-1]], learning_rate, max_passes
-                category, cosine = match_learning(lessons.vectors, vectors, formed, *taught)
+                category, cosine = match_learning(lessons.vectors, vectors, formed)
             else:
                 category, cosine = clustering_of(formed).match(similarities)
             category = np.where(there, category.reshape(there.shape), NONE)
@@ -218,22 +193,16 @@ def answer_tests(
             of_taught = there & (formed["training_confused"] >= 0)
             for k, of_category in enumerate(names["names"][at]):
                 named = ships_named(of_category, category)
-                rules = {"ship": (named == ship, there), "category": (same, of_taught)}
+                right = {
+                    "ship": np.where(there, named == ship, NONE),
+                    "category": np.where(of_taught, same, NONE),
+                }
                 answers["predicted"][*at, f, k] = named
-                answers["correct"][*at, f, k] = [
-                    np.where(asked, right, NONE) for right, asked in map(rules.get, score_rule)
-                ]
+                answers["correct"][*at, f, k] = [right[rule] for rule in score_rule]
     return answers | {"cell": state(answers["correct"], there)}
 
 
-def match_learning(
-    training: Floats,
-    tests: Floats,
-    formed: Arrays,
-    vigilance: float,
-    learning_rate: float,
-    max_passes: int,
-) -> tuple[Places, Floats]:
+def match_learning(training: Floats, tests: Floats, formed: Arrays) -> tuple[Places, Floats]:
     """(view,) category, and cosine to it, of (view, feature) tests that move categories, too.
 
     Tests of ships that are learned come first, in the order of the grid: what is unknown then
@@ -246,8 +215,9 @@ def match_learning(
 
     taught, turn = formed["training_confused"] >= 0, formed["turn"]
     presented = turn[taught.reshape(-1)[turn]]
+    vigilance, learning_rate, passes = formed["taught_by"].tolist()
     network = AdaptiveClusteringNetwork(
-        vigilance=vigilance, learning_rate=learning_rate, max_passes=max_passes
+        vigilance=vigilance, learning_rate=learning_rate, max_passes=int(passes)
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices, Settings, number, set_of, switch, word
-from sweeps.engine.stage import Condition, Output, Stage, in_memory
+from sweeps.engine.stage import Condition, Output, Stage, in_memory, stage
 from sweeps.stages.scores import VIEW, data_set, formed, scored_profiles, tabulate_rejection
 from sweeps.stages.views import Grid, looks, ships
 
@@ -21,14 +22,19 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, NDArray[Any]]
 Views = NDArray[np.bool_]
+Ships = NDArray[np.integer]
+Floats = NDArray[np.float64]
+Profiles = NDArray[np.float32]
 
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 STATE = {"flag_values": [-1, 0, 1], "flag_meanings": "missing failed done"}
 GATHERED = (Grid.ship, Grid.aspect)
-OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected range profiles
+OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
+RECEIVER, FULL = "ladar.receiver", "full_profile"  # key of a setting, and one of its words
 
-# Keys and words of modules that stand on this one.
-RECEIVER, FULL = "ladar.receiver", "full_profile"
+LEFT_ALONE = (
+    "classifier.left_out has True, but must be false where {} learned: nothing would be left"
+)
 
 
 class Classifier(Settings, key="classifier"):
@@ -38,8 +44,7 @@ class Classifier(Settings, key="classifier"):
     unknown = set_of(ships(None, label="ships that are shown but never learned"))
     training_aspect = set_of(
         number(
-            None,
-            0,
+            *(None, 0),
             below=360,
             unit="degree",
             label="aspects learned at",
@@ -47,9 +52,7 @@ class Classifier(Settings, key="classifier"):
         )
     )
     test_vigilance = number(
-        {"start": 0, "stop": 1, "step": 0.01},
-        0,
-        1,
+        *({"start": 0, "stop": 1, "step": 0.01}, 0, 1),
         label="cosine that an answer must reach",
         help="below it, the answer is 'unknown'",
     )
@@ -89,15 +92,8 @@ def learned_of(choices: Choices) -> Views:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse unknown ships and training aspects that the grid lacks, or that leave nothing.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the first of them.
-    """
-    there = choices[Grid.ship]
-    unknown = choices.one(Classifier.unknown) or ()
+    """Refuse unknown ships and training aspects that the grid lacks, or that leave nothing."""
+    there, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
     for name in unknown:
         if name not in there:
             raise ConfigurationError(
@@ -118,30 +114,24 @@ def check(choices: Choices) -> Choices:
 
 
 def check_left_out(choices: Choices) -> None:
-    """Refuse (`ConfigurationError`) to leave the true aspect out where no other is learned."""
+    """Refuse to leave the true aspect out where no other is learned."""
     aspects = learned_of(choices).any(axis=0).sum()
     if any(choices[Classifier.left_out]) and aspects < 2:
-        raise ConfigurationError(
-            f"classifier.left_out has True, but must be false where {aspects} aspect is "
-            "learned: nothing would be left"
-        )
+        raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
 
 def require_another_aspect(taught: Views, left_out: tuple[bool, ...]) -> None:
     """Refuse (`ValueError`) the same where views are not there, and so are not taught."""
     if any(left_out) and taught.any(axis=0).sum() < 2:
-        raise ValueError(
-            "classifier.left_out has True, but must be false where fewer than two aspects are "
-            "learned: nothing would be left"
-        )
+        raise ValueError(LEFT_ALONE.format("fewer than two aspects are"))
 
 
 def check_receiver(choices: Choices, name: str) -> None:
-    """Refuse (`ConfigurationError`) receivers whose moments are not known to a classifier."""
+    """Refuse receivers whose moments are not known to a classifier."""
     for receiver in choices.values[RECEIVER]:
         if receiver != FULL:
             raise ConfigurationError(
-                f"ladar.receiver is {receiver!r}, but must be {FULL} for the classifier {name}, "
+                f"{RECEIVER} is {receiver!r}, but must be {FULL} for the classifier {name}, "
                 "which knows the moments of no other"
             )
 
@@ -149,7 +139,7 @@ def check_receiver(choices: Choices, name: str) -> None:
 # What is seen
 
 
-def profile_vectors(profiles: NDArray[np.float32]) -> NDArray[np.float64]:
+def profile_vectors(profiles: Profiles) -> Floats:
     """Return (..., ship, aspect, bin) profiles as (..., view, bin) vectors, zero where missing."""
     flat = profiles.reshape(*profiles.shape[:-3], -1, profiles.shape[-1])
     return profile_vector(np.where(np.isfinite(flat), flat, 0.0))
@@ -164,52 +154,19 @@ def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:
 # What is answered
 
 
-def answers(
-    of: str,
-    states: str,
-    *more: Output,
-    dims: tuple[str, ...] = VIEW,
-    without: tuple[str, ...] = (),
-    right: str = "",
-) -> tuple[Output, ...]:
-    """Return the outputs of every classifier, and more of its own.
-
-    Parameters
-    ----------
-    of, states : str
-        Whose cells `cell` has the states of, and the group that these are in.
-    *more : Output
-        What else there is.
-    dims, without : tuple of str
-        Dimensions of an answer; settings that the ship named does not depend on.
-    right : str
-        What else must be right.
-    """
-    named = "ship named, as an index into the ship axis"
-    state = f"state of a cell of {of}"
-    return (
-        Output("predicted", dims, "i2", label=named, without=without),
-        Output("correct", dims, "i1", label=f"1 where the answer is right{right}"),
-        *more,
-        Output("cell", dims, "i1", label=state, failed=0, group=states, attrs=STATE),
-    )
-
-
-def judged(named: NDArray[np.integer], there: Views) -> Arrays:
-    """Return the arrays of `answers`: (..., ship, aspect) ships named of views that are there."""
+def judged(named: Ships, there: Views) -> Arrays:
+    """Return the arrays of answers: (..., ship, aspect) ships named of views that are there."""
     predicted = np.where(there, named, NONE)
     correct = np.where(there, predicted == np.arange(len(there))[:, None], NONE)
     return {"predicted": predicted, "correct": correct, "cell": state(correct, there)}
 
 
-def state(correct: NDArray[np.integer], there: Views) -> NDArray[np.int8]:
+def state(correct: Ships, there: Views) -> NDArray[np.int8]:
     """Return the state of answers: done, failed where the view is not there, missing if unasked."""
     return np.where(correct >= 0, 1, np.where(there, -1, 0)).astype("i1")
 
 
-def most_probable(
-    posterior: tuple[NDArray[np.intp], NDArray[np.float64]], true: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
     """(view,) most probable ships, and probabilities of the true ones: 0 of one not learned.
 
     Of the ships there are, and their (view, ship) probabilities.
@@ -219,7 +176,7 @@ def most_probable(
     return ships[probability.argmax(axis=1)], (probability * own).sum(axis=1)
 
 
-# What is tabulated
+# What is declared of it
 
 
 def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -228,15 +185,9 @@ def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 
 def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Tabulate the answers of a classifier about range profiles.
+    """Return all scores of answers about range profiles by aspect bin, of the ships learned.
 
-    Returns
-    -------
-    xarray.Dataset
-        `accuracy` by aspect bin with `ci_low`, `ci_high` and `n`; the same with `training_`, and
-        with `ship_` where ships alone are counted, if the classifier has them. Where it forms
-        categories, `category_count`, `view_count` and `settled`, too. With one `receiver` for an
-        attribute, if all have the same.
+    Where categories form, with their numbers; with the receiver for an attribute, if all have one.
     """
     known = known_ships(classified, choices)
     tables = formed(known, "training profiles") if "training_category" in known else {}
@@ -245,28 +196,75 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     return found.assign_attrs({"receiver": receivers[0]} if len(receivers) == 1 else {})
 
 
-def tables_of(
-    name: str,
-    when: Condition,
-    make: Callable[..., xr.Dataset] = tabulate_answers,
-    *,
-    rejecting: bool = False,
-) -> tuple[Table, ...]:
-    """Return the tables of a classifier's group; one of rejections if it tells a similarity.
+@dataclass(frozen=True)
+class Naming:
+    """A group of answers: how its stages and tables are declared.
 
-    There is nothing to reject where every view is learned.
+    Attributes
+    ----------
+    name : str
+        Last word of the group, and of those of its tables.
+    when : callable
+        Whether a configuration has it.
+    of, states : str
+        Whose cells there are states of, and the group of these; by the name when empty.
+    dims : tuple of str
+        Dimensions of an answer.
     """
-    group = (f"classification/{name}",)
 
-    def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-        vigilances = choices[Classifier.test_vigilance]
-        return tabulate_rejection(classified, learned_of(choices), vigilances)
+    name: str
+    when: Condition
+    of: str = ""
+    states: str = ""
+    dims: tuple[str, ...] = VIEW
 
-    def asked(choices: Choices) -> bool:
-        return when(choices) and not learned_of(choices).all()
+    def stage(self, *outputs: Output, **how: Any) -> Callable[[Callable[..., Any]], Stage]:
+        """Declare a stage of the group; see `sweeps.engine.stage.stage`."""
+        group = f"classification/{self.name}"
+        return stage(*outputs, group=group, when=self.when, status="-", **how)
 
-    rejections = (Table(f"tables/rejection_{name}", group, reject, asked),)
-    return (Table(f"tables/{name}", group, make, when), *(rejections if rejecting else ()))
+    def answers(
+        self,
+        *outputs: Output,
+        without: tuple[str, ...] = (),
+        right: str = "",
+        gather: tuple[Any, ...] = GATHERED,
+        **how: Any,
+    ) -> Callable[[Callable[..., Any]], Stage]:
+        """Declare the stage that names ships, which may have more outputs.
+
+        The ship named does not depend on some settings, and more than it may have to be right.
+        """
+        named = "ship named, as an index into the ship axis"
+        states, of = self.states or f"status_{self.name}", self.of or self.name
+        about = {"label": f"state of a cell of {of}", "group": states, "attrs": STATE}
+        return self.stage(
+            Output("predicted", self.dims, "i2", label=named, without=without),
+            Output("correct", self.dims, "i1", label=f"1 where the answer is right{right}"),
+            *outputs,
+            Output("cell", self.dims, "i1", failed=0, **about),  # type: ignore[arg-type]
+            gather=gather,
+            **how,
+        )
+
+    def tables(
+        self, make: Callable[..., xr.Dataset] = tabulate_answers, *, rejecting: bool = False
+    ) -> tuple[Table, ...]:
+        """Return the tables of the group; of rejections, too, where a view is not learned."""
+        group = (f"classification/{self.name}",)
+
+        def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
+            vigilances = choices[Classifier.test_vigilance]
+            return tabulate_rejection(classified, learned_of(choices), vigilances)
+
+        def asked(choices: Choices) -> bool:
+            return self.when(choices) and not learned_of(choices).all()
+
+        rejections = (Table(f"tables/rejection_{self.name}", group, reject, asked),)
+        return (
+            Table(f"tables/{self.name}", group, make, self.when),
+            *(rejections if rejecting else ()),
+        )
 
 
 SETTINGS: tuple[type[Settings], ...] = (Classifier,)

@@ -14,31 +14,16 @@ from ncti.classify.fusion import fit_sharpness, fuse, label_posterior
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, stage
-from sweeps.stages.classifier import (
-    GATHERED,
-    NONE,
-    Arrays,
-    Classifier,
-    Views,
-    answers,
-    check_receiver,
-    judged,
-    map_vectors,
-    most_probable,
-    tables_of,
-)
+from sweeps.stages import classifier
+from sweeps.stages.classifier import GATHERED, NONE, Arrays, Classifier, Floats, Naming, Views
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.silhouettes import OF_SILHOUETTES
 from sweeps.stages.views import INFRARED, RANGE, Grid, Sweep
 
-Scores = NDArray[np.float64]
-
 NAME = "fusion"
-GROUP = f"classification/{NAME}"
-STATUS = f"status_{NAME}"
 CHANNELS = ("range", "infrared", "both")
 LEAST_PHASES = 2
-ANSWER = ("channel", "draw", "ship", "aspect")
+OF_DRAWS = ("channel", "draw")
 
 
 def names_by_both(choices: Choices) -> bool:
@@ -62,17 +47,17 @@ def silhouette_scores(
     See `similarity`.
     """
     views = there.all(axis=0).reshape(-1)
-    templates = map_vectors(template_log_polar)[:, views]
+    templates = classifier.map_vectors(template_log_polar)[:, views]
     whole = (len(log_polar), len(there), views.size, views.size)
     scores = np.full(whole, np.nan, np.float32)
     for of_count, maps in zip(scores, log_polar, strict=True):
-        found = similarity(map_vectors(maps)[:, views], templates)
+        found = similarity(classifier.map_vectors(maps)[:, views], templates)
         of_count[:, np.outer(views, views)] = found.reshape(len(there), -1)
     return scores
 
 
 @stage(Output("silhouette_sharpness", ("phase",), "f8"))
-def silhouette_sharpness(silhouette_scores: NDArray[np.float32], taught: Views) -> Scores:
+def silhouette_sharpness(silhouette_scores: NDArray[np.float32], taught: Views) -> Floats:
     """(phase,): what a step of each silhouette's score is worth in log-probability.
 
     See `calibrate`.
@@ -82,48 +67,34 @@ def silhouette_sharpness(silhouette_scores: NDArray[np.float32], taught: Views) 
     return calibrate(scores, lessons // taught.shape[1])
 
 
-@stage(
-    *answers(
-        NAME,
-        STATUS,
-        Output("probability", ANSWER, label="posterior probability of the true ship"),
-        Output(
-            "sharpness",
-            ANSWER[:2],
-            label="what a step of a sensor's score is worth in log-probability",
-        ),
-        dims=ANSWER,
+NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
+
+
+@NAMING.answers(
+    Output("probability", NAMING.dims, label="posterior probability of the true ship"),
+    Output(
+        *("sharpness", OF_DRAWS),
+        label="what a step of a sensor's score is worth in log-probability",
     ),
     uses=(Grid,),
     gather=(Grid.replicate, *GATHERED),
     at={Infrared.range: Grid.range},
     names={Infrared.frame_count: "infrared_frame_count"},
-    group=GROUP,
     dims=(
-        *("pulse_width", "range", "target_free_ifovs", "channel", "gain_sigma", *OF_SILHOUETTES),
-        *("super_resolution", "infrared_frame_count", "draw", "frame_count"),
+        *(*classifier.OF_PROFILES, "channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution"),
+        *("infrared_frame_count", "draw", "frame_count"),
     ),
-    when=names_by_both,
-    status="-",
 )
 def fusion(
-    profile_scores: Scores,
+    profile_scores: Floats,
     silhouette_scores: NDArray[np.float32],
-    silhouette_sharpness: Scores,
+    silhouette_sharpness: Floats,
     taught: Views,
     ship: tuple[str, ...],
     aspect: tuple[float, ...],
 ) -> Arrays:
     """Name ships by profile, by silhouette and by both.
 
-    Returns
-    -------
-    dict of str to ndarray
-        predicted, correct, probability, cell : (channel, draw, ship, aspect); sharpness :
-        (channel, draw) of range and infrared, NaN for both.
-
-    Notes
-    -----
     The score of a profile is its log-likelihood, which is worth what it says: its sharpness is 1.
     That of a silhouette is given the sharpness found on the silhouettes of the *other* phases.
     Then they are added. An empty silhouette says nothing: all its scores are 0.
@@ -143,12 +114,12 @@ def fusion(
         )
         worth = 1.0, float(silhouette_sharpness[phase])
         sharpness[:2, d] = worth
-        for c, which in enumerate((slice(1), slice(1, 2), slice(2))):
-            fused = fuse(*alone[which], sharpness=worth[which])
-            named[c, d, there], probability[c, d, there] = most_probable(
+        for c, of in enumerate(((0,), (1,), (0, 1))):
+            fused = fuse(*(alone[k] for k in of), sharpness=[worth[k] for k in of])
+            named[c, d, there], probability[c, d, there] = classifier.most_probable(
                 label_posterior(fused, lessons // len(aspect)), views // len(aspect)
             )
-    return judged(named, there) | {"probability": probability, "sharpness": sharpness}
+    return classifier.judged(named, there) | {"probability": probability, "sharpness": sharpness}
 
 
 def number_draws(replicate: tuple[int, ...], phases: tuple[int, ...]) -> Arrays:
@@ -167,7 +138,10 @@ fusion_draws, fusion_states = (
         coordinates=True,
         name=name,
     )(number_draws)
-    for group, name in ((GROUP, "fusion_draws"), (STATUS, "fusion_states"))
+    for group, name in (
+        (f"classification/{NAME}", "fusion_draws"),
+        (f"status_{NAME}", "fusion_states"),
+    )
 )
 
 
@@ -199,7 +173,7 @@ def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(vectors / np.where(norm > 0, norm, np.float32(1)), dtype=np.float32)
 
 
-def calibrate(scores: Scores, ship: NDArray[np.intp]) -> Scores:
+def calibrate(scores: Floats, ship: NDArray[np.intp]) -> Floats:
     """(phase,): sharpness of every phase's scores, found on those of the other phases.
 
     Of (phase, view, template) scores of two phases or more, and the (view,) ship of each view and
@@ -217,14 +191,20 @@ def check(choices: Choices) -> Choices:
     """Refuse what one sensor would see and the other would not, where fusion is asked for alone.
 
     Among other classifiers it is left out then.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the key.
     """
     if choices[Classifier.name] == (NAME,):
-        _check_sensors(choices)
+        sensors, there = choices.one(Sweep.sensor), choices[Infrared.range]
+        if not {RANGE, INFRARED} <= set(sensors):
+            raise ConfigurationError(
+                f"sensor is {', '.join(sensors)!r}, but must be both for the classifier {NAME}"
+            )
+        for slant_range in choices[Grid.range]:
+            if slant_range not in there:
+                raise ConfigurationError(
+                    f"grid.range has {slant_range:g}, but every value must be one of "
+                    f"{', '.join(f'{one:g}' for one in there)}, the values of infrared.range, for "
+                    f"the classifier {NAME}"
+                )
     if names_by_both(choices):
         phases = len(choices[Infrared.phases])
         if phases < LEAST_PHASES:
@@ -232,27 +212,11 @@ def check(choices: Choices) -> Choices:
                 f"infrared.phases is {phases}, but must be at least {LEAST_PHASES} for the "
                 f"classifier {NAME}, which weighs the silhouettes of one by those of others"
             )
-        check_receiver(choices, NAME)
+        classifier.check_receiver(choices, NAME)
     return choices
-
-
-def _check_sensors(choices: Choices) -> None:
-    sensors = choices.one(Sweep.sensor)
-    if not {RANGE, INFRARED} <= set(sensors):
-        raise ConfigurationError(
-            f"sensor is {', '.join(sensors)!r}, but must be both for the classifier {NAME}"
-        )
-    there = choices[Infrared.range]
-    for slant_range in choices[Grid.range]:
-        if slant_range not in there:
-            raise ConfigurationError(
-                f"grid.range has {slant_range:g}, but every value must be one of "
-                f"{', '.join(f'{one:g}' for one in there)}, the values of infrared.range, for "
-                f"the classifier {NAME}"
-            )
 
 
 STAGES: tuple[Stage, ...] = (
     *(silhouette_scores, silhouette_sharpness, fusion, fusion_draws, fusion_states),
 )
-TABLES = tables_of(NAME, names_by_both)
+TABLES = NAMING.tables()

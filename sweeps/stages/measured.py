@@ -9,29 +9,20 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages.categories import (
-    Lessons,
-    Network,
-    answer_tests,
-    form_categories,
-    name_categories,
-)
+from sweeps.stages import categories, classifier
+from sweeps.stages.categories import Lessons, Network
 from sweeps.stages.classifier import (
-    GATHERED,
     NONE,
     Arrays,
     Classifier,
+    Naming,
+    Profiles,
     Views,
-    answers,
-    known_ships,
     profile_vectors,
-    state,
 )
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flight_checks import flown
@@ -44,13 +35,11 @@ from sweeps.stages.views import IRAR, Grid, Sweep, looks
 if TYPE_CHECKING:
     import xarray as xr
 
-Profiles = NDArray[np.float32]
 Namer = Callable[[Profiles, Views], Arrays]
 """(kind, ship, aspect, bin) profiles, (ship, aspect) views that are there -> `predicted` and
 `correct`, (kind, ship, aspect)."""
 
-GROUP, STATES = "classification/measured", "status_measured"
-ANSWER = ("kind", "ship", "aspect")
+NAMING = Naming("measured", looks(IRAR), of="measured profiles", dims=("kind", "ship", "aspect"))
 
 
 def acn_namer(
@@ -58,7 +47,6 @@ def acn_namer(
     there: Views,
     taught: Views,
     *,
-    vigilance: float,
     learn_in_test: bool,
     label_rule: str,
     score_rule: str,
@@ -66,21 +54,13 @@ def acn_namer(
 ) -> Namer:
     """Train the Adaptive Clustering Network."""
     lessons = Lessons.of(profiles, there, profile_vectors)
-    formed = form_categories(lessons, taught, (0, 0), vigilance, **settings)
-    names = name_categories(formed, label_rule)
+    formed = categories.form_categories(lessons, taught, (0, 0), **settings)
+    names = {key: one[None] for key, one in categories.name_categories(formed, label_rule).items()}
 
     def name(tests: Profiles, there: Views) -> Arrays:
-        found = answer_tests(
-            lessons,
-            {key: array[None] for key, array in formed.items()},
-            {key: array[None, None] for key, array in names.items()},
-            tests,
-            there,
-            *((vigilance,), (label_rule,), (score_rule,)),
-            learn_in_test=learn_in_test,
-            **settings,
-        )
-        return {key: found[key][0, :, 0, 0] for key in ("predicted", "correct")}
+        rules = (score_rule,), learn_in_test
+        found = categories.answer_tests(lessons, formed, names, tests, there, *rules)
+        return {key: found[key][:, 0, 0] for key in ("predicted", "correct")}
 
     return name
 
@@ -145,7 +125,11 @@ def lesson(
 
 
 @in_memory(
-    uses=(Grid,), gather=GATHERED, noise="mnn", stream=(Grid.pulse_width, Irar.depression), keep=4
+    uses=(Grid,),
+    gather=classifier.GATHERED,
+    noise="mnn",
+    stream=(Grid.pulse_width, Irar.depression),
+    keep=4,
 )
 def namer(
     lesson: tuple[str, tuple[tuple[str, Any], ...]],
@@ -164,24 +148,15 @@ def namer(
     return TRAINERS[name](learned_signature, there, taught, **dict(settings), **more)
 
 
-@stage(
-    *answers(
-        "measured profiles",
-        STATES,
-        Output("ship_correct", ANSWER, "i1", label="1 where the ship is right"),
-        dims=ANSWER,
-        right=": the ship, of the multilayered network its aspect bin, too",
-    ),
-    gather=GATHERED,
+@NAMING.answers(
+    Output("ship_correct", NAMING.dims, "i1", label="1 where the ship is right"),
+    right=": the ship, of the multilayered network its aspect bin, too",
     uses=(Grid,),
-    group=GROUP,
     dims=(
         *("pulse_width", "depression", "classifier", "vigilance"),
         *(name for name in FLIGHT if name != "depression"),
     ),
     names=NAMES,
-    when=looks(IRAR),
-    status="-",
 )
 def measured(namer: Namer, signature: Profiles, there: Views) -> Arrays:
     """Return what signatures of every kind are named.
@@ -198,7 +173,7 @@ def measured(namer: Namer, signature: Profiles, there: Views) -> Arrays:
         "predicted": predicted,
         "correct": correct,
         "ship_correct": np.where(correct == NONE, NONE, predicted == true),
-        "cell": state(correct, there),
+        "cell": classifier.state(correct, there),
     }
 
 
@@ -206,26 +181,18 @@ kinds_named, kinds_of_states = (
     stage(*signature_kinds.outputs, group=group, when=looks(IRAR), coordinates=True, name=name)(
         signature_kinds.function
     )
-    for group, name in ((GROUP, "kinds_named"), (STATES, "kinds_of_states"))
+    for group, name in (
+        ("classification/measured", "kinds_named"),
+        ("status_measured", "kinds_of_states"),
+    )
 )
 
 
-def able(choices: Choices) -> tuple[str, ...]:
-    """Return those classifiers of a sweep that can name measured profiles."""
-    return tuple(name for name in choices[Classifier.name] if name in TRAINERS)
-
-
 def check(choices: Choices) -> Choices:
-    """Refuse classifiers that cannot name measured profiles; drop them where others can.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the key.
-    """
+    """Refuse classifiers that cannot name measured profiles; drop them where others can."""
     if not looks(IRAR)(choices):
         return choices
-    names = able(choices)
+    names = tuple(name for name in choices[Classifier.name] if name in TRAINERS)
     if not names:
         raise ConfigurationError(
             f"classifier.name is {', '.join(choices[Classifier.name])}, but must have one of "
@@ -245,10 +212,10 @@ def check(choices: Choices) -> Choices:
 
 def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Tabulate the answers about ships that are learned, and flown past."""
-    known, past = known_ships(classified, choices), flown(choices)
+    known, past = classifier.known_ships(classified, choices), flown(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
     return data_set(scored_profiles(known), known.aspect)
 
 
 STAGES: tuple[Stage, ...] = (lesson, namer, measured, kinds_named, kinds_of_states)
-TABLES: tuple[Table, ...] = (Table("tables/measured", (GROUP,), tabulate_measured, looks(IRAR)),)
+TABLES = NAMING.tables(tabulate_measured)

@@ -11,20 +11,9 @@ from numpy.typing import NDArray
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.engine.stage import Output, Stage, stage
-from sweeps.stages.classifier import (
-    GATHERED,
-    NONE,
-    OF_PROFILES,
-    VIEW,
-    Arrays,
-    Views,
-    answers,
-    judged,
-    names_by,
-    state,
-    tables_of,
-)
+from sweeps.engine.stage import Output, Stage
+from sweeps.stages import classifier
+from sweeps.stages.classifier import GATHERED, NONE, Arrays, Naming, Profiles, Views
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import RANGE, Grid
 
@@ -32,12 +21,20 @@ if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
 NAME = "mnn"
-GROUP = "classification/mnn"
+NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
 RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
 DIMS = (
-    *(*OF_PROFILES, "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs"),
+    *(*classifier.OF_PROFILES, "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs"),
     *("annealing", "replicate", "frame_count"),
 )
+
+# What a fitted network needs to answer: its attributes, those of both layers, and their dimensions.
+WHOLE = {"classes_": "class", "centre_": "feature", "scale_": "feature"}
+LAYERS = {
+    "weights_": (("node", "feature"), ("class", "node")),
+    "offsets_": (("node",), ("class",)),
+    "gains_": (("node",), ("class",)),
+}
 
 
 class Mnn(Settings, key="classifier.mnn"):
@@ -47,32 +44,25 @@ class Mnn(Settings, key="classifier.mnn"):
         1000, 1, 10**6, label="presentations of the training profiles at most", noted=True
     )
     grow_every = count(
-        10,
-        1,
-        10**6,
+        *(10, 1, 10**6),
         label="presentations before another hidden node",
         help="and the next level of gain",
         noted=True,
     )
     learning_rate = number(
-        0.015,
-        1e-6,
-        1000,
+        *(0.015, 1e-6, 1000),
         label="learning rate of the multilayered network",
         dimension="mnn_learning_rate",
         noted=True,
     )
     tolerance = number(
-        0.35,
-        1e-6,
-        0.999,
+        *(0.35, 1e-6, 0.999),
         label="root mean square error at which training stops",
         help="the source's scores need a short training, and this one gives them",
         noted=True,
     )
     inputs = word(
-        STANDARDISED,
-        (RAW, FLOOR_REMOVED, STANDARDISED),
+        *(STANDARDISED, (RAW, FLOOR_REMOVED, STANDARDISED)),
         label="what the multilayered network sees of a profile",
         help="standardised: floor removed, centred and scaled",
         noted=True,
@@ -86,38 +76,32 @@ class Mnn(Settings, key="classifier.mnn"):
     max_hidden = count(25, 1, 1000, label="hidden nodes at most")
 
 
-@stage(
+@NAMING.stage(
     Output(
-        "training_correct",
-        VIEW,
-        "i1",
+        *("training_correct", classifier.VIEW, "i1"),
         label="1 where ship and aspect bin of the expected profile are right",
     ),
     Output("presentations", dtype="i4", fill=0, label="epochs trained"),
     Output("hidden", dtype="i2", fill=0, label="hidden nodes"),
     Output("loss", label="mean square error of the outputs at the end"),
-    Output("classes", ("class",), "i8", stored=False),
-    Output("hidden_weights", ("node", "feature"), "f8", stored=False),
-    Output("output_weights", ("class", "node"), "f8", stored=False),
     *(
-        Output(f"{layer}_{name}", (of,), "f8", stored=False)
-        for name in ("offsets", "gains")
-        for layer, of in (("hidden", "node"), ("output", "class"))
+        Output(name, (dim,), "i8" if name == "classes_" else "f8", stored=False)
+        for name, dim in WHOLE.items()
     ),
-    Output("centre", ("feature",), "f8", stored=False),
-    Output("scale", ("feature",), "f8", stored=False),
+    *(
+        Output(f"{name}{layer}", dims, "f8", stored=False)
+        for name, both in LAYERS.items()
+        for layer, dims in enumerate(both)
+    ),
     uses=(Grid, Mnn),
     gather=GATHERED,
-    group=GROUP,
     dims=DIMS,
-    when=names_by(NAME, RANGE),
     noise="mnn",
     # The same first weights in every setting: what differs between settings is their own doing.
     stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
-    status="-",
 )
 def mnn_training(
-    expected: NDArray[np.float32],
+    expected: Profiles,
     there: Views,
     taught: Views,
     aspect: tuple[float, ...],
@@ -166,26 +150,21 @@ def mnn_training(
     } | to_arrays(network)
 
 
-@stage(
-    *answers(
-        NAME,
-        f"status_{NAME}",
-        Output("predicted_bin", VIEW, "i2", label="number of the aspect bin named"),
-        Output(
-            "ship_correct", VIEW, "i1", label="1 where the ship is right, whatever the aspect bin"
-        ),
+@NAMING.answers(
+    Output("predicted_bin", classifier.VIEW, "i2", label="number of the aspect bin named"),
+    Output(
+        "ship_correct",
+        classifier.VIEW,
+        "i1",
+        label="1 where the ship is right, whatever the aspect bin",
     ),
     uses=(Grid, Mnn),
     along=(Grid.frame_count,),
-    gather=GATHERED,
-    group=GROUP,
     dims=DIMS,
-    when=names_by(NAME, RANGE),
-    status="-",
 )
 def mnn(
     mnn_training: Arrays,
-    averaged: NDArray[np.float32],
+    averaged: Profiles,
     there: Views,
     aspect: tuple[float, ...],
     inputs: str,
@@ -196,13 +175,13 @@ def mnn(
     for of_count, profiles in zip(named, averaged, strict=True):
         of_count[there] = network.predict(seen(profiles[there], inputs))
     bins = len(aspect_bins(aspect)[0])
-    found = judged(named // bins, there)
+    found = classifier.judged(named // bins, there)
     right = np.where(there, named == classes_of(there.shape, aspect), NONE)
     return found | {
         "correct": right,
         "predicted_bin": np.where(there, named % bins, NONE),
         "ship_correct": found["correct"],
-        "cell": state(right, there),
+        "cell": classifier.state(right, there),
     }
 
 
@@ -214,21 +193,15 @@ def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np
     return classes
 
 
-def seen(profiles: NDArray[np.float32], inputs: str) -> NDArray[np.floating]:
+def seen(profiles: Profiles, inputs: str) -> NDArray[np.floating]:
     """Return what the network sees of (view, bin) profiles."""
     return profiles if inputs == RAW else profile_vector(profiles)
 
 
 def to_arrays(network: GainAnnealedNetwork) -> Arrays:
     """Return all that a fitted network needs to answer."""
-    pairs = {"weights": network.weights_, "offsets": network.offsets_, "gains": network.gains_}
-    return {
-        "classes": network.classes_,
-        "centre": network.centre_,
-        "scale": network.scale_,
-        **{f"hidden_{name}": pair[0] for name, pair in pairs.items()},
-        **{f"output_{name}": pair[1] for name, pair in pairs.items()},
-    }
+    layers = {f"{name}{k}": getattr(network, name)[k] for name in LAYERS for k in range(2)}
+    return {name: getattr(network, name) for name in WHOLE} | layers
 
 
 def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
@@ -236,15 +209,14 @@ def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
     network = GainAnnealedNetwork()
-    network.classes_, network.n_features_in_ = arrays["classes"], arrays["centre"].size
-    network.centre_, network.scale_ = arrays["centre"], arrays["scale"]
-    network.weights_, network.offsets_, network.gains_ = (
-        [arrays[f"hidden_{name}"], arrays[f"output_{name}"]]
-        for name in ("weights", "offsets", "gains")
-    )
+    network.n_features_in_ = arrays["centre_"].size
+    for name in WHOLE:
+        setattr(network, name, arrays[name])
+    for name in LAYERS:
+        setattr(network, name, [arrays[f"{name}{k}"] for k in range(2)])
     return network
 
 
 SETTINGS: tuple[type[Settings], ...] = (Mnn,)
 STAGES: tuple[Stage, ...] = (mnn_training, mnn)
-TABLES = tables_of(NAME, names_by(NAME, RANGE))
+TABLES = NAMING.tables()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -37,17 +37,10 @@ def formed(classified: xr.Dataset, what: str) -> Scored:
 
 
 def scored(correct: xr.DataArray, prefix: str, what: str) -> Scored:
-    """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, each with its long name.
+    """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
-    Parameters
-    ----------
-    correct : xarray.DataArray
-        (..., ship, aspect): 1 where an answer is right, 0 where not, negative where nothing was
-        asked. Replicates, or draws, count for what they are: more looks at the same views.
-    prefix : str
-        Prefix of the names.
-    what : str
-        What is classified.
+    Of (..., ship, aspect) answers: 1 where right, 0 where not, negative where nothing was asked.
+    Replicates, or draws, count for what they are: more looks at the same views.
     """
     import xarray as xr
 
@@ -82,9 +75,7 @@ def scored_profiles(classified: xr.Dataset) -> Scored:
     return tables
 
 
-def data_set(
-    tables: Mapping[str, tuple[xr.DataArray, str]], aspect: xr.DataArray | None
-) -> xr.Dataset:
+def data_set(tables: Scored, aspect: xr.DataArray | None) -> xr.Dataset:
     """Return tables without units as a data set, each with its long name.
 
     Of aspects [deg] that were pooled the lowest of every bin is a coordinate; None where tables
@@ -132,24 +123,13 @@ MEANINGS = {
 def tabulate_rejection(
     classified: xr.Dataset, learned: Flags, test_vigilances: tuple[float, ...]
 ) -> xr.Dataset:
-    """Tabulate the receiver operating characteristic: what every test vigilance rejects.
+    """Return the receiver operating characteristic: what every test vigilance rejects.
 
-    Parameters
-    ----------
-    classified : xarray.Dataset
-        `similarity` and `correct` of a classifier.
-    learned : (ship, aspect) bool ndarray
-        Views that it has learned. A ship without any is unknown.
-    test_vigilances : tuple of float
-        Cosines below which a test answers "unknown".
-
-    Returns
-    -------
-    xarray.Dataset
-        `MEANINGS` over the classifier's axes and `aspects` (learned, or between them); the first
-        three of them by `test_vigilance`, and of the whole characteristic, whatever the test
-        vigilances, `correct_where_rejected` and `rejected_up_to` by `least_rejected`. NaN without
-        answers. Means over replicates, phases and orders, with `..._ci_low` and `..._ci_high`.
+    Of the `similarity` and `correct` of a classifier, (ship, aspect) views that it has learned, a
+    ship without any being unknown, and cosines below which a test answers "unknown": `MEANINGS`
+    over the classifier's axes and `aspects`, NaN without answers; means over replicates, phases
+    and orders, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`, `rejected_up_to` and
+    `area` are of the whole characteristic, whatever the test vigilances.
 
     Notes
     -----
@@ -158,10 +138,6 @@ def tabulate_rejection(
     The area under it, of known ships right over unknown ships let through, is the probability
     that an answer to a known ship is right and more similar than one to an unknown ship, a tie
     counting half (J. A. Hanley and B. J. McNeil 1982, Radiology 143, 29).
-
-    Intervals are those of the other tables: over replicates of the noise as
-    `ncti.evaluate.replicated_accuracy` has them, over phases and orders of the views that one of
-    them sees.
     """
     import xarray as xr
 
@@ -207,20 +183,14 @@ def tabulate_rejection(
 
 
 def _over(
-    pooled: list[str],
-    function: Callable[..., Any],
-    *arrays: xr.DataArray,
-    gives: list[str] | None = None,
+    pooled: list[str], function: Callable[..., Any], *arrays: xr.DataArray, gives: Any = ()
 ) -> xr.DataArray:
     """Return what a function makes of some axes pooled, at every place of the others."""
     import xarray as xr
 
+    whole, made = [pooled] * len(arrays), [gives]
     found: xr.DataArray = xr.apply_ufunc(
-        function,
-        *arrays,
-        input_core_dims=[pooled] * len(arrays),
-        output_core_dims=[gives or []],
-        vectorize=True,
+        function, *arrays, input_core_dims=whole, output_core_dims=made, vectorize=True
     )
     return found
 
