@@ -8,8 +8,7 @@ from range_channel import choose
 from ncti.evaluate import replicated_accuracy, wilson_interval
 from sweeps.engine.errors import ConfigurationError
 from sweeps.stages import classifier
-from sweeps.stages.classifier import learned
-from sweeps.stages.scores import tabulate_answers
+from sweeps.stages.classifier import tabulate_answers, taught
 
 GRID = {"grid__ship": ["duncan", "horne", "texas"], "grid__aspect": [0, 15, 45]}
 
@@ -22,7 +21,7 @@ def test_unknown_ships_and_aspects_between_are_not_learned():
     choices = choose(**GRID, classifier__unknown="horne", classifier__training_aspect=[45, 0])
     wanted = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
     np.testing.assert_array_equal(classifier.learned_of(choices), wanted)
-    np.testing.assert_array_equal(learned(("a", "b"), (0.0, 1.5), ("b",), None), [[1, 1], [0, 0]])
+    np.testing.assert_array_equal(taught(("a", "b"), (0.0, 1.5), ("b",), None), [[1, 1], [0, 0]])
 
 
 @pytest.mark.parametrize(
