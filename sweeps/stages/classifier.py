@@ -198,18 +198,10 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 @dataclass(frozen=True)
 class Naming:
-    """A group of answers: how its stages and tables are declared.
+    """A group of answers, and how its stages and tables are declared.
 
-    Attributes
-    ----------
-    name : str
-        Last word of the group, and of those of its tables.
-    when : callable
-        Whether a configuration has it.
-    of, states : str
-        Whose cells there are states of, and the group of these; by the name when empty.
-    dims : tuple of str
-        Dimensions of an answer.
+    Its name, and those of its tables; when a configuration has it; whose cells there are states
+    of, and their group, by the name when empty; and the dimensions of an answer.
     """
 
     name: str
@@ -236,13 +228,13 @@ class Naming:
         The ship named does not depend on some settings, and more than it may have to be right.
         """
         named = "ship named, as an index into the ship axis"
-        states, of = self.states or f"status_{self.name}", self.of or self.name
-        about = {"label": f"state of a cell of {of}", "group": states, "attrs": STATE}
+        states = self.states or f"status_{self.name}"
+        state = f"state of a cell of {self.of or self.name}"
         return self.stage(
             Output("predicted", self.dims, "i2", label=named, without=without),
             Output("correct", self.dims, "i1", label=f"1 where the answer is right{right}"),
             *outputs,
-            Output("cell", self.dims, "i1", failed=0, **about),  # type: ignore[arg-type]
+            Output("cell", self.dims, "i1", label=state, failed=0, group=states, attrs=STATE),
             gather=gather,
             **how,
         )
@@ -253,18 +245,17 @@ class Naming:
         """Return the tables of the group; of rejections, too, where a view is not learned."""
         group = (f"classification/{self.name}",)
 
-        def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-            vigilances = choices[Classifier.test_vigilance]
-            return tabulate_rejection(classified, learned_of(choices), vigilances)
+        def reject(found: xr.Dataset, choices: Choices) -> xr.Dataset:
+            return tabulate_rejection(
+                found, learned_of(choices), choices[Classifier.test_vigilance]
+            )
 
         def asked(choices: Choices) -> bool:
             return self.when(choices) and not learned_of(choices).all()
 
-        rejections = (Table(f"tables/rejection_{self.name}", group, reject, asked),)
-        return (
-            Table(f"tables/{self.name}", group, make, self.when),
-            *(rejections if rejecting else ()),
-        )
+        scores = Table(f"tables/{self.name}", group, make, self.when)
+        rejections = Table(f"tables/rejection_{self.name}", group, reject, asked)
+        return (scores, rejections) if rejecting else (scores,)
 
 
 SETTINGS: tuple[type[Settings], ...] = (Classifier,)

@@ -15,19 +15,11 @@ from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
 from sweeps.stages import categories, classifier
 from sweeps.stages.categories import Lessons, Network
-from sweeps.stages.classifier import (
-    NONE,
-    Arrays,
-    Classifier,
-    Naming,
-    Profiles,
-    Views,
-    profile_vectors,
-)
+from sweeps.stages.classifier import NONE, Arrays, Classifier, Naming, Profiles, Views
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flight_checks import flown
 from sweeps.stages.irar import FLIGHT, Irar
-from sweeps.stages.mnn import Mnn, mnn, mnn_training
+from sweeps.stages.mnn import mnn, mnn_training
 from sweeps.stages.scores import data_set, scored_profiles
 from sweeps.stages.signatures import KINDS, NAMES, signature_kinds
 from sweeps.stages.views import IRAR, Grid, Sweep, looks
@@ -53,7 +45,7 @@ def acn_namer(
     **settings: Any,
 ) -> Namer:
     """Train the Adaptive Clustering Network."""
-    lessons = Lessons.of(profiles, there, profile_vectors)
+    lessons = Lessons.of(profiles, there, classifier.profile_vectors)
     formed = categories.form_categories(lessons, taught, (0, 0), **settings)
     names = {key: one[None] for key, one in categories.name_categories(formed, label_rule).items()}
 
@@ -66,22 +58,26 @@ def acn_namer(
 
 
 def mnn_namer(
-    profiles: Profiles, there: Views, taught: Views, *, mnn_learning_rate: float, **settings: Any
+    profiles: Profiles,
+    there: Views,
+    taught: Views,
+    aspect: tuple[float, ...],
+    rng: np.random.Generator,
+    **settings: Any,
 ) -> Namer:
     """Train the multilayered network."""
-    trained = mnn_training(profiles, there, taught, learning_rate=mnn_learning_rate, **settings)
-    aspect, inputs = settings["aspect"], settings["inputs"]
-    return lambda tests, there: mnn(trained, tests, there, aspect, inputs)
+    trained = mnn_training(profiles, there, taught, aspect, tuple(settings.items()), rng)
+    return lambda tests, there: mnn(trained, tests, there, aspect, settings["inputs"])
 
 
 def correlation_namer(profiles: Profiles, there: Views, taught: Views) -> Namer:
     """Learn profiles to correlate others with."""
-    lessons = profile_vectors(profiles)[None]
+    lessons = classifier.profile_vectors(profiles)[None]
 
     def name(tests: Profiles, now_there: Views) -> Arrays:
         found = [
             match_views(lessons, of_kind, now_there, taught & there, (False,))
-            for of_kind in profile_vectors(tests)
+            for of_kind in classifier.profile_vectors(tests)
         ]
         return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
 
@@ -95,14 +91,10 @@ TRAINERS: dict[str, Callable[..., Namer]] = {
 }
 """Who can name measured profiles: whoever needs no moments, which nobody knows of them."""
 
-OWN: dict[str, tuple[str, ...]] = {
-    "acn": ("vigilance", *(one.name for one in Network.declared)),
-    "mnn": tuple(one.name for one in Mnn.declared),
-}
-"""Settings that matter to each."""
+Lesson = tuple[str, tuple[tuple[str, Any], ...]]
 
 
-@plain(uses=(Grid, Classifier, Network, Mnn), reads={"mnn_learning_rate": Mnn.learning_rate})
+@plain(uses=(Grid, Classifier, Network))
 def lesson(
     name: str,
     vigilance: float,
@@ -111,28 +103,25 @@ def lesson(
     learn_in_test: bool,
     label_rule: str,
     score_rule: str,
-    epochs: int,
-    grow_every: int,
-    mnn_learning_rate: float,
-    tolerance: float,
-    inputs: str,
-    annealing: bool,
-    max_hidden: int,
-) -> tuple[str, tuple[tuple[str, Any], ...]]:
+    mnn_settings: tuple[tuple[str, Any], ...],
+) -> Lesson:
     """Return who learns, and the settings that matter to it: others do not train it again."""
     given = locals()
-    return name, tuple((key, given[key]) for key in OWN.get(name, ()))
+    of_network = tuple(
+        (key, given[key]) for key in ("vigilance", *(one.name for one in Network.declared))
+    )
+    return name, {"acn": of_network, "mnn": mnn_settings}.get(name, ())
 
 
 @in_memory(
-    uses=(Grid,),
     gather=classifier.GATHERED,
     noise="mnn",
     stream=(Grid.pulse_width, Irar.depression),
     keep=4,
+    uses=(Grid,),
 )
 def namer(
-    lesson: tuple[str, tuple[tuple[str, Any], ...]],
+    lesson: Lesson,
     learned_signature: Profiles,
     there: Views,
     taught: Views,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.engine.stage import Output, Stage
+from sweeps.engine.stage import Output, Stage, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Arrays, Naming, Profiles, Views
 from sweeps.stages.ladar import Ladar
@@ -76,6 +76,20 @@ class Mnn(Settings, key="classifier.mnn"):
     max_hidden = count(25, 1, 1000, label="hidden nodes at most")
 
 
+@plain(uses=(Mnn,))
+def mnn_settings(
+    epochs: int,
+    grow_every: int,
+    learning_rate: float,
+    tolerance: float,
+    inputs: str,
+    annealing: bool,
+    max_hidden: int,
+) -> tuple[tuple[str, Any], ...]:
+    """Return how a network is trained."""
+    return tuple(locals().items())
+
+
 @NAMING.stage(
     Output(
         *("training_correct", classifier.VIEW, "i1"),
@@ -93,7 +107,7 @@ class Mnn(Settings, key="classifier.mnn"):
         for name, both in LAYERS.items()
         for layer, dims in enumerate(both)
     ),
-    uses=(Grid, Mnn),
+    uses=(Grid,),
     gather=GATHERED,
     dims=DIMS,
     noise="mnn",
@@ -105,13 +119,7 @@ def mnn_training(
     there: Views,
     taught: Views,
     aspect: tuple[float, ...],
-    epochs: int,
-    grow_every: int,
-    learning_rate: float,
-    tolerance: float,
-    inputs: str,
-    annealing: bool,
-    max_hidden: int,
+    mnn_settings: tuple[tuple[str, Any], ...],
     rng: np.random.Generator,
 ) -> Arrays:
     """Return a network trained on expected profiles, with an output for every ship and aspect bin.
@@ -125,16 +133,11 @@ def mnn_training(
 
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
-    network = GainAnnealedNetwork(
-        epochs=epochs,
-        grow_every=grow_every,
-        learning_rate=learning_rate,
-        annealing=annealing,
-        max_hidden=max_hidden,
-        tolerance=tolerance,
-        scaling="common" if inputs == STANDARDISED else "none",
-        random_state=int(rng.integers(2**32)),
-    )
+    settings = dict(mnn_settings)
+    inputs = settings.pop("inputs")
+    scaling = "common" if inputs == STANDARDISED else "none"
+    first = int(rng.integers(2**32))
+    network = GainAnnealedNetwork(**settings, scaling=scaling, random_state=first)
     truth = classes_of(there.shape, aspect)
     known = taught & there
     with warnings.catch_warnings():
@@ -153,9 +156,7 @@ def mnn_training(
 @NAMING.answers(
     Output("predicted_bin", classifier.VIEW, "i2", label="number of the aspect bin named"),
     Output(
-        "ship_correct",
-        classifier.VIEW,
-        "i1",
+        *("ship_correct", classifier.VIEW, "i1"),
         label="1 where the ship is right, whatever the aspect bin",
     ),
     uses=(Grid, Mnn),
@@ -163,11 +164,7 @@ def mnn_training(
     dims=DIMS,
 )
 def mnn(
-    mnn_training: Arrays,
-    averaged: Profiles,
-    there: Views,
-    aspect: tuple[float, ...],
-    inputs: str,
+    mnn_training: Arrays, averaged: Profiles, there: Views, aspect: tuple[float, ...], inputs: str
 ) -> Arrays:
     """Return what averaged profiles are named, one number of frames at a time."""
     network = from_arrays(mnn_training)
@@ -218,5 +215,5 @@ def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Mnn,)
-STAGES: tuple[Stage, ...] = (mnn_training, mnn)
+STAGES: tuple[Stage, ...] = (mnn_settings, mnn_training, mnn)
 TABLES = NAMING.tables()

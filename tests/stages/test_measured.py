@@ -15,6 +15,7 @@ from sweeps.engine.plan import Plan
 from sweeps.stages import classifier
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.measured import lesson, measured, namer, tabulate_measured
+from sweeps.stages.mnn import Mnn, mnn_settings
 from sweeps.stages.signatures import KINDS
 
 SHIPS, ASPECTS, BINS = ("a", "b", "c"), (0.0, 30.0, 60.0, 90.0), 120
@@ -43,18 +44,12 @@ def signatures():
 
 def taught(name, **changes):
     """The lesson of a classifier, with few epochs."""
-    settings = {
-        one.key.rpartition(".")[2]: value[0]
-        for one in EXPERIMENT.declared
-        if one.key.startswith("classifier.") and "mnn" not in one.key
-        for value in [read()[one]]
-    }
-    of_mnn = {
-        one.name: read()[one][0]
-        for one in EXPERIMENT.declared
-        if one.key.startswith("classifier.mnn.")
-    }
-    given = settings | of_mnn | {"name": name, "vigilance": 0.9, "epochs": 60} | changes
+    choices = read()
+    names = (setting for setting in EXPERIMENT.declared if setting.key.startswith("classifier."))
+    given = {setting.name: choices[setting][0] for setting in names}
+    given |= {"name": name, "vigilance": 0.9, "epochs": 60} | changes
+    of_mnn = {one.key.rpartition(".")[2]: given[one.name] for one in Mnn.declared}
+    given["mnn_settings"] = mnn_settings(**of_mnn)
     return lesson(**{key: given[key] for key in lesson.arguments})
 
 

@@ -24,9 +24,9 @@ TRUTH = np.arange(SHIPS)[:, None] * 3 + GROUP
 
 
 def trained(cell, unknown=None, training_aspect=None, seed=0, **settings):
-    given = DEFAULTS | settings | {"rng": cell_rng(seed, stage="mnn")}
-    taught = learned(unknown, training_aspect)
-    return mnn.mnn_training(cell.expected, cell.there, taught, ASPECTS, **given)
+    given, taught = mnn.mnn_settings(**DEFAULTS | settings), learned(unknown, training_aspect)
+    rng = cell_rng(seed, stage="mnn")
+    return mnn.mnn_training(cell.expected, cell.there, taught, ASPECTS, given, rng)
 
 
 def answered(cell, network, frames=FRAMES, inputs="standardised", replicate=0):
