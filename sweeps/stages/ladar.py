@@ -25,6 +25,7 @@ from ncti.render import RangeImage
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, count, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
+from sweeps.stages.classifier import Classifier
 from sweeps.stages.views import (
     INFRARED,
     RANGE,
@@ -40,7 +41,6 @@ Arrays = dict[str, NDArray[Any]]
 
 PROFILES = "range_profile"
 STATUS = "status:view"
-CLASSIFIER = "classifier.name"  # key of a setting of a module that may stand on this one
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
 # Classifiers for which covariances are stored, and the sensors that each needs.
 WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
@@ -226,9 +226,7 @@ def averaged(
 def stores_moments(choices: Choices) -> bool:
     """Whether range profiles have their covariance beside them."""
     sensors = set(choices.one(Sweep.sensor))
-    return any(
-        WITH_MOMENTS.get(name, {""}) <= sensors for name in choices.values.get(CLASSIFIER, ())
-    )
+    return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in choices[Classifier.name])
 
 
 @stage(
