@@ -20,6 +20,7 @@ from sweeps.stages.categories import (
     presentation_order,
 )
 from sweeps.stages.classifier import map_vectors, profile_vectors
+from sweeps.stages.silhouettes import STEPS
 
 TRAINED = {"learning_rate": 0.1, "max_passes": 200}
 
@@ -283,4 +284,4 @@ def test_maps_are_shares_of_their_cells():
     maps = np.arange(24, dtype=np.uint8).reshape(1, 2, 1, 3, 4) * 11
     found = map_vectors(maps)
     assert found.shape == (1, 2, 12)
-    np.testing.assert_allclose(found.ravel(), np.arange(24) * 11 / 255, rtol=1e-6)
+    np.testing.assert_allclose(found.ravel(), np.arange(24) * 11 / STEPS, rtol=1e-6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
-from range_channel import choose
+from range_channel import EXPERIMENT, choose
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
 from sweeps.engine.errors import ConfigurationError
@@ -50,6 +50,11 @@ def test_unknown_ships_and_aspects_between_are_not_learned():
 def test_invalid_choices_are_refused(given, said):
     with pytest.raises(ConfigurationError, match=said):
         classifier.check(choose(**GRID, **given))
+
+
+def test_what_is_known_by_its_key_is_a_setting():
+    (receiver,) = (one for one in EXPERIMENT.declared if one.key == classifier.RECEIVER)
+    assert receiver.default == classifier.FULL
 
 
 def test_a_classifier_is_there_if_it_is_chosen_and_the_sensor_looks():
