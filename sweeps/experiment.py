@@ -14,17 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from sweeps.engine.experiment import Experiment
-from sweeps.engine.kinds import Kind, Word
+from sweeps.engine.kinds import Kind, SetOf, Word
 from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Setting, Settings
+from sweeps.engine.settings import Choices, Settings
 from sweeps.engine.stage import Stage
 from sweeps.stages import (
     acn,
-    acn_infrared,
     classifier,
     corrections,
     correlation,
-    flight_checks,
     flights,
     fusion,
     images,
@@ -38,6 +36,7 @@ from sweeps.stages import (
     silhouettes,
     views,
 )
+from sweeps.stages.classifier import Classifier
 from sweeps.stages.views import (
     CACHE_VARIABLE,
     IRAR,
@@ -53,24 +52,9 @@ from sweeps.stages.views import (
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
 
 MODULES: tuple[Any, ...] = (
-    views,
-    ladar,
-    infrared,
-    images,
-    silhouettes,
-    irar,
-    flights,
-    corrections,
-    signatures,
-    flight_checks,
-    classifier,
-    acn,
-    mnn,
-    correlation,
-    likelihood,
-    acn_infrared,
-    fusion,
-    measured,
+    *(views, ladar, infrared, images, silhouettes),
+    *(irar, flights, corrections, signatures),
+    *(classifier, acn, mnn, correlation, likelihood, fusion, measured),
 )
 
 VERSIONS = (
@@ -80,35 +64,31 @@ VERSIONS = (
 
 
 def conf_folder() -> Path:
-    """Folder of the configuration: inside the installed package, or at the repository root."""
+    """Return the configuration's folder: in the installed package, or at the repository root."""
     package = Path(__file__).resolve().parent
     inside = package / "conf"
     return inside if inside.is_dir() else package.parent / "conf"
 
 
 def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
-    """Experiment of what some modules declare.
+    """Return the experiment of what some modules, or whatever has the same names, declare.
 
-    Parameters
-    ----------
-    *modules : module
-        Or anything that has the same names.
-    code : tuple of str
-        Further packages, besides this project's, whose code counts in the keys of results.
+    Further packages may be named, besides this project's, whose code counts in the keys of results.
     """
-    sensors = _declared(modules, "SENSOR")
-    names = _declared(modules, "NAME")
-    words = {
-        Sweep.sensor.key: replace(Sweep.sensor.kind, kind=Word(sensors)),  # type: ignore[type-var]
-        classifier.Classifier.name.key: Word(names),
-    }
-    groups = tuple(
-        _with_words(group, words) for one in modules for group in getattr(one, "SETTINGS", ())
-    )
 
-    stages: tuple[Stage, ...] = tuple(
-        stage for one in modules for stage in getattr(one, "STAGES", ())
-    )
+    def declared(name: str) -> tuple[Any, ...]:
+        return tuple(one for module in modules for one in getattr(module, name, ()))
+
+    def named(name: str) -> Word:
+        return Word(tuple(getattr(module, name) for module in modules if hasattr(module, name)))
+
+    sensors = Sweep.sensor.kind
+    assert isinstance(sensors, SetOf)
+    kinds: dict[str, Kind] = {
+        Sweep.sensor.key: replace(sensors, kind=named("SENSOR")),
+        Classifier.name.key: named("NAME"),
+    }
+    stages = declared("STAGES")
 
     def check(choices: Choices) -> Choices:
         if folder := choices.one(Run.cache):
@@ -129,17 +109,21 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
             if not looks(IRAR)(choices)
         ]
 
+    def attributes(choices: Choices) -> dict[str, Any]:
+        digests = {str(ship): hull.function(ship).digest for ship in choices[Grid.ship]}
+        return {"mesh_digests": digests}
+
     return Experiment(
         "ncti-sweep",
         TITLE,
-        groups,
+        tuple(_with_words(group, kinds) for group in declared("SETTINGS")),
         stages,
-        tables=tuple(table for one in modules for table in getattr(one, "TABLES", ())),
-        statuses=tuple(status for one in modules for status in getattr(one, "STATUSES", ())),
+        tables=declared("TABLES"),
+        statuses=declared("STATUSES"),
         check=check,
         remarks=remarks,
         versions=VERSIONS,
-        attributes=_attributes,
+        attributes=attributes,
         conf=conf_folder(),
         code=("ncti", "sweeps", *code),
     )
@@ -147,36 +131,24 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
 def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
     """Return those classifiers of a sweep without which it would have the same groups."""
-    setting = classifier.Classifier.name
     asked = [stage for stage in stages if stage.group is not None and stage.when(choices)]
+    names = choices[Classifier.name]
 
     def without(name: str) -> Choices:
-        return choices.having(setting, tuple(one for one in choices[setting] if one != name))
+        return choices.having(Classifier.name, tuple(one for one in names if one != name))
 
-    return [name for name in choices[setting] if all(one.when(without(name)) for one in asked)]
-
-
-def _declared(modules: Iterable[Any], name: str) -> tuple[str, ...]:
-    found = (getattr(one, name, None) for one in modules)
-    return tuple(word for word in found if word is not None)
+    return [name for name in names if all(one.when(without(name)) for one in asked)]
 
 
-def _with_words(group: type[Settings], words: Mapping[str, Kind]) -> type[Settings]:
-    """A group of settings, those of some keys with other words to choose from."""
-    if not any(setting.key in words for setting in group.declared):
+def _with_words(group: type[Settings], kinds: Mapping[str, Kind]) -> type[Settings]:
+    """Return a group of settings, those of some keys with other words to choose from."""
+    if not any(setting.key in kinds for setting in group.declared):
         return group
-    members: dict[str, Setting] = {
-        setting.key.rpartition(".")[2]: replace(setting, kind=words[setting.key])
-        if setting.key in words
-        else setting
+    members: dict[str, Any] = {
+        setting.key.rpartition(".")[2]: replace(setting, kind=kinds.get(setting.key, setting.kind))
         for setting in group.declared
     }
     return type(group.__name__, (Settings,), {"__doc__": group.__doc__, **members}, key=group.key)
-
-
-def _attributes(choices: Choices) -> dict[str, Any]:
-    digests = {str(ship): hull.function(ship).digest for ship in choices[Grid.ship]}
-    return {"mesh_digests": digests}
 
 
 EXPERIMENT = assemble(*MODULES)

@@ -23,10 +23,10 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from platformdirs import user_cache_path
 
-from sweeps.engine.cells import open_index
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.experiment import Experiment
+from sweeps.engine.folders import check_folder, check_target
 from sweeps.engine.front import (
     composing,
     explain,
@@ -41,11 +41,11 @@ from sweeps.engine.multirun import Job, crossed, fused, split
 from sweeps.engine.plan import Plan
 from sweeps.engine.preview import preview
 from sweeps.engine.printing import forgiving, say, show
+from sweeps.engine.results import open_index
 from sweeps.engine.run import Finished, Place, existing, sweep
 from sweeps.engine.run_settings import Cluster, Run
 from sweeps.engine.settings import Choices
 from sweeps.engine.settings_table import settings_table
-from sweeps.engine.target import check_folder, check_target
 from sweeps.engine.tasks import reason
 from sweeps.engine.watching import NAMED_FAILURES, summary, watching
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import threading
-from collections import OrderedDict, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -16,15 +15,8 @@ from numpy.typing import NDArray
 
 from sweeps.engine.experiment import Bound, DeclarationError
 from sweeps.engine.inputs import Arrays, Damaged, Spot
-from sweeps.engine.layout import (
-    Layout,
-    axis_coordinates,
-    is_dimension,
-    joint_coordinates,
-    layout_of,
-    scalar_coordinates,
-)
-from sweeps.engine.plan import Place, Plan
+from sweeps.engine.plan import Axis, Plan
+from sweeps.engine.settings import Setting
 from sweeps.engine.stage import Output
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
@@ -35,31 +27,83 @@ REMEMBERED = 2**28  # bytes of cells that stay in memory between variables
 AT_ONCE = 512  # cells whose shapes are looked at
 
 Reader = Callable[[Sequence[Spot]], list[Arrays | None]]
+Spans = list[tuple[int, int]]  # begin and length along each own dimension of an output
 
 
-@dataclass
-class Extents:
-    """Lengths of an output's own dimensions, and where the first of them begins."""
+@dataclass(frozen=True)
+class Layout:
+    """How an output of a stage lies in the store."""
 
-    lengths: list[int]
-    starts: list[int]
+    bound: Bound
+    output: Output
+    group: str
+    axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
+    order: tuple[int, ...]  # where each dimension comes from: these axes first, then its own
+
+    @property
+    def ragged(self) -> bool:
+        """Whether its arrays differ in shape, or in where they begin."""
+        return bool(self.output.dims) and (self.output.pad is not None or bool(self.output.origin))
+
+    def spans(self, arrays: Arrays) -> Spans:
+        """Where a cell begins on each own dimension, and how long it is."""
+        output, shape = self.output, arrays[self.output.name].shape
+        if len(shape) != len(output.dims):
+            raise DeclarationError(
+                f"stage {self.bound.name}: {output.name} has the shape {shape}, but the dimensions "
+                f"{', '.join(output.dims)}"
+            )
+        begins = [
+            int(arrays[output.origin[dim]]) if dim in output.origin else 0 for dim in output.dims
+        ]
+        return list(zip(begins, shape, strict=True))
+
+
+def within(spans: Spans, starts: Sequence[int]) -> tuple[slice, ...]:
+    """Where a cell lies in the variable, whose own dimensions start somewhere."""
+    pairs = zip(spans, starts, strict=True)
+    return tuple(slice(begin - start, begin - start + size) for (begin, size), start in pairs)
+
+
+def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
+    """How the outputs of a stage that the store has lie in it."""
+    order = {name: place for place, name in enumerate(bound.stage.dims)}
+
+    def rank(number: int) -> int:
+        axis = plan.axes[number]
+        renamed = bound.stage.names.get(axis.settings[0], "")
+        words = [renamed, axis.name, *(one.name for one in axis.settings)]
+        return min((order[word] for word in words if word in order), default=-1)
+
+    layouts = []
+    for output in bound.stage.outputs:
+        if not output.stored:
+            continue
+        left_out = set(output.without)
+        axes = [
+            number
+            for number in sorted(_dimensions(plan, bound), key=rank)
+            if not {one.name for one in plan.axes[number].settings} <= left_out
+        ]
+        ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
+        places = tuple(np.argsort(ranks, kind="stable").tolist())
+        group = output.group or str(bound.stage.group)
+        layouts.append(Layout(bound, output, group, tuple(axes), places))
+    return layouts
+
+
+def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
+    """Numbers of the axes that are dimensions of what depends on them, even with one value."""
+    numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
+    axes = [(number, plan.axes[number]) for number in sorted(numbers)]
+    return [n for n, axis in axes if axis.several or any(one.shown for one in axis.settings)]
 
 
 class Cube:
     """The arrays of a store, made of the cells of a plan.
 
-    Parameters
-    ----------
-    plan : Plan
-        What was wanted.
-    spots : mapping of str to Spot
-        Where cells are, by key.
-    failed : mapping of str to str
-        Why cells failed, by key.
-    read : callable
-        Reads cells; None for one that is damaged.
-    kept_as : callable
-        Key -> key that the cell is kept under.
+    By their keys, `spots` says where cells are, `failed` why they failed, and `kept_as` what key
+    they are kept under. `read` gives None for a damaged one.
     """
 
     def __init__(
@@ -76,187 +120,141 @@ class Cube:
         self._read_cells = read
         self._kept_as = kept_as
         self._lock = threading.Lock()
-        self._memory: OrderedDict[Spot, Arrays] = OrderedDict()
+        self._memory: dict[Spot, Arrays] = {}
         self._held = 0
 
     def groups(self) -> dict[str, Group]:
-        """Groups of the store by path.
-
-        Raises
-        ------
-        Damaged
-            If cells that are needed for the layout cannot be read back.
-        """
-        variables: dict[str, dict[str, Array]] = defaultdict(dict)
-        coordinates: dict[str, dict[str, Array]] = defaultdict(dict)
+        """Groups of the store by path; `Damaged` if cells that this needs cannot be read back."""
+        found: dict[str, Group] = {}
         members: dict[str, list[Layout]] = defaultdict(list)
         for bound in self.plan.targets:
-            for output in bound.stage.outputs:
-                if output.stored:
-                    layout = layout_of(self.plan, bound, output)
-                    members[layout.group].append(layout)
-        for group, layouts in members.items():
+            for layout in layouts_of(self.plan, bound):
+                members[layout.group].append(layout)
+        for name, layouts in members.items():
             names = self._names(layouts)
+            group = found[name] = Group({}, {}, ragged={})
             for layout in layouts:
-                into = coordinates if layout.bound.stage.coordinates else variables
-                into[group][layout.output.name] = self._array(layout, names, coordinates[group])
-            coordinates[group].update(self._coordinates(layouts, names))
-        for path, arrays, labels in self._statuses():
-            variables[path].update(arrays)
-            coordinates[path].update(labels)
-        return {
-            group: Group(arrays, coordinates[group]) for group, arrays in sorted(variables.items())
-        }
-
-    # layout ---------------------------------------------------------------------------------
+                self._add(group, layout, names)
+            group.coordinates.update(self._coordinates(layouts, names))
+        for name, arrays, labels in self._statuses():
+            group = found.setdefault(name, Group({}, {}))
+            group.arrays.update(arrays)
+            group.coordinates.update(labels)
+        return dict(sorted(found.items()))
 
     def _names(self, layouts: Sequence[Layout]) -> dict[int, str]:
         """Names of all axes that a group depends on; the whole key where the word is taken."""
-        names: dict[int, str] = {}
-        taken: set[str] = {dim for one in layouts for dim in one.output.dims}
+        axes, number_of = self.plan.axes, self.plan.axis_number
+        taken = {dim for one in layouts for dim in one.output.dims}
         gathered = {
-            self.plan.axis_number(key)
+            number_of(key)
             for one in layouts
             for key in one.bound.gather
-            if self.plan.axes[self.plan.axis_number(key)].name in one.output.dims
+            if axes[number_of(key)].name in one.output.dims
         }
-        needed: dict[int, Bound] = {}
-        for one in layouts:
-            for key in one.bound.needs:
-                needed.setdefault(self.plan.axis_number(key), one.bound)
-        dimensions = [number for number in needed if is_dimension(self.plan.axes[number])]
-        others = [number for number in sorted(needed) if number not in dimensions]
-        for number in (*sorted(dimensions), *others):
-            axis = self.plan.axes[number]
-            name = needed[number].stage.names.get(self.plan.axes[number].settings[0]) or axis.name
+        bounds = {number_of(key): one.bound for one in reversed(layouts) for key in one.bound.needs}
+        names: dict[int, str] = {}
+        for number in dict.fromkeys((*_dimensions(self.plan, *bounds.values()), *sorted(bounds))):
+            setting = axes[number].settings[0]
+            name = bounds[number].stage.names.get(setting) or axes[number].name
             if name in taken and number not in gathered:
-                name = self.plan.axes[number].settings[0].key.replace(".", "_")
+                name = setting.key.replace(".", "_")
             names[number] = name
             taken.add(name)
-        for number in gathered:
-            names[number] = self.plan.axes[number].name
-        return names
+        return names | {number: axes[number].name for number in gathered}
 
-    # variables ------------------------------------------------------------------------------
-
-    def _array(
-        self, layout: Layout, names: Mapping[int, str], coordinates: dict[str, Array]
-    ) -> Array:
+    def _add(self, group: Group, layout: Layout, names: Mapping[int, str]) -> None:
+        """Add the variable of an output to its group, and what goes with its own dimensions."""
         output, plan = layout.output, self.plan
-        extents = self._extents(layout)
-        lead = tuple(len(plan.axes[number].points) for number in layout.axes)
-        shape = (*lead, *extents.lengths)
+        starts, lengths = self._extents(group, layout)
+        for dim, start, length in zip(output.dims, starts, lengths, strict=True):
+            if dim in output.origin:
+                outputs = layout.bound.stage.outputs
+                begin = next(one for one in outputs if one.name == output.origin[dim])
+                about = {"units": begin.unit, "long_name": begin.label}
+                group.coordinates[dim] = Array.of((dim,), start + np.arange(length), about)
+        shape = (*(len(plan.axes[number].points) for number in layout.axes), *lengths)
         dims = (*(names[number] for number in layout.axes), *output.dims)
         dtype = np.dtype(output.dtype)
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(output.dims))
-        attrs: dict[str, Any] = {} if dtype.kind in "OU" else {"units": output.unit}
+        words = dtype.kind in "OU"
+        attrs: dict[str, Any] = {} if words else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
         if output.step != 1:
             attrs["scale_factor"] = output.step  # the integers are then read as numbers
-        if output.origin:
-            for place, dim in enumerate(output.dims):
-                if dim in output.origin:
-                    steps = extents.starts[place] + np.arange(extents.lengths[place])
-                    begin = output_named(layout.bound, output.origin[dim])
-                    about = {"units": begin.unit, "long_name": begin.label}
-                    coordinates[dim] = Array.of((dim,), steps, about)
         back = np.argsort(layout.order)
 
         def read(region: tuple[slice, ...]) -> NDArray[Any]:
             natural = tuple(region[k] for k in back)
-            return self._region(layout, extents, natural).transpose(layout.order)
+            return self._region(layout, starts, lengths, natural).transpose(layout.order)
 
-        fill = None if dtype.kind in "OU" else output.empty
-        ordered = [(dims[k], shape[k], chunks[k]) for k in layout.order]
-        named, sizes, parts = (tuple(one[k] for one in ordered) for k in range(3))
-        return Array(named, sizes, dtype, fill, attrs, parts, read)  # type: ignore[arg-type]
+        given: Any = (tuple(one[k] for k in layout.order) for one in (dims, shape, chunks))
+        named, sizes, parts = given
+        fill = None if words else output.empty
+        into = group.coordinates if layout.bound.stage.coordinates else group.arrays
+        into[output.name] = Array(named, sizes, dtype, fill, attrs, parts, read)
 
-    def _cell_places(self, layout: Layout) -> list[Place]:
-        """Place of a cell for every place of the variable's axes, the last of these fastest."""
-        plan, bound = self.plan, layout.bound
-        ranges = [range(len(plan.axes[number].points)) for number in layout.axes]
-        own = plan.axes_on(bound)
+    def _keys(self, layout: Layout, ranges: Sequence[range]) -> list[str]:
+        """Key of the cell at every place in ranges of the variable's axes, the last fastest."""
+        own = self.plan.axes_on(layout.bound)
         at = [layout.axes.index(number) if number in layout.axes else None for number in own]
-        return [tuple(0 if k is None else point[k] for k in at) for point in product(*ranges)]
+        return [
+            self.plan.key(layout.bound, tuple(0 if k is None else point[k] for k in at))
+            for point in product(*ranges)
+        ]
 
-    def _extents(self, layout: Layout) -> Extents:
-        """Sizes of an output's own dimensions: those of one cell, or of the largest."""
-        output, bound = layout.output, layout.bound
-        if not output.dims:
-            return Extents([], [])
-        gathered = {
-            axis.name: len(axis.points)
-            for axis in (self.plan.axes[n] for n in self.plan.gathered(bound))
-        }
-        if set(output.dims) <= set(gathered):
-            return Extents([gathered[dim] for dim in output.dims], [0] * len(output.dims))
-        keys = dict.fromkeys(self.plan.key(bound, place) for place in self._cell_places(layout))
-        there = [self.spots[key] for key in keys if key in self.spots]
-        ragged = output.pad is not None or bool(output.origin)
-        lengths, starts, ends = [0] * len(output.dims), None, None
-        for arrays in self._one_by_one(there if ragged else there[:1]):
-            size = arrays[output.name].shape
-            if len(size) != len(output.dims):
-                raise DeclarationError(
-                    f"stage {bound.name}: {output.name} has the shape {size}, but the dimensions "
-                    f"{', '.join(output.dims)}"
-                )
-            if not output.origin:
-                lengths = [max(pair) for pair in zip(lengths, size, strict=True)]
-                continue
-            first = [
-                int(arrays[output.origin[dim]]) if dim in output.origin else 0
-                for dim in output.dims
-            ]
-            last = [begin + length for begin, length in zip(first, size, strict=True)]
-            starts = first if starts is None else list(map(min, starts, first))
-            ends = last if ends is None else list(map(max, ends, last))
-        if starts is None or ends is None:
-            return Extents(lengths, [0] * len(lengths))
-        return Extents([end - start for start, end in zip(starts, ends, strict=True)], starts)
+    def _extents(self, group: Group, layout: Layout) -> tuple[list[int], list[int]]:
+        """Where an output's own dimensions start, and their lengths: what all cells fit into."""
+        dims = layout.output.dims
+        numbers = self.plan.gathered(layout.bound)
+        gathered = {self.plan.axes[n].name: len(self.plan.axes[n].points) for n in numbers}
+        if set(dims) <= set(gathered):
+            return [0] * len(dims), [gathered[dim] for dim in dims]
+        keys = self._keys(layout, [range(len(self.plan.axes[n].points)) for n in layout.axes])
+        there = [key for key in dict.fromkeys(keys) if key in self.spots]
+        spans: dict[str, Spans] = {}
+        for start in range(0, len(there) if layout.ragged else min(len(there), 1), AT_ONCE):
+            part = there[start : start + (AT_ONCE if layout.ragged else 1)]
+            cells = self._cells([self.spots[key] for key in part])
+            spans |= zip(part, map(layout.spans, cells), strict=True)
+        if layout.ragged:
+            group.ragged[layout.output.name] = [spans.get(key) for key in keys]
+        if not spans:
+            return [0] * len(dims), [0] * len(dims)
+        along = list(zip(*spans.values(), strict=True))
+        starts = [min(begin for begin, _ in one) for one in along]
+        ends = [max(begin + length for begin, length in one) for one in along]
+        return starts, [end - start for start, end in zip(starts, ends, strict=True)]
 
-    def _one_by_one(self, spots: Sequence[Spot]) -> Iterator[Arrays]:
-        """Arrays of cells, read many at once."""
-        for start in range(0, len(spots), AT_ONCE):
-            yield from self._cells(spots[start : start + AT_ONCE])
-
-    def _region(self, layout: Layout, extents: Extents, region: tuple[slice, ...]) -> NDArray[Any]:
+    def _region(
+        self, layout: Layout, starts: list[int], lengths: list[int], region: tuple[slice, ...]
+    ) -> NDArray[Any]:
         """Values of one region of a variable, whole along its own dimensions."""
-        plan, output, bound = self.plan, layout.output, layout.bound
-        lead = region[: len(layout.axes)]
-        ranges = [range(one.start, one.stop) for one in lead]
-        own = plan.axes_on(bound)
-        at = [layout.axes.index(number) if number in layout.axes else None for number in own]
-        shape = (*map(len, ranges), *extents.lengths)
-        values = np.full(shape, output.empty, dtype=output.dtype)
-        flat = values.reshape(math.prod(map(len, ranges)), *extents.lengths)
+        output, count = layout.output, len(layout.axes)
+        ranges = [range(one.start, one.stop) for one in region[:count]]
+        shape = tuple(map(len, ranges))
+        flat = np.full((math.prod(shape), *lengths), output.empty, dtype=output.dtype)
         wanted: dict[int, Spot] = {}
-        for number, point in enumerate(product(*ranges)):
-            key = plan.key(bound, tuple(0 if k is None else point[k] for k in at))
+        for number, key in enumerate(self._keys(layout, ranges)):
             if key in self.spots:
                 wanted[number] = self.spots[key]
             elif key in self.failed and output.failed is not None:
                 flat[number] = output.failed
         for number, arrays in zip(wanted, self._cells(list(wanted.values())), strict=True):
             array = arrays[output.name]
-            if array.shape == tuple(extents.lengths) and not output.origin:
+            if layout.ragged:
+                if output.pad is not None:
+                    flat[number] = output.pad
+                flat[number][within(layout.spans(arrays), starts)] = array
+            elif array.shape == tuple(lengths):
                 flat[number] = array
-                continue
-            if output.pad is not None:
-                flat[number] = output.pad
-            elif not output.origin:
+            else:
                 raise DeclarationError(
-                    f"stage {bound.name}: {output.name} has the shape {array.shape} in one cell "
-                    f"and {tuple(extents.lengths)} in another, but no value to pad it with"
+                    f"stage {layout.bound.name}: {output.name} has the shape {array.shape} in one "
+                    f"cell and {tuple(lengths)} in another, but no value to pad it with"
                 )
-            begin = [
-                int(arrays[output.origin[dim]]) - extents.starts[k] if dim in output.origin else 0
-                for k, dim in enumerate(output.dims)
-            ]
-            inside = tuple(slice(b, b + n) for b, n in zip(begin, array.shape, strict=True))
-            flat[number][inside] = array
-        own_region: Any = (..., *region[len(layout.axes) :])
-        return values[own_region]
+        own: Any = (..., *region[count:])
+        return flat.reshape((*shape, *lengths))[own]
 
     def _cells(self, spots: Sequence[Spot]) -> list[Arrays]:
         """Arrays of cells, from memory where they were read a moment ago."""
@@ -265,22 +263,16 @@ class Cube:
         lacking = [spot for spot in dict.fromkeys(spots) if spot not in found]
         for spot, arrays in zip(lacking, self._read_cells(lacking), strict=True):
             if arrays is None:
-                raise Damaged(self._keys_at(spot))
+                there = (key for key, one in self.spots.items() if one == spot)
+                raise Damaged(tuple(map(self._kept_as, there)))
             found[spot] = arrays
         with self._lock:
             for spot in lacking:
-                if spot not in self._memory:  # another thread may have read it meanwhile
-                    self._memory[spot] = found[spot]
-                    self._held += sum(array.nbytes for array in found[spot].values())
-            while self._held > REMEMBERED and self._memory:
-                _, arrays = self._memory.popitem(last=False)
-                self._held -= sum(array.nbytes for array in arrays.values())
+                self._memory[spot] = found[spot]
+                self._held += sum(array.nbytes for array in found[spot].values())
+            if self._held > REMEMBERED:
+                self._memory, self._held = {}, 0
         return [found[spot] for spot in spots]
-
-    def _keys_at(self, spot: Spot) -> tuple[str, ...]:
-        return tuple(self._kept_as(key) for key, there in self.spots.items() if there == spot)
-
-    # coordinates ----------------------------------------------------------------------------
 
     def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
         """Coordinates of all axes: along dimensions, or scalar where one value is worth noting."""
@@ -288,82 +280,91 @@ class Cube:
         dims = {dim for one in layouts for dim in one.output.dims}
         for number, name in names.items():
             axis = self.plan.axes[number]
-            there = any(number in one.axes for one in layouts) or name in dims
-            if axis.is_joint and there:
-                found.update(joint_coordinates(axis, name))
-            elif there:
-                found.update(axis_coordinates(axis, name))
+            if name in dims or any(number in one.axes for one in layouts):
+                found |= axis_coordinates(axis, name)
             elif not axis.several:
-                for position, setting in enumerate(axis.settings):
+                for setting, value in zip(axis.settings, axis.points[0], strict=True):
                     if setting.noted:
                         label = setting.name if axis.is_joint else name
-                        found.update(scalar_coordinates(setting, label, axis.points[0][position]))
+                        found |= _setting_coordinates(setting, label, [value], scalar=True)
         return found
-
-    # status ---------------------------------------------------------------------------------
-
-    @cached_property
-    def _shared(self) -> dict[str, Any]:
-        return {one.name: one for one in self.plan.experiment.statuses}
 
     def _statuses(self) -> Iterator[tuple[str, dict[str, Array], dict[str, Array]]]:
         """Group, variables and coordinates of the states of stages."""
+        shared = {one.name: one for one in self.plan.experiment.statuses}
         of_shared: dict[str, list[Bound]] = defaultdict(list)
         for bound in self.plan.targets:
-            if bound.stage.status in self._shared:
+            if bound.stage.status in shared:
                 of_shared[bound.stage.status].append(bound)
             elif not bound.stage.status and not bound.stage.coordinates:
                 group = f"status_{bound.stage.group}".replace("/", "_")
-                numbers = tuple(
-                    number
-                    for number in sorted({self.plan.axis_number(key) for key in bound.needs})
-                    if is_dimension(self.plan.axes[number])
-                )
-                label = f"state of {bound.name}"
-                yield group, *self._status(bound.name, label, [bound], numbers)
+                numbers = _dimensions(self.plan, bound)
+                yield group, *self._status(bound.name, f"state of {bound.name}", [bound], numbers)
         for name, bounds in of_shared.items():
-            status = self._shared[name]
             group, _, variable = name.partition(":")
-            numbers = tuple(self.plan.axis_number(one.key) for one in status.over)
-            yield group, *self._status(variable, status.label, bounds, numbers)
+            numbers = [self.plan.axis_number(one.key) for one in shared[name].over]
+            yield group, *self._status(variable, shared[name].label, bounds, numbers)
 
     def _status(
-        self, name: str, label: str, bounds: Sequence[Bound], numbers: tuple[int, ...]
+        self, name: str, label: str, bounds: Sequence[Bound], numbers: Sequence[int]
     ) -> tuple[dict[str, Array], dict[str, Array]]:
         plan = self.plan
-        shape = tuple(len(plan.axes[number].points) for number in numbers)
-        worst = np.full(shape, DONE, dtype=np.int8)
+        axes = [plan.axes[number] for number in numbers]
+        worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
         for bound in bounds:
             own = plan.axes_on(bound)
             at = [own.index(number) if number in own else None for number in numbers]
             for place in plan.cells(bound):
-                key = plan.key(bound, place)
-                if key not in self.spots:
+                if (key := plan.key(bound, place)) not in self.spots:
                     point = tuple(slice(None) if k is None else place[k] for k in at)
-                    if key in self.failed:
-                        worst[point] = FAILED
-                    else:
-                        worst[point] = np.where(worst[point] == FAILED, FAILED, MISSING)
+                    state = FAILED if key in self.failed else MISSING
+                    worst[point] = np.where(worst[point] == FAILED, FAILED, state)
         names: list[str] = []
-        for number in numbers:
-            axis = plan.axes[number]
+        for axis in axes:
             taken = axis.name in (*names, name)
-            names.append(
-                self.plan.axes[number].settings[0].key.replace(".", "_") if taken else axis.name
-            )
-        attrs = {"units": "1", "long_name": label, **STATE}
-        arrays = {name: Array.of(tuple(names), worst, attrs, MISSING)}
+            names.append(axis.settings[0].key.replace(".", "_") if taken else axis.name)
         labels: dict[str, Array] = {}
-        for number, axis_name in zip(numbers, names, strict=True):
-            axis = plan.axes[number]
-            labels |= (
-                joint_coordinates(axis, axis_name)
-                if axis.is_joint
-                else axis_coordinates(axis, axis_name)
-            )
-        return arrays, labels
+        for axis, axis_name in zip(axes, names, strict=True):
+            labels |= axis_coordinates(axis, axis_name)
+        attrs = {"units": "1", "long_name": label, **STATE}
+        return {name: Array.of(tuple(names), worst, attrs, MISSING)}, labels
 
 
-def output_named(bound: Bound, name: str) -> Output:
-    """Output of a stage."""
-    return next(one for one in bound.stage.outputs if one.name == name)
+def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
+    """Coordinates of an axis: its values; where settings run together, what each place is called.
+
+    The kind of a setting may add others.
+    """
+    columns = list(zip(*axis.points, strict=True))
+    if not axis.is_joint:
+        return _setting_coordinates(axis.settings[0], name, columns[0])
+    labels = axis.labels or tuple(map(str, range(len(axis.points))))
+    about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
+    found = {name: Array.of((name,), np.array(labels, dtype=object), about)}
+    for setting, values in zip(axis.settings, columns, strict=True):
+        label = setting.name if setting.name not in found else setting.key.replace(".", "_")
+        found[label] = Array.of((name,), value_array(values), setting.attrs)
+    return found
+
+
+def _setting_coordinates(
+    setting: Setting, name: str, values: Sequence[Any], *, scalar: bool = False
+) -> dict[str, Array]:
+    """Coordinates of values of a setting, as its kind offers them, its own first."""
+    offered = getattr(setting.kind, "coordinates", None)
+    if offered is None:
+        found = {name: (value_array(values), setting.attrs)}
+    else:
+        (_, own), *others = offered(tuple(values)).items()
+        found = {**({} if scalar else {name: own}), **dict(others)}
+    if scalar:
+        return {label: Array.of((), array[0], attrs) for label, (array, attrs) in found.items()}
+    return {label: Array.of((name,), array, attrs) for label, (array, attrs) in found.items()}
+
+
+def value_array(values: Sequence[Any]) -> NDArray[Any]:
+    """(value,) ndarray: floats, with NaN for null, integers, booleans, or texts as objects."""
+    if any(isinstance(value, str | tuple) for value in values):
+        # Plain ones, of whatever class they are.
+        return np.array([str(value) for value in values], dtype=object)
+    return np.array(values, dtype=float if None in values else None)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sweeps.engine.cells import CellIndex
 from sweeps.engine.cluster import Executor
+from sweeps.engine.results import CellIndex
 from sweeps.engine.schedule import Job, Schedule
 from sweeps.engine.tasks import Call, Report, reason, run_calls
 

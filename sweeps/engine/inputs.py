@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.packs import read_cells
+from sweeps.engine.results import read_cells
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.stage import RNG, THERE, Stage
 

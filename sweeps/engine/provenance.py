@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections import ChainMap
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
@@ -34,30 +35,21 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     """Root attributes: all that the numbers depend on, and nothing that does not change them.
 
     No times, hosts, paths or numbers of workers are among them: equal sweeps make equal stores.
-
-    Parameters
-    ----------
-    plan : Plan
-        The sweep.
-    failures : mapping of str to str
-        Names of cells that failed, and why.
+    `failures` are the names of cells that failed, and why.
     """
     experiment, choices = plan.experiment, plan.choices
     tree: dict[str, Any] = {}
-    for setting in experiment.declared:
-        if not setting.identity:
-            continue
+    for setting in _identity(experiment):
         *groups, last = setting.key.split(".")
         branch = tree
         for group in groups:
             branch = branch.setdefault(group, {})
         branch[last] = written(setting, choices[setting])
-    seeds = choices[Run.seed]
     attributes: dict[str, Any] = {
         "title": experiment.title,
         "Conventions": "CF-1.11",
         "configuration": tree,
-        "seed": seeds[0] if len(seeds) == 1 else list(seeds),
+        "seed": written(Run.seed, choices[Run.seed]),
         "versions": versions(experiment),
         "code": dict(sorted(plan.code.items())),
         "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
@@ -71,6 +63,11 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     if failures:
         attributes["failures"] = dict(sorted(failures.items()))
     return attributes
+
+
+def _identity(experiment: Experiment) -> tuple[Setting, ...]:
+    """Settings that results depend on."""
+    return tuple(one for one in experiment.declared if one.identity)
 
 
 def versions(experiment: Experiment) -> dict[str, str]:
@@ -87,12 +84,9 @@ def versions(experiment: Experiment) -> dict[str, str]:
 def choices_of(experiment: Experiment, attributes: Mapping[str, Any]) -> Choices:
     """Choices that a store was made with, from its attributes.
 
-    Raises
-    ------
-    ConfigurationError
-        If they are none of this experiment.
+    ConfigurationError if they are none of this experiment.
     """
-    declared = tuple(one for one in experiment.declared if one.identity)
+    declared = _identity(experiment)
     choices = read_choices(declared, flatten(declared, attributes["configuration"]))
     joint = []
     for name, keys, points, labels in attributes.get("joint", ()):
@@ -113,25 +107,10 @@ def _plain(value: Any) -> Any:
 
 
 def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], plan: Plan) -> None:
-    """Refuse a store that another configuration, or other code, has made.
+    """Refuse a store, by its attributes, that another configuration, or other code, has made.
 
-    A sweep may go on with a store whose every value of every setting it has, too.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What is declared.
-    path : str
-        Of the store.
-    old : mapping
-        Its attributes.
-    plan : Plan
-        The sweep.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the keys that differ, and what to do.
+    A sweep may go on with a store whose every value of every setting it has, too. The
+    ConfigurationError names the keys that differ, and what to do.
     """
     if "configuration" not in old or old.get("title") != experiment.title:
         raise ConfigurationError(
@@ -139,9 +118,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             f"{experiment.name}"
         )
     before = choices_of(experiment, old)
-    for setting in experiment.declared:
-        if not setting.identity:
-            continue
+    for setting in _identity(experiment):
         there, asked = before[setting], plan.choices[setting]
         lacking = sorted(set(there).difference(asked), key=there.index)
         if not lacking:
@@ -162,7 +139,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
     now = {"code": plan.code, "versions": versions(experiment)}
     for kind, word in (("code", "code of"), ("versions", "version of")):
         for name, value in old.get(kind, {}).items():
-            if name in now[kind] and now[kind][name] != value:
+            if now[kind].get(name, value) != value:
                 raise ConfigurationError(
                     f"store is {path!r}, which was made by another {word} {name}; give another "
                     "store, or remove it"
@@ -175,8 +152,7 @@ def _lacking_together(before: Choices, now: Choices) -> tuple[str, ...]:
     for joint in (*before.joint, *now.joint):
         met = [group for group in groups if group & set(joint.keys)]
         groups = [group for group in groups if group not in met] + [set(joint.keys).union(*met)]
-    for group in groups:
-        keys = tuple(sorted(group))
+    for keys in (tuple(sorted(group)) for group in groups):
         if not _points(before, keys) <= _points(now, keys):
             return keys
     return ()
@@ -184,20 +160,12 @@ def _lacking_together(before: Choices, now: Choices) -> tuple[str, ...]:
 
 def _points(choices: Choices, keys: tuple[str, ...]) -> set[tuple[Value, ...]]:
     """Values of some settings that meet, where those that run together are all among them."""
-    axes = [(one.keys, one.points) for one in choices.joint if set(one.keys) <= set(keys)]
-    together = {key for names, _ in axes for key in names}
-    axes += [
-        ((key,), tuple((value,) for value in choices.values[key]))
-        for key in keys
-        if key not in together
-    ]
-    order = [key for names, _ in axes for key in names]
-    places = [order.index(key) for key in keys]
-    return {
-        tuple(values[place] for place in places)
-        for point in product(*(points for _, points in axes))
-        for values in [[value for part in point for value in part]]
-    }
+    joint = [one for one in choices.joint if set(one.keys) <= set(keys)]
+    together = {key for one in joint for key in one.keys}
+    axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
+    axes += [[{key: one} for one in choices.values[key]] for key in keys if key not in together]
+    met = (ChainMap(*point) for point in product(*axes))
+    return {tuple(values[key] for key in keys) for values in met}
 
 
 def _shown(value: Value) -> str:

@@ -10,24 +10,28 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sweeps.engine.cells import CellIndex, open_index
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.execute import Watch, execute
 from sweeps.engine.experiment import Experiment
+from sweeps.engine.folders import (
+    PARTIAL,
+    check_folder,
+    check_target,
+    hidden,
+    locked,
+    real_place,
+    verify,
+)
 from sweeps.engine.inputs import Damaged
-from sweeps.engine.lock import locked
-from sweeps.engine.manifest import verify
-from sweeps.engine.packs import read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.progress import Progress
 from sweeps.engine.provenance import check_extends, provenance
-from sweeps.engine.replacement import PARTIAL, hidden
+from sweeps.engine.results import CellIndex, open_index, read_cells
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import Choices
 from sweeps.engine.store import add_group, read_attributes, write_store
 from sweeps.engine.takeover import OldStore
-from sweeps.engine.target import check_folder, check_target, real_place
 
 WRITERS = 2  # threads that write chunks
 AT_ONCE = 512  # cells that are read again after damage
@@ -105,7 +109,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     check_target(place.store)
     check_folder("cache", place.cache)
     plan = Plan(experiment, choices)
-    with locked(place.store, say=watch.say), open_index(place.cache, watch.say) as index:
+    with locked(place.store), open_index(place.cache, watch.say) as index:
         old = existing(experiment, place.store, plan)
         with _spill(place.store) as spill:
             finished = _sweep(plan, place, old, index, spill, watch)

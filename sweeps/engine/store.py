@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import shutil
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,13 +18,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.manifest import read_manifest, write_file, write_manifest
-from sweeps.engine.replacement import PARTIAL, hidden, put_in_place
-from sweeps.engine.target import check_target, real_place
+from sweeps.engine.folders import (
+    PARTIAL,
+    check_target,
+    hidden,
+    put_in_place,
+    read_manifest,
+    real_place,
+    write_file,
+    write_manifest,
+)
 from sweeps.engine.zarr_array import METADATA, Array, Group, Region, encode, metadata, regions
 
 if TYPE_CHECKING:
     import xarray as xr
+
+RAGGED = "ragged"  # file of where a group's ragged arrays lie, which zarr does not look at
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
@@ -39,30 +48,11 @@ def write_store(
 ) -> None:
     """Write a store and put it in its place whole, also in that of an older store.
 
-    Hold the lock of the store meanwhile (`sweeps.engine.lock.locked`). Memory holds a few chunks
-    a thread. If anything fails, the place is as it was. Who opened the old store must open it
-    again. Files are left to the operating system to flush: `verify` tells what a power cut broke.
-
-    Parameters
-    ----------
-    path : Path
-        Where the store goes.
-    groups : mapping of str to Group
-        Groups by path, as 'classification/acn'; groups above them need not be given.
-    attributes : mapping
-        Attributes of the root, as JSON can hold them.
-    after : callable
-        Called with the path of the written store before it is put in its place; may read it and
-        `add_group` to it.
-    threads : int
-        Number of chunks read, compressed and written at a time.
-
-    Raises
-    ------
-    ConfigurationError
-        If something else is at `path`.
-    OSError
-        If it cannot be written, as on a full disk.
+    Hold its lock meanwhile (`locked`). Memory holds a few chunks a thread. If anything fails, the
+    place is as it was. Who opened the old store must open it again. Files are left to the
+    operating system to flush: `verify` tells what a power cut broke. `groups` are by path, as
+    'classification/acn'; those above them need not be given. `after` is called with the path of
+    the written store before it is put in its place; it may read it and `add_group` to it.
     """
     check_target(path)
     place = real_place(path)
@@ -82,18 +72,21 @@ def write_store(
 def add_group(path: Path, name: str, dataset: xr.Dataset) -> None:
     """Write a data set into a store that is not in its place yet (`after` of `write_store`)."""
     root = json.loads((path / METADATA).read_bytes())
-    group = Group(_arrays(dataset.data_vars), _arrays(dataset.coords), dataset.attrs)
+    variables, coordinates = (
+        {
+            str(inner): Array.of(tuple(map(str, found.dims)), found.values, found.attrs)
+            for inner, found in given.items()
+        }
+        for given in (dataset.data_vars, dataset.coords)
+    )
     nodes = root["consolidated_metadata"]["metadata"]
-    _add(path, nodes, root["attributes"], {name: group}, threads=1)
+    _add(path, nodes, root["attributes"], {name: Group(variables, coordinates, dataset.attrs)})
 
 
 def read_attributes(path: Path) -> dict[str, Any] | None:
     """Attributes of the root of a store; None where nothing is.
 
-    Raises
-    ------
-    ConfigurationError
-        If what is there is no store, or its metadata are damaged.
+    ConfigurationError if what is there is no store, or its metadata are damaged.
     """
     if not path.exists():
         return None
@@ -110,19 +103,12 @@ def read_attributes(path: Path) -> dict[str, Any] | None:
         ) from error
 
 
-def _arrays(variables: Mapping[Any, xr.DataArray]) -> dict[str, Array]:
-    return {
-        str(name): Array.of(tuple(map(str, found.dims)), found.values, found.attrs)
-        for name, found in variables.items()
-    }
-
-
 def _add(
     path: Path,
     nodes: Nodes,
     attributes: Mapping[str, Any],
     groups: Mapping[str, Group],
-    threads: int,
+    threads: int = 1,
 ) -> dict[str, int]:
     """Write groups into a store that has some nodes already; checksums of their chunks."""
     arrays: dict[str, Array] = {}
@@ -137,7 +123,20 @@ def _add(
             nodes[f"{name}/{inner}"] = metadata(array)
             arrays[f"{name}/{inner}"] = array
     _write_metadata(path, nodes, attributes)
-    return _write_chunks(path, arrays, threads)
+    for name, group in groups.items():
+        if group.ragged:
+            write_file(path / name / RAGGED, json.dumps(group.ragged).encode())
+
+    def write(job: tuple[str, Array, str, Region]) -> tuple[str, int | None]:
+        name, array, chunk, region = job
+        content = encode(array, region)
+        file = f"{name}/{chunk}"
+        return file, None if content is None else write_file(path / file, content)
+
+    with ThreadPoolExecutor(threads) as pool:
+        jobs = ((name, array, *chunk) for name, array in arrays.items() for chunk in regions(array))
+        written = pool.map(write, jobs)
+        return {name: checksum for name, checksum in written if checksum is not None}
 
 
 def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> None:
@@ -158,11 +157,14 @@ def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> 
 
 
 def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) -> dict[str, Any]:
-    consolidated = {"kind": "inline", "must_understand": False, "metadata": dict(below)}
     return {
         "attributes": dict(attributes),
         "zarr_format": 3,
-        "consolidated_metadata": consolidated,
+        "consolidated_metadata": {
+            "kind": "inline",
+            "must_understand": False,
+            "metadata": dict(below),
+        },
         "node_type": "group",
     }
 
@@ -171,21 +173,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{value!r} cannot be an attribute")
-
-
-def _write_chunks(path: Path, arrays: Mapping[str, Array], threads: int) -> dict[str, int]:
-    """Write all chunks that are not empty; checksum of each."""
-    jobs: Iterator[tuple[str, Array, Region]] = (
-        (f"{name}/{key}", array, region)
-        for name, array in arrays.items()
-        for key, region in regions(array)
-    )
-
-    def write(job: tuple[str, Array, Region]) -> tuple[str, int | None]:
-        name, array, region = job
-        content = encode(array, region)
-        return name, None if content is None else write_file(path / name, content)
-
-    with ThreadPoolExecutor(threads) as pool:
-        written = pool.map(write, jobs)
-        return {name: checksum for name, checksum in written if checksum is not None}

@@ -2,53 +2,52 @@
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sweeps.engine.blocks import read_block
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.cube import Layout, Spans, layouts_of, within
 from sweeps.engine.experiment import Bound
+from sweeps.engine.folders import verify
 from sweeps.engine.inputs import Arrays, Spot
-from sweeps.engine.layout import Layout, layout_of
-from sweeps.engine.manifest import verify
-from sweeps.engine.packs import write_pack
 from sweeps.engine.plan import Place, Plan
 from sweeps.engine.provenance import choices_of
+from sweeps.engine.results import write_pack
+from sweeps.engine.settings import Choices
+from sweeps.engine.store import RAGGED
 
-MOST_CELLS = 4096  # of a pack
-AT_ONCE = 2**26  # bytes of results that are read before they are packed
+AT_ONCE = 256  # cells that are read before they are packed
+KEPT_CHUNKS = 64  # decoded ones, of at most 1 MiB as a rule
 
 
 class OldStore:
-    """Cells that a store has, found by their keys.
+    """Cells that a store has, found by their keys; `say` is told of damage in a sentence.
 
-    Files that are damaged give none, nor do stages that hand on more than the store has, or pad
-    their arrays in it, or whose keys are others by now, as of a file that has changed.
-
-    Parameters
-    ----------
-    plan : Plan
-        The sweep that goes on with the store.
-    path : Path
-        The store.
-    old : mapping
-        Its attributes.
-    say : callable
-        Told, in a sentence, of damage.
+    Files that are damaged give none, nor do stages that hand on more than the store has, or whose
+    keys are others by now, as of a file that has changed.
     """
 
     def __init__(
         self, plan: Plan, path: Path, old: Mapping[str, Any], say: Callable[[str], None]
     ) -> None:
-        self._plan = Plan(plan.experiment, choices_with_engine(plan, old))
+        before = choices_of(plan.experiment, old)
+        # What the store was made with; where it ran is as it is now.
+        choices = Choices({**plan.choices.values, **before.values}, before.joint)
+        self._plan = Plan(plan.experiment, choices)
         self._path = path
         self._old = old
         self._say = say
+        self._layouts = lru_cache(maxsize=None)(lambda bound: layouts_of(self._plan, bound))
+        # Faster than zarr, which opens an array and decodes a chunk for every cell.
+        self._array = lru_cache(maxsize=None)(self._opened)
+        self._chunk = lru_cache(KEPT_CHUNKS)(self._decoded)
+        self._spans = lru_cache(maxsize=None)(self._spans_and_starts)
 
     def has(self, keys: Iterable[str]) -> set[str]:
         """Those of some keys whose cells are there."""
@@ -62,10 +61,11 @@ class OldStore:
                 of_stage[self._places[key][0]].append(key)
         found: dict[str, Spot] = {}
         for bound, wanted in of_stage.items():
-            for cells in self._read(bound, wanted):
+            for start in range(0, len(wanted), AT_ONCE):
+                part = wanted[start : start + AT_ONCE]
+                cells = [(key, self._cell(bound, self._places[key][1])) for key in part]
                 pack = write_pack(folder, bound.name, cells)
-                for row, (key, _) in enumerate(cells):
-                    found[key] = str(folder / pack.path), row
+                found |= {key: (str(folder / pack.path), row) for row, key in enumerate(part)}
         return found
 
     @cached_property
@@ -78,62 +78,85 @@ class OldStore:
         known: Mapping[str, str] = self._old.get("cells", {})
         found: dict[str, tuple[Bound, Place]] = {}
         for bound in self._plan.targets:
-            if known.get(bound.name) != self._plan.fingerprint(bound) or not self._is_whole(bound):
+            if known.get(bound.name) != self._plan.fingerprint(bound) or not _is_whole(bound):
                 continue
             if failed and _gathers(bound):  # it may have been made of what there was
                 continue
-            prefixes = tuple(
-                f"{layout.group}/{layout.output.name}/" for layout in self._layouts(bound)
-            )
-            if any(name.startswith(prefixes) for name in damaged):
+            layouts = self._layouts(bound)
+            files = [f"{one.group}/{one.output.name}/" for one in layouts]
+            ragged = [f"{one.group}/{RAGGED}" for one in layouts if one.ragged]
+            if any(name.startswith((*files, *ragged)) for name in damaged):
+                continue
+            if not all((self._path / name).exists() for name in ragged):  # an older store
                 continue
             for place in self._plan.cells(bound):
                 if not failed or self._plan.described(bound, place) not in failed:
                     found[self._plan.key(bound, place)] = bound, place
         return found
 
-    def _is_whole(self, bound: Bound) -> bool:
-        """Whether the store has all that a stage gives, as it was given."""
-        return not bound.stage.coordinates and all(
-            one.stored and one.pad is None and not one.origin for one in bound.stage.outputs
-        )
+    def _cell(self, bound: Bound, place: Place) -> Arrays:
+        """Arrays of a cell as its stage gave them."""
+        at = dict(zip(self._plan.axes_on(bound), place, strict=True))
+        found: Arrays = {}
+        for layout in self._layouts(bound):
+            found |= self._values(layout, [at.get(number, 0) for number in layout.axes])
+        # A store has integers for truth values, and its own kind of texts.
+        outputs = bound.stage.outputs
+        return {one.name: found[one.name].astype(one.dtype, copy=False) for one in outputs}
 
-    def _layouts(self, bound: Bound) -> list[Layout]:
-        return [layout_of(self._plan, bound, output) for output in bound.stage.outputs]
+    def _values(self, layout: Layout, lead: list[int]) -> Arrays:
+        """An output of a cell as its stage gave it, and where it began, at a place on its axes."""
+        output, count = layout.output, len(lead)
+        index = [lead[k] if k < count else slice(None) for k in layout.order]
+        own = [k - count for k in layout.order if k >= count]
+        # One value comes as itself.
+        values = np.asarray(self._block(f"{layout.group}/{output.name}", index))
+        values = values.transpose(np.argsort(own)) if own else values
+        if not layout.ragged:
+            return {output.name: values}
+        all_spans, starts = self._spans(layout.group, output.name)
+        shape = [len(self._plan.axes[number].points) for number in layout.axes]
+        spans = all_spans[int(np.ravel_multi_index(lead, shape)) if lead else 0]
+        assert spans is not None
+        found = {output.name: values[within(spans, starts)]}
+        for dim, (begin, _) in zip(output.dims, spans, strict=True):
+            if dim in output.origin:
+                found[output.origin[dim]] = np.asarray(begin)
+        return found
 
-    def _read(self, bound: Bound, keys: list[str]) -> Iterator[list[tuple[str, Arrays]]]:
-        """Cells of a stage, as many at a time as fit into memory."""
-        layouts = self._layouts(bound)
-        numbers = self._plan.axes_on(bound)
-        cells: list[tuple[str, Arrays]] = []
-        size = 0
-        for key in keys:
-            place = dict(zip(numbers, self._places[key][1], strict=True))
-            arrays: Arrays = {}
-            try:
-                for layout in layouts:
-                    name, dtype = layout.output.name, layout.output.dtype
-                    block = read_block(self._path, layout.group, name, layout.index(place))
-                    there = np.asarray(block)  # one value comes as itself
-                    # A store has integers for truth values, and its own kind of texts.
-                    arrays[name] = layout.from_store(there).astype(dtype, copy=False)
-            except (OSError, ValueError, KeyError, ConfigurationError):
-                continue
-            cells.append((key, arrays))
-            size += sum(array.nbytes for array in arrays.values())
-            if size > AT_ONCE or len(cells) >= MOST_CELLS:
-                yield cells
-                cells, size = [], 0
-        if cells:
-            yield cells
+    def _block(self, name: str, index: list[int | slice]) -> NDArray[Any]:
+        """Values of an array, as they are stored, at an index of one chunk."""
+        pairs = [
+            (0, one) if isinstance(one, slice) else divmod(one, size)
+            for one, size in zip(index, self._array(name).chunks, strict=True)
+        ]
+        chunk: NDArray[Any] = self._chunk(name, tuple(place for place, _ in pairs))
+        return chunk[tuple(inside for _, inside in pairs)]
+
+    def _spans_and_starts(self, group: str, name: str) -> tuple[list[Spans | None], list[int]]:
+        """Where all cells of a ragged variable lie, and where the variable starts."""
+        spans = json.loads((self._path / group / RAGGED).read_bytes())[name]
+        along = zip(*filter(None, spans), strict=True)
+        return spans, [min(begin for begin, _ in one) for one in along]
+
+    def _opened(self, name: str) -> Any:
+        import zarr  # which takes long to import, and most sweeps read no store
+
+        return zarr.open_array(self._path / name, mode="r")
+
+    def _decoded(self, name: str, place: tuple[int, ...]) -> Any:
+        array = self._array(name)
+        return array.get_block_selection(place) if array.size else array[...]
+
+
+def _is_whole(bound: Bound) -> bool:
+    """Whether the store has all that a stage gives."""
+    outputs = bound.stage.outputs
+    begins = {name for one in outputs if one.stored for name in one.origin.values()}
+    there = all(one.stored or one.name in begins for one in outputs)
+    return there and not bound.stage.coordinates
 
 
 def _gathers(bound: Bound) -> bool:
     """Whether a stage, or one behind it, looks at many cells at once."""
     return bool(bound.gather) or any(map(_gathers, bound.inputs))
-
-
-def choices_with_engine(plan: Plan, old: Mapping[str, Any]) -> Any:
-    """Choices that the store was made with; where it ran is as it is now."""
-    before = choices_of(plan.experiment, old)
-    return type(before)({**plan.choices.values, **before.values}, before.joint)

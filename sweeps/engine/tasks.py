@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from sweeps.engine.inputs import Arrays, Damaged, Inputs, Recipe, Spot, Step
-from sweeps.engine.packs import Pack, write_pack
+from sweeps.engine.results import Pack, write_pack
 
 
 @dataclass(frozen=True)

@@ -24,37 +24,21 @@ LEVEL = 1  # level 3 packs profiles and maps no tighter and takes three times as
 Region = tuple[slice, ...]
 
 _ZSTD = Zstd(level=LEVEL, checksum=True)
-_STRINGS = VLenUTF8()
 _STRING = np.dtype(object)
 
 
 @dataclass(frozen=True, eq=False)
 class Array:
-    """A variable or coordinate to be written.
-
-    Attributes
-    ----------
-    dims, shape
-        Dimensions and their lengths.
-    dtype : dtype
-        Integers, floats, bool (stored as int8) or strings of any numpy kind.
-    fill : float, int, str or None
-        Value of what is not written; None is NaN, 0 or the empty string.
-    attrs : mapping
-        Attributes; integers that count steps have `scale_factor` here.
-    chunks : tuple of int
-        Shape of a chunk; every chunk is a file.
-    read : callable or ndarray
-        All values, or a function of one chunk's region (a slice with start and stop for each
-        dimension) that returns the values there. It is called from several threads.
-    """
+    """A variable or coordinate to be written; every chunk of it is a file."""
 
     dims: tuple[str, ...]
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    fill: float | int | str | None
-    attrs: Mapping[str, Any]
+    dtype: np.dtype[Any]  # integers, floats, bool (stored as int8) or strings of any numpy kind
+    fill: float | int | str | None  # of what is not written; None is NaN, 0 or the empty string
+    attrs: Mapping[str, Any]  # integers that count steps have `scale_factor` here
     chunks: tuple[int, ...]
+    # All values, or a function of one chunk's region (a slice with start and stop for each
+    # dimension) that returns the values there and is called from several threads.
     read: Callable[[Region], NDArray[Any]] | NDArray[Any]
 
     @classmethod
@@ -72,13 +56,7 @@ class Array:
 
     @property
     def stored(self) -> np.dtype[Any]:
-        """Dtype of what is stored: little-endian, object for strings.
-
-        Raises
-        ------
-        TypeError
-            If values of this dtype cannot be stored.
-        """
+        """Dtype of what is stored: little-endian, object for strings; TypeError if it cannot be."""
         dtype = np.dtype(self.dtype)
         if dtype.kind in "OTU":
             return _STRING  # fixed-width strings are no part of the zarr 3 format
@@ -99,11 +77,15 @@ class Array:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Variables of one group, the coordinates of their axes, and attributes."""
+    """Variables of one group, the coordinates of their axes, and attributes.
 
-    arrays: Mapping[str, Array]
-    coordinates: Mapping[str, Array] = field(default_factory=dict)
+    `ragged` has the begin and length along each own dimension of every cell of a ragged variable.
+    """
+
+    arrays: dict[str, Array]
+    coordinates: dict[str, Array] = field(default_factory=dict)
     attrs: Mapping[str, Any] = field(default_factory=dict)
+    ragged: dict[str, Any] = field(default_factory=dict)
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -113,21 +95,9 @@ class Group:
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
-    """Shape of chunks of at most `CHUNK_BYTES`, but never cut along some of the last axes.
+    """Shape of chunks of at most `CHUNK_BYTES`, but never cut along the last `whole` axes.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Shape of the array.
-    itemsize : int
-        Size of an element [byte].
-    whole : int
-        Number of last axes that are never cut.
-
-    Returns
-    -------
-    tuple of int
-        The last axes whole, one axis before them in nearly equal parts, and 1 along the others.
+    The last axes whole, one axis before them in nearly equal parts, and 1 along the others.
     """
     chunks: list[int] = []
     room = max(CHUNK_BYTES // itemsize, 1)  # elements that a chunk may still grow by
@@ -142,13 +112,12 @@ def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> 
 
 def regions(array: Array) -> Iterator[tuple[str, Region]]:
     """Name of the file of every chunk of an array, and the region of the array that it covers."""
-    sizes = list(zip(array.shape, array.chunks, strict=True))
-    for place in itertools.product(*(range(math.ceil(n / chunk)) for n, chunk in sizes)):
-        region = tuple(
-            slice(i * chunk, min((i + 1) * chunk, n))
-            for i, (n, chunk) in zip(place, sizes, strict=True)
-        )
-        yield "/".join(("c", *map(str, place))), region
+    parts = [
+        [slice(start, min(start + chunk, size)) for start in range(0, size, chunk)]
+        for size, chunk in zip(array.shape, array.chunks, strict=True)
+    ]
+    for chunk in itertools.product(*map(enumerate, parts)):
+        yield "/".join(("c", *(str(place) for place, _ in chunk))), tuple(r for _, r in chunk)
 
 
 def metadata(array: Array) -> dict[str, Any]:
@@ -185,10 +154,7 @@ def metadata(array: Array) -> dict[str, Any]:
 def encode(array: Array, region: Region) -> bytes | None:
     """Bytes of the chunk that covers a region; None if it holds nothing but the fill value.
 
-    Raises
-    ------
-    ValueError
-        If the values there have another shape.
+    ValueError if the values there have another shape.
     """
     read = array.read[region] if isinstance(array.read, np.ndarray) else array.read(region)
     values = np.asarray(read).astype(array.stored, copy=False)
@@ -202,7 +168,7 @@ def encode(array: Array, region: Region) -> bytes | None:
         padded[tuple(map(slice, shape))] = values
         values = padded
     if array.stored == _STRING:
-        return bytes(_ZSTD.encode(_STRINGS.encode(values.ravel())))
+        values = VLenUTF8().encode(values.ravel())
     return bytes(_ZSTD.encode(np.ascontiguousarray(values)))
 
 

@@ -19,8 +19,7 @@ from sweeps.report.axes import nominal, shown, which
 from sweeps.report.flight_stages import Way, draw_stages
 from sweeps.report.flights import TITLED, flown_past
 from sweeps.report.stored import setting
-from sweeps.stages.flight_geometry import scan_again, surface
-from sweeps.stages.irar import FLOWN, RATES, RECORDED
+from sweeps.stages.irar import FLOWN, RATES, RECORDED, scan_again, surface
 from sweeps.stages.views import hull, read_mesh, ship_name
 
 if TYPE_CHECKING:

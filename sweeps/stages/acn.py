@@ -1,264 +1,179 @@
-"""The Adaptive Clustering Network, trained on expected range profiles and tested on averages."""
+"""The Adaptive Clustering Network, trained on what is noiseless and tested on averages of frames.
+
+Of the laser radar these are range profiles, presented in the grid's own order; of the infrared
+imager silhouettes, presented in several orders. The map of an empty silhouette is zero everywhere,
+matches no category and so names no ship, which counts as wrong.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.classify.vigilance_sweep import Similarities
-from sweeps.engine.experiment import Table
-from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.engine.stage import Output, Stage, in_memory, stage
-from sweeps.stages.categories import (
-    answer_tests,
-    clustering_of,
-    form_categories,
-    match_learning,
-    name_categories,
-)
-from sweeps.stages.classifier import (
-    NONE,
-    STATE,
-    Classifier,
-    learned,
-    names_by,
-    profile_vectors,
-    state,
-)
-from sweeps.stages.rejection import rejection_table
-from sweeps.stages.scores import tabulate_answers
-from sweeps.stages.views import RANGE, Grid
+from ncti.evaluate import wilson_interval
+from sweeps.engine.run_settings import Run
+from sweeps.engine.settings import Choices, Setting, Settings
+from sweeps.engine.stage import Output, Stage, in_memory, plain
+from sweeps.stages import categories, classifier
+from sweeps.stages.categories import Lessons, Network
+from sweeps.stages.classifier import GATHERED, OF_PROFILES, VIEW, Naming, Profiles, Views
+from sweeps.stages.infrared import LOOK, Infrared
+from sweeps.stages.scores import data_set, formed, scored
+from sweeps.stages.silhouettes import OF_SILHOUETTES
+from sweeps.stages.views import INFRARED, RANGE, Grid
 
-Arrays = dict[str, NDArray[Any]]
-Floats = NDArray[np.float64]
-Places = NDArray[np.intp]
+if TYPE_CHECKING:
+    import xarray as xr
 
 NAME = "acn"
-GROUP = "classification/acn"
-LABEL_RULES, SCORE_RULES = ("majority", "first"), ("ship", "category")
+DRAWS = ("phase", "order")  # what scores of silhouettes are averaged over
 
 
-class Network(Settings, key="classifier"):
-    """The Adaptive Clustering Network."""
-
-    learning_rate = number(0.1, 1e-6, 1, label="learning rate in training", noted=True)
-    max_passes = count(200, 1, 1_000_000, label="presentations of the training set at most")
-    learn_in_test = switch(
-        False,
-        label="1 where test vectors move categories, too",
-        help="as in the source; those of unknown ships come last",
-    )
-    label_rule = word(
-        "majority",
-        LABEL_RULES,
-        label="how a category gets its ship: most, or first of its members",
-        noted=True,
-    )
-    score_rule = word(
-        "ship",
-        SCORE_RULES,
-        label="what is right: the ship, or the category of the same view",
-        help="of views that are not learned, only the ship is asked for",
-        noted=True,
-    )
+@in_memory(gather=GATHERED, keep=4)
+def profile_lessons(expected: Profiles, there: Views) -> Lessons:
+    """Return what all trainings with the same expected profiles share."""
+    return Lessons.of(expected, there, classifier.profile_vectors)
 
 
-@dataclass(frozen=True)
-class Lessons:
-    """What all trainings with the same vectors share.
+@in_memory(gather=GATHERED, keep=4)
+def silhouette_lessons(template_log_polar: NDArray[np.uint8], there: Views) -> Lessons:
+    """Return what all trainings with the same silhouettes share."""
+    return Lessons.of(template_log_polar, there, classifier.map_vectors)
 
-    Attributes
-    ----------
-    vectors : (view, feature) float64 ndarray
-        Training vectors, those of the first ship first; zero where a view is not there.
-    similarities : Similarities
-        Of these.
-    there : (ship, aspect) bool ndarray
-        Views that are there.
+
+@plain()
+def grid_order() -> tuple[int, int]:
+    """Return number and seed of the grid's own order of presentation."""
+    return 0, 0
+
+
+@plain(uses=(Infrared, Run))
+def drawn_order(orders: int, seed: int) -> tuple[int, int]:
+    """Return number and seed of an order of presentation."""
+    return orders, seed
+
+
+def network(
+    naming: Naming,
+    reads: dict[str, str],
+    along: tuple[Setting, ...],
+    trained: tuple[str, ...],
+    tested: tuple[str, ...],
+    learned: str,
+    shown: str,
+    uses: tuple[Any, ...],
+) -> tuple[Stage, ...]:
+    """Declare training, naming and tests of one sensor's network.
+
+    What it reads stands for `lessons`, `presentation` and `tests`; these compute some axes
+    together, and have some dimensions besides those of trainings.
     """
-
-    vectors: Floats
-    similarities: Similarities
-    there: NDArray[np.bool_]
-
-    @property
-    def order(self) -> Places:
-        """(view,): the grid's own order of presentation."""
-        return np.arange(self.there.size)
-
-
-@in_memory(gather=(Grid.ship, Grid.aspect), keep=4)
-def profile_lessons(expected: NDArray[np.float32], there: NDArray[np.bool_]) -> Lessons:
-    """Return what all trainings with expected profiles share."""
-    training = profile_vectors(expected)
-    return Lessons(training, Similarities.of(training), there)
-
-
-@stage(
-    Output("training_category", ("ship", "aspect"), "i4", label="category of the expected profile"),
-    Output(
-        "training_confused",
-        ("ship", "aspect"),
-        "i1",
-        label="1 where views of another ship share that category",
-    ),
-    Output(
-        "passes",
-        dtype="i4",
-        fill=0,
-        label="presentations until the categories settled, negative if they did not",
-    ),
-    Output("weights", ("category", "view"), "f8", stored=False),
-    uses=(Grid, Classifier, Network),
-    gather=(Grid.ship, Grid.aspect),
-    group=GROUP,
-    dims=("pulse_width", "range", "target_free_ifovs", "learning_rate", "vigilance"),
-    when=names_by(NAME, RANGE),
-    status="-",
-)
-def acn_training(
-    profile_lessons: Lessons,
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
-    unknown: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
-    vigilance: float,
-    learning_rate: float,
-    max_passes: int,
-) -> Arrays:
-    """Return the categories that expected profiles form."""
-    return form_categories(
-        profile_lessons.similarities,
-        learned(ship, aspect, unknown, training_aspect) & profile_lessons.there,
-        profile_lessons.order,
-        vigilance=vigilance,
-        learning_rate=learning_rate,
-        max_passes=max_passes,
+    name, rules = naming.name, ("label_rule", "score_rule")
+    confused = "1 where views of another ship share that category"
+    settled = "presentations until the categories settled, negative if they did not"
+    fallen = f"category that the {shown} falls into"
+    training = naming.stage(
+        Output("training_category", VIEW, "i4", label=f"category of the {learned}"),
+        Output("training_confused", VIEW, "i1", label=confused),
+        Output("passes", dtype="i4", fill=0, label=settled),
+        Output("weights", ("category", "view"), "f8", stored=False),
+        Output("turn", ("view",), "i8", stored=False),
+        Output("taught_by", ("setting",), "f8", stored=False),
+        uses=uses,
+        reads=reads,
+        dims=trained,
+        name=f"{name}_training",
+    )
+    names = naming.stage(
+        Output("training_correct", VIEW, "i1", label="1 where that category has the ship's name"),
+        Output("names", ("category",), "i2", stored=False),
+        uses=uses,
+        reads={"training": f"{name}_training"},
+        dims=(*trained, "label_rule"),
+        name=f"{name}_names",
+    )
+    tests = naming.answers(
+        Output("category", VIEW, "i4", label=fallen, without=rules),
+        Output("similarity", VIEW, label="cosine to that category", without=rules),
+        without=("score_rule",),
+        uses=uses,
+        reads={**reads, "training": f"{name}_training", "names": f"{name}_names"},
+        along=(*along, Network.label_rule, Network.score_rule),
+        dims=(*trained, *rules, *tested),
+        name=name,
+    )
+    return (
+        training(categories.form_categories),
+        names(categories.name_categories),
+        tests(categories.answer_tests),
     )
 
 
-@stage(
-    Output(
-        "training_correct",
-        ("ship", "aspect"),
-        "i1",
-        label="1 where that category has the ship's name",
-    ),
-    Output("names", ("category",), "i2", stored=False),
-    uses=(Network,),
-    group=GROUP,
-    dims=("pulse_width", "range", "target_free_ifovs", "learning_rate", "vigilance", "label_rule"),
-    when=names_by(NAME, RANGE),
-    status="-",
+OF_RANGE = Naming(NAME, classifier.names_by(NAME, RANGE), of="the grid", states="status")
+OF_INFRARED = Naming(
+    "acn_infrared",
+    classifier.names_by(NAME, INFRARED),
+    of="the infrared channel",
+    states="status_infrared",
 )
-def acn_names(acn_training: Arrays, label_rule: str) -> Arrays:
-    """Return the ship of every category, and whether it is the right one."""
-    order = np.arange(acn_training["training_category"].size)
-    names, correct = name_categories(acn_training, order, label_rule)
-    return {"training_correct": correct, "names": names}
-
-
-@stage(
-    Output(
-        "category",
-        ("ship", "aspect"),
-        "i4",
-        label="category that the averaged profile falls into",
-        without=("label_rule", "score_rule"),
-    ),
-    Output(
-        "similarity",
-        ("ship", "aspect"),
-        "f4",
-        label="cosine to that category",
-        without=("label_rule", "score_rule"),
-    ),
-    Output(
-        "predicted",
-        ("ship", "aspect"),
-        "i2",
-        label="ship named, as an index into the ship axis",
-        without=("score_rule",),
-    ),
-    Output("correct", ("ship", "aspect"), "i1", label="1 where the answer is right"),
-    Output(
-        "cell",
-        ("ship", "aspect"),
-        "i1",
-        label="state of a cell of the grid",
-        failed=0,
-        group="status",
-        attrs=STATE,
-    ),
+RANGE_STAGES = network(
+    OF_RANGE,
+    {"lessons": "profile_lessons", "presentation": "grid_order", "tests": "averaged"},
+    along=(Grid.vigilance, Grid.frame_count),
+    trained=(*OF_PROFILES, "learning_rate", "vigilance"),
+    tested=("replicate", "frame_count"),
+    learned="expected profile",
+    shown="averaged profile",
     uses=(Grid, Network),
-    along=(Grid.vigilance, Grid.frame_count, Network.label_rule, Network.score_rule),
-    gather=(Grid.ship, Grid.aspect),
-    group=GROUP,
-    dims=(
-        *("pulse_width", "range", "target_free_ifovs", "learning_rate", "vigilance"),
-        *("label_rule", "score_rule", "replicate", "frame_count"),
-    ),
-    when=names_by(NAME, RANGE),
-    status="-",
 )
-def acn(
-    profile_lessons: Lessons,
-    acn_training: Arrays,
-    acn_names: Arrays,
-    averaged: NDArray[np.float32],
-    there: NDArray[np.bool_],
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
-    vigilance: tuple[float, ...],
-    frame_count: tuple[int, ...],
-    label_rule: tuple[str, ...],
-    score_rule: tuple[str, ...],
-    learning_rate: float,
-    max_passes: int,
-    learn_in_test: bool,
-) -> Arrays:
-    """Return what averaged profiles are named, one number of frames and vigilance at a time."""
-    whole = (len(vigilance), len(frame_count), len(label_rule), len(score_rule), *there.shape)
-    answers: Arrays = {
-        "category": np.full(whole, NONE),
-        "similarity": np.full(whole, np.nan),
-        "predicted": np.full(whole, NONE),
-        "correct": np.full(whole, NONE),
-    }
-    for f in range(len(frame_count)):
-        tests = profile_vectors(averaged[f])
-        seen = profile_lessons.similarities.to(tests)
-        for v, level in enumerate(vigilance):
-            formed = {name: values[v] for name, values in acn_training.items()}
-            if learn_in_test:
-                category, cosine = match_learning(
-                    profile_lessons.vectors,
-                    tests,
-                    formed["training_confused"] >= 0,
-                    profile_lessons.order,
-                    vigilance=level,
-                    learning_rate=learning_rate,
-                    max_passes=max_passes,
-                )
-            else:
-                category, cosine = clustering_of(formed).match(seen)
-            category = category.reshape(there.shape)
-            answers["category"][v, f] = np.where(there, category, NONE)
-            answers["similarity"][v, f] = np.where(there, cosine.reshape(there.shape), np.nan)
-            for k in range(len(label_rule)):
-                names = acn_names["names"][v, k]
-                predicted, correct = answer_tests(category, there, formed, names, score_rule)
-                answers["predicted"][v, f, k] = predicted
-                answers["correct"][v, f, k] = correct
-    return answers | {"cell": state(answers["correct"], there)}
+INFRARED_STAGES = network(
+    OF_INFRARED,
+    {"lessons": "silhouette_lessons", "presentation": "drawn_order", "tests": "log_polar"},
+    along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
+    trained=(*OF_SILHOUETTES, *DRAWS, "learning_rate", "vigilance"),
+    tested=LOOK,
+    learned="noiseless silhouette",
+    shown="silhouette",
+    uses=(Infrared, Network),
+)
+
+
+def tabulate_silhouettes(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return scores of silhouettes by aspect bin, averaged over phases and orders with answers.
+
+    `..._spread` is their standard deviation. Intervals are those of the mean for `..._n` answers,
+    the views of one phase and order: all of them see the same views, and more looks at a view are
+    no more views.
+    """
+    known = classifier.known_ships(classified, choices)
+    tables = formed(known, "training silhouettes")
+    for prefix in ("training_", ""):
+        what = f"{prefix or 'test_'}silhouettes".replace("_", " ")
+        found = scored(known[prefix + "correct"], prefix, what)
+        fraction, said = found[prefix + "accuracy"]
+        # A training that failed has no answers, and any other has those of all views there are.
+        n = found[prefix + "n"][0].max(DRAWS)
+        mean = fraction.mean(DRAWS)
+        spread = f"standard deviation of that fraction over {' and '.join(DRAWS)}"
+        low, high = wilson_interval((mean.fillna(0) * n).clip(0, n), n)
+        tables |= {
+            prefix + "accuracy": (mean, f"mean {said}"),
+            prefix + "spread": (fraction.std(DRAWS), spread),
+            prefix + "ci_low": (mean.copy(data=low), found[prefix + "ci_low"][1]),
+            prefix + "ci_high": (mean.copy(data=high), found[prefix + "ci_high"][1]),
+            prefix + "n": (n, found[prefix + "n"][1]),
+        }
+    return data_set(tables, known.aspect)
 
 
 SETTINGS: tuple[type[Settings], ...] = (Network,)
-STAGES: tuple[Stage, ...] = (profile_lessons, acn_training, acn_names, acn)
-TABLES: tuple[Table, ...] = (
-    Table("tables/acn", (GROUP,), tabulate_answers, names_by(NAME, RANGE)),
-    rejection_table(NAME, GROUP, names_by(NAME, RANGE)),
+STAGES: tuple[Stage, ...] = (
+    *(profile_lessons, silhouette_lessons, grid_order, drawn_order),
+    *(*RANGE_STAGES, *INFRARED_STAGES),
+)
+TABLES = (
+    *OF_RANGE.tables(rejecting=True),
+    *OF_INFRARED.tables(tabulate_silhouettes, rejecting=True),
 )

@@ -7,7 +7,8 @@ ship first; vectors of views that are not there are zero.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,50 +16,92 @@ from numpy.typing import NDArray
 
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
-from sweeps.stages.classifier import NONE
+from sweeps.engine.seeds import cell_rng
+from sweeps.engine.settings import Settings, count, number, switch, word
+from sweeps.stages.classifier import NONE, Arrays, Floats, Ships, Views, state
 
-Arrays = dict[str, NDArray[Any]]
-Floats = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 
+class Network(Settings, key="classifier"):
+    """The Adaptive Clustering Network."""
+
+    learning_rate = number(0.1, 1e-6, 1, label="learning rate in training", noted=True)
+    max_passes = count(200, 1, 1_000_000, label="presentations of the training set at most")
+    learn_in_test = switch(
+        False,
+        label="1 where test vectors move categories, too",
+        help="as in the source; those of unknown ships come last",
+    )
+    label_rule = word(
+        "majority",
+        ("majority", "first"),
+        label="how a category gets its ship: most, or first of its members",
+        noted=True,
+    )
+    score_rule = word(
+        "ship",
+        ("ship", "category"),
+        label="what is right: the ship, or the category of the same view",
+        help="of views that are not learned, only the ship is asked for",
+        noted=True,
+    )
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """What all trainings with the same views share.
+
+    (view, feature) vectors, zero where a view is not there, with their similarities; the (ship,
+    aspect) views that are there; and how (ship, aspect, ...) profiles or maps become vectors.
+    """
+
+    vectors: Floats
+    similarities: Similarities
+    there: Views
+    see: Callable[[NDArray[Any]], NDArray[Any]]
+
+    @classmethod
+    def of(cls, seen: NDArray[Any], there: Views, see: Callable[..., NDArray[Any]]) -> Lessons:
+        """Return the lessons of (ship, aspect, ...) profiles or maps."""
+        vectors = see(seen).astype(np.float64)
+        return cls(vectors, Similarities.of(vectors), there, see)
+
+
+def presentation_order(views: int, order: int, seed: int) -> Places:
+    """Return an order of presentation of all views: the grid's own, or of a number from 1 on."""
+    if order == 0:
+        return np.arange(views)
+    return cell_rng(seed, stage="presentation_order", order=order).permutation(views)
+
+
 def form_categories(
-    similarities: Similarities,
-    taught: NDArray[np.bool_],
-    order: Places,
-    *,
+    lessons: Lessons,
+    taught: Views,
+    presentation: tuple[int, int],
     vigilance: float,
     learning_rate: float,
     max_passes: int,
 ) -> Arrays:
-    """Train with the views that are taught.
-
-    Parameters
-    ----------
-    similarities : Similarities
-        Of the vectors of all views, those of the first ship first, zero where a view is not there.
-    taught : (ship, aspect) bool ndarray
-        Views that are there and learned.
-    order : (view,) intp ndarray
-        Order of presentation of all views; those not taught are left out.
-    vigilance, learning_rate, max_passes
-        As for `ncti.classify.cluster`.
+    """Train with the views that are there and learned, in an order of some number and seed.
 
     Returns
     -------
     dict of str to ndarray
         training_category, training_confused : (ship, aspect), negative where not taught;
         passes : (), negative where the categories did not settle;
-        weights : (view, view) float64, a row a category, zero below the last of them
+        weights : (view, view) float64, a row a category, zero below the last of them;
+        turn : (view,), the order of all views; taught_by : the last three arguments
     """
+    known = (taught & lessons.there).reshape(-1)
     ship, aspect = np.indices(taught.shape).reshape(2, -1)
-    known = taught.reshape(-1)
+    turn = presentation_order(known.size, *presentation)
     found = cluster(
-        similarities,
+        lessons.similarities,
         vigilance=vigilance,
         learning_rate=learning_rate,
         max_passes=max_passes,
-        order=order[known[order]],
+        order=turn[known[turn]],
     )
     formed = category_formation(found.labels[known], ship[known], aspect[known])
     at = np.searchsorted(formed.ships, ship[known]), np.searchsorted(formed.aspects, aspect[known])
@@ -71,147 +114,116 @@ def form_categories(
         "training_confused": confused.reshape(taught.shape),
         "passes": np.array(found.passes if found.converged else -found.passes),
         "weights": weights,
+        "turn": turn,
+        "taught_by": np.array([vigilance, learning_rate, max_passes]),
     }
 
 
-def clustering_of(formed: Mapping[str, NDArray[Any]]) -> Clustering:
+def clustering_of(training: Arrays) -> Clustering:
     """Return the clustering that `form_categories` made into arrays."""
-    labels = formed["training_category"].reshape(-1).astype(np.intp)
-    passes = int(formed["passes"])
-    return Clustering(labels, formed["weights"][: labels.max() + 1], abs(passes), passes > 0)
+    labels = training["training_category"].reshape(-1).astype(np.intp)
+    passes = int(training["passes"])
+    return Clustering(labels, training["weights"][: labels.max() + 1], abs(passes), passes > 0)
 
 
-def name_categories(
-    formed: Mapping[str, NDArray[Any]], order: Places, rule: str
-) -> tuple[NDArray[np.int16], NDArray[np.int8]]:
-    """Give every category a ship.
+def name_categories(training: Arrays, label_rule: str) -> Arrays:
+    """Give every category the ship of most members (majority), or of the first one presented.
 
-    Parameters
-    ----------
-    formed : mapping of str to ndarray
-        As `form_categories` returns it.
-    order : (view,) intp ndarray
-        Order of presentation.
-    rule : str
-        `majority`, the ship of most members; `first`, that of the member presented first.
-
-    Returns
-    -------
-    names : (view,) int16 ndarray
-        Ship of each category; -1 beyond the last of them.
-    training_correct : (ship, aspect) int8 ndarray
-        1 where a view's category has its ship's name, -1 where it is not taught.
+    (view,) `names`, -1 beyond the last category; (ship, aspect) `training_correct`, 1 where a
+    view's category has its ship's name, -1 where it is not taught.
     """
-    categories = formed["training_category"]
+    categories = training["training_category"]
     ship = np.indices(categories.shape)[0]
-    found = clustering_of(formed)
-    rules = {
-        "majority": lambda: found.names(ship.reshape(-1)),
-        "first": lambda: found.first_names(ship.reshape(-1), order),
-    }
-    named = rules[rule]()
-    names = np.full(categories.size, NONE, dtype=np.int16)
+    found = clustering_of(training)
+    if label_rule == "majority":
+        named = found.names(ship.reshape(-1))
+    else:
+        named = found.first_names(ship.reshape(-1), training["turn"])
+    names = np.full(categories.size, NONE)
     names[: len(named)] = named
-    right = (ships_named(names, categories) == ship).astype(np.int8)
-    return names, np.where(formed["training_confused"] >= 0, right, NONE).astype(np.int8)
+    right = ships_named(names, categories) == ship
+    correct = np.where(training["training_confused"] >= 0, right, NONE)
+    return {"training_correct": correct, "names": names}
 
 
-def answer_tests(
-    category: NDArray[np.integer],
-    there: NDArray[np.bool_],
-    formed: Mapping[str, NDArray[Any]],
-    names: NDArray[np.integer],
-    score_rules: Sequence[str],
-) -> tuple[NDArray[np.int16], NDArray[np.int8]]:
-    """Turn the categories that tests fall into into ships, and judge these.
-
-    Parameters
-    ----------
-    category : (ship, aspect) integer ndarray
-        Category of each test; -1 where it matches none.
-    there : (ship, aspect) bool ndarray
-        Tests that are there.
-    formed : mapping of str to ndarray
-        As `form_categories` returns it.
-    names : (view,) integer ndarray
-        Ship of each category.
-    score_rules : sequence of str
-        `ship`: the ship must be right; `category`: the category must be that of the same view,
-        and nothing is asked where the view is not taught.
-
-    Returns
-    -------
-    predicted : (ship, aspect) int16 ndarray
-        Ship named; -1 for none.
-    correct : (score_rule, ship, aspect) int8 ndarray
-        1 where it is right, 0 where not, -1 where nothing is asked.
-    """
-    ship = np.indices(there.shape)[0]
-    named = ships_named(names, category)
-    taught = formed["training_confused"] >= 0
-    rules = {
-        "ship": (named == ship, there),
-        "category": (category == formed["training_category"], there & taught),
-    }
-    correct = [
-        np.where(asked, same & (category != NONE), NONE)
-        for same, asked in (rules[rule] for rule in score_rules)
-    ]
-    return np.where(there, named, NONE).astype(np.int16), np.array(correct, dtype=np.int8)
-
-
-def ships_named(names: NDArray[np.integer], category: NDArray[np.integer]) -> NDArray[np.integer]:
+def ships_named(names: Ships, category: Ships) -> Ships:
     """Return the ship of each category; none for a vector that matches nothing."""
     return np.where(category >= 0, names[np.maximum(category, 0)], NONE)
 
 
-def match_learning(
-    training: Floats,
-    tests: Floats,
-    taught: NDArray[np.bool_],
-    order: Places,
-    *,
-    vigilance: float,
-    learning_rate: float,
-    max_passes: int,
-) -> tuple[Places, Floats]:
-    """Match tests that move categories, too.
+def answer_tests(
+    lessons: Lessons,
+    training: Arrays,
+    names: Arrays,
+    tests: NDArray[Any],
+    there: Views,
+    score_rule: tuple[str, ...],
+    learn_in_test: bool,
+) -> Arrays:
+    """Return what (frame_count, ship, aspect, ...) tests are named by several trainings.
 
-    Parameters
-    ----------
-    training, tests : (view, feature) float64 ndarray
-        Vectors of all views, zero where one is not there.
-    taught : (ship, aspect) bool ndarray
-        Views that are learned.
-    order, vigilance, learning_rate, max_passes
-        As for `form_categories`.
+    These, as of `form_categories` and `name_categories`, have leading axes (...) and (...,
+    label_rule). By the rule `ship` the ship must be right; by `category` the category must be that
+    of the same view, and nothing is asked where that is not taught.
 
     Returns
     -------
-    category : (view,) intp ndarray
-        Category of each test; -1 where it matches none.
-    similarity : (view,) float64 ndarray
-        Cosine to it.
+    dict of str to ndarray
+        category, similarity (cosine to it), predicted, correct, cell :
+        (..., frame_count, label_rule, score_rule, ship, aspect)
+    """
+    lead, rules = training["passes"].shape, names["names"].shape[training["passes"].ndim]
+    whole = (*lead, len(tests), rules, len(score_rule), *there.shape)
+    answers = {name: np.full(whole, NONE) for name in ("category", "predicted", "correct")}
+    answers["similarity"] = np.full(whole, np.nan)
+    ship = np.indices(there.shape)[0]
+    for f, seen in enumerate(tests):
+        vectors = lessons.see(seen).astype(np.float64)
+        similarities = lessons.similarities.to(vectors)
+        for at in np.ndindex(lead):
+            formed = {name: values[at] for name, values in training.items()}
+            if learn_in_test:
+                category, cosine = match_learning(lessons.vectors, vectors, formed)
+            else:
+                category, cosine = clustering_of(formed).match(similarities)
+            category = np.where(there, category.reshape(there.shape), NONE)
+            answers["category"][*at, f] = category
+            answers["similarity"][*at, f] = np.where(there, cosine.reshape(there.shape), np.nan)
+            same = (category == formed["training_category"]) & (category != NONE)
+            of_taught = there & (formed["training_confused"] >= 0)
+            for k, of_category in enumerate(names["names"][at]):
+                named = ships_named(of_category, category)
+                right = {
+                    "ship": np.where(there, named == ship, NONE),
+                    "category": np.where(of_taught, same, NONE),
+                }
+                answers["predicted"][*at, f, k] = named
+                answers["correct"][*at, f, k] = [right[rule] for rule in score_rule]
+    return answers | {"cell": state(answers["correct"], there)}
 
-    Notes
-    -----
-    Tests of ships that are learned come first, in the order of the grid: what is unknown then moves
-    no category that they are held against.
+
+def match_learning(training: Floats, tests: Floats, formed: Arrays) -> tuple[Places, Floats]:
+    """(view,) category, and cosine to it, of (view, feature) tests that move categories, too.
+
+    Tests of ships that are learned come first, in the order of the grid: what is unknown then
+    moves no category that they are held against.
     """
     # Imported where it is used: scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
 
-    presented = order[taught.reshape(-1)[order]]
+    taught, turn = formed["training_confused"] >= 0, formed["turn"]
+    presented = turn[taught.reshape(-1)[turn]]
+    vigilance, learning_rate, passes = formed["taught_by"].tolist()
     network = AdaptiveClusteringNetwork(
-        vigilance=vigilance, learning_rate=learning_rate, max_passes=max_passes
+        vigilance=vigilance, learning_rate=learning_rate, max_passes=int(passes)
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
         network.fit(training[presented], np.indices(taught.shape)[0].reshape(-1)[presented])
     unknown = np.repeat(~taught.any(axis=1), taught.shape[1])
-    turn = np.argsort(unknown, kind="stable")
+    order = np.argsort(unknown, kind="stable")
     category, similarity = np.empty(len(tests), dtype=np.intp), np.empty(len(tests))
-    category[turn], similarity[turn] = network.match(tests[turn], learning=True)
+    category[order], similarity[order] = network.match(tests[order], learning=True)
     return category, similarity

@@ -1,33 +1,50 @@
-"""What classifiers have in common: which of them name the ships, and what they learn."""
+"""What classifiers share: which of them name the ships, what they learn, and what they answer."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Word
+from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices, Settings, number, set_of, switch, word
-from sweeps.engine.stage import Condition
+from sweeps.engine.stage import Condition, Output, Stage, in_memory, stage
+from sweeps.stages.scores import VIEW, data_set, formed, scored_profiles, tabulate_rejection
 from sweeps.stages.views import Grid, looks, ships
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Arrays = dict[str, NDArray[Any]]
+Views = NDArray[np.bool_]
+Ships = NDArray[np.integer]
+Floats = NDArray[np.float64]
+Profiles = NDArray[np.float32]
 
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 STATE = {"flag_values": [-1, 0, 1], "flag_meanings": "missing failed done"}
+GATHERED = (Grid.ship, Grid.aspect)
+OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
+RECEIVER, FULL = "ladar.receiver", "full_profile"  # key of a setting, and one of its words
+
+LEFT_ALONE = (
+    "classifier.left_out has True, but must be false where {} learned: nothing would be left"
+)
 
 
 class Classifier(Settings, key="classifier"):
-    """Who names the ships; `among` says who there is."""
+    """Who names the ships: the experiment gives `name` its words."""
 
     name = word("acn", (), label="who names the ship", dimension="classifier", shown=True)
     unknown = set_of(ships(None, label="ships that are shown but never learned"))
     training_aspect = set_of(
         number(
-            None,
-            0,
+            *(None, 0),
             below=360,
             unit="degree",
             label="aspects learned at",
@@ -35,9 +52,7 @@ class Classifier(Settings, key="classifier"):
         )
     )
     test_vigilance = number(
-        {"start": 0, "stop": 1, "step": 0.01},
-        0,
-        1,
+        *({"start": 0, "stop": 1, "step": 0.01}, 0, 1),
         label="cosine that an answer must reach",
         help="below it, the answer is 'unknown'",
     )
@@ -49,72 +64,36 @@ class Classifier(Settings, key="classifier"):
     )
 
 
-def among(*names: str) -> type[Settings]:
-    """Return the settings of `Classifier`, whose `name` is one or more of some names."""
-    named = {setting.key.rpartition(".")[2]: setting for setting in Classifier.declared}
-    named["name"] = replace(Classifier.name, kind=Word(names))
-    return type(
-        "Classifier", (Settings,), {"__doc__": Classifier.__doc__, **named}, key="classifier"
-    )
-
-
 def names_by(name: str, sensor: str) -> Condition:
     """Return the condition that a classifier is chosen, and a sensor looks."""
-
-    def chosen(choices: Choices) -> bool:
-        return name in choices[Classifier.name] and looks(sensor)(choices)
-
-    return chosen
+    return lambda choices: name in choices[Classifier.name] and looks(sensor)(choices)
 
 
-def learned(
-    ships: Sequence[str],
-    aspects: Sequence[float],
-    unknown: Sequence[str] | None,
-    training_aspect: Sequence[float] | None,
-) -> NDArray[np.bool_]:
-    """Return which views are learned; the others are only named, and ships among them unknown.
-
-    Parameters
-    ----------
-    ships : (ship,) sequence of str
-        Ships of the grid.
-    aspects : (aspect,) sequence of float
-        Its aspects [deg].
-    unknown : sequence of str or None
-        Ships that are not learned.
-    training_aspect : sequence of float or None
-        Aspects [deg] that are learned; all when None.
-
-    Returns
-    -------
-    (ship, aspect) bool ndarray
-    """
-    known = ~np.isin(np.array(ships, dtype=str), np.array(unknown or (), dtype=str))
-    taught = np.isin(aspects, aspects if training_aspect is None else training_aspect)
-    return known[:, None] & taught
+# What is learned
 
 
-def learned_of(choices: Choices) -> NDArray[np.bool_]:
+@in_memory(uses=(Grid, Classifier), gather=GATHERED)
+def taught(
+    ship: tuple[str, ...],
+    aspect: tuple[float, ...],
+    unknown: tuple[str, ...] | None,
+    training_aspect: tuple[float, ...] | None,
+) -> Views:
+    """(ship, aspect): views that are learned; ships among the others are unknown."""
+    known = ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
+    return known[:, None] & np.isin(aspect, aspect if training_aspect is None else training_aspect)
+
+
+def learned_of(choices: Choices) -> Views:
     """Return the (ship, aspect) views that a sweep's classifiers learn."""
-    return learned(
-        choices[Grid.ship],
-        choices[Grid.aspect],
-        choices.one(Classifier.unknown),
-        choices.one(Classifier.training_aspect),
-    )
+    settings = (Classifier.unknown, Classifier.training_aspect)
+    found: Views = taught(*(choices[one] for one in GATHERED), *map(choices.one, settings))
+    return found
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse unknown ships and training aspects that the grid lacks, or that leave nothing.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the first of them.
-    """
-    there = choices[Grid.ship]
-    unknown = choices.one(Classifier.unknown) or ()
+    """Refuse unknown ships and training aspects that the grid lacks, or that leave nothing."""
+    there, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
     for name in unknown:
         if name not in there:
             raise ConfigurationError(
@@ -135,45 +114,149 @@ def check(choices: Choices) -> Choices:
 
 
 def check_left_out(choices: Choices) -> None:
-    """Refuse to leave the true aspect out where no other is learned.
-
-    Raises
-    ------
-    ConfigurationError
-        If `classifier.left_out` has true, and one aspect is learned.
-    """
-    taught = learned_of(choices).any(axis=0).sum()
-    if any(choices[Classifier.left_out]) and taught < 2:
-        raise ConfigurationError(
-            f"classifier.left_out has True, but must be false where {taught} aspect is "
-            "learned: nothing would be left"
-        )
+    """Refuse to leave the true aspect out where no other is learned."""
+    aspects = learned_of(choices).any(axis=0).sum()
+    if any(choices[Classifier.left_out]) and aspects < 2:
+        raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
 
-def require_another_aspect(taught: NDArray[np.bool_], left_out: tuple[bool, ...]) -> None:
-    """Refuse to leave the true aspect out where fewer than two are taught.
-
-    Raises
-    ------
-    ValueError
-        Of views that are not there, and so are not taught.
-    """
+def require_another_aspect(taught: Views, left_out: tuple[bool, ...]) -> None:
+    """Refuse (`ValueError`) the same where views are not there, and so are not taught."""
     if any(left_out) and taught.any(axis=0).sum() < 2:
-        raise ValueError(
-            "classifier.left_out has True, but must be false where fewer than two aspects are "
-            "learned: nothing would be left"
-        )
+        raise ValueError(LEFT_ALONE.format("fewer than two aspects are"))
 
 
-def profile_vectors(profiles: NDArray[np.float32]) -> NDArray[np.float64]:
+def check_receiver(choices: Choices, name: str) -> None:
+    """Refuse receivers whose moments are not known to a classifier."""
+    for receiver in choices.values[RECEIVER]:
+        if receiver != FULL:
+            raise ConfigurationError(
+                f"{RECEIVER} is {receiver!r}, but must be {FULL} for the classifier {name}, "
+                "which knows the moments of no other"
+            )
+
+
+# What is seen
+
+
+def profile_vectors(profiles: Profiles) -> Floats:
     """Return (..., ship, aspect, bin) profiles as (..., view, bin) vectors, zero where missing."""
     flat = profiles.reshape(*profiles.shape[:-3], -1, profiles.shape[-1])
     return profile_vector(np.where(np.isfinite(flat), flat, 0.0))
 
 
-def state(correct: NDArray[np.integer], there: NDArray[np.bool_]) -> NDArray[np.int8]:
+def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return (..., ship, aspect, angle, radius) maps as (..., view, feature) shares of cells."""
+    flat = maps.reshape(*maps.shape[:-4], -1, maps.shape[-2] * maps.shape[-1])
+    return np.asarray(flat * np.float32(1 / np.iinfo(maps.dtype).max), dtype=np.float32)
+
+
+# What is answered
+
+
+def judged(named: Ships, there: Views) -> Arrays:
+    """Return the arrays of answers: (..., ship, aspect) ships named of views that are there."""
+    predicted = np.where(there, named, NONE)
+    correct = np.where(there, predicted == np.arange(len(there))[:, None], NONE)
+    return {"predicted": predicted, "correct": correct, "cell": state(correct, there)}
+
+
+def state(correct: Ships, there: Views) -> NDArray[np.int8]:
     """Return the state of answers: done, failed where the view is not there, missing if unasked."""
     return np.where(correct >= 0, 1, np.where(there, -1, 0)).astype("i1")
 
 
+def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
+    """(view,) most probable ships, and probabilities of the true ones: 0 of one not learned.
+
+    Of the ships there are, and their (view, ship) probabilities.
+    """
+    ships, probability = posterior
+    own = ships == true[:, None]
+    return ships[probability.argmax(axis=1)], (probability * own).sum(axis=1)
+
+
+# What is declared of it
+
+
+def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return the answers about ships that are learned: unknown ones cannot be named right."""
+    return classified.isel(ship=np.flatnonzero(learned_of(choices).any(axis=1)))
+
+
+def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return all scores of answers about range profiles by aspect bin, of the ships learned.
+
+    Where categories form, with their numbers; with the receiver for an attribute, if all have one.
+    """
+    known = known_ships(classified, choices)
+    tables = formed(known, "training profiles") if "training_category" in known else {}
+    found = data_set(tables | scored_profiles(known), known.aspect)
+    receivers = choices.values.get(RECEIVER, ())
+    return found.assign_attrs({"receiver": receivers[0]} if len(receivers) == 1 else {})
+
+
+@dataclass(frozen=True)
+class Naming:
+    """A group of answers, and how its stages and tables are declared.
+
+    Its name, and those of its tables; when a configuration has it; whose cells there are states
+    of, and their group, by the name when empty; and the dimensions of an answer.
+    """
+
+    name: str
+    when: Condition
+    of: str = ""
+    states: str = ""
+    dims: tuple[str, ...] = VIEW
+
+    def stage(self, *outputs: Output, **how: Any) -> Callable[[Callable[..., Any]], Stage]:
+        """Declare a stage of the group; see `sweeps.engine.stage.stage`."""
+        group = f"classification/{self.name}"
+        return stage(*outputs, group=group, when=self.when, status="-", **how)
+
+    def answers(
+        self,
+        *outputs: Output,
+        without: tuple[str, ...] = (),
+        right: str = "",
+        gather: tuple[Any, ...] = GATHERED,
+        **how: Any,
+    ) -> Callable[[Callable[..., Any]], Stage]:
+        """Declare the stage that names ships, which may have more outputs.
+
+        The ship named does not depend on some settings, and more than it may have to be right.
+        """
+        named = "ship named, as an index into the ship axis"
+        states = self.states or f"status_{self.name}"
+        state = f"state of a cell of {self.of or self.name}"
+        return self.stage(
+            Output("predicted", self.dims, "i2", label=named, without=without),
+            Output("correct", self.dims, "i1", label=f"1 where the answer is right{right}"),
+            *outputs,
+            Output("cell", self.dims, "i1", label=state, failed=0, group=states, attrs=STATE),
+            gather=gather,
+            **how,
+        )
+
+    def tables(
+        self, make: Callable[..., xr.Dataset] = tabulate_answers, *, rejecting: bool = False
+    ) -> tuple[Table, ...]:
+        """Return the tables of the group; of rejections, too, where a view is not learned."""
+        group = (f"classification/{self.name}",)
+
+        def reject(found: xr.Dataset, choices: Choices) -> xr.Dataset:
+            return tabulate_rejection(
+                found, learned_of(choices), choices[Classifier.test_vigilance]
+            )
+
+        def asked(choices: Choices) -> bool:
+            return self.when(choices) and not learned_of(choices).all()
+
+        scores = Table(f"tables/{self.name}", group, make, self.when)
+        rejections = Table(f"tables/rejection_{self.name}", group, reject, asked)
+        return (scores, rejections) if rejecting else (scores,)
+
+
 SETTINGS: tuple[type[Settings], ...] = (Classifier,)
+STAGES: tuple[Stage, ...] = (taught,)

@@ -2,97 +2,92 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.irar import (
-    Correction,
-    Flight,
-    Scan,
-    Snapshot,
-    Window,
-    correct,
-    correct_as_printed,
-    profile,
-    segmented,
-    tilts,
-)
+from ncti import irar as library
+from ncti.irar import Correction, Flight, Landmarks, Scan, Snapshot, Tilt, Window
 from ncti.irar.chain import places
+from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 from sweeps.engine.stage import Output, Stage, stage
-from sweeps.stages.flight_comparison import LANDMARKS, SOURCES, compared
-from sweeps.stages.flight_geometry import widened, window_of_cell
-from sweeps.stages.irar import EXACT, FLIGHT, RATES, Error, Irar
-from sweeps.stages.ladar import Ladar, bin_centres, profile_bins
-from sweeps.stages.views import IRAR, Grid, ShipName, looks
+from sweeps.stages import irar
+from sweeps.stages.irar import CELLS, DIMS, EXACT, NO_ERROR, Arrays, Error, Irar
+from sweeps.stages.ladar import Ladar, profile_bins
+from sweeps.stages.views import IRAR, STATUS, Grid, ShipName, looks
 
 if TYPE_CHECKING:
     import trimesh
 
-Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 
-GROUP = "validation"
-STATUS = "status:view"
-DIMS = ("ship", "aspect", *FLIGHT)
 LEAST_SEEN = 20
 """Pixels above the threshold that are a ship and no false alarms."""
 
+SOURCES = ("measured", "noiseless", "synthetic", "point")
+STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are told within so much of it
+HANGAR = 4.0  # m either side of its spike, without which profiles are correlated, too
+HANGAR_REACH = 8.0  # m either side of where a spike must be to be the hangar's
 
-@dataclass(frozen=True)
-class Way:
-    """A way to correct scans.
+HANGARS = {"connole": (-40.0, -20.0)}
+"""Where near-stern profiles have a hangar that is not their highest peak [m]: her stack returns
+more."""
 
-    Attributes
-    ----------
-    rate : str or None
-        What f is in the corrections as printed, as of `correct_as_printed`; None of the exact ones.
-    correction : Correction
-        Methods of the exact ones.
-    belief : Flight
-        What is taken for the flight.
-    window : Window
-        Pixels of the result.
-    """
+PERRY = ("duncan", "roberts")
+"""Ships whose masts and bridge are where landmarks are looked for; of others they are not told."""
 
-    rate: str | None
-    correction: Correction
-    belief: Flight
-    window: Window
+ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
+"""Share of the highest peak at which a ship begins: a bare deck returns 0.02, which is all that is
+there where a transom is dark; pixels of a level lattice spread as much beyond a sloping stern."""
 
-    def image(self, scan: Scan, *, overscanned: bool = False) -> Snapshot:
-        """Return a scan corrected; rows as printed are a pixel apart."""
-        where: dict[str, Any] = {"belief": self.belief, "window": self.window}
-        if self.rate is not None:
-            return correct_as_printed(scan, rate=self.rate, **where)
-        return correct(scan, self.correction, overscanned=overscanned, **where)
-
-    def places(self, scan: Scan) -> tuple[Floats, Floats] | None:
-        """Return where an image has its samples; None as printed, which averages them before."""
-        if self.rate is not None:
-            return None
-        row, column, _ = places(scan, self.correction, belief=self.belief)
-        return row - self.window.bottom, column - self.window.left
+LANDMARKS = {  # label and unit
+    "stern_to_hangar": ("from the stern end to the hangar's spike", "m"),
+    "stern_to_bridge": ("from the stern end to the front of the forward structure", "m"),
+    "transom_ratio": ("height of the highest within 5 m of the stern over the hangar's", "1"),
+    "mast_position": ("main mast, past the hangar", "m"),
+    "mast_ratio": ("height of the main mast's peak over the hangar's", "1"),
+    "forward_position": ("peak of the forward block, past the hangar", "m"),
+    "forward_ratio": ("height of the forward block's peak over the hangar's", "1"),
+    "transom_energy": ("returns within 1.5 m of the transom's peak over the hangar's", "1"),
+    "mast_energy": ("returns within 1.5 m of the main mast's peak over the hangar's", "1"),
+    "forward_energy": ("returns within 1.5 m of the forward peak over the hangar's", "1"),
+    "deck_spikes": ("peaks between the transom and the hangar", "1"),
+}
 
 
-def _degrees(name: str, label: str) -> Output:
-    return Output(name, label=label, unit="degree")
+NUMBERS = {
+    "profile_correlation": "correlation of the measured profile with the noiseless one",
+    "profile_correlation_without_hangar": "the same without 4 m either side of the hangar, the "
+    "highest peak",
+    "closing_speed_error": "closing speed that images are corrected with over the true one, less 1",
+    "looks": "mean samples of the pixels that have some",
+}
+TILTS = {
+    "mast_tilt": "tilt of masts in the corrected images, intensity and infrared together",
+    "waterline_tilt": "tilt of the waterline in the corrected images, intensity and infrared "
+    "together",
+    "mast_tilt_error": "standard error of that of masts, where what is left is a shear of a few "
+    "degrees at most",
+    "waterline_tilt_error": "standard error of that of the waterline, likewise",
+    "noiseless_mast_tilt": "tilt of masts in the corrected noiseless scan, by how much ship each "
+    "pixel shows",
+    "noiseless_waterline_tilt": "tilt of the waterline in the corrected noiseless scan, likewise",
+}
+IMAGES = {  # unit and label
+    "intensity": ("1", "corrected, segmented intensity in noise powers, 0 where there is none"),
+    "range_image": ("m", "range less that of the ship origin, of the same pixels"),
+    "infrared_image": ("K", "apparent temperature over the sea's, of the same pixels"),
+}
+ORIGIN = {"row": "window_bottom", "column": "window_left"}
 
-
-def _image(name: str, label: str, unit: str = "1") -> Output:
-    origin = {"row": "window_bottom", "column": "window_left"}
-    return Output(name, ("row", "column"), label=label, unit=unit, origin=origin)
-
-
-def _place(name: str, label: str) -> Output:
-    return Output(name, (), "i4", label, "pixel", fill=0, stored=False)
-
-
-def _of_image(name: str, dims: tuple[str, ...], dtype: str = "f8") -> Output:
-    """Part of the overscanned image: where it shows the ship, and with what."""
-    return Output(name, dims, dtype, stored=False)
+_place = partial(Output, dtype="i4", unit="pixel", fill=0, stored=False)
+# Parts of the overscanned image: where it shows the ship, and with what.
+_part = partial(Output, dtype="f8", stored=False)
 
 
 @stage(
@@ -101,31 +96,8 @@ def _of_image(name: str, dims: tuple[str, ...], dtype: str = "f8") -> Output:
         ("source", "down_range"),
         label="range profile: intensity summed over pixels, in noise powers of one look",
     ),
-    Output(
-        "profile_correlation", label="correlation of the measured profile with the noiseless one"
-    ),
-    Output(
-        "profile_correlation_without_hangar",
-        label="the same without 4 m either side of the hangar, the highest peak",
-    ),
-    _degrees("mast_tilt", "tilt of masts in the corrected images, intensity and infrared together"),
-    _degrees(
-        "waterline_tilt",
-        "tilt of the waterline in the corrected images, intensity and infrared together",
-    ),
-    _degrees(
-        "mast_tilt_error",
-        "standard error of that of masts, where what is left is a shear of a few degrees at most",
-    ),
-    _degrees("waterline_tilt_error", "standard error of that of the waterline, likewise"),
-    _degrees(
-        "noiseless_mast_tilt",
-        "tilt of masts in the corrected noiseless scan, by how much ship each pixel shows",
-    ),
-    _degrees(
-        "noiseless_waterline_tilt",
-        "tilt of the waterline in the corrected noiseless scan, likewise",
-    ),
+    *(Output(name, label=label) for name, label in NUMBERS.items()),
+    *(Output(name, label=label, unit="degree") for name, label in TILTS.items()),
     Output(
         "hangar_spike_offset",
         label="down-range of the hangar's spike measured, over that without noise",
@@ -135,23 +107,19 @@ def _of_image(name: str, dims: tuple[str, ...], dtype: str = "f8") -> Output:
         Output(name, ("source",), label=label, unit=unit)
         for name, (label, unit) in LANDMARKS.items()
     ),
-    Output(
-        "closing_speed_error",
-        label="closing speed that images are corrected with over the true one, less 1",
+    *(
+        Output(name, ("row", "column"), label=label, unit=unit, origin=ORIGIN)
+        for name, (unit, label) in IMAGES.items()
     ),
-    Output("looks", label="mean samples of the pixels that have some"),
-    _image("intensity", "corrected, segmented intensity in noise powers, 0 where there is none"),
-    _image("range_image", "range less that of the ship origin, of the same pixels", "m"),
-    _image("infrared_image", "apparent temperature over the sea's, of the same pixels", "K"),
-    _place("window_bottom", "row of pixels, upwards from the ship origin"),
-    _place("window_left", "column of pixels, rightwards from the ship origin"),
-    _of_image("fine_row", ("fine_row",)),
-    _of_image("fine_column", ("fine_column",)),
-    _of_image("ship_pixel", ("pixel", "place"), "i4"),
-    _of_image("ship_value", ("pixel", "value")),
+    _place("window_bottom", label="row of pixels, upwards from the ship origin"),
+    _place("window_left", label="column of pixels, rightwards from the ship origin"),
+    _part("fine_row", ("fine_row",)),
+    _part("fine_column", ("fine_column",)),
+    _part("ship_pixel", ("pixel", "place"), dtype="i4"),
+    _part("ship_value", ("pixel", "value")),
     uses=(Grid, Irar, Ladar),
     reads={"error": Irar.errors},
-    group=GROUP,
+    group=irar.GROUP,
     dims=DIMS,
     when=looks(IRAR),
     status=STATUS,
@@ -175,35 +143,54 @@ def corrected(
     window: float,
 ) -> Arrays:
     """Return the corrected images of a flight, their tilts, their profiles and landmarks."""
-    bins = bin_centres(window, bin_width)
+    bins = profile_bins(window, bin_width)
     if scan is None or clean is None or belief is None or truth is None or models is None:
         return _nothing(bins.size)
     flight = scan.flight
-    way = Way(
-        rate=None if chain == EXACT else RATES[chain],
-        correction=Correction(azimuth=azimuth, mirror=mirror, range_filter=range_filter),
-        belief=belief,
-        window=window_of_cell(mesh, flight, error, chain, azimuth, mirror),
+    pixels = window_of_cell(mesh, flight, error, chain, azimuth, mirror)
+    correction = Correction(azimuth=azimuth, mirror=mirror, range_filter=range_filter)
+
+    def image(scan: Scan, *, overscanned: bool = False) -> Snapshot:
+        where: dict[str, Any] = {"belief": belief, "window": pixels}
+        if chain != EXACT:  # rows as printed are a pixel apart
+            return library.correct_as_printed(scan, rate=irar.RATES[chain], **where)
+        return library.correct(scan, correction, overscanned=overscanned, **where)
+
+    def tilt(scan: Scan, images: Any, truths: Any) -> Tilt:
+        spots = None  # as printed, which averages samples before
+        if chain == EXACT:
+            row, column, _ = places(scan, correction, belief=belief)
+            spots = row - pixels.bottom, column - pixels.left
+        return library.tilts(images, truths, places=spots)
+
+    whole = image(scan)
+    shown, fine = (
+        library.segmented(one, belief, threshold=segmentation_threshold)
+        for one in (whole, image(scan, overscanned=True))
     )
-    whole = way.image(scan)
-    image, fine = (
-        segmented(one, belief, threshold=segmentation_threshold)
-        for one in (whole, way.image(scan, overscanned=True))
-    )
-    seen = bool(np.count_nonzero(image.intensity) >= LEAST_SEEN)
-    measured = profile(fine, belief, bins=bins.size, bin_width=bin_width)
+    # Tilts are of the uncut image if it shows a ship: a threshold eats into dim edges.
+    seen = bool(np.count_nonzero(shown.intensity) >= LEAST_SEEN)
+    truths = [widened(truth, values, pixels) for values in (truth.intensity, truth.infrared)]
+    lean = tilt(scan, [whole.intensity * seen, whole.infrared], truths)
+    noiseless = tilt(clean, image(clean).infrared, truths[1])
+    measured = library.profile(fine, belief, bins=bins.size, bin_width=bin_width)
     profiles = np.stack([measured, *(flight.cnr * models)])
     return {
         "profile": profiles,
         "closing_speed_error": np.array(belief.closing_speed / flight.closing_speed - 1),
-        "looks": image.looks.sum() / max(np.count_nonzero(image.looks), 1),
-        "intensity": image.intensity,
-        "range_image": image.range - flight.slant_range,
-        "infrared_image": image.infrared,
-        "window_bottom": np.array(way.window.bottom),
-        "window_left": np.array(way.window.left),
-        **_tilts(way, scan, clean, truth, whole, seen),
-        **_of_ship(fine),
+        "looks": shown.looks.sum() / max(np.count_nonzero(shown.looks), 1),
+        "intensity": shown.intensity,
+        "range_image": shown.range - flight.slant_range,
+        "infrared_image": shown.infrared,
+        "window_bottom": np.array(pixels.bottom),
+        "window_left": np.array(pixels.left),
+        "mast_tilt": np.array(lean.mast),
+        "waterline_tilt": np.array(lean.waterline),
+        "mast_tilt_error": np.array(lean.mast_error),
+        "waterline_tilt_error": np.array(lean.waterline_error),
+        "noiseless_mast_tilt": np.array(noiseless.mast),
+        "noiseless_waterline_tilt": np.array(noiseless.waterline),
+        **irar.ship_pixels(fine),
         **compared(profiles, bins, aspect=aspect, ship=ship),
     }
 
@@ -217,55 +204,106 @@ def _nothing(bins: int) -> Arrays:
     }
 
 
-def _tilts(
-    way: Way, scan: Scan, clean: Scan, truth: Snapshot, whole: Snapshot, seen: bool
-) -> Arrays:
-    """Return tilts of masts and waterline, of the uncut image if it shows a ship.
+def window_of_cell(
+    mesh: trimesh.Trimesh, flight: Flight, error: Error, chain: str, azimuth: str, mirror: str
+) -> Window:
+    """Return the pixels of a corrected image: about the ship, wider where it may lean or stretch.
 
-    A threshold eats into dim edges.
+    With an error of the pointing they are where the ship then seems to be: who looks at the
+    image sees it there.
     """
-    truths = [widened(truth, values, way.window) for values in (truth.intensity, truth.infrared)]
-    lean = tilts([whole.intensity * seen, whole.infrared], truths, places=way.places(scan))
-    without_noise = tilts(way.image(clean).infrared, truths[1], places=way.places(clean))
+    window = library.ship_window(mesh, flight)
+    if error != NO_ERROR or chain != EXACT or azimuth != "pixel" or mirror not in MIRROR_FORMS:
+        # Uncorrected lines rise by the mirror's angle, and rows follow one another with the drift.
+        turn = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle)
+        drift, steep = abs(flight.drift / flight.climb), math.tan(abs(math.radians(turn)))
+        # As printed, rows that such lines climb more slowly, or faster, keep their distance.
+        tall = 1.0 if chain == EXACT else 1.0 / max(1.0 - drift * steep, 0.1)
+        longest = max(window.rows, window.columns)
+        above = math.ceil(longest * max(1 / 8, 1.1 * steep) + window.rows * 0.6 * (tall - 1.0))
+        aside = math.ceil(window.rows * max(1.0, drift + steep) * tall)
+        window = Window(
+            bottom=window.bottom - above,
+            left=window.left - aside,
+            rows=window.rows + 2 * above,
+            columns=window.columns + 2 * aside,
+        )
+    if error[0] == "pointing":
+        moved = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
+        window = replace(window, left=window.left + round(moved))
+    return window
+
+
+def widened(truth: Snapshot, values: Floats, window: Window) -> Floats:
+    """Return values of a truth on its own window, on a larger one whose middle pixels they are."""
+    above = (window.rows - truth.window.rows) // 2 * CELLS
+    aside = (window.columns - truth.window.columns) // 2 * CELLS
+    return np.pad(values, ((above, above), (aside, aside)))
+
+
+def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str = "") -> Arrays:
+    """Return how alike (source, bin) profiles at an aspect [deg] are, and their landmarks.
+
+    Returns
+    -------
+    dict of str to ndarray
+        profile_correlation, profile_correlation_without_hangar, hangar_spike_offset : ();
+        landmarks : (source,), NaN where the view is not near the stern or has none.
+
+    Notes
+    -----
+    The hangar's spike is the highest of the synthetic profile, in which nothing glints, or the
+    highest where `HANGARS` has it, and in the others what is highest close to it. Masts and bridge
+    are looked for where the Perry class has them, and told of its ships alone.
+    """
+    measured, noiseless, synthetic = profiles[:3]
+    astern = abs(aspect - STERN) <= NEAR_STERN
+    if astern and ship in HANGARS:
+        first, last = HANGARS[ship]
+        synthetic = np.where((down_range >= first) & (down_range <= last), synthetic, 0)
+    spike = float(down_range[synthetic.argmax()])
+    found: list[Landmarks | None] = [None] * len(SOURCES)
+    if astern:
+        near = (spike - HANGAR_REACH, spike + HANGAR_REACH)
+        for k, line in enumerate(profiles):
+            with suppress(ValueError):  # nothing returns there
+                end = ENDS[SOURCES[k]]
+                found[k] = library.landmarks(line, down_range, hangar=near, end=end)
+    told = [_figures(marks, ship in PERRY) for marks in found]
+    alike = partial(library.profile_correlation, measured, noiseless)
+    near_spike = np.abs(down_range - spike) <= HANGAR
     return {
-        "mast_tilt": np.array(lean.mast),
-        "waterline_tilt": np.array(lean.waterline),
-        "mast_tilt_error": np.array(lean.mast_error),
-        "waterline_tilt_error": np.array(lean.waterline_error),
-        "noiseless_mast_tilt": np.array(without_noise.mast),
-        "noiseless_waterline_tilt": np.array(without_noise.waterline),
+        "profile_correlation": np.array(alike()),
+        "profile_correlation_without_hangar": np.array(alike(exclude=near_spike)),
+        "hangar_spike_offset": np.array(
+            told[0].get("hangar", math.nan) - told[1].get("hangar", math.nan)
+        ),
+        **{name: np.array([one.get(name, math.nan) for one in told]) for name in LANDMARKS},
     }
 
 
-def _of_ship(fine: Snapshot) -> Arrays:
-    """Return the pixels of a segmented image that show the ship, as arrays; see `image_of`."""
-    there = np.isfinite(fine.range) & (fine.intensity > 0)
-    return {
-        "fine_row": fine.row,
-        "fine_column": fine.column,
-        "ship_pixel": np.argwhere(there),
-        "ship_value": np.stack([fine.intensity[there], fine.range[there]], axis=-1),
+def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
+    """Landmarks of one profile by name, and its hangar."""
+    if marks is None:
+        return {}
+    figures = {
+        "hangar": marks.hangar,
+        "stern_to_hangar": marks.stern,
+        "stern_to_bridge": marks.stern_to_bridge,
+        "deck_spikes": float(len(marks.deck_spikes)),
     }
-
-
-def image_of(found: Arrays) -> Snapshot:
-    """Return the overscanned image of a flight from the results of `corrected`.
-
-    Intensity and range where it shows the ship; nothing elsewhere, and no infrared.
-    """
-    row, column = found["fine_row"], found["fine_column"]
-    intensity, ranges = np.zeros((2, row.size, column.size))
-    at = tuple(found["ship_pixel"].T)
-    ranges[:] = np.nan
-    intensity[at], ranges[at] = found["ship_value"].T
-    pixels = Window(int(found["window_bottom"]), int(found["window_left"]), 0, column.size)
-    nothing = np.zeros(intensity.shape)
-    return Snapshot(pixels, row, column, intensity, ranges, nothing, nothing.astype(np.intp))
+    peaks = {"transom": marks.transom}
+    peaks |= {"mast": marks.mast, "forward": marks.forward} if perry else {}
+    for name, peak in peaks.items():
+        figures[f"{name}_position"] = peak.offset
+        figures[f"{name}_ratio"] = peak.height
+        figures[f"{name}_energy"] = peak.energy
+    return figures
 
 
 @stage(
     Output("source", ("source",), "U9", label="where a profile comes from"),
-    group=GROUP,
+    group=irar.GROUP,
     when=looks(IRAR),
     coordinates=True,
 )
@@ -274,14 +312,6 @@ def profile_sources() -> NDArray[np.str_]:
     return np.array(SOURCES)
 
 
-flight_bins = stage(
-    *profile_bins.outputs,
-    uses=(Ladar,),
-    group=GROUP,
-    when=looks(IRAR),
-    coordinates=True,
-    name="flight_bins",
-)(profile_bins.function)
-
+flight_bins = replace(profile_bins, name="flight_bins", group=irar.GROUP, when=looks(IRAR))
 
 STAGES: tuple[Stage, ...] = (corrected, profile_sources, flight_bins)

@@ -2,37 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices, Settings, word
-from sweeps.engine.stage import Output, Stage, in_memory, stage
-from sweeps.stages.classifier import (
-    NONE,
-    STATE,
-    Classifier,
-    check_left_out,
-    learned,
-    names_by,
-    profile_vectors,
-    require_another_aspect,
-    state,
-)
-from sweeps.stages.rejection import rejection_table
-from sweeps.stages.scores import tabulate_answers
+from sweeps.engine.stage import Output, Stage, in_memory
+from sweeps.stages import classifier
+from sweeps.stages.classifier import NONE, Arrays, Classifier, Floats, Naming, Profiles, Views
 from sweeps.stages.views import RANGE, Grid
 
-Arrays = dict[str, NDArray[Any]]
-Floats = NDArray[np.float64]
-
 NAME = "correlation"
-GROUP = "classification/correlation"
-VIEW = ("ship", "aspect")
+NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
 EXPECTED, NOISY = "expected", "noisy"
 
 
@@ -48,66 +28,25 @@ class Correlation(Settings, key="classifier"):
     )
 
 
-@dataclass(frozen=True)
-class Draws:
-    """Vectors of all draws of averaged profiles.
-
-    Attributes
-    ----------
-    vectors : (replicate, view, bin) float64 ndarray
-        Those of the first ship first; zero where one is not there.
-    replicates : tuple of int
-        Numbers of the draws.
-    """
-
-    vectors: Floats
-    replicates: tuple[int, ...]
-
-    def without(self, replicate: int) -> Floats:
-        """(replicate, view, bin): the vectors of all other draws."""
-        return self.vectors[[number != replicate for number in self.replicates]]
+@in_memory(gather=(Grid.replicate, *classifier.GATHERED), keep=4)
+def profile_draws(averaged: Profiles) -> Floats:
+    """(replicate, view, bin): vectors of all draws of profiles of as many frames."""
+    return classifier.profile_vectors(averaged)
 
 
-@in_memory(uses=(Grid,), gather=(Grid.replicate, Grid.ship, Grid.aspect), keep=4)
-def profile_draws(averaged: NDArray[np.float32], replicate: tuple[int, ...]) -> Draws:
-    """Return the vectors of all draws of profiles of as many frames."""
-    return Draws(profile_vectors(averaged), replicate)
-
-
-@stage(
-    Output("predicted", VIEW, "i2", label="ship named, as an index into the ship axis"),
-    Output("correct", VIEW, "i1", label="1 where the answer is right"),
-    Output("similarity", VIEW, label="cosine to the most similar profile learned"),
-    Output(
-        "cell",
-        VIEW,
-        "i1",
-        label=f"state of a cell of {NAME}",
-        failed=0,
-        group=f"status_{NAME}",
-        attrs=STATE,
-    ),
+@NAMING.answers(
+    Output("similarity", classifier.VIEW, label="cosine to the most similar profile learned"),
     uses=(Grid, Classifier, Correlation),
     along=(Classifier.left_out,),
-    gather=(Grid.ship, Grid.aspect),
-    group=GROUP,
-    dims=(
-        *("pulse_width", "range", "target_free_ifovs"),
-        *("training", "left_out", "replicate", "frame_count"),
-    ),
-    when=names_by(NAME, RANGE),
-    status="-",
+    dims=(*classifier.OF_PROFILES, "training", "left_out", "replicate", "frame_count"),
 )
 def correlation(
-    profile_draws: Draws,
-    expected: NDArray[np.float32],
-    averaged: NDArray[np.float32],
-    there: NDArray[np.bool_],
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
+    profile_draws: Floats,
+    taught: Views,
+    expected: Profiles,
+    averaged: Profiles,
+    there: Views,
     replicate: int,
-    unknown: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
     training: str,
     left_out: tuple[bool, ...],
 ) -> Arrays:
@@ -120,39 +59,22 @@ def correlation(
     ships at it are. A profile that nowhere rises above its floor has no direction: it names no
     ship, which counts as wrong, and what is learned of it answers for none.
     """
-    taught = learned(ship, aspect, unknown, training_aspect) & there
-    require_another_aspect(taught, left_out)
-    lessons = {
-        EXPECTED: lambda: profile_vectors(expected)[None],
-        NOISY: lambda: profile_draws.without(replicate),
-    }
-    return match_views(lessons[training](), profile_vectors(averaged), there, taught, left_out)
+    known = taught & there
+    classifier.require_another_aspect(known, left_out)
+    if training == NOISY:
+        lessons = np.delete(profile_draws, replicate, axis=0)
+    else:
+        lessons = classifier.profile_vectors(expected)[None]
+    return match_views(lessons, classifier.profile_vectors(averaged), there, known, left_out)
 
 
 def match_views(
-    lessons: Floats,
-    tests: Floats,
-    there: NDArray[np.bool_],
-    taught: NDArray[np.bool_],
-    left_out: tuple[bool, ...],
+    lessons: Floats, tests: Floats, there: Views, taught: Views, left_out: tuple[bool, ...]
 ) -> Arrays:
-    """Name the ship of the lesson that is most similar to each test.
+    """Name the ship of the lesson that is most similar to each test, (left_out, ship, aspect).
 
-    Parameters
-    ----------
-    lessons : (draw, view, bin) float64 ndarray
-        Vectors to learn, of all views, zero where one is not there.
-    tests : (view, bin) float64 ndarray
-        Vectors to name.
-    there, taught : (ship, aspect) bool ndarray
-        Views that are there, and those that are learned.
-    left_out : tuple of bool
-        Whether lessons of a test's own aspect are left out.
-
-    Returns
-    -------
-    dict of str to ndarray
-        predicted, correct, similarity, cell : (left_out, ship, aspect)
+    Lessons are (draw, view, bin) vectors of all views, zero where one is not there, and tests
+    (view, bin) ones; lessons of a test's own aspect may be left out.
     """
     # Imported where it is used: scikit-learn takes a second.
     from ncti.classify.baselines import NO_TEMPLATE, CorrelationNeighbour
@@ -167,38 +89,22 @@ def match_views(
         best, cosine = neighbour.match(tests, exclude=untaught | (same & leave))
         named.append(np.where(best == NO_TEMPLATE, NONE, known[best]).reshape(there.shape))
         cosines.append(np.where(there, cosine.reshape(there.shape), np.nan))
-    predicted = np.where(there, named, NONE)
-    correct = np.where(there, predicted == ship.reshape(there.shape), NONE)
-    return {
-        "predicted": predicted,
-        "correct": correct,
-        "similarity": np.array(cosines),
-        "cell": state(correct, there),
-    }
+    return classifier.judged(np.array(named), there) | {"similarity": np.array(cosines)}
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse to learn the noise that is tested, and to leave all aspects out.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the key.
-    """
-    if names_by(NAME, RANGE)(choices):
+    """Refuse to learn the noise that is tested, and to leave all aspects out."""
+    if NAMING.when(choices):
         replicates = len(choices[Grid.replicate])
         if NOISY in choices[Correlation.training] and replicates < 2:
             raise ConfigurationError(
                 f"grid.replicate is {replicates}, but must be at least 2 where "
                 "classifier.training has noisy: what is learned must not be what is tested"
             )
-        check_left_out(choices)
+        classifier.check_left_out(choices)
     return choices
 
 
 SETTINGS: tuple[type[Settings], ...] = (Correlation,)
 STAGES: tuple[Stage, ...] = (profile_draws, correlation)
-TABLES: tuple[Table, ...] = (
-    Table(f"tables/{NAME}", (GROUP,), tabulate_answers, names_by(NAME, RANGE)),
-    rejection_table(NAME, GROUP, names_by(NAME, RANGE)),
-)
+TABLES = NAMING.tables(rejecting=True)

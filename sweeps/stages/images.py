@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,24 +13,34 @@ from ncti.evaluate import aspect_bins
 from ncti.infrared import enlarge
 from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, stage
-from sweeps.stages.infrared import Infrared, looks_infrared
+from sweeps.engine.stage import Output, Stage, plain, stage
+from sweeps.stages.infrared import IMAGES, LOOK, VIEW, Infrared, looks_infrared
 from sweeps.stages.infrared_look import HALVES, Look, whole_window
 from sweeps.stages.scores import data_set
+from sweeps.stages.views import STATUS
 
 if TYPE_CHECKING:
     import xarray as xr
 
 LEAST_CONTRAST = 1e-6  # K, below which images have no error worth the name
 PLACE = "{} place on the target, the ship origin within a pixel"
-
 WHOLE = HALVES["none"]  # half pixels that a pixel of the detector is wide
-IMAGES = "infrared"  # group
-VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")
 OVER = (*VIEW, "phase")  # what tables of images are means over
 
+Floats = NDArray[np.float64]
 
-@stage(
+_of_images = partial(stage, uses=(Infrared,), group=IMAGES, when=looks_infrared)
+
+
+@plain(uses=(Infrared,), reads={"depression": "infrared_depression"})
+def largest_window(
+    range: float, depression: float, ifov: float, window_length: float, window_height: float
+) -> tuple[float, ...]:
+    """Return the arguments of `whole_window`."""
+    return tuple(locals().values())
+
+
+@_of_images(
     Output(
         "image",
         ("row", "col"),
@@ -40,22 +51,13 @@ OVER = (*VIEW, "phase")  # what tables of images are means over
     ),
     Output("first_row", dtype="i8", label="row of pixels, from the lowest", stored=False),
     Output("first_col", dtype="i8", label="column of pixels, from the left", stored=False),
-    uses=(Infrared,),
-    reads={"depression": "infrared_depression"},
     along=(Infrared.frame_count,),
-    group=IMAGES,
     dims=(*VIEW, "coverage_rule", *LOOK),
-    when=looks_infrared,
-    status="status:view",
-    name="thermal_image",
+    status=STATUS,
 )
 def thermal_image(
     look: Look,
-    range: float,
-    depression: float,
-    ifov: float,
-    window_length: float,
-    window_height: float,
+    largest_window: tuple[float, ...],
     super_resolution: str,
     frame_count: tuple[int, ...],
 ) -> dict[str, NDArray[Any]]:
@@ -68,14 +70,7 @@ def thermal_image(
         first_col : (frame_count,), where it begins.
     """
     (found,) = look.images(super_resolution, (0,), frame_count)
-    whole = whole_window(
-        range,
-        depression,
-        ifov=ifov,
-        length=window_length,
-        height=window_height,
-        place=look.place(0),
-    )
+    whole = whole_window(*largest_window, place=look.place(0))
     ours = look.covered(0).origin
     cells = HALVES[super_resolution]
     rows, cols = (n // cells for n in whole.coverage.shape)
@@ -90,26 +85,17 @@ def thermal_image(
     return {"image": placed, "first_row": begin, "first_col": begin}
 
 
-@stage(
+@_of_images(
     Output("vertical", ("row",), "f8", PLACE.format("vertical"), "m", pad=np.nan),
     Output("horizontal", ("col",), "f8", PLACE.format("horizontal"), "m", pad=np.nan),
-    uses=(Infrared,),
-    reads={"depression": "infrared_depression"},
-    group=IMAGES,
     dims=("range", "super_resolution"),
-    when=looks_infrared,
     coordinates=True,
 )
 def image_window(
-    range: float,
-    depression: float,
-    ifov: float,
-    window_length: float,
-    window_height: float,
-    super_resolution: str,
+    largest_window: tuple[float, ...], super_resolution: str
 ) -> dict[str, NDArray[Any]]:
     """Return where the rows and columns of images lie on the target [m]."""
-    window = whole_window(range, depression, ifov=ifov, length=window_length, height=window_height)
+    window = whole_window(*largest_window)
     found = {}
     for axis, name in enumerate(("vertical", "horizontal")):
         halves = window.origin[1 - axis] + window.footprint * np.arange(window.coverage.shape[axis])
@@ -117,57 +103,45 @@ def image_window(
     return found
 
 
-@stage(
+@_of_images(
     Output(
         "detection_probability",
         label="probability that a pixel of the ship passes the detector's threshold",
     ),
-    uses=(Infrared,),
     along=(Infrared.phases, Infrared.frame_count),
-    group=IMAGES,
     dims=(*VIEW, "coverage_rule", "phase", "range", "frame_count"),
-    when=looks_infrared,
-    status="status:view",
+    status=STATUS,
 )
 def detection_probability(
     look: Look, false_alarm: float, phases: tuple[int, ...], frame_count: tuple[int, ...]
-) -> NDArray[np.float64]:
+) -> Floats:
     """(phase, frame_count): probability that a pixel of the ship passes the threshold."""
     sigmas = look.sigmas("none", frame_count)
+    pixels = [int(np.count_nonzero(look.shown(phase, WHOLE))) for phase in phases]
+    known = {"contrast": look.contrast, "false_alarm": false_alarm}
     return np.array(
         [
             [
-                library.detection_probability(
-                    int(np.count_nonzero(look.shown(phase, WHOLE))),
-                    contrast=look.contrast,
-                    target_sigma=target_sigma,
-                    sea_sigma=sea_sigma,
-                    false_alarm=false_alarm,
-                )
-                for target_sigma, sea_sigma in zip(
-                    sigmas["target_sigma"], sigmas["sea_sigma"], strict=True
-                )
+                library.detection_probability(n, **known, target_sigma=target, sea_sigma=sea)
+                for target, sea in zip(sigmas["target_sigma"], sigmas["sea_sigma"], strict=True)
             ]
-            for phase in phases
+            for n in pixels
         ]
     )
 
 
-@stage(
+@_of_images(
     Output(
         "reconstruction_error",
         label="rms difference from the noiseless image of half the pixel, over the contrast",
     ),
-    uses=(Infrared,),
     along=(Infrared.phases, Infrared.frame_count),
-    group=IMAGES,
     dims=(*VIEW, "coverage_rule", "phase", *LOOK),
-    when=looks_infrared,
-    status="status:view",
+    status=STATUS,
 )
 def reconstruction_error(
     look: Look, super_resolution: str, phases: tuple[int, ...], frame_count: tuple[int, ...]
-) -> NDArray[np.float64]:
+) -> Floats:
     """(phase, frame_count): what images lack, NaN where there is next to no contrast."""
     if look.contrast < LEAST_CONTRAST:  # nothing to be a fraction of
         return np.full((len(phases), len(frame_count)), np.nan)
@@ -182,26 +156,15 @@ def reconstruction_error(
 
 
 def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return how often ships are found.
+    """Return how often ships are found, of the store's infrared group.
 
-    Parameters
-    ----------
-    images : xarray.Dataset
-        The store's infrared group.
-    choices : Choices
-        Of the sweep.
-
-    Returns
-    -------
-    xarray.Dataset
-        `probability` by aspect bin, mean over ships, aspects and phases; `lowest`, the least
-        of all views. Views that are not there are left out; NaN where none is.
+    `probability` by aspect bin, mean over ships, aspects and phases; `lowest`, the least of all
+    views. Views that are not there are left out; NaN where none is.
     """
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
-    images = _of_images(images, "detection_probability")
-    found = images.detection_probability
+    found = _alone(images, "detection_probability")
     labels, index = aspect_bins(images.aspect.values)
     bins = [*(np.flatnonzero(index == k) for k in range(len(labels))), np.arange(len(index))]
     pooled = [found.isel(aspect=chosen) for chosen in bins]
@@ -222,43 +185,27 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 
 def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return how good super-resolved images are.
+    """Return how good super-resolved images are, of the store's infrared group.
 
-    Parameters
-    ----------
-    images, choices
-        As for `tabulate_detection`.
-
-    Returns
-    -------
-    xarray.Dataset
-        `error`, mean over ships, aspects and phases, and `error_spread`, over them. Views that
-        are not there, and images without contrast, are left out; NaN where none is.
+    `error`, mean over ships, aspects and phases, and `error_spread`, over them. Views that are not
+    there, and images without contrast, are left out; NaN where none is.
     """
-    error = _of_images(images, "reconstruction_error").reconstruction_error
-    return data_set(
-        {
-            "error": (
-                error.mean(OVER),
-                "rms difference from the noiseless fine image over contrast",
-            ),
-            "error_spread": (error.std(OVER), "standard deviation of that over views and phases"),
-        },
-        None,
+    error = _alone(images, "reconstruction_error")
+    mean = (error.mean(OVER), "rms difference from the noiseless fine image over contrast")
+    spread = (error.std(OVER), "standard deviation of that over views and phases")
+    return data_set({"error": mean, "error_spread": spread}, None)
+
+
+def _alone(images: xr.Dataset, name: str) -> xr.DataArray:
+    """One variable, without the coordinates of how silhouettes are cut out, mapped and learnt."""
+    found = images[name].load()
+    return found.drop_vars(
+        [key for key, coord in found.coords.items() if not coord.dims and key != "coverage_rule"]
     )
 
 
-def _of_images(images: xr.Dataset, name: str) -> xr.Dataset:
-    """One variable, without the coordinates of how silhouettes are cut out, mapped and learnt."""
-    found = images[[name]].load()
-    gone = [
-        name for name, coord in found.coords.items() if not coord.dims and name != "coverage_rule"
-    ]
-    return found.drop_vars(gone)
-
-
 STAGES: tuple[Stage, ...] = (
-    *(thermal_image, image_window, detection_probability, reconstruction_error),
+    *(largest_window, thermal_image, image_window, detection_probability, reconstruction_error),
 )
 TABLES = (
     Table("tables/detection", (IMAGES,), tabulate_detection, looks_infrared),

@@ -3,36 +3,26 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncti import infrared as library
 from ncti.features import SEGMENTATION_METHODS
 from ncti.features.log_polar import INTERPOLATIONS
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.kinds import Value
 from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Settings, count, draws, number, word
-from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages.infrared_look import (
-    Bits,
-    Look,
-    Patches,
-    footprint_at,
-    pack_hits,
-)
-from sweeps.stages.views import (
-    INFRARED,
-    MOST_FRAMES,
-    Grid,
-    Scene,
-    check_range,
-    depression,
-    hull,
-    image_stage,
-    looks,
-    read_mesh,
-)
+from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
+from sweeps.engine.stage import Output, Stage, in_memory, stage
+from sweeps.stages import views
+from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at, pack_hits
+from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, Grid, image_stage, looks, quantity
+
+SENSOR = INFRARED
+IMAGES = "infrared"  # group
+VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")  # of its dimensions
 
 # Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
 # 0.5 / sqrt(10,000), is still no less than the 1e-6 K that matched segmentation can tell from 0.
@@ -42,59 +32,43 @@ LEAST_NEDT = 1e-3
 # 1, by chance: a rule above this share would drop such pixels at random.
 MOST_COVERAGE = 0.95
 
-SHAPES = "it shapes arrays"
 
-SENSOR = INFRARED
+def _as(grid: Setting) -> dict[str, Any]:
+    """Return what is said of an axis whose values are the grid's unless others are given."""
+    return {"fallback": grid, "help": f"null: that of {grid.key}", "shown": True}
 
 
 class Infrared(Settings, key="infrared"):
     """The passive-infrared imager: its array, the air, the scene, and what is made of an image."""
 
-    ifov = number(150, 1, 100e3, unit="urad", label="field of view of a pixel")
-    contrast_at_zero = number(
-        library.CONTRAST_AT_ZERO,
-        0,
-        1000,
-        unit="K",
-        label="ship above sea, before the air takes its part",
+    ifov = quantity(150, 1, 100e3, "urad", "field of view of a pixel")
+    contrast_at_zero = quantity(
+        library.CONTRAST_AT_ZERO, 0, 1000, "K", "ship above sea, before the air takes its part"
     )
-    extinction = number(0.181, 0, 10, unit="dB km-1", label="extinction in the air, one way")
-    nedt = number(library.NEDT, LEAST_NEDT, 1000, unit="K", label="noise of one frame")
-    target_spread = number(
-        library.SPREAD,
-        0,
-        1000,
-        unit="K",
-        label="spread of the ship's own temperatures",
+    extinction = quantity(0.181, 0, 10, "dB km-1", "extinction in the air, one way")
+    nedt = quantity(library.NEDT, LEAST_NEDT, 1000, "K", "noise of one frame")
+    target_spread = quantity(
+        *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
         help="of a pixel of the detector, which averaging leaves (half pixels of shifted scenes "
         "have twice as much, which the detector averages out); of perfect of a half pixel, as the "
         "source assumes",
     )
-    sea_spread = number(
+    sea_spread = quantity(
         library.SPREAD,
         0,
         1000,
-        unit="K",
-        label="spread of the sea's own temperatures",
+        "K",
+        "spread of the sea's own temperatures",
         help="as target_spread",
     )
     false_alarm = number(
         1e-6, 1e-12, 0.5, label="false-alarm probability of one pixel of sea, for the detector"
     )
-    window_length = number(
-        200, 1, 5000, unit="m", label="the longest ship that images hold", fixed=SHAPES
-    )
-    window_height = number(
-        50, 1, 500, unit="m", label="the highest ship that images hold", fixed=SHAPES
-    )
-    range = number(None, 1, 1000, unit="km", label="slant range", fallback=Grid.range, shown=True)
+    window_length = quantity(200, 1, 5000, "m", "the longest ship that images hold", fixed=SHAPES)
+    window_height = quantity(50, 1, 500, "m", "the highest ship that images hold", fixed=SHAPES)
+    range = quantity(None, 1, 1000, "km", "slant range", **_as(Grid.range))
     frame_count = count(
-        None,
-        1,
-        MOST_FRAMES,
-        label="infrared frames averaged",
-        fallback=Grid.frame_count,
-        shown=True,
+        None, 1, MOST_FRAMES, label="infrared frames averaged", **_as(Grid.frame_count)
     )
     super_resolution = word(
         list(library.SUPER_RESOLUTIONS),
@@ -132,16 +106,10 @@ class Infrared(Settings, key="infrared"):
         "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
         noted=True,
     )
-    training_range = number(
-        25,
-        1,
-        1000,
-        unit="km",
-        label="slant range of the noiseless silhouettes that are learned",
+    training_range = quantity(
+        25, 1, 1000, "km", "slant range of the noiseless silhouettes that are learned"
     )
-    vigilance = number(
-        None, 0, 1, label="vigilance in training", fallback=Grid.vigilance, shown=True
-    )
+    vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
     phases = draws(
         4,
         label="number of the ship's place on the detector's pixels",
@@ -158,21 +126,23 @@ class Infrared(Settings, key="infrared"):
 
 looks_infrared = looks(INFRARED)
 
-infrared_depression = plain(uses=(Infrared, Scene), name="infrared_depression")(depression.function)
-training_depression = plain(
-    uses=(Scene,), reads={"range": Infrared.training_range}, name="training_depression"
-)(depression.function)
+infrared_depression = replace(
+    views.depression, name="infrared_depression", reads={"range": Infrared.range}
+)
+training_depression = replace(
+    views.depression, name="training_depression", reads={"range": Infrared.training_range}
+)
 infrared_image = image_stage("infrared_image", depression="infrared_depression")
 training_image = image_stage("training_image", depression="training_depression")
 
-
-_HITS = (
+hits = stage(
     Output("bits", ("byte",), "u1"),
     Output("columns", dtype="i8"),
     Output("lattice", ("part",), "f8"),
-)
-hits = stage(*_HITS, reads={"image": "infrared_image"}, name="hits")(pack_hits)
-training_hits = stage(*_HITS, reads={"image": "training_image"}, name="training_hits")(pack_hits)
+    reads={"image": "infrared_image"},
+    name="hits",
+)(pack_hits)
+training_hits = replace(hits, name="training_hits", reads={"image": "training_image"})
 
 
 @in_memory(uses=(Infrared, Grid, Run))
@@ -194,57 +164,39 @@ def look(
     contrast = library.contrast(
         range * 1e3, contrast_at_zero=contrast_at_zero, extinction=extinction * 1e-3
     )
-    return Look(
-        Patches.of(hits),
-        footprint_at(range, ifov),
-        coverage_rule,
-        contrast,
-        nedt,
-        target_spread,
-        sea_spread,
-        seed,
-        {"ship": str(ship), "aspect": aspect, "range": range},
-    )
+    name = {"ship": str(ship), "aspect": aspect, "range": range}
+    noise = (nedt, target_spread, sea_spread, seed)
+    return Look(Patches.of(hits), footprint_at(range, ifov), coverage_rule, contrast, *noise, name)
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse ranges and ships that the imager does not see as it should.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the first key that is wrong.
-    """
+    """Refuse (`ConfigurationError`) ranges and ships that the imager does not see as it should."""
     if not looks_infrared(choices):
         return choices
     same = choices[Infrared.range] == choices[Grid.range]
     named = Grid.range if same else Infrared.range
-    for setting, values in (
-        (named, choices[Infrared.range]),
-        (Infrared.training_range, choices[Infrared.training_range]),
-    ):
-        for slant_range in values:
-            narrowest = min(choices[Infrared.ifov]) / 2
-            check_range(
-                choices, setting.key, slant_range, narrowest=narrowest, beam="half infrared.ifov"
+    narrowest = min(choices[Infrared.ifov]) / 2
+    for setting in (named, Infrared.training_range):
+        for where in choices[setting]:
+            views.check_range(
+                choices, setting.key, where, narrowest=narrowest, beam="half infrared.ifov"
             )
     for ship in choices[Grid.ship]:
-        _check_window(ship, read_mesh(hull.function(ship)).vertices, choices)
+        _check_window(choices, ship)
     return choices
 
 
-def _check_window(label: str, vertices: NDArray[np.float64], choices: Choices) -> None:
+def _check_window(choices: Choices, ship: Value) -> None:
     """Refuse a ship that images do not hold."""
+    vertices = views.read_mesh(views.hull(ship)).vertices
     longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
-    for setting, needed in (
-        (Infrared.window_length, longest),
-        (Infrared.window_height, float(vertices[:, 2].max())),
-    ):
+    highest = float(vertices[:, 2].max())
+    for setting, needed in ((Infrared.window_length, longest), (Infrared.window_height, highest)):
         allowed = choices.one(setting)
         if needed > allowed:
             raise ConfigurationError(
                 f"{setting.key} is {allowed:g} m, but must be at least {math.ceil(needed)} m to "
-                f"hold {label}"
+                f"hold {ship}"
             )
 
 

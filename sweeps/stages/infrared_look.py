@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -18,17 +17,10 @@ MARGIN = 4  # pixels of sea around a ship
 
 Place = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
 Bits = dict[str, NDArray[Any]]
-Images = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 HALVES = {"none": 2, "perfect": 1, "shifted": 1}
 """By way of super-resolution: how many half pixels of the detector a pixel is wide."""
-
-SYNTHESES: dict[str, Callable[..., Images]] = {
-    "none": thermal_images,
-    "perfect": thermal_images,
-    "shifted": shifted_images,
-}
-"""By way of super-resolution: what makes images of a ship on their pixels."""
 
 
 def pack_hits(image: RangeImage) -> Bits:
@@ -49,18 +41,10 @@ def pack_hits(image: RangeImage) -> Bits:
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Small patches of ship, as they lie across the line of sight.
+    """Patches of ship across the line of sight: (point,) cross-ranges [m], area of one [m^2]."""
 
-    Attributes
-    ----------
-    horizontal, vertical : (point,) float64 ndarray
-        Cross-range of their centres from the ship origin [m].
-    area : float
-        Area of one patch [m^2].
-    """
-
-    horizontal: NDArray[np.float64]
-    vertical: NDArray[np.float64]
+    horizontal: Floats
+    vertical: Floats
     area: float
 
     @classmethod
@@ -74,11 +58,10 @@ class Patches:
     @cached_property
     def extent(self) -> tuple[float, float, float, float]:
         """The bounding box, for windows of one shape at all places on the detector."""
-        ends = (
-            *(self.horizontal.min(), self.horizontal.max()),
-            *(self.vertical.min(), self.vertical.max()),
+        (left, right), (bottom, top) = (
+            (float(line.min()), float(line.max())) for line in (self.horizontal, self.vertical)
         )
-        return tuple(float(end) for end in ends)  # type: ignore[return-value]
+        return left, right, bottom, top
 
     def covering(self, footprint: float, place: Place, *, subdivision: int) -> Silhouette:
         """Coverage of a detector's pixels with this footprint [m], or of parts of them."""
@@ -105,36 +88,21 @@ class Look:
 
     Only the ship and a margin of sea around it are ever synthesised: what lies further off
     changes nothing on the ship.
-
-    Attributes
-    ----------
-    patches : Patches
-        The ship.
-    footprint : float
-        Side of a pixel on the target [m].
-    coverage_rule : float
-        Share of a pixel that the ship fills to show.
-    contrast : float
-        Ship above sea, after the air [K].
-    nedt, target_spread, sea_spread : float
-        Noise of one frame, and own spread of ship and sea [K].
-    seed : int
-        Of all noise.
-    name : dict
-        Ship, aspect and range, which name the noise.
     """
 
     patches: Patches
-    footprint: float
-    coverage_rule: float
-    contrast: float
-    nedt: float
+    footprint: float  # side of a pixel on the target [m]
+    coverage_rule: float  # share of a pixel that the ship fills to show
+    contrast: float  # ship above sea, after the air [K]
+    nedt: float  # noise of one frame, and own spread of ship and sea [K]
     target_spread: float
     sea_spread: float
     seed: int
-    name: dict[str, Any]
+    name: dict[str, Any]  # ship, aspect and range, which name the noise
     _covered: dict[int, Silhouette] = field(default_factory=dict)
-    _drawn: dict[tuple[str, tuple[int, ...]], _Images] = field(default_factory=dict)
+    _drawn: dict[tuple[str, tuple[int, ...]], tuple[np.random.Generator, list[Floats]]] = field(
+        default_factory=dict
+    )
 
     def place(self, phase: int) -> Place:
         """Where in a pixel the ship origin lies, of a number of its place on the detector."""
@@ -155,98 +123,59 @@ class Look:
         covered = self.covered(phase).coverage
         rows, cols = (size // halves for size in covered.shape)
         pixels = covered.reshape(rows, halves, cols, halves).mean(axis=(1, 3))
-        shown: NDArray[np.bool_] = pixels >= self.coverage_rule
-        return shown
+        return np.asarray(pixels >= self.coverage_rule)
 
-    def images(self, way: str, phases: tuple[int, ...], frame_counts: tuple[int, ...]) -> Images:
-        """(phase, frame_count, row, col): images made finer by one way of super-resolution [K]."""
-        key = (way, frame_counts)
-        if key not in self._drawn:
+    def images(self, way: str, phases: tuple[int, ...], frame_counts: tuple[int, ...]) -> Floats:
+        """(phase, frame_count, row, col): images made finer by one way of super-resolution [K].
+
+        All places are drawn from one stream in turn, so those before the last one wanted, too.
+        """
+        draw = shifted_images if way == "shifted" else thermal_images
+        if (way, frame_counts) not in self._drawn:
             rng = cell_rng(self.seed, stage="infrared", super_resolution=way, **self.name)
-            self._drawn[key] = _Images(self, way, frame_counts, rng)
-        return np.array([self._drawn[key].of(phase) for phase in phases])
-
-    def sigmas(self, way: str, frame_counts: tuple[int, ...]) -> dict[str, NDArray[np.float64]]:
-        """target_sigma, sea_sigma : (frame_count,) deviations of a pixel of such an image [K]."""
-        return {
-            f"{name}_sigma": np.asarray(
-                pixel_sigma(
-                    spread,
-                    frame_count=np.array(frame_counts),
-                    nedt=self.nedt,
-                    super_resolution=way,
-                )
+            self._drawn[way, frame_counts] = rng, []
+        rng, drawn = self._drawn[way, frame_counts]
+        for phase in range(len(drawn), max(phases) + 1):
+            images = draw(
+                self.shown(phase, HALVES[way]),
+                contrast=self.contrast,
+                frame_counts=frame_counts,
+                rng=rng,
+                nedt=self.nedt,
+                target_spread=self.target_spread,
+                sea_spread=self.sea_spread,
             )
+            drawn.append(images)
+        return np.array([drawn[phase] for phase in phases])
+
+    def sigmas(self, way: str, frame_counts: tuple[int, ...]) -> dict[str, Floats]:
+        """target_sigma, sea_sigma : (frame_count,) deviations of a pixel of such an image [K]."""
+        noise: dict[str, Any] = {"nedt": self.nedt, "super_resolution": way}
+        counts = np.array(frame_counts)
+        return {
+            f"{name}_sigma": np.asarray(pixel_sigma(spread, frame_count=counts, **noise))
             for name, spread in (("target", self.target_spread), ("sea", self.sea_spread))
         }
-
-
-@dataclass(frozen=True, eq=False)
-class _Images:
-    """Images of one way of super-resolution, of all places drawn from one stream in turn."""
-
-    look: Look
-    way: str
-    frame_counts: tuple[int, ...]
-    rng: np.random.Generator
-    drawn: list[Images] = field(default_factory=list)
-
-    def of(self, phase: int) -> Images:
-        """(frame_count, row, col): those of a place, and before them those of earlier ones."""
-        look = self.look
-        draw, halves = SYNTHESES[self.way], HALVES[self.way]
-        while len(self.drawn) <= phase:
-            place = len(self.drawn)
-            self.drawn.append(
-                draw(
-                    look.shown(place, halves),
-                    contrast=look.contrast,
-                    frame_counts=self.frame_counts,
-                    rng=self.rng,
-                    nedt=look.nedt,
-                    target_spread=look.target_spread,
-                    sea_spread=look.sea_spread,
-                )
-            )
-        return self.drawn[phase]
 
 
 def whole_window(
     slant_range: float,
     depression: float,
-    *,
     ifov: float,
     length: float,
     height: float,
+    *,
     place: Place = (0.0, 0.0),
 ) -> Silhouette:
     """Return half pixels of a window for the largest ship, all of them sea.
 
-    Parameters
-    ----------
-    slant_range : float
-        Slant range [km].
-    depression : float
-        Depression of the line of sight [deg].
-    ifov : float
-        Field of view of a pixel [urad].
-    length, height : float
-        Of the largest ship [m].
-    place : (float, float)
-        Where in a pixel the ship origin lies [pixel].
+    At a slant range [km] and depression [deg], of an IFOV [urad]; length and height are the ship's
+    [m], and its origin is at a place in a pixel.
     """
     half, down = length / 2, np.radians(depression)
-    nowhere = np.zeros(0)
-    return coverage_of(
-        nowhere,
-        nowhere,
-        area=1.0,
-        footprint=footprint_at(slant_range, ifov),
-        phase=place,
-        margin=MARGIN,
-        extent=(
-            *(-half, half),
-            *(-half * np.sin(down), half * np.sin(down) + height * np.cos(down)),
-        ),
-        subdivision=2,
-    )
+    bottom = -half * np.sin(down)
+    top = half * np.sin(down) + height * np.cos(down)
+    frame: dict[str, Any] = {"extent": (-half, half, bottom, top), "margin": MARGIN}
+    pixel = footprint_at(slant_range, ifov)
+    sea = np.zeros(0)
+    return coverage_of(sea, sea, area=1.0, footprint=pixel, phase=place, **frame, subdivision=2)

@@ -1,20 +1,33 @@
-"""The infrared airborne radar: settings of its flights, its receivers and its corrections."""
+"""The infrared airborne radar: settings of its flights, and a flight of values of them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.irar import Flight, Pass, Scan, Snapshot, Window, fly, reflectivity, ship_heading
 from ncti.irar.chain import MIRROR_METHODS, RANGE_FILTERS
 from ncti.irar.registration import MOTION_METHODS
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Number, Value
+from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Setting, Settings, count, number, set_of, switch, word
-from sweeps.stages.views import IRAR, MOST_FRAMES, Grid, ships
+from sweeps.stages.views import IRAR, MOST_FRAMES, Grid, quantity, ships
+
+if TYPE_CHECKING:
+    import trimesh
+
+Arrays = dict[str, NDArray[Any]]
+Values = Mapping[str, Any]  # by dimension
+Pairs = tuple[tuple[str, Any], ...]  # the same, as a value of a stage
+
+SENSOR = IRAR
+GROUP = "validation"
 
 EXACT = "exact"
 RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
@@ -30,24 +43,26 @@ MOST_WRONG = {  # percent, m/s, degrees
     "ship_heading": 30.0,
     "pointing": 30.0,
 }
+ERROR_VALUE = "how wrong: aircraft_speed in percent, ship_speed in m/s, others in degrees"
+
+CELLS = 8
+"""Of the truth along a pixel; 4 or 10 move tilts of noiseless ships by 0.1 deg."""
+
+IN_SI = {  # settings of a flight that the library has by another name or in another unit
+    "range": ("slant_range", 1e3),
+    "ifov": ("ifov", 1e-6),
+    "jitter": ("jitter", 1e-6),
+    "flown_pulse_width": ("pulse_width", 1e-9),
+}
+OF_NO_FLIGHT = ("transom_gain", "mast_gain", "replicate")  # of the ship, and of the noise
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of what navigation believes, one at a time; no error is always among them.
+    """Errors of what navigation believes, one at a time; no error is always among them."""
 
-    Attributes
-    ----------
-    fields : tuple of str
-        Parameters that may be wrong.
-    """
-
-    fields: tuple[str, ...] = tuple(MOST_WRONG)
-
-    @property
-    def allowed(self) -> str:
-        """See `sweeps.engine.kinds.Kind.allowed`."""
-        return f"a mapping that gives values to some of {', '.join(self.fields)}"
+    fields: tuple[str, ...] = tuple(MOST_WRONG)  # keys that a configuration may give
+    allowed: str = f"a mapping that gives values to some of {', '.join(MOST_WRONG)}"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """(parameter, error) pairs, `none` first; see `sweeps.engine.kinds.Kind.values`."""
@@ -58,7 +73,7 @@ class Errors:
             if parameter not in MOST_WRONG:
                 raise ConfigurationError(
                     f"{key}.{parameter} is no key of the configuration; {key} has "
-                    f"{', '.join(self.fields)}"
+                    f"{', '.join(MOST_WRONG)}"
                 )
             if errors is not None:
                 most = MOST_WRONG[parameter]
@@ -78,28 +93,18 @@ class Errors:
     ) -> dict[str, tuple[NDArray[Any], dict[str, str]]]:
         """Return coordinates of an axis of some values, its own first, with their attributes."""
         parameters, errors = zip(*values, strict=True)
+        named = {"long_name": "what is believed wrong of the flight"}
         return {
             "error": (np.arange(len(values)), Irar.errors.attrs),
-            "error_parameter": (
-                np.array(parameters, dtype=object),
-                {"long_name": "what is believed wrong of the flight"},
-            ),
-            "error_value": (
-                np.array(errors),
-                {
-                    "units": "1",
-                    "long_name": "how wrong: aircraft_speed in percent, ship_speed in m/s, others "
-                    "in degrees",
-                },
-            ),
+            "error_parameter": (np.array(parameters, dtype=object), named),
+            "error_value": (np.array(errors), {"units": "1", "long_name": ERROR_VALUE}),
         }
 
 
-def axis(
-    default: float | None, low: float, high: float, unit: str, label: str, **about: Any
-) -> Setting:
-    """Return the setting of a number that with one value is a scalar coordinate."""
-    return number(default, low, high, unit=unit, label=label, noted=True, **about)
+# With one value they are scalar coordinates of what depends on them.
+_axis = partial(quantity, noted=True)
+_count = partial(count, noted=True)
+_word = partial(word, noted=True)
 
 
 class Irar(Settings, key="irar"):
@@ -109,67 +114,51 @@ class Irar(Settings, key="irar"):
     gate, samples and carrier-to-noise ratio are assumptions that lead to its 8 to 12 lines a pixel.
     """
 
-    range = number(3.9, 0.1, 1000, unit="km", label="slant range", shown=True)
-    depression = axis(6.7, 0.1, 60, "degree", "depression of the line of sight")
-    aircraft_speed = axis(90, 1, 1000, "m s-1", "speed of the aircraft")
-    ship_speed = axis(
+    range = quantity(3.9, 0.1, 1000, "km", "slant range", shown=True)
+    depression = _axis(6.7, 0.1, 60, "degree", "depression of the line of sight")
+    aircraft_speed = _axis(90, 1, 1000, "m s-1", "speed of the aircraft")
+    ship_speed = _axis(
         8, 0, 50, "m s-1", "speed of the ship", help="its heading is what grid.aspect asks for"
     )
-    aircraft_heading = axis(0, -360, 360, "degree", "heading of the aircraft, from north")
-    aircraft_track = axis(
-        None,
-        -360,
-        360,
-        "degree",
-        "direction of the aircraft's motion, from north; NaN: its heading",
+    aircraft_heading = _axis(0, -360, 360, "degree", "heading of the aircraft, from north")
+    aircraft_track = _axis(
+        *(None, -360, 360, "degree"),
+        label="direction of the aircraft's motion, from north; NaN: its heading",
     )
-    offset = axis(5, -360, 360, "degree", "azimuth of the ship from the aircraft's heading")
-    pointing = axis(
-        None,
-        -360,
-        360,
-        "degree",
-        "azimuth of the scan's middle from the aircraft's heading; NaN: at the ship",
+    offset = _axis(5, -360, 360, "degree", "azimuth of the ship from the aircraft's heading")
+    pointing = _axis(
+        *(None, -360, 360, "degree"),
+        label="azimuth of the scan's middle from the aircraft's heading; NaN: at the ship",
     )
-    mirror_angle = axis(45, 1, 80, "degree", "mirror pointing angle")
-    ifov = axis(205, 1, 10_000, "urad", "instantaneous field of view, and spacing of samples")
-    line_rate = axis(119, 1, 100_000, "Hz", "lines a second")
-    samples = count(160, 2, 10_000, label="samples of a line", noted=True)
-    pulse_rate = axis(
+    mirror_angle = _axis(45, 1, 80, "degree", "mirror pointing angle")
+    ifov = _axis(205, 1, 10_000, "urad", "instantaneous field of view, and spacing of samples")
+    line_rate = _axis(119, 1, 100_000, "Hz", "lines a second")
+    samples = _count(160, 2, 10_000, label="samples of a line")
+    pulse_rate = _axis(
         20_000, 1, 1e9, "Hz", "pulse-repetition frequency", help="at least line_rate times samples"
     )
-    range_gate = axis(300, 10, 1e5, "m", "depth in which the receiver looks for its peak")
-    detectors = count(12, 1, 1000, label="passive detectors along the scan", noted=True)
-    jitter = axis(0, 0, 10_000, "urad", "standard deviation of the line of sight")
-    jitter_time = axis(0.1, 1e-6, 1000, "s", "correlation time of the line of sight")
-    transom_gain = axis(
-        1,
-        0,
-        1000,
-        "1",
-        "input on the source's word: reflectivity of the transom over the ship's",
+    range_gate = _axis(300, 10, 1e5, "m", "depth in which the receiver looks for its peak")
+    detectors = _count(12, 1, 1000, label="passive detectors along the scan")
+    jitter = _axis(0, 0, 10_000, "urad", "standard deviation of the line of sight")
+    jitter_time = _axis(0.1, 1e-6, 1000, "s", "correlation time of the line of sight")
+    transom_gain = _axis(
+        *(1, 0, 1000, "1"),
+        label="input on the source's word: reflectivity of the transom over the ship's",
         help="0: dark",
     )
-    mast_gain = axis(
-        1,
-        0,
-        1000,
-        "1",
-        "input on the source's word: reflectivity of masts over the ship's",
+    mast_gain = _axis(
+        *(1, 0, 1000, "1"),
+        label="input on the source's word: reflectivity of masts over the ship's",
         help="above 1 they glint",
     )
-    cnr = axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
-    pulse_width = axis(
-        30,
-        2,
-        1000,
-        "ns",
-        "pulse width of the flight's radar, full width at 1/e^2",
+    cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
+    pulse_width = _axis(
+        *(30, 2, 1000, "ns", "pulse width of the flight's radar, full width at 1/e^2"),
         dimension="flown_pulse_width",
     )
-    range_sigma = axis(1, 0, 100, "m", "standard deviation of a measured range")
-    threshold = axis(4, 0, 1e9, "1", "noise powers that a peak must reach to be reported")
-    nedt = axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
+    range_sigma = _axis(1, 0, 100, "m", "standard deviation of a measured range")
+    threshold = _axis(4, 0, 1e9, "1", "noise powers that a peak must reach to be reported")
+    nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
     errors = Setting(
         Errors(),
         {},
@@ -184,36 +173,27 @@ class Irar(Settings, key="irar"):
         help="the exactly corrected one",
         noted=True,
     )
-    chain = word(
+    chain = _word(
         EXACT,
         (EXACT, *RATES),
         label="whose corrections: exact, or as the source prints them",
         help="f of the printed ones is the line rate, or the pulse rate that the source says it is",
-        noted=True,
     )
-    azimuth = word(
+    azimuth = _word(
         "pixel",
         (*MOTION_METHODS, "none"),
         label="how columns follow the motion",
         help="by each sample's own range and time, by line, by one constant, or not at all",
-        noted=True,
     )
-    mirror = word(EXACT, MIRROR_METHODS, label="how the mirror's turn is taken out", noted=True)
-    range_filter = word(
-        "cluster", RANGE_FILTERS, label="what makes one range of a pixel's looks", noted=True
-    )
+    mirror = _word(EXACT, MIRROR_METHODS, label="how the mirror's turn is taken out")
+    range_filter = _word("cluster", RANGE_FILTERS, label="what makes one range of a pixel's looks")
     segmentation_threshold = number(
-        None,
-        0,
-        1e9,
+        *(None, 0, 1e9),
         label="noise powers that a pixel of the ship must reach",
         help="null: what one pixel of the sea in 1,000 exceeds",
     )
-    profile_range = number(
-        100,
-        1,
-        1000,
-        unit="km",
+    profile_range = quantity(
+        *(100, 1, 1000, "km"),
         label="slant range of the proposed sensor that measured images stand in for",
         help="its other settings are those of ladar",
     )
@@ -254,5 +234,114 @@ FLIGHT: tuple[str, ...] = (  # dimensions of a flight in the store, in their ord
     *(one.name for one in (Irar.nedt, *CORRECTED, Grid.replicate)),
 )
 
-SENSOR = IRAR
+DIMS = ("ship", "aspect", *FLIGHT)
+
+
+def parameters(values: Values) -> dict[str, Any]:
+    """Return parameters of a `Flight` from values of `FLOWN` and `RECORDED`."""
+    found = {}
+    for name, value in values.items():
+        own, unit = IN_SI.get(name, (name, None))
+        if name == "cnr":
+            found[own] = 10 ** (value / 10)
+        elif name not in OF_NO_FLIGHT:
+            found[own] = value if unit is None else value * unit
+    return found
+
+
+def flight_of(aspect: float, values: Values) -> Flight:
+    """Return the pass by a ship at an aspect [deg], of values of `FLOWN`, and perhaps `RECORDED`.
+
+    Its carrier-to-noise ratio is 1 unless there is one; ValueError if it cannot be flown.
+    """
+    sight = values["aircraft_heading"] + values["offset"]
+    heading = ship_heading(aspect=aspect, sight=sight)
+    return Flight(ship_heading=heading, **parameters({"cnr": 0.0, **values}))
+
+
+def surface(mesh: trimesh.Trimesh, values: Values, reflectance: str) -> dict[str, Any]:
+    """Return how a ship reflects, with the gains put in: keywords of `fly` and `true_snapshot`."""
+    gains = {name: values[name] for name in ("transom_gain", "mast_gain")}
+    return {"reflectivity": reflectivity(mesh, **gains), "lambertian": reflectance == "lambertian"}
+
+
+def fly_past(
+    mesh: trimesh.Trimesh,
+    course: Values,
+    *,
+    ship: str,
+    aspect: float,
+    replicate: int,
+    seed: int,
+    reflectance: str,
+) -> Pass:
+    """Return a pass by a ship, of carrier-to-noise ratio 1, on a course of values of `FLOWN`.
+
+    Without jitter all replicates are one draw.
+    """
+    draw = draw_number(replicate, course["jitter"])
+    name = {"stage": "flight_attitude", "ship": ship, "aspect": aspect, "replicate": draw}
+    rng = cell_rng(seed, **name, **course)
+    return fly(mesh, flight_of(aspect, course), rng=rng, **surface(mesh, course, reflectance))
+
+
+def draw_number(replicate: int, jitter: float) -> int:
+    """Return which draw of the attitude a replicate has: all the same one without jitter."""
+    return replicate if jitter else 0
+
+
+def received(flown: Pass, receivers: Values) -> Pass:
+    """Return the same pass, met by receivers of values of `RECORDED`."""
+    flight = replace(flown.plan.flight, **parameters(receivers))
+    return Pass(replace(flown.plan, flight=flight), flown.returns)
+
+
+def recorded(
+    flown: Pass, course: Values, receivers: Values, *, ship: str, aspect: float, seed: int
+) -> Scan:
+    """Return the raw images of a pass, by receivers of values of `RECORDED`."""
+    rng = cell_rng(seed, stage="flight", ship=ship, aspect=aspect, **course, **receivers)
+    return received(flown, receivers).record(rng)
+
+
+def scan_again(
+    values: Values, mesh: trimesh.Trimesh, *, ship: str, aspect: float, seed: int, reflectance: str
+) -> Scan:
+    """Return the raw images that a sweep of a seed made of a flight past a ship at an aspect [deg].
+
+    Values are of all of `FLOWN` and `RECORDED`, None where null was given; others are left alone.
+    """
+    course, receivers = ({one.name: values[one.name] for one in on} for on in (FLOWN, RECORDED))
+    name: dict[str, Any] = {"ship": ship, "aspect": aspect, "seed": seed}
+    replicate = receivers["replicate"]
+    flown = fly_past(mesh, course, **name, replicate=replicate, reflectance=reflectance)
+    return recorded(flown, course, receivers, **name)
+
+
+def ship_pixels(fine: Snapshot) -> Arrays:
+    """Return the pixels of a segmented image that show the ship, as arrays; see `image_of`."""
+    there = np.isfinite(fine.range) & (fine.intensity > 0)
+    return {
+        "fine_row": fine.row,
+        "fine_column": fine.column,
+        "ship_pixel": np.argwhere(there),
+        "ship_value": np.stack([fine.intensity[there], fine.range[there]], axis=-1),
+    }
+
+
+def image_of(found: Arrays) -> Snapshot:
+    """Return the overscanned image of a flight from its `ship_pixels` and its window.
+
+    Intensity and range where it shows the ship; nothing elsewhere, and no infrared.
+    """
+    row, column = found["fine_row"], found["fine_column"]
+    intensity, ranges = np.zeros((2, row.size, column.size))
+    at = tuple(found["ship_pixel"].T)
+    ranges[:] = np.nan
+    intensity[at], ranges[at] = found["ship_value"].T
+    pixels = Window(int(found["window_bottom"]), int(found["window_left"]), 0, column.size)
+    nothing = np.zeros(intensity.shape)
+    return Snapshot(pixels, row, column, intensity, ranges, nothing, nothing.astype(np.intp))
+
+
 SETTINGS: tuple[type[Settings], ...] = (Irar,)

@@ -3,62 +3,47 @@
 from __future__ import annotations
 
 import math
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti import ladar as library
 from ncti.features.profile import EDGE
-from ncti.ladar import (
-    RECEIVERS,
-    RangeExtent,
-    banded_frame_moments,
-    carrier_to_noise,
-    cumulative_average,
-    expected_profile,
-    range_extent,
-    sample_frames,
-    shortest_pulse,
-)
+from ncti.ladar import RECEIVERS, RangeExtent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render import RangeImage
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, count, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages.classifier import Classifier
-from sweeps.stages.views import (
-    INFRARED,
-    RANGE,
-    Grid,
-    Sweep,
-    check_range,
-    hull,
-    looks,
-    read_mesh,
-)
+from sweeps.stages import views
+from sweeps.stages.views import INFRARED, RANGE, SHAPES, STATUS, Grid, Sweep, looks, quantity
 
 Arrays = dict[str, NDArray[Any]]
+Floats = NDArray[np.float64]
+Profiles = NDArray[np.float32]
+Signal = tuple[tuple[str, Any], ...]  # keywords of the library
 
-PROFILES = "range_profile"
-STATUS = "status:view"
+SENSOR = RANGE
+PROFILES = "range_profile"  # group, and name of the noise
+VIEW = ("ship", "aspect", "pulse_width")
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
-# Classifiers for which covariances are stored, and the sensors that each needs.
-WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
 FULL = "full_profile"
-SHAPES = "it shapes arrays"
+
+WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
+"""Classifiers for which covariances are stored, and the sensors that each needs."""
 
 
 class Ladar(Settings, key="ladar"):
     """The laser radar: its beam, its receiver, its noise."""
 
-    ifov = number(150, 1, 100e3, unit="urad", label="instantaneous field of view")
-    bin_width = number(1, 0.05, 50, unit="m", label="range bin", fixed=SHAPES)
-    window = number(250, 20, 5000, unit="m", label="range window centred on the ship", fixed=SHAPES)
-    spread = number(
-        0.5,
-        0,
-        1,
-        label="share of a pixel's range extent that its area is spread over",
+    ifov = quantity(150, 1, 100e3, "urad", "instantaneous field of view")
+    bin_width = quantity(1, 0.05, 50, "m", "range bin", fixed=SHAPES)
+    window = quantity(250, 20, 5000, "m", "range window centred on the ship", fixed=SHAPES)
+    spread = quantity(
+        *(0.5, 0, 1, "1", "share of a pixel's range extent that its area is spread over"),
         help="0: point sampling",
     )
     reflectance = word(
@@ -66,20 +51,10 @@ class Ladar(Settings, key="ladar"):
         ("projected_area", "lambertian"),
         label="what a return is in proportion to",
     )
-    cnr = number(
-        32,
-        -100,
-        100,
-        unit="dB",
-        label="carrier-to-noise ratio of a filled IFOV at cnr_range",
-    )
-    cnr_range = number(100, 1, 1000, unit="km", label="range at which cnr is stated")
-    extinction = number(
-        0,
-        0,
-        10,
-        unit="dB km-1",
-        label="extinction of the air at 10.6 um, one way",
+    cnr = quantity(32, -100, 100, "dB", "carrier-to-noise ratio of a filled IFOV at cnr_range")
+    cnr_range = quantity(100, 1, 1000, "km", "range at which cnr is stated")
+    extinction = quantity(
+        *(0, 0, 10, "dB km-1", "extinction of the air at 10.6 um, one way"),
         help="the source's 32 dB at 100 km contains its own",
     )
     target_free_ifovs = count(
@@ -88,29 +63,29 @@ class Ladar(Settings, key="ladar"):
     receiver = word(
         FULL, RECEIVERS, label="what the receiver keeps of a returned waveform", noted=True
     )
-    false_alarm = number(
-        1e-6,
-        1e-12,
-        0.5,
-        label="probability of a false first pulse in one bin",
-    )
+    false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
+
+
+def stores_moments(choices: Choices) -> bool:
+    """Whether range profiles have their covariance beside them."""
+    sensors = set(choices.one(Sweep.sensor))
+    names = choices.values.get("classifier.name", ())
+    return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in names)
+
+
+_profile = partial(stage, uses=(Grid, Ladar), group=PROFILES, when=looks(RANGE), status=STATUS)
+_bins = partial(stage, uses=(Grid, Ladar), group=PROFILES, coordinates=True)
 
 
 @plain(uses=(Grid, Ladar))
 def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) -> float:
     """Return the carrier-to-noise power ratio of a filled IFOV at a range [km]."""
-    return carrier_to_noise(
+    return library.carrier_to_noise(
         range * 1e3,
         reference=10 ** (cnr / 10),
         reference_range=cnr_range * 1e3,
         extinction=extinction * 1e-3,
     )
-
-
-def bin_centres(window: float, bin_width: float) -> NDArray[np.float64]:
-    """Return the (bin,) down-range places [m] of a range window [m]."""
-    bins = round(window / bin_width)
-    return bin_width * (np.arange(bins, dtype=np.float64) - (bins - 1) / 2)
 
 
 @stage(
@@ -132,7 +107,7 @@ def extent(
     reflectance: str,
 ) -> Arrays:
     """Return the fractions of the IFOVs that see the ship, bin by range bin."""
-    found = range_extent(
+    found = library.range_extent(
         image,
         slant_range=range * 1e3,
         ifov=ifov * 1e-6,
@@ -150,103 +125,69 @@ def ifovs(extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeE
     return RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
 
 
-@stage(
+@plain(uses=(Ladar,))
+def signal(
+    cnr_at_range: float, target_free_ifovs: int, receiver: str, false_alarm: float
+) -> Signal:
+    """Return what a receiver meets, and what it keeps of it."""
+    return (
+        *(("cnr", cnr_at_range), ("target_free_ifovs", target_free_ifovs)),
+        *(("receiver", receiver), ("false_alarm", false_alarm)),
+    )
+
+
+@_profile(
     Output("expected", ("down_range",), label="expected range profile, noise floor included"),
-    uses=(Grid, Ladar),
-    group=PROFILES,
-    dims=("ship", "aspect", "pulse_width", "range", "target_free_ifovs"),
-    when=looks(RANGE),
-    status=STATUS,
+    dims=(*VIEW, "range", "target_free_ifovs"),
 )
-def expected(
-    ifovs: RangeExtent,
-    pulse_width: float,
-    cnr_at_range: float,
-    target_free_ifovs: int,
-    receiver: str,
-    false_alarm: float,
-) -> NDArray[np.float32]:
+def expected(ifovs: RangeExtent, pulse_width: float, signal: Signal) -> Profiles:
     """Return the expected range profile: what the receiver reports of each IFOV's waveform.
 
     Equation C of the article for the full profile.
     """
-    return expected_profile(
-        ifovs,
-        pulse_width=pulse_width * 1e-9,
-        cnr=cnr_at_range,
-        target_free_ifovs=target_free_ifovs,
-        receiver=receiver,
-        false_alarm=false_alarm,
-    ).astype(np.float32)
+    pulse = pulse_width * 1e-9
+    return library.expected_profile(ifovs, pulse_width=pulse, **dict(signal)).astype(np.float32)
 
 
-@stage(
+@_profile(
     Output("averaged", ("down_range",), label="frame-averaged range profile, noise floor included"),
-    uses=(Grid, Ladar),
-    group=PROFILES,
-    dims=(
-        *("ship", "aspect", "pulse_width", "replicate", "frame_count", "range"),
-        "target_free_ifovs",
-    ),
-    when=looks(RANGE),
+    dims=(*VIEW, "replicate", "frame_count", "range", "target_free_ifovs"),
     along=(Grid.frame_count,),
-    noise="range_profile",
-    # The first replicate is what a sweep without replicates draws.
+    noise=PROFILES,
     stream=(
         *(Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range),
         *(Ladar.target_free_ifovs, Grid.replicate),
     ),
-    optional=(Grid.replicate,),
-    status=STATUS,
+    optional=(Grid.replicate,),  # the first is what a sweep without replicates draws
 )
 def averaged(
     ifovs: RangeExtent,
     pulse_width: float,
     frame_count: tuple[int, ...],
-    cnr_at_range: float,
-    target_free_ifovs: int,
-    receiver: str,
-    false_alarm: float,
+    signal: Signal,
     rng: np.random.Generator,
-) -> NDArray[np.float32]:
+) -> Profiles:
     """Return averages over the first frames of a run, for several lengths of the run."""
-    frames = sample_frames(
-        ifovs,
-        pulse_width=pulse_width * 1e-9,
-        cnr=cnr_at_range,
-        frame_count=max(frame_count),
-        rng=rng,
-        target_free_ifovs=target_free_ifovs,
-        receiver=receiver,
-        false_alarm=false_alarm,
-    )
-    return cumulative_average(frames, frame_count).astype(np.float32)
+    run: dict[str, Any] = {"frame_count": max(frame_count), "rng": rng, **dict(signal)}
+    frames = library.sample_frames(ifovs, pulse_width=pulse_width * 1e-9, **run)
+    return library.cumulative_average(frames, frame_count).astype(np.float32)
 
 
-def stores_moments(choices: Choices) -> bool:
-    """Whether range profiles have their covariance beside them."""
-    sensors = set(choices.one(Sweep.sensor))
-    return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in choices[Classifier.name])
-
-
-@stage(
+@_profile(
     Output(
         "covariance",
         ("lag", "down_range"),
         pad=0,
         label="covariance of one frame at this bin and the one a lag further",
     ),
-    uses=(Grid, Ladar),
-    group=PROFILES,
-    dims=("ship", "aspect", "pulse_width", "range", "target_free_ifovs"),
+    dims=(*VIEW, "range", "target_free_ifovs"),
     when=stores_moments,
-    status=STATUS,
 )
 def covariance(
     ifovs: RangeExtent, pulse_width: float, cnr_at_range: float, target_free_ifovs: int
-) -> NDArray[np.float32]:
+) -> Profiles:
     """Return the covariance of one frame, as a lower band, of the full profile."""
-    _, band = banded_frame_moments(
+    _, band = library.banded_frame_moments(
         ifovs,
         pulse_width=pulse_width * 1e-9,
         cnr=cnr_at_range,
@@ -255,24 +196,19 @@ def covariance(
     return band.astype(np.float32)
 
 
-@stage(
+@_bins(
     Output("down_range", ("down_range",), "f8", label="down-range from the ship origin", unit="m"),
-    uses=(Ladar,),
-    group=PROFILES,
     when=looks(RANGE),
-    coordinates=True,
 )
-def profile_bins(window: float, bin_width: float) -> NDArray[np.float64]:
-    """Return the down-range bins of every profile."""
-    return bin_centres(window, bin_width)
+def profile_bins(window: float, bin_width: float) -> Floats:
+    """Return the (bin,) down-range places [m] of every profile in a range window [m]."""
+    bins = round(window / bin_width)
+    return bin_width * (np.arange(bins, dtype=np.float64) - (bins - 1) / 2)
 
 
-@stage(
+@_bins(
     Output("lag", ("lag",), "f8", label="lag of a covariance, down-range", unit="m"),
-    uses=(Grid, Ladar),
-    group=PROFILES,
     when=stores_moments,
-    coordinates=True,
     gather=(Grid.pulse_width, Grid.range, Ladar.cnr, Ladar.cnr_range, Ladar.extinction),
 )
 def lags(
@@ -283,20 +219,17 @@ def lags(
     extinction: tuple[float, ...],
     window: float,
     bin_width: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the lags at which profiles are correlated, for the widest reach of the pulses.
 
     They reach as far with no ship there, and the farther the larger the carrier-to-noise ratio is.
     """
-    strongest = max(
-        cnr_at_range.function(where, ratio, at, loss)
-        for where in range
-        for ratio in cnr
-        for at in cnr_range
-        for loss in extinction
-    )
+    sights = product(range, cnr, cnr_range, extinction)
+    strongest = max(cnr_at_range(*sight) for sight in sights)
     bands = [
-        banded_frame_moments(nowhere(window, bin_width), pulse_width=width * 1e-9, cnr=strongest)[1]
+        library.banded_frame_moments(
+            nowhere(window, bin_width), pulse_width=width * 1e-9, cnr=strongest
+        )[1]
         for width in pulse_width
     ]
     return bin_width * np.arange(max(map(len, bands)), dtype=np.float64)
@@ -304,40 +237,32 @@ def lags(
 
 def nowhere(window: float, bin_width: float) -> RangeExtent:
     """Return a range extent without a ship."""
-    bins = bin_centres(window, bin_width)
-    return RangeExtent(
-        fraction=np.zeros((0, bins.size)),
-        down_range=bins,
-        cell=np.zeros((0, 2), dtype=np.int64),
-        bin_width=bin_width,
-        ifov=1.0,
-        slant_range=1.0,
-    )
+    bins = profile_bins(window, bin_width)
+    empty = {"fraction": np.zeros((0, bins.size)), "cell": np.zeros((0, 2), dtype=np.int64)}
+    return RangeExtent(**empty, down_range=bins, bin_width=bin_width, ifov=1.0, slant_range=1.0)
 
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) what makes no sense together of the laser radar."""
-    check_receivers(choices)
-    # Flights make profiles, too.
-    if set(choices.one(Sweep.sensor)) - {INFRARED}:
-        check_pulses(choices)
+    _check_receivers(choices)
+    if set(choices.one(Sweep.sensor)) - {INFRARED}:  # flights make profiles, too
+        bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])
+        shortest = library.shortest_pulse(bin_width) * 1e9
+        if given < shortest:
+            raise ConfigurationError(
+                f"grid.pulse_width has {given:g}, but must be at least {shortest:.3g} for "
+                f"ladar.bin_width {bin_width:g} m"
+            )
         if FULL in choices[Ladar.receiver]:
-            check_window(choices)
-    if looks(RANGE)(choices):
+            _check_window(choices)
+    for where in choices[Grid.range] if looks(RANGE)(choices) else ():
         narrowest = min(choices[Ladar.ifov])
-        for slant_range in choices[Grid.range]:
-            check_range(choices, "grid.range", slant_range, narrowest=narrowest, beam="ladar.ifov")
+        views.check_range(choices, "grid.range", where, narrowest=narrowest, beam="ladar.ifov")
     return choices
 
 
-def check_receivers(choices: Choices) -> None:
-    """Refuse too few bins, and more target-free IFOVs than a receiver can have drawn.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the key.
-    """
+def _check_receivers(choices: Choices) -> None:
+    """Refuse too few bins, and more target-free IFOVs than a receiver can have drawn."""
     window, bin_width = choices.one(Ladar.window), choices.one(Ladar.bin_width)
     if window < 10 * bin_width:
         raise ConfigurationError(
@@ -353,29 +278,12 @@ def check_receivers(choices: Choices) -> None:
             )
 
 
-def check_pulses(choices: Choices) -> None:
-    """Refuse (`ConfigurationError`) pulses that are shorter than range bins resolve."""
-    bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])
-    shortest = shortest_pulse(bin_width) * 1e9
-    if given < shortest:
-        raise ConfigurationError(
-            f"grid.pulse_width has {given:g}, but must be at least {shortest:.3g} for "
-            f"ladar.bin_width {bin_width:g} m"
-        )
-
-
-def check_window(choices: Choices) -> None:
-    """Refuse a range window that does not hold every ship, both its ends free.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the first ship that it does not hold.
-    """
+def _check_window(choices: Choices) -> None:
+    """Refuse a range window that does not hold every ship, both its ends free."""
     window = choices.one(Ladar.window)
     longest = max(choices[Grid.pulse_width]) * 1e-9 * SPEED_OF_LIGHT
     for ship in choices[Grid.ship]:
-        reach = float(np.linalg.norm(read_mesh(hull.function(ship)).vertices, axis=1).max())
+        reach = float(np.linalg.norm(views.read_mesh(views.hull(ship)).vertices, axis=1).max())
         # The returned pulse reaches beyond the ship, and both ends of the window must stay free
         # of it for the noise floor to be read there.
         needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)
@@ -386,9 +294,8 @@ def check_window(choices: Choices) -> None:
             )
 
 
-SENSOR = RANGE
 SETTINGS: tuple[type[Settings], ...] = (Ladar,)
 STAGES: tuple[Stage, ...] = (
-    *(cnr_at_range, extent, ifovs, expected, averaged, covariance),
+    *(cnr_at_range, signal, extent, ifovs, expected, averaged, covariance),
     *(profile_bins, lags),
 )

@@ -5,46 +5,39 @@ Article, 'Conclusions': measured profiles of ships that synthetic ones were lear
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ncti.classify.vigilance_sweep import Similarities
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages.acn import Lessons, Network, acn, acn_names, acn_training
-from sweeps.stages.classifier import NONE, STATE, Classifier, learned, profile_vectors, state
+from sweeps.stages import categories, classifier
+from sweeps.stages.categories import Lessons, Network
+from sweeps.stages.classifier import NONE, Arrays, Classifier, Naming, Profiles, Views
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
-from sweeps.stages.flight_checks import flown
+from sweeps.stages.flights import flown
 from sweeps.stages.irar import FLIGHT, Irar
-from sweeps.stages.mnn import Mnn, mnn, mnn_training
-from sweeps.stages.scores import PROFILES, Scored, data_set, known_ships, scored
+from sweeps.stages.mnn import mnn, mnn_training
+from sweeps.stages.scores import data_set, scored_profiles
 from sweeps.stages.signatures import KINDS, NAMES, signature_kinds
 from sweeps.stages.views import IRAR, Grid, Sweep, looks
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Arrays = dict[str, NDArray[Any]]
-Profiles = NDArray[np.float32]
-Views = NDArray[np.bool_]
 Namer = Callable[[Profiles, Views], Arrays]
 """(kind, ship, aspect, bin) profiles, (ship, aspect) views that are there -> `predicted` and
 `correct`, (kind, ship, aspect)."""
 
-VIEWS = ("ship", "aspect", "unknown", "training_aspect")
-GROUP, STATES = "classification/measured", "status_measured"
+NAMING = Naming("measured", looks(IRAR), of="measured profiles", dims=("kind", "ship", "aspect"))
 
 
-def train_acn(
+def acn_namer(
     profiles: Profiles,
     there: Views,
-    rng: np.random.Generator,
-    grid: Mapping[str, Any],
+    taught: Views,
     *,
     learn_in_test: bool,
     label_rule: str,
@@ -52,102 +45,56 @@ def train_acn(
     **settings: Any,
 ) -> Namer:
     """Train the Adaptive Clustering Network."""
-    vectors = profile_vectors(profiles)
-    lessons = Lessons(vectors, Similarities.of(vectors), there)
-    formed = acn_training(profile_lessons=lessons, **settings, **grid)
-    names = acn_names(acn_training=formed, label_rule=label_rule)["names"]
+    lessons = Lessons.of(profiles, there, classifier.profile_vectors)
+    formed = categories.form_categories(lessons, taught, (0, 0), **settings)
+    names = {key: one[None] for key, one in categories.name_categories(formed, label_rule).items()}
 
     def name(tests: Profiles, there: Views) -> Arrays:
-        found = acn(
-            profile_lessons=lessons,
-            acn_training={key: array[None] for key, array in formed.items()},
-            acn_names={"names": names[None, None]},
-            averaged=tests,
-            there=there,
-            ship=grid["ship"],
-            aspect=grid["aspect"],
-            frame_count=KINDS,
-            label_rule=(label_rule,),
-            score_rule=(score_rule,),
-            learn_in_test=learn_in_test,
-            **settings | {"vigilance": (settings["vigilance"],)},
-        )
-        return {key: found[key][0, :, 0, 0] for key in ("predicted", "correct")}
+        rules = (score_rule,), learn_in_test
+        found = categories.answer_tests(lessons, formed, names, tests, there, *rules)
+        return {key: found[key][:, 0, 0] for key in ("predicted", "correct")}
 
     return name
 
 
-def train_mnn(
+def mnn_namer(
     profiles: Profiles,
     there: Views,
+    taught: Views,
+    aspect: tuple[float, ...],
     rng: np.random.Generator,
-    grid: Mapping[str, Any],
-    *,
-    mnn_learning_rate: float,
     **settings: Any,
 ) -> Namer:
     """Train the multilayered network."""
-    settings["learning_rate"] = mnn_learning_rate
-    trained = mnn_training(expected=profiles, there=there, rng=rng, **settings, **grid)
-    return lambda tests, there: mnn(
-        mnn_training=trained,
-        averaged=tests,
-        there=there,
-        ship=grid["ship"],
-        aspect=grid["aspect"],
-        frame_count=KINDS,
-        inputs=settings["inputs"],
-    )
+    trained = mnn_training(profiles, there, taught, aspect, tuple(settings.items()), rng)
+    return lambda tests, there: mnn(trained, tests, there, aspect, settings["inputs"])
 
 
-def train_correlation(
-    profiles: Profiles, there: Views, rng: np.random.Generator, grid: Mapping[str, Any]
-) -> Namer:
+def correlation_namer(profiles: Profiles, there: Views, taught: Views) -> Namer:
     """Learn profiles to correlate others with."""
-    lessons = profile_vectors(profiles)[None]
-    taught = learned(*(grid[key] for key in VIEWS)) & there
+    lessons = classifier.profile_vectors(profiles)[None]
 
-    def name(tests: Profiles, there: Views) -> Arrays:
+    def name(tests: Profiles, now_there: Views) -> Arrays:
         found = [
-            match_views(lessons, of_kind, there, taught, (False,))
-            for of_kind in profile_vectors(tests)
+            match_views(lessons, of_kind, now_there, taught & there, (False,))
+            for of_kind in classifier.profile_vectors(tests)
         ]
-        return {
-            key: np.concatenate([one[key] for one in found]) for key in ("predicted", "correct")
-        }
+        return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
 
     return name
 
 
-def answer_nothing(
-    profiles: Profiles, there: Views, rng: np.random.Generator, grid: Mapping[str, Any]
-) -> Namer:
-    """Stand for a classifier that cannot name measured profiles."""
-    return lambda tests, there: dict.fromkeys(
-        ("predicted", "correct"), np.full(tests.shape[:-1], NONE)
-    )
-
-
 TRAINERS: dict[str, Callable[..., Namer]] = {
-    "acn": train_acn,
-    "mnn": train_mnn,
-    "correlation": train_correlation,
+    "acn": acn_namer,
+    "mnn": mnn_namer,
+    "correlation": correlation_namer,
 }
 """Who can name measured profiles: whoever needs no moments, which nobody knows of them."""
 
-OWN: dict[str, tuple[str, ...]] = {
-    "acn": (
-        *("vigilance", "learning_rate", "max_passes", "learn_in_test", "label_rule", "score_rule"),
-    ),
-    "mnn": (
-        *("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing"),
-        "max_hidden",
-    ),
-}
-"""Settings that matter to each."""
+Lesson = tuple[str, tuple[tuple[str, Any], ...]]
 
 
-@plain(uses=(Grid, Classifier, Network, Mnn), reads={"mnn_learning_rate": Mnn.learning_rate})
+@plain(uses=(Grid, Classifier, Network))
 def lesson(
     name: str,
     vigilance: float,
@@ -156,85 +103,51 @@ def lesson(
     learn_in_test: bool,
     label_rule: str,
     score_rule: str,
-    epochs: int,
-    grow_every: int,
-    mnn_learning_rate: float,
-    tolerance: float,
-    inputs: str,
-    annealing: bool,
-    max_hidden: int,
-) -> tuple[str, tuple[tuple[str, Any], ...]]:
+    mnn_settings: tuple[tuple[str, Any], ...],
+) -> Lesson:
     """Return who learns, and the settings that matter to it: others do not train it again."""
     given = locals()
-    return name, tuple((key, given[key]) for key in OWN.get(name, ()))
+    of_network = tuple(
+        (key, given[key]) for key in ("vigilance", *(one.name for one in Network.declared))
+    )
+    return name, {"acn": of_network, "mnn": mnn_settings}.get(name, ())
 
 
 @in_memory(
-    uses=(Grid, Classifier),
-    gather=(Grid.ship, Grid.aspect),
+    gather=classifier.GATHERED,
     noise="mnn",
     stream=(Grid.pulse_width, Irar.depression),
     keep=4,
+    uses=(Grid,),
 )
 def namer(
-    lesson: tuple[str, tuple[tuple[str, Any], ...]],
+    lesson: Lesson,
     learned_signature: Profiles,
     there: Views,
-    ship: tuple[str, ...],
+    taught: Views,
     aspect: tuple[float, ...],
-    unknown: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
     rng: np.random.Generator,
 ) -> Namer:
     """Return a classifier that learned synthetic profiles, for all flights."""
     name, settings = lesson
-    grid = dict(zip(VIEWS, (ship, aspect, unknown, training_aspect), strict=True))
-    train = TRAINERS.get(name, answer_nothing)
-    return train(learned_signature, there, rng, grid, **dict(settings))
+    if name not in TRAINERS:
+        nothing = ("predicted", "correct")
+        return lambda tests, there: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
+    more = {"aspect": aspect, "rng": rng} if name == "mnn" else {}
+    return TRAINERS[name](learned_signature, there, taught, **dict(settings), **more)
 
 
-@stage(
-    Output(
-        "predicted",
-        ("kind", "ship", "aspect"),
-        "i2",
-        label="ship named, as an index into the ship axis",
-    ),
-    Output(
-        "correct",
-        ("kind", "ship", "aspect"),
-        "i1",
-        label="1 where the answer is right: the ship, of the multilayered network its aspect bin, "
-        "too",
-    ),
-    Output("ship_correct", ("kind", "ship", "aspect"), "i1", label="1 where the ship is right"),
-    Output(
-        "cell",
-        ("kind", "ship", "aspect"),
-        "i1",
-        label="state of a cell of measured profiles",
-        failed=0,
-        group=STATES,
-        attrs=STATE,
-    ),
-    gather=(Grid.ship, Grid.aspect),
+@NAMING.answers(
+    Output("ship_correct", NAMING.dims, "i1", label="1 where the ship is right"),
+    right=": the ship, of the multilayered network its aspect bin, too",
     uses=(Grid,),
-    group=GROUP,
     dims=(
         *("pulse_width", "depression", "classifier", "vigilance"),
         *(name for name in FLIGHT if name != "depression"),
     ),
     names=NAMES,
-    when=looks(IRAR),
-    status="-",
 )
-def measured(
-    namer: Namer,
-    signature: Profiles,
-    there: Views,
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
-) -> Arrays:
+def measured(namer: Namer, signature: Profiles, there: Views) -> Arrays:
     """Return what signatures of every kind are named.
 
     -1 where a view is not there, or not measured. A signature that shows nothing names no ship,
@@ -244,12 +157,12 @@ def measured(
     absent = np.asarray(np.isnan(seen).any(axis=-1))
     found = namer(np.where(absent[..., None], seen[KINDS.index("learned")], seen), there)
     predicted, correct = (np.where(absent, NONE, found[name]) for name in ("predicted", "correct"))
-    true = np.arange(len(ship))[:, None]
+    true = np.arange(len(there))[:, None]
     return {
         "predicted": predicted,
         "correct": correct,
         "ship_correct": np.where(correct == NONE, NONE, predicted == true),
-        "cell": state(correct, there),
+        "cell": classifier.state(correct, there),
     }
 
 
@@ -257,26 +170,18 @@ kinds_named, kinds_of_states = (
     stage(*signature_kinds.outputs, group=group, when=looks(IRAR), coordinates=True, name=name)(
         signature_kinds.function
     )
-    for group, name in ((GROUP, "kinds_named"), (STATES, "kinds_of_states"))
+    for group, name in (
+        ("classification/measured", "kinds_named"),
+        ("status_measured", "kinds_of_states"),
+    )
 )
 
 
-def able(choices: Choices) -> tuple[str, ...]:
-    """Return those classifiers of a sweep that can name measured profiles."""
-    return tuple(name for name in choices[Classifier.name] if name in TRAINERS)
-
-
 def check(choices: Choices) -> Choices:
-    """Refuse classifiers that cannot name measured profiles; drop them where others can.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the key.
-    """
+    """Refuse classifiers that cannot name measured profiles; drop them where others can."""
     if not looks(IRAR)(choices):
         return choices
-    names = able(choices)
+    names = tuple(name for name in choices[Classifier.name] if name in TRAINERS)
     if not names:
         raise ConfigurationError(
             f"classifier.name is {', '.join(choices[Classifier.name])}, but must have one of "
@@ -296,15 +201,10 @@ def check(choices: Choices) -> Choices:
 
 def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Tabulate the answers about ships that are learned, and flown past."""
-    known = known_ships(classified, choices)
-    past = flown(choices)
+    known, past = classifier.known_ships(classified, choices), flown(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
-    tables: Scored = {}
-    for name, (prefix, what) in PROFILES.items():
-        if name in known:
-            tables |= scored(known[name], prefix, what)
-    return data_set(tables, known.aspect)
+    return data_set(scored_profiles(known), known.aspect)
 
 
 STAGES: tuple[Stage, ...] = (lesson, namer, measured, kinds_named, kinds_of_states)
-TABLES: tuple[Table, ...] = (Table("tables/measured", (GROUP,), tabulate_measured, looks(IRAR)),)
+TABLES = NAMING.tables(tabulate_measured)

@@ -1,24 +1,23 @@
-"""From the answers of classifiers to percent correct by aspect bin, with Wilson intervals."""
+"""Tables of answers: percent correct by aspect bin, and unknown ships by test vigilance."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ncti.evaluate import accuracy_by_aspect, aspect_bins, replicated_accuracy
-from sweeps.engine.settings import Choices
-from sweeps.stages.classifier import learned_of
+from ncti.evaluate import accuracy_by_aspect, aspect_bins, replicated_accuracy, wilson_interval
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
     import xarray as xr
 
+Flags = NDArray[np.bool_]
+Floats = NDArray[np.floating]
 Scored: TypeAlias = "dict[str, tuple[xr.DataArray, str]]"
 VIEW = ("ship", "aspect")
 DRAWS = ("replicate", "draw")  # of the noise, over which accuracies are pooled
-
-RECEIVER = "ladar.receiver"  # key; axes have names, and this is an attribute of tables
 PROFILES = {
     "training_correct": ("training_", "training profiles"),
     "ship_correct": ("ship_", "ships of test profiles"),
@@ -27,77 +26,22 @@ PROFILES = {
 """Variables of answers about range profiles: prefix of their scores, and what is classified."""
 
 
-def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return the answers about ships that are learned.
-
-    Unknown ships cannot be named right: see `sweeps.stages.rejection`.
-    """
-    return classified.isel(ship=np.flatnonzero(learned_of(choices).any(axis=1)))
-
-
-def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Tabulate the answers of a classifier about range profiles.
-
-    Parameters
-    ----------
-    classified : xarray.Dataset
-        Group of its answers.
-    choices : Choices
-        Of the sweep.
-
-    Returns
-    -------
-    xarray.Dataset
-        `accuracy` by aspect bin with `ci_low`, `ci_high` and `n`; the same with `training_`, and
-        with `ship_` where ships alone are counted, if the classifier has them. Where it forms
-        categories, `category_count`, `view_count` and `settled`, too.
-    """
-    known = known_ships(classified, choices)
-    tables = formed(known, "training profiles") if "training_category" in known else {}
-    for name, (prefix, what) in PROFILES.items():
-        if name in known:
-            tables |= scored(known[name], prefix, what)
-    return data_set(tables, known.aspect).assign_attrs(receiver_of(choices))
-
-
-def receiver_of(choices: Choices) -> dict[str, str]:
-    """Return the receiver of all range profiles as an attribute; none where there are several."""
-    receivers = choices.values.get(RECEIVER, ())
-    return {"receiver": receivers[0]} if len(receivers) == 1 else {}
-
-
 def formed(classified: xr.Dataset, what: str) -> Scored:
     """Return how many categories formed in every training, and of how many of what."""
+    category = classified.training_category
     return {
-        "category_count": (
-            (classified.training_category.max(VIEW) + 1).astype("i4"),
-            "categories formed",
-        ),
-        "view_count": ((classified.training_category >= 0).sum(VIEW).astype("i4"), what),
+        "category_count": ((category.max(VIEW) + 1).astype("i4"), "categories formed"),
+        "view_count": ((category >= 0).sum(VIEW).astype("i4"), what),
         "settled": ((classified.passes > 0).astype("i1"), "1 where the categories settled"),
     }
 
 
 def scored(correct: xr.DataArray, prefix: str, what: str) -> Scored:
-    """Return the fraction correct by aspect bin, whatever axes there are besides the view's.
+    """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
-    Parameters
-    ----------
-    correct : xarray.DataArray
-        1 where an answer is right, 0 where not, negative where nothing was asked; (..., ship,
-        aspect), with replicates or draws among the leading axes.
-    prefix : str
-        Prefix of the names.
-    what : str
-        What is classified.
-
-    Returns
-    -------
-    dict of str to (DataArray, str)
-        `accuracy`, `ci_low`, `ci_high` and `n`, each with its long name. The intervals take
-        replicates for what they are: more looks at the same views.
+    Of (..., ship, aspect) answers: 1 where right, 0 where not, negative where nothing was asked.
+    Replicates, or draws, count for what they are: more looks at the same views.
     """
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     draws = tuple(name for name in DRAWS if name in correct.dims)
@@ -122,22 +66,20 @@ def scored(correct: xr.DataArray, prefix: str, what: str) -> Scored:
     }
 
 
-def data_set(
-    tables: Mapping[str, tuple[xr.DataArray, str]], aspect: xr.DataArray | None
-) -> xr.Dataset:
-    """Return tables by aspect bin as a data set, each with its meaning.
+def scored_profiles(classified: xr.Dataset) -> Scored:
+    """Return the scores of all answers about range profiles that a classifier gives."""
+    tables: Scored = {}
+    for name, (prefix, what) in PROFILES.items():
+        if name in classified:
+            tables |= scored(classified[name], prefix, what)
+    return tables
 
-    Parameters
-    ----------
-    tables : mapping of str to (DataArray, str)
-        Tables, all numbers without unit, with their long names.
-    aspect : xarray.DataArray or None
-        Aspects [deg] that were pooled; none where tables have no bins of them.
 
-    Returns
-    -------
-    xarray.Dataset
-        With the lowest aspect of every bin as a coordinate.
+def data_set(tables: Scored, aspect: xr.DataArray | None) -> xr.Dataset:
+    """Return tables without units as a data set, each with its long name.
+
+    Of aspects [deg] that were pooled the lowest of every bin is a coordinate; None where tables
+    have no bins of them.
     """
     import xarray as xr
 
@@ -158,3 +100,137 @@ def data_set(
         {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"},
     )
     return found.set_coords("aspect_low")
+
+
+# Unknown ships: which answers a test vigilance takes back
+
+ASPECTS = ("learned", "between")  # aspects that are learned, and those that are not
+ENDS = {"_ci_low": "lower", "_ci_high": "upper"}
+LEAST = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # shares of answers to unknown ships, to be rejected
+MEANINGS = {
+    "rejected_unknown": "fraction of answers to unknown ships that are rejected",
+    "rejected_known": "fraction of answers to known ships that are rejected",
+    "correct_known": "fraction of answers to known ships that are right and not rejected",
+    "n_unknown": "answers to unknown ships",
+    "n_known": "answers to known ships",
+    "correct_where_rejected": "fraction of answers to known ships that are right and not rejected "
+    "where at least so many of those to unknown ones are",
+    "rejected_up_to": "largest cosine that must be rejected for that, none where all are accepted",
+    "area": "area under right over let through, as fractions of all answers",
+}
+
+
+def tabulate_rejection(
+    classified: xr.Dataset, learned: Flags, test_vigilances: tuple[float, ...]
+) -> xr.Dataset:
+    """Return the receiver operating characteristic: what every test vigilance rejects.
+
+    Of the `similarity` and `correct` of a classifier, (ship, aspect) views that it has learned, a
+    ship without any being unknown, and cosines below which a test answers "unknown": `MEANINGS`
+    over the classifier's axes and `aspects`, NaN without answers; means over replicates, phases
+    and orders, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`, `rejected_up_to` and
+    `area` are of the whole characteristic, whatever the test vigilances.
+
+    Notes
+    -----
+    The characteristic has a corner at every similarity of an answer to an unknown ship. To reject
+    a share of these answers all up to a quantile must go, and whatever else is no more similar.
+    The area under it, of known ships right over unknown ships let through, is the probability
+    that an answer to a known ship is right and more similar than one to an unknown ship, a tie
+    counting half (J. A. Hanley and B. J. McNeil 1982, Radiology 143, 29).
+    """
+    import xarray as xr
+
+    known = xr.DataArray(learned.any(axis=1), dims="ship")
+    taught = xr.DataArray(learned.any(axis=0), dims="aspect")
+    levels = np.array(test_vigilances)
+    thresholds = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
+    similarity, right = classified.similarity, classified.correct == 1
+    accepted = similarity >= thresholds
+    draws = [name for name in ("replicate", "phase", "order") if name in right.dims]
+    pooled = [*draws, *VIEW]
+    parts = []
+    for name, aspects in zip(ASPECTS, (taught, ~taught), strict=True):
+        of_known = (classified.correct >= 0) & known & aspects
+        of_unknown = similarity.notnull() & ~known & aspects  # whatever would be right
+        up_to = _over(pooled, _quantiles, similarity, of_unknown, gives=["least_rejected"])
+        up_to = up_to.assign_coords(least_rejected=LEAST)
+        counted = {
+            "rejected_unknown": (~accepted, of_unknown),
+            "rejected_known": (~accepted, of_known),
+            "correct_known": (accepted & right, of_known),
+            "correct_where_rejected": ((similarity > up_to) & right, of_known & up_to.notnull()),
+        }
+        part = {"n_unknown": of_unknown.sum(pooled), "n_known": of_known.sum(pooled)}
+        part["rejected_up_to"] = up_to.where(up_to > -np.inf)
+        part["area"] = _over(pooled, _area, similarity, right & of_known, of_known, of_unknown)
+        for figure, (hits, answers) in counted.items():
+            for suffix, values in zip(("", *ENDS), _share(hits, answers, draws), strict=True):
+                part[figure + suffix] = values
+        parts.append(xr.Dataset(part).expand_dims(aspects=np.array([name], dtype=object)))
+    table = xr.concat(parts, "aspects")
+    said = MEANINGS | {
+        "test_vigilance": "cosine that an answer must reach",
+        "least_rejected": "fraction of answers to unknown ships that is rejected at least",
+    }
+    for name, meaning in said.items():
+        table[name].attrs = {"units": "1", "long_name": meaning}
+        for suffix, end in ENDS.items() if name + "_ci_low" in table else ():
+            interval = f"{end} end of the 95 % Wilson interval of the {meaning}"
+            table[name + suffix].attrs = {"units": "1", "long_name": interval}
+    table.aspects.attrs = {"long_name": "whether anything was learned at the aspect"}
+    return table
+
+
+def _over(
+    pooled: list[str], function: Callable[..., Any], *arrays: xr.DataArray, gives: Any = ()
+) -> xr.DataArray:
+    """Return what a function makes of some axes pooled, at every place of the others."""
+    import xarray as xr
+
+    whole, made = [pooled] * len(arrays), [gives]
+    found: xr.DataArray = xr.apply_ufunc(
+        function, *arrays, input_core_dims=whole, output_core_dims=made, vectorize=True
+    )
+    return found
+
+
+def _quantiles(similarity: Floats, unknown: Flags) -> Floats:
+    """(least_rejected,): up to where answers go; -inf where none do, NaN without any."""
+    ranked = np.sort(similarity[unknown])
+    if not ranked.size:
+        return np.where(LEAST > 0, np.nan, -np.inf)
+    count = np.ceil(LEAST * ranked.size - 1e-9).astype(int)
+    return np.where(count > 0, ranked[np.maximum(count - 1, 0)], -np.inf)
+
+
+def _area(similarity: Floats, right: Flags, known: Flags, unknown: Flags) -> float:
+    """Return the area under the characteristic, by counting pairs; NaN without any."""
+    ranked = np.sort(similarity[unknown])
+    pairs = known.sum() * ranked.size
+    below, upto = (np.searchsorted(ranked, similarity[right], side) for side in ("left", "right"))
+    return float((below + upto).sum() / 2 / pairs) if pairs else np.nan
+
+
+def _share(
+    hits: xr.DataArray, answers: xr.DataArray, draws: list[str]
+) -> tuple[xr.DataArray, xr.DataArray, xr.DataArray]:
+    """Return the fraction of answers that hit, and both ends of its interval."""
+    import xarray as xr
+
+    hits, answers = xr.broadcast(hits & answers, answers)
+    n = answers.sum([*draws, *VIEW])
+    fraction = hits.sum([*draws, *VIEW]) / n.where(n > 0)
+    if draws == ["replicate"]:
+        order = [*fraction.dims, *draws, *VIEW]
+        score = replicated_accuracy(
+            hits.transpose(*order).values,
+            np.zeros(hits.sizes["aspect"]),  # all of them together
+            answered=answers.transpose(*order).values,
+        )
+        low, high = score.ci_low[..., -1], score.ci_high[..., -1]
+    else:
+        # More looks at a view are no more views; one that failed has none.
+        views = answers.sum(VIEW).max(draws)
+        low, high = wilson_interval((fraction.fillna(0) * views).clip(0, views), views)
+    return fraction, fraction.copy(data=low), fraction.copy(data=high)

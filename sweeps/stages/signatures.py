@@ -6,22 +6,19 @@ stand in for.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.irar import Flight, measured_extent
-from ncti.ladar import RangeExtent, expected_profile
-from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages.corrections import DIMS, GROUP, STATUS, image_of
-from sweeps.stages.flight_geometry import flight_of
-from sweeps.stages.flights import Pairs
-from sweeps.stages.irar import Irar
-from sweeps.stages.ladar import Ladar, averaged, cnr_at_range, expected, extent, ifovs, nowhere
-from sweeps.stages.views import IRAR, Grid, Render, image, looks
-
-Arrays = dict[str, NDArray[Any]]
+from ncti.irar import measured_extent
+from ncti.ladar import expected_profile
+from sweeps.engine.stage import Output, Stage, stage
+from sweeps.stages import ladar
+from sweeps.stages.irar import DIMS, GROUP, Arrays, Irar, Pairs, flight_of, image_of
+from sweeps.stages.ladar import Ladar
+from sweeps.stages.views import IRAR, STATUS, Grid, Render, image, looks
 
 KINDS = ("learned", "test", "measured")
 NAMES = {  # a flight has settings of the same words
@@ -30,50 +27,33 @@ NAMES = {  # a flight has settings of the same words
     Render.samples: "render_samples",
 }
 
-flight_image = in_memory(
-    uses=(Grid, Render), reads={"depression": Irar.depression}, name="flight_image"
-)(image.function)
+SIGHT = {"ifovs": "flight_ifovs", "signal": "flight_signal"}
+UNSTORED: dict[str, Any] = {"group": None, "dims": ()}
 
-flight_cnr = plain(uses=(Ladar,), reads={"range": Irar.profile_range}, name="flight_cnr")(
-    cnr_at_range.function
-)
-
-flight_extent = stage(
-    *extent.outputs,
-    uses=(Ladar,),
-    reads={"image": "flight_image", "range": Irar.profile_range},
-    status=STATUS,
+flight_image = replace(image, name="flight_image", reads={"depression": Irar.depression})
+flight_cnr = replace(ladar.cnr_at_range, name="flight_cnr", reads={"range": Irar.profile_range})
+flight_signal = replace(ladar.signal, name="flight_signal", reads={"cnr_at_range": "flight_cnr"})
+flight_extent = replace(
+    ladar.extent,
     name="flight_extent",
-)(extent.function)
-
-flight_ifovs = in_memory(
-    uses=(Ladar,),
-    reads={"extent": "flight_extent", "range": Irar.profile_range},
+    reads={"image": "flight_image", "range": Irar.profile_range},
+)
+flight_ifovs = replace(
+    ladar.ifovs,
     name="flight_ifovs",
-)(ifovs.function)
-
-learned_signature = stage(
-    *expected.outputs,
-    uses=(Grid, Ladar),
-    reads={"ifovs": "flight_ifovs", "cnr_at_range": "flight_cnr"},
-    status=STATUS,
-    name="learned_signature",
-)(expected.function)
-
-test_signature = stage(
-    *averaged.outputs,
-    uses=(Grid, Ladar),
-    reads={
-        "ifovs": "flight_ifovs",
-        "cnr_at_range": "flight_cnr",
-        "frame_count": Irar.profile_frames,
-    },
+    reads={"extent": "flight_extent", "range": Irar.profile_range},
+)
+learned_signature = replace(ladar.expected, name="learned_signature", reads=SIGHT, **UNSTORED)
+test_signature = replace(
+    ladar.averaged,
+    name="test_signature",
+    reads={**SIGHT, "frame_count": Irar.profile_frames},
     along=(Irar.profile_frames,),
     noise="flight_signature",
     stream=(Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate),
-    status=STATUS,
-    name="test_signature",
-)(averaged.function)
+    optional=(),
+    **UNSTORED,
+)
 
 
 @stage(
@@ -97,16 +77,13 @@ def signature(
     test_signature: NDArray[np.float32],
     course: Pairs | None,
     receivers: Pairs,
-    flight_cnr: float,
+    flight_signal: Pairs,
     aspect: float,
     pulse_width: tuple[float, ...],
     profile_range: float,
     ladar_ifov: float,
     bin_width: float,
     window: float,
-    target_free_ifovs: int,
-    receiver: str,
-    false_alarm: float,
 ) -> NDArray[np.float32]:
     """(pulse_width, kind, bin): what is learned, what it is tested with, what a flight measured.
 
@@ -115,32 +92,20 @@ def signature(
     measured = np.full_like(learned_signature, np.nan)
     if course is not None:
         flight = flight_of(aspect, dict((*course, *receivers)))
-        seen = _extent(
-            corrected,
-            flight,
-            slant_range=profile_range * 1e3,
-            ifov=ladar_ifov * 1e-6,
-            bin_width=bin_width,
-            window=window,
-        )
-        for line, width in zip(measured, pulse_width, strict=True):
-            line[:] = expected_profile(
-                seen,
-                pulse_width=width * 1e-9,
-                cnr=flight_cnr,
-                target_free_ifovs=target_free_ifovs,
-                receiver=receiver,
-                false_alarm=false_alarm,
+        try:
+            seen = measured_extent(
+                image_of(corrected),
+                flight,
+                slant_range=profile_range * 1e3,
+                ifov=ladar_ifov * 1e-6,
+                bin_width=bin_width,
+                window=window,
             )
+        except ValueError:  # nothing is in the image
+            seen = ladar.nowhere(window, bin_width)
+        for line, width in zip(measured, pulse_width, strict=True):
+            line[:] = expected_profile(seen, pulse_width=width * 1e-9, **dict(flight_signal))
     return np.stack([learned_signature, test_signature, measured], axis=1)
-
-
-def _extent(corrected: Arrays, flight: Flight, *, window: float, **seen: float) -> RangeExtent:
-    """Return what an image shows, for the proposed sensor; nothing of nothing."""
-    try:
-        return measured_extent(image_of(corrected), flight, window=window, **seen)
-    except ValueError:
-        return nowhere(window, seen["bin_width"])
 
 
 @stage(
@@ -160,6 +125,6 @@ def signature_kinds() -> NDArray[np.str_]:
 
 
 STAGES: tuple[Stage, ...] = (
-    *(flight_image, flight_cnr, flight_extent, flight_ifovs, learned_signature, test_signature),
-    *(signature, signature_kinds),
+    *(flight_image, flight_cnr, flight_signal, flight_extent, flight_ifovs),
+    *(learned_signature, test_signature, signature, signature_kinds),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,9 @@ from numpy.typing import NDArray
 
 from ncti import features
 from sweeps.engine.stage import Output, Stage, stage
-from sweeps.stages.images import IMAGES, LOOK, VIEW
-from sweeps.stages.infrared import Infrared, looks_infrared
+from sweeps.stages.infrared import IMAGES, LOOK, VIEW, Infrared, looks_infrared
 from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at
+from sweeps.stages.views import STATUS
 
 ANGLES, RADII = 64, 32  # cells of the log-polar map
 STEPS = 255  # of a cell between empty and full
@@ -22,18 +23,15 @@ PLASTIC = (0.7548776662466927, 0.5698402909980532)
 TEMPLATE = ("coverage_rule", "inner_radius", "interpolation", "phase")
 OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
 
-Masks = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+
+_stored = partial(stage, uses=(Infrared,), group=IMAGES, when=looks_infrared)
+_map = partial(Output, dims=("angle", "radius"), dtype="u1", fill=0, step=1 / STEPS)
 
 
-def _map(name: str, label: str) -> Output:
-    return Output(name, ("angle", "radius"), "u1", label=label, fill=0, step=1 / STEPS)
-
-
-@stage(
+@_stored(
     Output("angle", ("angle",), "f8", "angle about the centroid, from the right upwards", "degree"),
     Output("radius", ("radius",), "f8", "place between inner (0) and outer (1) log radius"),
-    group=IMAGES,
-    when=looks_infrared,
     coordinates=True,
 )
 def map_cells() -> dict[str, NDArray[Any]]:
@@ -55,40 +53,34 @@ def silhouettes(
     segmentation: tuple[str, ...],
     phases: tuple[int, ...],
     frame_count: tuple[int, ...],
-) -> NDArray[np.uint8]:
+) -> Bytes:
     """(segmentation, phase, frame_count, row, byte): masks cut out of images, a bit a pixel."""
     shown = look.images(super_resolution, phases, frame_count)
-    sigmas = look.sigmas(super_resolution, frame_count)
-    return np.array(
-        [
-            np.packbits(
-                features.segment(shown, method=method, contrast=look.contrast, **sigmas), axis=-1
-            )
-            for method in segmentation
-        ]
-    )
+    known: dict[str, Any] = {
+        "contrast": look.contrast,
+        **look.sigmas(super_resolution, frame_count),
+    }
+    masks = [features.segment(shown, method=method, **known) for method in segmentation]
+    return np.packbits(masks, axis=-1)
 
 
-@stage(
-    _map("log_polar", "log-polar map of the silhouette cut out of the image"),
-    uses=(Infrared,),
+@_stored(
+    _map("log_polar", label="log-polar map of the silhouette cut out of the image"),
     along=(
         *(Infrared.segmentation, Infrared.inner_radius, Infrared.interpolation),
         *(Infrared.phases, Infrared.frame_count),
     ),
-    group=IMAGES,
     dims=(*VIEW, *OF_SILHOUETTES, "phase", *LOOK),
-    when=looks_infrared,
-    status="status:view",
+    status=STATUS,
 )
 def log_polar(
-    silhouettes: NDArray[np.uint8],
+    silhouettes: Bytes,
     segmentation: tuple[str, ...],
     inner_radius: tuple[float, ...],
     interpolation: tuple[str, ...],
     phases: tuple[int, ...],
     frame_count: tuple[int, ...],
-) -> NDArray[np.uint8]:
+) -> Bytes:
     """(segmentation, inner_radius, interpolation, phase, frame_count, angle, radius): maps."""
     # What bytes hold beyond the last column is sea, which changes nothing.
     masks = np.unpackbits(silhouettes, axis=-1).astype(bool)
@@ -96,18 +88,15 @@ def log_polar(
     return np.moveaxis(maps_of(masks, inner_radius, interpolation), 2, 0)
 
 
-@stage(
+@_stored(
     _map(
         "template_log_polar",
-        "log-polar map of the noiseless silhouette at the training range",
+        label="log-polar map of the noiseless silhouette at the training range",
     ),
-    uses=(Infrared,),
     reads={"hits": "training_hits"},
     along=(Infrared.inner_radius, Infrared.interpolation, Infrared.phases),
-    group=IMAGES,
     dims=(*VIEW, *TEMPLATE),
-    when=looks_infrared,
-    status="status:view",
+    status=STATUS,
 )
 def template_log_polar(
     hits: Bits,
@@ -117,7 +106,7 @@ def template_log_polar(
     inner_radius: tuple[float, ...],
     interpolation: tuple[str, ...],
     phases: tuple[int, ...],
-) -> NDArray[np.uint8]:
+) -> Bytes:
     """(inner_radius, interpolation, phase, angle, radius): noiseless maps."""
     patches = Patches.of(hits)
     footprint = footprint_at(training_range, ifov)
@@ -131,30 +120,16 @@ def template_log_polar(
 
 
 def maps_of(
-    masks: Masks, inner_radius: tuple[float, ...], interpolation: tuple[str, ...]
-) -> NDArray[np.uint8]:
-    """Return log-polar maps, in steps of a 255th.
+    masks: NDArray[np.bool_], inner_radius: tuple[float, ...], interpolation: tuple[str, ...]
+) -> Bytes:
+    """(inner_radius, interpolation, ..., angle, radius): maps of (..., row, col) silhouettes.
 
-    The values of a cell are shares of it; half a step is nothing beside what a pixel's noise does.
-
-    Parameters
-    ----------
-    masks : (..., row, col) bool ndarray
-        Silhouettes.
-    inner_radius : tuple of float
-        Inner radii, in sqrt(area / pi).
-    interpolation : tuple of str
-        How maps sample silhouettes.
-
-    Returns
-    -------
-    (inner_radius, interpolation, ..., angle, radius) uint8 ndarray
+    In 255ths of a cell: half a step is nothing beside what a pixel's noise does.
     """
+    size = {"angles": ANGLES, "radii": RADII}
     cells: Any = [
         [
-            features.log_polar(
-                masks, inner_radius=radius, interpolation=between, angles=ANGLES, radii=RADII
-            )
+            features.log_polar(masks, inner_radius=radius, interpolation=between, **size)
             for between in interpolation
         ]
         for radius in inner_radius

@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,24 +28,19 @@ if TYPE_CHECKING:
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 MOST_FRAMES = 10_000
 FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
+SHAPES = "it shapes arrays"  # why a setting takes one value only
 
 CACHE_VARIABLE = "NCTI_CACHE"
 """Name of the environment variable with the cache folder, whose `meshes` keeps built ships."""
 
 
 class ShipName(str):
-    """Label of a ship: its name, or the stem of its file.
-
-    Attributes
-    ----------
-    source : str
-        What `ncti.ships.load` takes: the name, or the absolute path of a sheet or mesh.
-    """
+    """Label of a ship, its name or the stem of its file, with what `ncti.ships.load` takes."""
 
     source: str
 
     def __new__(cls, label: str, source: str) -> ShipName:
-        """Make a label with its source."""
+        """Make a label with its source: a name, or the absolute path of a sheet or mesh."""
         name = super().__new__(cls, label)
         name.source = source
         return name
@@ -71,15 +67,15 @@ class Ships(Text):
         ):
             raise ConfigurationError(f"{key} is {given!r}, but must be {self.allowed}")
         ascending(key, names)
-        ships: dict[str, ShipName] = {}
+        found: set[ShipName] = set()
         for name in names:
             ship = ship_name(name)
-            if ship in ships:
+            if ship in found:
                 raise ConfigurationError(
                     f"{key} has {name!r}, but {str(ship)!r} is the name of another ship of the grid"
                 )
-            ships[ship] = ship
-        return tuple(sorted(ships.values()))
+            found.add(ship)
+        return tuple(sorted(found))
 
 
 def ship_name(name: str) -> ShipName:
@@ -95,6 +91,11 @@ def ship_name(name: str) -> ShipName:
 def ships(default: Any, **about: Any) -> Setting:
     """Setting that is a ship or several; the rest as of `Setting`."""
     return Setting(Ships(null=default is None), default, **about)
+
+
+def quantity(default: Any, low: float, high: float, unit: str, label: str, **about: Any) -> Setting:
+    """Setting that is a number with a unit; the rest as of `Setting`."""
+    return number(default, low, high, unit=unit, label=label, **about)
 
 
 class Sweep(Settings):
@@ -118,18 +119,15 @@ class Grid(Settings, key="grid"):
         label="aspect, 0 bow-on, 90 port beam",
         shown=True,
     )
-    pulse_width = number(
-        30, 1, 1000, unit="ns", label="pulse width, full width at 1/e^2", shown=True
-    )
+    pulse_width = quantity(30, 1, 1000, "ns", "pulse width, full width at 1/e^2", shown=True)
     frame_count = count(
         [4, 8, 16, 32],
-        1,
-        MOST_FRAMES,
+        high=MOST_FRAMES,
         label="frames averaged",
         help="prefixes of the same frames",
         shown=True,
     )
-    range = number(100, 1, 1000, unit="km", label="slant range", shown=True)
+    range = quantity(100, 1, 1000, "km", "slant range", shown=True)
     vigilance = number(0.95, 0, 1, label="vigilance in training", shown=True)
     replicate = draws(1, label="number of the draw of the noise", noted=True)
 
@@ -142,17 +140,13 @@ class Scene(Settings, key="scene"):
         ("fixed", "altitude"),
         label="what is the same at every range: the depression, or the altitude",
     )
-    depression = number(
-        3.84,
-        0,
-        90,
-        unit="degree",
-        label="depression of the line of sight at the target",
+    depression = quantity(
+        *(3.84, 0, 90, "degree", "depression of the line of sight at the target"),
         help="where geometry is fixed; 22,000 ft at 100 km over a flat sea",
     )
-    altitude = number(6705.6, 1, 50e3, unit="m", label="altitude of the aircraft", help="22,000 ft")
-    earth_radius = number(
-        6371e3, 1e6, 1e12, unit="m", label="radius of the Earth", help="1e12 for a flat sea"
+    altitude = quantity(6705.6, 1, 50e3, "m", "altitude of the aircraft", help="22,000 ft")
+    earth_radius = quantity(
+        6371e3, 1e6, 1e12, "m", "radius of the Earth", help="1e12 for a flat sea"
     )
 
 
@@ -165,34 +159,22 @@ class Render(Settings, key="render"):
         label="what draws",
         help="auto: osmesa, else egl, else embree",
     )
-    pixel = number(0.25, 0.01, 5, unit="m", label="pixel on the target")
+    pixel = quantity(0.25, 0.01, 5, "m", "pixel on the target")
     samples = count(
         20_000,
         0,
         10**7,
         label="samples on the ship below which its image is drawn again with smaller pixels",
     )
-    roll = number(
-        ROLL,
-        -180,
-        180,
-        unit="degree",
-        label="roll of the pixels about the line of sight",
+    roll = quantity(
+        *(ROLL, -180, 180, "degree", "roll of the pixels about the line of sight"),
         help="by default atan of the golden section, so that no ship edge lies along the lattice",
     )
 
 
 @dataclass(frozen=True)
 class Hull:
-    """What a mesh is made from.
-
-    Attributes
-    ----------
-    source : str
-        Name, or absolute path of a sheet or mesh.
-    digest : str
-        Hash of its content, and of the code that builds it.
-    """
+    """What a mesh is made from: a name or path, and the hash of its content and builder's code."""
 
     source: str
     digest: str
@@ -205,13 +187,7 @@ class Hull:
 
 @plain(uses=(Grid,))
 def hull(ship: ShipName) -> Hull:
-    """Return what a ship's mesh is made from.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such ship or file.
-    """
+    """Return what a ship's mesh is made from; `ConfigurationError` if there is no such ship."""
     try:
         return Hull(ship.source, ncti.ships.digest(ship.source))
     except ncti.ships.ShipError as error:
@@ -220,13 +196,7 @@ def hull(ship: ShipName) -> Hull:
 
 @plain(uses=(Render,))
 def drawing_engine(engine: str) -> str:
-    """Return the name of the engine that draws.
-
-    Raises
-    ------
-    ConfigurationError
-        If it does not start on this machine.
-    """
+    """Return the name of the engine that draws; `ConfigurationError` if it does not start here."""
     try:
         return choose_engine(engine)
     except EngineError as error:
@@ -237,29 +207,19 @@ def drawing_engine(engine: str) -> str:
 def depression(
     range: float, geometry: str, depression: float, altitude: float, earth_radius: float
 ) -> float:
-    """Return the depression [deg] at a slant range [km].
-
-    Raises
-    ------
-    ValueError
-        If the scene has no such range.
-    """
+    """Return the depression [deg] at a slant range [km]; ValueError beyond the scene."""
     if geometry == "fixed":
         return depression
     return depression_angle(range * 1e3, altitude=altitude, earth_radius=earth_radius)
 
 
-BUILT_BY = ("manifold3d", "networkx", "trimesh")
-DRAWN_BY = ("embreex", "PyOpenGL", "pyrender")
-
-
-@in_memory(keep=8, also=BUILT_BY)
+@in_memory(keep=8, also=("manifold3d", "networkx", "trimesh"))
 def mesh(hull: Hull) -> trimesh.Trimesh:
     """Return a ship's mesh, refused when its file has changed since its digest."""
     return read_mesh(hull)
 
 
-@in_memory(uses=(Grid, Render), also=DRAWN_BY)
+@in_memory(uses=(Grid, Render), also=("embreex", "PyOpenGL", "pyrender"))
 def image(
     mesh: trimesh.Trimesh,
     aspect: float,
@@ -274,21 +234,12 @@ def image(
     Ends of ships are small: at one pixel for all, they would err several times more than
     broadsides, and it is the ends that tell ships apart.
     """
-
-    def draw(size: float) -> RangeImage:
-        return range_image(
-            mesh,
-            aspect=aspect,
-            depression=depression,
-            pixel=size,
-            roll=roll,
-            engine=drawing_engine,
-        )
-
-    drawn = draw(pixel)
+    view: dict[str, Any] = {"aspect": aspect, "depression": depression, "roll": roll}
+    drawn = range_image(mesh, pixel=pixel, engine=drawing_engine, **view)
     hits = int(drawn.hit.sum())
     if 0 < hits < samples:
-        drawn = draw(pixel * max(math.sqrt(hits / samples), FINEST))
+        finer = pixel * max(math.sqrt(hits / samples), FINEST)
+        drawn = range_image(mesh, pixel=finer, engine=drawing_engine, **view)
     return drawn
 
 
@@ -308,13 +259,7 @@ def cache_folder() -> Path:
 
 @lru_cache(maxsize=16)
 def read_mesh(hull: Hull) -> trimesh.Trimesh:
-    """Return a ship's mesh, kept for this process.
-
-    Raises
-    ------
-    ValueError
-        If its file has changed since its digest, or is not fit to be used.
-    """
+    """Return a ship's mesh, kept for this process; ValueError if it changed, or is not fit."""
     found = ncti.ships.load(hull.source, cache=cache_folder() / "meshes")
     if found.metadata["digest"] != hull.digest:
         raise ValueError(f"{hull.source} was changed while the sweep ran")
@@ -323,27 +268,17 @@ def read_mesh(hull: Hull) -> trimesh.Trimesh:
 
 def looks(sensor: str) -> Condition:
     """Return the condition that a sensor is among those of the sweep."""
-
-    def chosen(choices: Choices) -> bool:
-        return sensor in choices.one(Sweep.sensor)
-
-    return chosen
+    return lambda choices: sensor in choices.one(Sweep.sensor)
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse ships that are not there, or not fit to be used.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the first of them.
-    """
+    """Refuse (`ConfigurationError`) ships that are not there, or not fit to be used."""
     for ship in choices[Grid.ship]:
         try:
-            read_mesh(hull.function(ship))
+            read_mesh(hull(ship))
+        except ConfigurationError:
+            raise
         except ValueError as error:
-            if isinstance(error, ConfigurationError):
-                raise
             raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
     return choices
 
@@ -351,33 +286,23 @@ def check(choices: Choices) -> Choices:
 def check_range(
     choices: Choices, key: str, slant_range: float, *, narrowest: float, beam: str
 ) -> None:
-    """Refuse a slant range that the scene does not allow, or that leaves a beam unresolved.
+    """Refuse (`ConfigurationError`) a slant range [km] beyond the scene, or as `check_beam`."""
+    scenes = (choices[one] for one in (Scene.geometry, Scene.altitude, Scene.earth_radius))
+    for geometry, altitude, radius in product(*scenes):
+        try:
+            depression(slant_range, geometry, 0.0, altitude, radius)
+        except ValueError as error:
+            raise ConfigurationError(f"{key} has {slant_range:g}: {error}") from error
+    check_beam(choices, key, slant_range, narrowest=narrowest, beam=beam)
 
-    Parameters
-    ----------
-    choices : Choices
-        Of the sweep.
-    key : str
-        Key of the slant range, for the message.
-    slant_range : float
-        Slant range [km].
-    narrowest : float
-        Narrowest field of view [urad] that pixels must resolve.
-    beam : str
-        What that is, for the message.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming the key and the range.
+def check_beam(
+    choices: Choices, key: str, slant_range: float, *, narrowest: float, beam: str
+) -> None:
+    """Refuse (`ConfigurationError`) a slant range [km] where pixels do not resolve a beam [urad].
+
+    The key of the range, and the words for the beam, are for the message.
     """
-    for geometry in choices[Scene.geometry]:
-        for altitude in choices[Scene.altitude]:
-            for radius in choices[Scene.earth_radius]:
-                try:
-                    depression.function(slant_range, geometry, 0.0, altitude, radius)
-                except ValueError as error:
-                    raise ConfigurationError(f"{key} has {slant_range:g}: {error}") from error
     width, pixel = narrowest * 1e-6 * slant_range * 1e3, max(choices[Render.pixel])
     if width < pixel:
         raise ConfigurationError(
@@ -388,6 +313,5 @@ def check_range(
 
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
 STAGES: tuple[Stage, ...] = (hull, drawing_engine, depression, mesh, image)
-STATUSES = (
-    Status("status:view", (Grid.ship, Grid.aspect), "state of what the sensors see of a view"),
-)
+STATUS = "status:view"
+STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of what the sensors see of a view"),)

@@ -17,9 +17,9 @@ from small_stores import files
 from toys import CALLS, SPRINGS, go
 
 from sweeps.engine import command as commands
-from sweeps.engine.cells import CellIndex
 from sweeps.engine.command import Command
 from sweeps.engine.printing import show
+from sweeps.engine.results import CellIndex
 from sweeps.engine.watching import summary, watching
 
 
@@ -157,7 +157,7 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     assert start(*asked, "cache=new", "measured.rule=[max,mean,min]") == 0
     rows = [row.split() for row in capsys.readouterr().out.splitlines()]
     assert ["answers", "24", "16", "8"] in rows and ["noisy", "24", "24", "0"] in rows
-    assert ["trace", "24", "0", "24"] in rows
+    assert ["trace", "24", "24", "0"] in rows
     assert start("dry_run=true") == 0  # without a store
     assert start(*asked, "spring.mass=9") == 2
     assert listing(tmp_path) == before and not (tmp_path / "new").exists()

@@ -15,8 +15,8 @@ from sweeps.engine import tasks
 from sweeps.engine.cluster import Finished, InlineExecutor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.experiment import Experiment
-from sweeps.engine.manifest import MANIFEST
-from sweeps.engine.packs import list_files
+from sweeps.engine.folders import MANIFEST
+from sweeps.engine.results import list_files
 from sweeps.engine.settings import Settings, count, read_choices
 from sweeps.engine.stage import Output, in_memory, stage
 

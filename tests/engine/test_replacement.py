@@ -14,9 +14,8 @@ import pytest
 import xarray as xr
 from small_stores import COUNTS, array, files, opened, small
 
-from sweeps.engine import replacement
-from sweeps.engine.lock import locked
-from sweeps.engine.manifest import verify
+from sweeps.engine import folders
+from sweeps.engine.folders import locked, verify
 from sweeps.engine.store import add_group, read_attributes, write_store
 from sweeps.engine.zarr_array import Group
 
@@ -24,7 +23,7 @@ from sweeps.engine.zarr_array import Group
 @pytest.fixture(params=["exchange", "two renames"])
 def swapping(request, monkeypatch):
     if request.param == "two renames":
-        monkeypatch.setattr(replacement, "_exchange", lambda one, other: False)
+        monkeypatch.setattr(folders, "_exchange", lambda one, other: False)
 
 
 @pytest.mark.usefixtures("swapping")
@@ -76,7 +75,7 @@ def test_an_interrupt_leaves_the_old_store(tmp_path, monkeypatch, where):
     if where == "read":
         groups["z"] = Group({"x": array(COUNTS, read=interrupt)})
     if where == "rename":  # of the second of two: the first put the old store aside
-        monkeypatch.setattr(replacement, "_exchange", lambda one, other: False)
+        monkeypatch.setattr(folders, "_exchange", lambda one, other: False)
         rename = Path.rename
         monkeypatch.setattr(
             Path,
@@ -94,7 +93,7 @@ import os, sys
 from pathlib import Path
 from small_stores import small
 
-from sweeps.engine.lock import locked
+from sweeps.engine.folders import locked
 from sweeps.engine.store import write_store
 
 path = Path(sys.argv[1])
@@ -124,7 +123,7 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
         text=True,
         env=os.environ | {"PYTHONPATH": search},
     ) as server:
-        while kills < 15 or (len(seen) < 2 and kills < 300):
+        while kills < 10 or (len(seen) < 2 and kills < 300):
             kills += 1
             print(file=server.stdin, flush=True)
             child = int(server.stdout.readline())

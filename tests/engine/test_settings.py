@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toys import SPRINGS, Measured, Spring
 
+from sweeps.engine.cube import value_array
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
-from sweeps.engine.layout import value_array
 from sweeps.engine.provenance import written
 from sweeps.engine.run_settings import ENGINE_SETTINGS, Run
 from sweeps.engine.settings import (

@@ -9,9 +9,8 @@ import pytest
 from small_stores import files, opened, small
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.lock import locked
+from sweeps.engine.folders import check_folder, check_target, locked
 from sweeps.engine.store import write_store
-from sweeps.engine.target import check_folder, check_target
 
 
 @pytest.mark.parametrize(

@@ -6,41 +6,10 @@ import xarray as xr
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.execute import Watch
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.settings import read_choices
-from sweeps.stages import (
-    acn,
-    classifier,
-    corrections,
-    correlation,
-    flight_checks,
-    flights,
-    irar,
-    ladar,
-    measured,
-    mnn,
-    signatures,
-    views,
-)
-
-MODULES = (
-    *(views, ladar, acn, mnn, correlation),
-    *(irar, flights, corrections, signatures, measured),
-)
-
-EXPERIMENT = Experiment(
-    "flights",
-    "Flights",
-    settings=(
-        *(group for module in MODULES for group in getattr(module, "SETTINGS", ())),
-        classifier.among("acn", "mnn", "correlation", "likelihood"),
-    ),
-    stages=tuple(one for module in MODULES for one in getattr(module, "STAGES", ())),
-    tables=measured.TABLES,
-    statuses=views.STATUSES,
-    code=("ncti", "sweeps"),
-)
+from sweeps.experiment import EXPERIMENT
+from sweeps.stages import flights, measured
 
 SMALL = {"ifov": 500.0, "samples": 60, "line_rate": 60.0, "detectors": 3, "pulse_rate": 4000.0}
 GIVEN = {
@@ -68,7 +37,7 @@ def read(**given):
 
 def checked(**given):
     """The same, checked."""
-    return measured.check(flight_checks.check(read(**given)))
+    return measured.check(flights.check(read(**given)))
 
 
 def flown(folder, name="s", **given):

@@ -5,37 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from ncti.render import RangeImage
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.settings import read_choices
-from sweeps.stages import (
-    acn,
-    acn_infrared,
-    classifier,
-    fusion,
-    images,
-    infrared,
-    ladar,
-    likelihood,
-    silhouettes,
-    views,
-)
+from sweeps.experiment import EXPERIMENT
+from sweeps.stages import infrared
 from sweeps.stages.infrared_look import Patches, pack_hits
-
-MODULES = (
-    *(views, ladar, infrared, images, silhouettes),
-    *(acn, acn_infrared, likelihood, fusion),
-)
-EXPERIMENT = Experiment(
-    "infrared",
-    "Silhouettes",
-    settings=(
-        *(group for module in MODULES for group in getattr(module, "SETTINGS", ())),
-        classifier.among("acn", "likelihood", "fusion"),
-    ),
-    stages=tuple(one for module in MODULES for one in module.STAGES),
-    tables=tuple(one for module in MODULES for one in getattr(module, "TABLES", ())),
-    statuses=views.STATUSES,
-)
 
 WAYS = ("none", "perfect", "shifted")
 LENGTH, HEIGHT = 130.0, 24.0

@@ -4,22 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.settings import read_choices
-from sweeps.stages import acn, classifier, correlation, ladar, likelihood, mnn, views
-
-NAMES = ("acn", "mnn", "correlation", "likelihood", "fusion")
-MODULES = (views, ladar, acn, mnn, correlation, likelihood)
-
-EXPERIMENT = Experiment(
-    "ranges",
-    "Range profiles",
-    settings=(
-        *(group for module in MODULES for group in module.SETTINGS),
-        classifier.among(*NAMES),
-    ),
-    stages=tuple(one for module in MODULES for one in module.STAGES),
-)
+from sweeps.experiment import EXPERIMENT
+from sweeps.stages import classifier
 
 SHIPS = 3
 # Both sides of every edge between aspect bins, and their numbers.
@@ -41,6 +28,11 @@ def choose(**given):
     return read_choices(
         EXPERIMENT.declared, {key.replace("__", "."): value for key, value in given.items()}
     )
+
+
+def learned(unknown=None, training_aspect=None):
+    """(ship, aspect): views of the cells below that are learned."""
+    return classifier.taught(NAMED, ASPECTS, unknown, training_aspect)
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,26 @@
-"""The Adaptive Clustering Network on a handful of vectors by hand, and its stages on profiles."""
+"""The Adaptive Clustering Network on a handful of vectors by hand, and its stages on made views."""
 
 import warnings
+from unittest.mock import patch
 
 import numpy as np
 import pytest
-from range_channel import ASPECTS, FRAMES, NAMED, SHIPS, directions, made
+from range_channel import ASPECTS, SHIPS, learned, made
 
 from ncti.classify import AdaptiveClusteringNetwork, Similarities
 from sweeps.engine.seeds import cell_rng
-from sweeps.stages import acn
+from sweeps.stages import acn, categories
 from sweeps.stages.categories import (
+    Lessons,
     answer_tests,
     clustering_of,
     form_categories,
     match_learning,
     name_categories,
+    presentation_order,
 )
+from sweeps.stages.classifier import map_vectors, profile_vectors
+from sweeps.stages.silhouettes import STEPS
 
 TRAINED = {"learning_rate": 0.1, "max_passes": 200}
 
@@ -25,16 +30,26 @@ def unit(degrees):
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
+def formed_of(training, taught, order=None, **settings):
+    """Lessons of (view,) directions, and the categories that they form in some order."""
+    there = np.ones(np.shape(taught), dtype=bool)
+    lessons = Lessons.of(unit(training), there, lambda vectors: vectors)
+    turn = np.arange(there.size) if order is None else np.array(order)
+    settings = {"vigilance": 0.95} | TRAINED | settings
+    with patch.object(categories, "presentation_order", lambda *given: turn):
+        return lessons, form_categories(lessons, np.array(taught, dtype=bool), (0, 0), **settings)
+
+
 def judged(training, tests, taught, order, rule="majority", scores=("ship",)):
     """Category, ship named, answers right, and trainings right of (ship, aspect) directions."""
-    taught = np.array(taught, dtype=bool)
-    similarities = Similarities.of(unit(training))
-    formed = form_categories(similarities, taught, np.array(order), vigilance=0.95, **TRAINED)
-    names, training_correct = name_categories(formed, np.array(order), rule)
-    category, _ = clustering_of(formed).match(similarities.to(unit(tests)))
-    category = category.reshape(taught.shape)
-    there = np.ones_like(taught)
-    return category, *answer_tests(category, there, formed, names, scores), training_correct
+    lessons, formed = formed_of(training, taught, order)
+    names = name_categories(formed, rule)
+    several = {name: values[None] for name, values in names.items()}
+    tested = answer_tests(
+        lessons, formed, several, unit(tests)[None], lessons.there, scores, learn_in_test=False
+    )
+    category, named = (tested[name][0, 0, 0] for name in ("category", "predicted"))
+    return category, named, tested["correct"][0, 0], names["training_correct"]
 
 
 @pytest.mark.parametrize(
@@ -73,13 +88,7 @@ def test_what_was_never_learned_has_no_category_to_fall_into():
 
 
 def test_views_are_confused_that_share_a_category_with_another_ship():
-    formed = form_categories(
-        Similarities.of(unit([0, 90, 1, 180])),
-        np.ones((2, 2), dtype=bool),
-        np.arange(4),
-        vigilance=0.95,
-        **TRAINED,
-    )
+    _, formed = formed_of([0, 90, 1, 180], np.ones((2, 2)))
     np.testing.assert_array_equal(formed["training_confused"], [[1, 0], [1, 0]])
     np.testing.assert_array_equal(formed["training_category"], [[0, 1], [0, 2]])
 
@@ -90,16 +99,13 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     known = 1 - unknown
     taught = np.zeros((2, 2), dtype=bool)
     taught[known] = True
-    training = unit([[0.0, 90.0], [0.0, 90.0]]).reshape(4, 2)
+    lessons, formed = formed_of([0.0, 90.0, 0.0, 90.0], taught, learning_rate=0.5)
 
     def matched(angle):
         tests = np.array([[3.0, 80.0], [3.0, 80.0]])
         tests[unknown] = angle, angle + 1
-        settings = {"vigilance": 0.95, "learning_rate": 0.5, "max_passes": 200}
-        category, cosine = match_learning(
-            training, unit(tests).reshape(4, 2), taught, np.arange(4), **settings
-        )
-        return category.reshape(2, 2), cosine.reshape(2, 2)
+        found = match_learning(lessons.vectors, unit(tests).reshape(4, 2), formed)
+        return tuple(values.reshape(2, 2) for values in found)
 
     first, second = matched(40.0), matched(-20.0)
     for one, other in zip(first, second, strict=True):
@@ -110,150 +116,172 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     assert first[1][unknown, 0] == pytest.approx(moved, abs=1e-6)
 
 
-def trained(cell, vigilance, unknown=None, training_aspect=None):
-    """What the stages of training give at every vigilance and label rule, and what they share."""
-    lessons = acn.profile_lessons(cell.expected, cell.there)
+def test_presentations_that_did_not_settle_are_negative():
+    vectors = cell_rng(0, stage="test").standard_normal((40, 3))
+    there = np.ones((4, 10), dtype=bool)
+    lessons = Lessons(vectors, Similarities.of(vectors), there, np.asarray)
+    settled, stopped = (
+        form_categories(lessons, there, (0, 0), 0.8, 0.5, passes) for passes in (200, 1)
+    )
+    assert settled["passes"] > 1 and stopped["passes"] == -1
+    assert clustering_of(settled).converged and not clustering_of(stopped).converged
+
+
+def test_the_first_order_is_the_grid_s_and_others_are_by_their_number():
+    first, *others = (presentation_order(40, order, 7) for order in range(5))
+    np.testing.assert_array_equal(first, np.arange(40))
+    for order in others:
+        np.testing.assert_array_equal(np.sort(order), first)
+    assert len({tuple(order) for order in (first, *others)}) == 5
+    assert (presentation_order(40, 1, 8) != others[0]).any()
+
+
+# The stages on profiles and maps
+
+LABELS, SCORES = ("first", "majority"), ("category", "ship")
+ORDERS = ((0, 7), (1, 7))
+LEVELS = {"profiles": (0.5, 0.7, 0.9), "maps": (0.96, 0.97)}
+SEE = {"profiles": profile_vectors, "maps": map_vectors}
+of_both = pytest.mark.parametrize("kind", list(SEE))
+while_learning_or_not = pytest.mark.parametrize("learn", [False, True])
+
+
+def views_of(kind):
+    """(ship, aspect, ...) views, and noisy (frame_count, ship, aspect, ...) tests of them."""
+    if kind == "profiles":
+        cell = made(noise=5.0)
+        return cell.expected, cell.averaged[0]
+    rng = np.random.default_rng(0)
+    shape = (SHIPS, len(ASPECTS), 6, 4)
+    templates = 80 + rng.integers(0, 100, shape)
+    deviation = 25 * np.array([2.0, 1.0])[:, None, None, None, None]
+    tests = np.clip(templates + deviation * rng.standard_normal((2, *shape)), 0, 255)
+    return templates.astype(np.uint8), tests.astype(np.uint8)
+
+
+def stacked(rows):
+    """Mappings of arrays as one mapping of arrays with an axis more."""
+    return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+
+
+def trained(kind, seen, orders, levels, labels, there=None, taught=None):
+    """What the stages of training give, and what they share."""
+    there = np.ones(seen.shape[:2], dtype=bool) if there is None else there
+    taught = np.ones_like(there) if taught is None else taught
+    lessons = {"profiles": acn.profile_lessons, "maps": acn.silhouette_lessons}[kind](seen, there)
     formed = [
-        acn.acn_training(
-            lessons, NAMED, ASPECTS, unknown, training_aspect, level, *TRAINED.values()
-        )
-        for level in vigilance
+        [form_categories(lessons, taught, order, level, *TRAINED.values()) for level in levels]
+        for order in orders
     ]
-    return lessons, formed
+    names = [
+        stacked([stacked([name_categories(one, label) for label in labels]) for one in row])
+        for row in formed
+    ]
+    return lessons, stacked([stacked(row) for row in formed]), stacked(names)
 
 
 def answered(
-    cell, vigilance, frames, labels=("majority",), scores=("ship",), learn=False, **taught
-):
-    """What the stage of tests gives of one replicate, called as the engine calls it."""
-    lessons, formed = trained(cell, vigilance, **taught)
-    names = [[acn.acn_names(one, rule) for rule in labels] for one in formed]
-    stacked = {name: np.stack([one[name] for one in formed]) for name in formed[0]}
-    named = {
-        name: np.stack([np.stack([one[name] for one in row]) for row in names])
-        for name in names[0][0]
-    }
-    places = [FRAMES.index(count) for count in frames]
-    return acn.acn(
-        lessons,
-        stacked,
-        named,
-        cell.averaged[0, places],
-        cell.there,
-        NAMED,
-        ASPECTS,
-        vigilance,
-        frames,
-        labels,
-        scores,
-        *TRAINED.values(),
-        learn,
-    )
+    kind, views, orders=ORDERS, levels=None, frames=(0, 1), labels=LABELS, scores=SCORES,
+    there=None, learn=False, taught=None,
+):  # fmt: skip
+    """What the stage of tests gives, called as the engine calls it."""
+    seen, tests = views
+    there = np.ones(seen.shape[:2], dtype=bool) if there is None else there
+    known = trained(kind, seen, orders, levels or LEVELS[kind], labels, there, taught)
+    return answer_tests(*known, tests[list(frames)], there, scores, learn)
 
 
-LEVELS = (0.5, 0.7, 0.9)
-LABELS, SCORES = ("first", "majority"), ("category", "ship")
-
-
-@pytest.mark.parametrize("learn", [False, True])
-def test_a_test_does_not_depend_on_its_company(learn):
+@of_both
+@while_learning_or_not
+def test_an_answer_does_not_depend_on_its_company(kind, learn):
     """On any axis, to the last bit."""
-    cell = made(noise=5.0)
-    whole = answered(cell, LEVELS, FRAMES, LABELS, SCORES, learn)
-    assert len({one["training_category"].max() for one in trained(cell, LEVELS)[1]}) > 1
-    for place in np.ndindex(3, 2, 2, 2):
-        v, f, k, s = place
-        alone = answered(cell, (LEVELS[v],), (FRAMES[f],), (LABELS[k],), (SCORES[s],), learn)
-        for name, values in alone.items():
-            np.testing.assert_array_equal(values[0, 0, 0, 0], whole[name][place], err_msg=name)
+    views = views_of(kind)
+    axes = (ORDERS, LEVELS[kind], (0, 1), LABELS, SCORES)
+    whole = answered(kind, views, *axes, learn=learn)
+    for place in np.ndindex(*map(len, axes)):
+        one = [(values[at],) for values, at in zip(axes, place, strict=True)]
+        for name, values in answered(kind, views, *one, learn=learn).items():
+            np.testing.assert_array_equal(values[0, 0, 0, 0, 0], whole[name][place], err_msg=name)
 
 
-@pytest.mark.parametrize("learn", [False, True])
-def test_the_stages_are_the_network(learn):
-    """Trained and tested with the same vectors, one after the other."""
-    cell = made(noise=5.0)
-    found = answered(cell, LEVELS, FRAMES, learn=learn)
-    _, formed = trained(cell, LEVELS)
+@of_both
+@while_learning_or_not
+def test_the_stages_are_the_network(kind, learn):
+    """Trained in every order and tested with the same vectors, one after the other."""
+    seen, tests = views = views_of(kind)
+    found = answered(kind, views, labels=("majority",), scores=("ship",), learn=learn)
+    _, formed, _ = trained(kind, seen, ORDERS, LEVELS[kind], ("majority",))
     ship = np.repeat(np.arange(SHIPS), len(ASPECTS))
-    vectors = [directions(one).reshape(ship.size, -1) for one in (cell.expected, *cell.averaged[0])]
-    vectors = [one / one.max(axis=1, keepdims=True) for one in vectors]
-    for v, level in enumerate(LEVELS):
-        network = AdaptiveClusteringNetwork(vigilance=level, **TRAINED)
+    vectors, *shown = (SEE[kind](one).astype(float) for one in (seen, *tests))
+    shared = False
+    for o, v in np.ndindex(len(ORDERS), len(LEVELS[kind])):
+        turn = presentation_order(ship.size, *ORDERS[o])
+        network = AdaptiveClusteringNetwork(vigilance=LEVELS[kind][v], **TRAINED)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            network.fit(vectors[0], ship)
-        labels = formed[v]["training_category"].ravel()
-        np.testing.assert_array_equal(labels, network.labels_)
-        assert abs(formed[v]["passes"]) == network.n_passes_
-        for f in range(len(FRAMES)):
-            category, cosine = network.match(vectors[1 + f], learning=learn)
-            place = (v, f, 0, 0)
+            network.fit(vectors[turn], ship[turn])
+        labels = formed["training_category"][o, v].ravel()
+        np.testing.assert_array_equal(labels[turn], network.labels_)
+        assert abs(formed["passes"][o, v]) == network.n_passes_
+        shared |= SHIPS < labels.max() + 1 < ship.size
+        for f, one in enumerate(shown):
+            if learn:
+                network.fit(vectors[turn], ship[turn])
+            category, cosine = network.match(one, learning=learn)
+            place = (o, v, f, 0, 0)
             np.testing.assert_array_equal(found["category"][place].ravel(), category)
             np.testing.assert_allclose(found["similarity"][place].ravel(), cosine, atol=1e-12)
             named = network.category_labels_[category]
             np.testing.assert_array_equal(found["predicted"][place].ravel(), named)
             np.testing.assert_array_equal(found["correct"][place].ravel(), named == ship)
+    assert shared
     assert 0 < found["correct"].mean() < 1
 
 
-def test_views_that_are_not_there_change_no_other_answer():
+@of_both
+def test_what_is_empty_names_no_ship_which_is_wrong(kind):
+    seen, tests = views_of(kind)
+    tests[0, 1, 2] = 7 if kind == "profiles" else 0
+    found = answered(kind, (seen, tests), scores=("ship",))
+    at = (..., 0, slice(None), 0, 1, 2)
+    for name, wanted in (("category", -1), ("predicted", -1), ("correct", 0), ("cell", 1)):
+        assert (found[name][at] == wanted).all(), name
+
+
+@of_both
+def test_views_that_are_not_there_change_no_other_answer(kind):
     """Answers are those of a grid that never had them."""
-    cell = made(noise=1.0)
-    lost = cell.without(slice(2, None), slice(None))
-    found = answered(lost, LEVELS, FRAMES, LABELS, SCORES)
-    smaller = cell.changed(
-        expected=cell.expected[:2], averaged=cell.averaged[:, :, :2], there=cell.there[:2]
-    )
-    lessons = acn.profile_lessons(smaller.expected, smaller.there)
-    for v, level in enumerate(LEVELS):
-        formed = acn.acn_training(lessons, NAMED[:2], ASPECTS, None, None, level, *TRAINED.values())
-        seen = lessons.similarities.to(acn.profile_vectors(smaller.averaged[0, 0]))
-        category, cosine = clustering_of(formed).match(seen)
-        np.testing.assert_array_equal(found["category"][v, 0, 0, 0, :2].ravel(), category)
-        np.testing.assert_allclose(found["similarity"][v, 0, 0, 0, :2].ravel(), cosine, atol=1e-12)
+    seen, tests = views_of(kind)
+    there = np.ones(seen.shape[:2], dtype=bool)
+    there[2] = False
+    seen, tests = seen.copy(), tests.copy()
+    seen[2] = tests[:, 2] = np.nan if kind == "profiles" else 0  # as the engine fills them
+    found = answered(kind, (seen, tests), there=there, orders=ORDERS[:1])
+    smaller = answered(kind, (seen[:2], tests[:, :2]), orders=ORDERS[:1])
+    for name, values in smaller.items():
+        np.testing.assert_allclose(found[name][..., :2, :], values, atol=1e-12, err_msg=name)
     for name in ("category", "predicted", "correct"):
         assert (found[name][..., 2, :] == -1).all()
     assert np.isnan(found["similarity"][..., 2, :]).all()
     np.testing.assert_array_equal(found["cell"][..., 2, :], 0)
-    np.testing.assert_array_equal(found["cell"][..., :2, :], 1)
 
 
-def test_states_tell_what_was_not_asked():
-    """Of a view that was not learned, which category is right."""
-    cell = made()
-    found = answered(
-        cell, (0.9,), FRAMES, scores=SCORES, unknown=("b",), training_aspect=(0.0, 90.0)
-    )
-    asked = np.zeros((SHIPS, len(ASPECTS)), dtype=bool)
-    asked[np.ix_([0, 2], [0, 5])] = True
-    np.testing.assert_array_equal(found["cell"][0, 0, 0, 0], np.where(asked, 1, -1))
-    np.testing.assert_array_equal(found["cell"][0, 0, 0, 1], 1)
-    assert set(np.unique(found["predicted"])) == {0, 2}
+@of_both
+def test_states_tell_what_was_not_asked(kind):
+    """Of a view that was not learned, which category is right; of one that is not there, any."""
+    there = np.ones((SHIPS, len(ASPECTS)), dtype=bool)
+    there[0, 3] = False
+    taught = learned(unknown=("b",), training_aspect=(0.0, 59.9, 90.0))
+    found = answered(kind, views_of(kind), there=there, taught=taught)
+    wanted = np.where(there, np.where(taught, 1, -1), 0)
+    assert (found["cell"][:, :, :, :, 0] == wanted).all()
+    assert (found["cell"][:, :, :, :, 1] == there).all()
+    assert set(np.unique(found["predicted"][..., there])) == {0, 2}
+    assert np.isnan(found["similarity"][..., ~there]).all()
 
 
-def test_a_flat_profile_names_no_ship():
-    cell = made()
-    averaged = cell.averaged.copy()
-    averaged[0, 0, 1, 2] = 7.0
-    found = answered(cell.changed(averaged=averaged), (0.9,), FRAMES)
-    at = (0, 0, 0, 0, 1, 2)
-    assert [found[name][at] for name in ("category", "predicted", "correct", "cell")] == [
-        *(-1, -1, 0, 1)
-    ]
-
-
-def test_presentations_that_did_not_settle_are_negative():
-    rng = cell_rng(0, stage="test")
-    vectors = rng.standard_normal((40, 3))
-    similarities = Similarities.of(vectors)
-    taught = np.ones((4, 10), dtype=bool)
-    order = np.arange(40)
-    settled = form_categories(
-        similarities, taught, order, vigilance=0.8, learning_rate=0.5, max_passes=200
-    )
-    assert settled["passes"] > 1
-    stopped = form_categories(
-        similarities, taught, order, vigilance=0.8, learning_rate=0.5, max_passes=1
-    )
-    assert stopped["passes"] == -1
-    assert clustering_of(settled).converged and not clustering_of(stopped).converged
+def test_maps_are_shares_of_their_cells():
+    maps = np.arange(24, dtype=np.uint8).reshape(1, 2, 1, 3, 4) * 11
+    found = map_vectors(maps)
+    assert found.shape == (1, 2, 12)
+    np.testing.assert_allclose(found.ravel(), np.arange(24) * 11 / STEPS, rtol=1e-6)

@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from range_channel import ASPECTS, BINS, FLOOR, FRAMES, NAMED, REPLICATES, choose, directions, made
+from range_channel import BINS, FLOOR, FRAMES, REPLICATES, choose, directions, learned, made
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.stages import correlation
@@ -14,24 +14,20 @@ BOTH = (False, True)
 
 def answered(cell, training="expected", left_out=(False,), frames=0, **taught):
     """Answers of all replicates, (replicate, left_out, ship, aspect)."""
-    ships, aspects = NAMED[: cell.there.shape[0]], ASPECTS[: cell.there.shape[1]]
-    replicates = tuple(range(len(cell.averaged)))
-    draws = correlation.profile_draws(cell.averaged[:, frames], replicates)
-    learned = {"unknown": None, "training_aspect": None} | taught
+    ships, aspects = cell.there.shape
+    draws = correlation.profile_draws(cell.averaged[:, frames])
     found = [
         correlation.correlation(
             draws,
+            learned(**taught)[:ships, :aspects],
             cell.expected,
             cell.averaged[replicate, frames],
             cell.there,
-            ships,
-            aspects,
             replicate,
-            **learned,
-            training=training,
-            left_out=left_out,
+            training,
+            left_out,
         )
-        for replicate in replicates
+        for replicate in range(len(cell.averaged))
     ]
     return {name: np.stack([one[name] for one in found]) for name in found[0]}
 

@@ -39,10 +39,9 @@ from ncti.ladar import (
 from ncti.render import range_image
 from sweeps.engine.plan import Plan
 from sweeps.engine.seeds import cell_rng
-from sweeps.stages import flight_geometry
-from sweeps.stages.flight_comparison import compared
-from sweeps.stages.flight_geometry import scan_again, window_of_cell
-from sweeps.stages.irar import EXACT, FLOWN, RECORDED
+from sweeps.stages import irar
+from sweeps.stages.corrections import compared, window_of_cell
+from sweeps.stages.irar import EXACT, FLOWN, RECORDED, scan_again
 
 IMAGES = ("intensity", "range_image", "infrared_image")
 SEVERAL = {
@@ -296,9 +295,7 @@ def test_every_parameter_changes_the_scan(name, monkeypatch):
     """With the same noise for all, whatever the values: what differs is their doing."""
     assert set(OTHERS) == {one.name for one in (*FLOWN, *RECORDED)}
     if name != "replicate":  # which has other noise, and no other doing
-        monkeypatch.setattr(
-            flight_geometry, "cell_rng", lambda seed, **_: np.random.default_rng(seed)
-        )
+        monkeypatch.setattr(irar, "cell_rng", lambda seed, **_: np.random.default_rng(seed))
     mesh, choices = ncti.ships.load("roberts"), read()
     values = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
     values["jitter"] = 50.0 if name == "jitter_time" else 0.0

@@ -29,6 +29,7 @@ from sweeps.engine.seeds import cell_rng
 from sweeps.stages.images import (
     detection_probability,
     image_window,
+    largest_window,
     reconstruction_error,
     tabulate_detection,
     tabulate_reconstruction,
@@ -47,9 +48,8 @@ FAINT = [
 
 def placed(look, slant_range, way, frame_count, **window):
     """(frame_count, row, col) images in the window of the largest ship."""
-    found = thermal_image(
-        look, slant_range, super_resolution=way, frame_count=frame_count, **{**WINDOW, **window}
-    )
+    largest = largest_window(slant_range, **{**WINDOW, **window})
+    found = thermal_image(look, largest, super_resolution=way, frame_count=frame_count)
     assert not found["first_row"].any() and not found["first_col"].any()
     return found["image"]
 
@@ -190,7 +190,7 @@ def test_a_window_as_tight_as_the_ship_holds_it(slant_range, way, seed):
 def test_windows_tell_where_images_lie(way):
     look = look_from(25.0, nedt=0.001, sea_spread=0.01, target_spread=0.01)
     (shown,) = placed(look, 25.0, way, (16,))
-    lines = image_window(25.0, super_resolution=way, **WINDOW)
+    lines = image_window(largest_window(25.0, **WINDOW), super_resolution=way)
     up, across = lines["vertical"], lines["horizontal"]
     assert shown.shape == (up.size, across.size)
     footprint = {"none": 3.75, "perfect": 1.875, "shifted": 1.875}[way]

@@ -12,9 +12,19 @@ import ncti.ships
 from ncti.irar import Flight, plan_scan, ship_heading
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Joint
-from sweeps.stages.flight_checks import check_meshes, combinations
-from sweeps.stages.flight_geometry import IN_SI, OF_NO_FLIGHT, believed, flight_of
-from sweeps.stages.irar import CORRECTED, FLIGHT, FLOWN, MOST_WRONG, NO_ERROR, RECORDED, Irar
+from sweeps.stages.flights import believed, check_meshes, combinations
+from sweeps.stages.irar import (
+    CORRECTED,
+    FLIGHT,
+    FLOWN,
+    IN_SI,
+    MOST_WRONG,
+    NO_ERROR,
+    OF_NO_FLIGHT,
+    RECORDED,
+    Irar,
+    flight_of,
+)
 from sweeps.stages.views import Grid
 
 # Least and most of a key.

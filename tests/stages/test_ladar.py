@@ -11,11 +11,16 @@ from ncti.ladar import banded_frame_moments, expected_profile, range_extent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
+from sweeps.experiment import MODULES
 from sweeps.stages import ladar, views
 from sweeps.stages.ladar import Ladar
 
 BEAM = (150.0, 1.0, 250.0, 0.5, "projected_area")  # ifov, bin_width, window, spread, reflectance
-SIGNAL = {"target_free_ifovs": 100, "receiver": "full_profile", "false_alarm": 1e-6}
+
+
+def signal(cnr, receiver="full_profile"):
+    """What a receiver meets, with few target-free IFOVs."""
+    return ladar.signal(cnr, 100, receiver, 1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +45,7 @@ def test_an_extent_comes_back_from_its_arrays(image, ifovs):
 def test_profiles_are_the_library_in_the_units_of_the_configuration(ifovs):
     cnr = ladar.cnr_at_range(100.0, 32.0, 100.0, 0.0)
     assert cnr == pytest.approx(10**3.2)
-    found = ladar.expected(ifovs, 30.0, cnr, **SIGNAL)
+    found = ladar.expected(ifovs, 30.0, signal(cnr))
     plain = expected_profile(ifovs, pulse_width=30e-9, cnr=cnr, target_free_ifovs=100)
     assert found.dtype == np.float32
     np.testing.assert_allclose(found, plain, rtol=1e-6)
@@ -60,10 +65,10 @@ def test_extinction_reaches_the_profile_in_its_units():
 @pytest.mark.parametrize("counts", [(2,), (7, 40)])
 def test_an_average_does_not_depend_on_the_others(ifovs, receiver, counts):
     """However many frames others take: it is a prefix of the same run."""
-    signal = SIGNAL | {"receiver": receiver}
 
     def averages(*counts):
-        return ladar.averaged(ifovs, 30.0, counts, 1600.0, rng=cell_rng(0, stage="test"), **signal)
+        met, rng = signal(1600.0, receiver), cell_rng(0, stage="test")
+        return ladar.averaged(ifovs, 30.0, counts, met, rng=rng)
 
     whole = dict(zip((2, 7, 40), averages(2, 7, 40), strict=True))
     for count, found in zip(counts, averages(*counts), strict=True):
@@ -143,6 +148,10 @@ def test_covariances_are_stored_where_somebody_needs_them():
     # Fusion names nothing without silhouettes.
     assert not there(classifier__name=["acn", "fusion"])
     assert there(classifier__name=["acn", "fusion"], sensor="both")
+
+
+def test_classifiers_that_need_covariances_exist():
+    assert set(ladar.WITH_MOMENTS) <= {one.NAME for one in MODULES if hasattr(one, "NAME")}
 
 
 def test_what_shapes_arrays_is_no_axis():

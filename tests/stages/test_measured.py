@@ -12,8 +12,10 @@ from ncti.classify import AdaptiveClusteringNetwork, CorrelationNeighbour, GainA
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.engine.plan import Plan
+from sweeps.stages import classifier
 from sweeps.stages.classifier import Classifier
-from sweeps.stages.measured import able, lesson, measured, namer, tabulate_measured
+from sweeps.stages.measured import lesson, measured, namer, tabulate_measured
+from sweeps.stages.mnn import Mnn, mnn_settings
 from sweeps.stages.signatures import KINDS
 
 SHIPS, ASPECTS, BINS = ("a", "b", "c"), (0.0, 30.0, 60.0, 90.0), 120
@@ -42,18 +44,12 @@ def signatures():
 
 def taught(name, **changes):
     """The lesson of a classifier, with few epochs."""
-    settings = {
-        one.key.rpartition(".")[2]: value[0]
-        for one in EXPERIMENT.declared
-        if one.key.startswith("classifier.") and "mnn" not in one.key
-        for value in [read()[one]]
-    }
-    of_mnn = {
-        one.name: read()[one][0]
-        for one in EXPERIMENT.declared
-        if one.key.startswith("classifier.mnn.")
-    }
-    given = settings | of_mnn | {"name": name, "vigilance": 0.9, "epochs": 60} | changes
+    choices = read()
+    names = (setting for setting in EXPERIMENT.declared if setting.key.startswith("classifier."))
+    given = {setting.name: choices[setting][0] for setting in names}
+    given |= {"name": name, "vigilance": 0.9, "epochs": 60} | changes
+    of_mnn = {one.key.rpartition(".")[2]: given[one.name] for one in Mnn.declared}
+    given["mnn_settings"] = mnn_settings(**of_mnn)
     return lesson(**{key: given[key] for key in lesson.arguments})
 
 
@@ -68,10 +64,11 @@ class Fixed:
 def named(signatures, name, there=ALL, unknown=None, **changes):
     """What a classifier calls signatures that it learned the synthetic ones of."""
     known = signatures[:, :, LEARNED]
-    pupil = namer(taught(name, **changes), known, there, SHIPS, ASPECTS, unknown, None, Fixed())
+    learned = classifier.taught(SHIPS, ASPECTS, unknown, None)
+    pupil = namer(taught(name, **changes), known, there, learned, ASPECTS, Fixed())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return measured(pupil, signatures, there, SHIPS, ASPECTS)
+        return measured(pupil, signatures, there)
 
 
 @pytest.mark.filterwarnings(f"ignore::{ConvergenceWarning.__module__}.ConvergenceWarning")
@@ -177,7 +174,6 @@ def test_only_who_can_is_asked_where_flights_are_all_there_is():
     assert choices[Classifier.name] == ("acn", "correlation")
     choices = checked(sensor=["range", "irar"], classifier__name=["likelihood", "acn"])
     assert choices[Classifier.name] == ("acn", "likelihood")
-    assert able(choices) == ("acn",)
     assert checked(sensor="range", classifier__name="likelihood")[Classifier.name] == (
         "likelihood",
     )

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from range_channel import ASPECTS, BINS, FRAMES, GROUP, NAMED, SHIPS, directions, made
+from range_channel import ASPECTS, BINS, FRAMES, GROUP, SHIPS, directions, learned, made
 
 from ncti.classify import GainAnnealedNetwork
 from sweeps.engine.seeds import cell_rng
@@ -24,16 +24,15 @@ TRUTH = np.arange(SHIPS)[:, None] * 3 + GROUP
 
 
 def trained(cell, unknown=None, training_aspect=None, seed=0, **settings):
-    taught = (NAMED, ASPECTS, unknown, training_aspect)
-    given = DEFAULTS | settings
+    given, taught = mnn.mnn_settings(**DEFAULTS | settings), learned(unknown, training_aspect)
     rng = cell_rng(seed, stage="mnn")
-    return mnn.mnn_training(cell.expected, cell.there, *taught, **given, rng=rng)
+    return mnn.mnn_training(cell.expected, cell.there, taught, ASPECTS, given, rng)
 
 
 def answered(cell, network, frames=FRAMES, inputs="standardised", replicate=0):
     places = [FRAMES.index(count) for count in frames]
     averaged = cell.averaged[replicate, places]
-    return mnn.mnn(network, averaged, cell.there, NAMED, ASPECTS, frames, inputs)
+    return mnn.mnn(network, averaged, cell.there, ASPECTS, inputs)
 
 
 def test_it_knows_ship_and_aspect_bin():
@@ -92,8 +91,8 @@ def test_every_setting_is_the_librarys(setting):
     assert found["presentations"] == given["epochs"]
     assert found["hidden"] == min(4, (given["epochs"] - 1) // 5 + 1)
     assert found["loss"] == pytest.approx(network.loss_curve_[-1], rel=1e-6)
-    learned = network.predict(training.reshape(-1, BINS)).reshape(TRUTH.shape)
-    np.testing.assert_array_equal(found["training_correct"], learned == TRUTH)
+    known = network.predict(training.reshape(-1, BINS)).reshape(TRUTH.shape)
+    np.testing.assert_array_equal(found["training_correct"], known == TRUTH)
     answers = answered(cell, found, inputs=inputs)
     named = network.predict(tests.reshape(-1, BINS)).reshape(len(FRAMES), *TRUTH.shape)
     np.testing.assert_array_equal(answers["predicted"], named // 3)
@@ -148,9 +147,7 @@ def test_views_that_are_not_learned_are_named_alone():
     after = trained(cell.changed(expected=expected), epochs=300, **taught)
     for name, values in before.items():
         np.testing.assert_array_equal(after[name], values, err_msg=name)
-    learned = np.ones(cell.there.shape, dtype=bool)
-    learned[2] = learned[:, 1] = False
-    np.testing.assert_array_equal(before["training_correct"] >= 0, learned)
+    np.testing.assert_array_equal(before["training_correct"] >= 0, learned(**taught))
     answers = answered(cell, before)
     assert set(np.unique(answers["predicted"])) == {0, 1}
     assert answers["correct"].min() == 0 and (answers["cell"] == 1).all()

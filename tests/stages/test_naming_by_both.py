@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 import xarray as xr
 from infrared_channel import EXPERIMENT, choose
-from range_channel import ASPECTS, BINS, FRAMES, NAMED, REPLICATES, SHIPS, bands, dense, made
+from range_channel import (
+    ASPECTS,
+    BINS,
+    FRAMES,
+    NAMED,
+    REPLICATES,
+    SHIPS,
+    bands,
+    dense,
+    learned,
+    made,
+)
 from scipy import stats
 from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
@@ -18,7 +29,7 @@ from sweeps.engine.plan import Plan
 from sweeps.engine.run import Place, sweep
 from sweeps.stages import fusion
 from sweeps.stages.fusion import CHANNELS, calibrate, check, similarity
-from sweeps.stages.likelihood import profile_moments
+from sweeps.stages.likelihood import profile_moments, profile_scores
 
 GRID = (SHIPS, len(ASPECTS))
 VIEWS = SHIPS * len(ASPECTS)
@@ -41,24 +52,19 @@ def maps():
 
 def compared(cell, templates, seen, there=None, **taught):
     """Scores of profiles (replicate, gain, count, view, template), of silhouettes, their worth."""
-    taught = {"unknown": None, "training_aspect": None} | taught
     there = np.ones((PHASES, *GRID), dtype=bool) if there is None else there
     moments = profile_moments(cell.expected, bands(cell, VARIANCE), cell.there, NUGGET)
     profiles = np.stack(
-        [
-            fusion.profile_scores(moments, averaged, cell.there, GAINS, FRAMES)
-            for averaged in cell.averaged
-        ]
+        [profile_scores(moments, averaged, cell.there, GAINS, FRAMES) for averaged in cell.averaged]
     )
-    silhouettes = fusion.silhouette_scores(templates, seen, there, LOOKS)
-    worth = [fusion.silhouette_sharpness(one, NAMED, ASPECTS, **taught) for one in silhouettes]
+    silhouettes = fusion.silhouette_scores(templates, seen, there)
+    worth = [fusion.silhouette_sharpness(one, learned(**taught)) for one in silhouettes]
     return profiles, silhouettes, worth
 
 
 def named_by(profiles, silhouettes, worth, g, m, n, **taught):
-    taught = {"unknown": None, "training_aspect": None} | taught
     scores = profiles[:, g, n], silhouettes[m], worth[m]
-    return fusion.fusion(*scores, NAMED, ASPECTS, **taught)
+    return fusion.fusion(*scores, learned(**taught), NAMED, ASPECTS)
 
 
 def density_by_hand(cell, gain_sigma):
@@ -194,15 +200,15 @@ def test_a_score_does_not_depend_on_its_company():
     cell, (templates, seen) = made(noise=5.0), maps()
     moments = profile_moments(cell.expected, bands(cell, VARIANCE), cell.there, NUGGET)
     there = np.ones((PHASES, *GRID), dtype=bool)
-    profiles = fusion.profile_scores(moments, cell.averaged[0], cell.there, GAINS, FRAMES)
-    silhouettes = fusion.silhouette_scores(templates, seen, there, LOOKS)
+    profiles = profile_scores(moments, cell.averaged[0], cell.there, GAINS, FRAMES)
+    silhouettes = fusion.silhouette_scores(templates, seen, there)
     for k in range(2):
         for g in range(2):
-            alone = fusion.profile_scores(
+            alone = profile_scores(
                 moments, cell.averaged[0, [k]], cell.there, (GAINS[g],), (FRAMES[k],)
             )
             np.testing.assert_array_equal(alone[0, 0], profiles[g, k])
-        alone = fusion.silhouette_scores(templates, seen[[k]], there, (LOOKS[k],))
+        alone = fusion.silhouette_scores(templates, seen[[k]], there)
         np.testing.assert_array_equal(alone[0], silhouettes[k])
 
 

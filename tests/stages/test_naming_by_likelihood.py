@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from range_channel import ASPECTS, BINS, FRAMES, NAMED, SHIPS, bands, choose, dense, made
+from range_channel import ASPECTS, BINS, FRAMES, NAMED, SHIPS, bands, choose, dense, learned, made
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
@@ -15,24 +15,17 @@ GAINS = (0.0, 0.7)
 
 
 def answered(
-    cell, gains=(1.0,), left_out=(False,), frames=FRAMES, replicate=0, nugget=1e-3, **settings
+    cell, gains=(1.0,), left_out=(False,), frames=FRAMES, replicate=0, nugget=1e-3, **taught
 ):
-    taught = {"unknown": None, "training_aspect": None} | settings
     covariance = taught.pop("covariance", None)
     covariance = bands(cell) if covariance is None else covariance
     moments = likelihood.profile_moments(cell.expected, covariance, cell.there, nugget)
     places = [FRAMES.index(count) for count in frames]
-    return likelihood.likelihood(
-        moments,
-        cell.averaged[replicate, places],
-        cell.there,
-        NAMED[: len(cell.there)],
-        ASPECTS,
-        **taught,
-        gain_sigma=gains,
-        left_out=left_out,
-        frame_count=frames,
-    )
+    averaged = cell.averaged[replicate, places]
+    scores = likelihood.profile_scores(moments, averaged, cell.there, gains, frames)
+    ships = len(cell.there)
+    known = learned(**taught)[:ships]
+    return likelihood.likelihood(scores, known, NAMED[:ships], ASPECTS, left_out)
 
 
 @pytest.mark.parametrize(("place", "gain"), list(enumerate(GAINS)))
@@ -133,18 +126,8 @@ def test_a_test_that_is_lost_is_a_template_all_the_same():
     whole = answered(cell)
     moments = likelihood.profile_moments(cell.expected, bands(cell), cell.there, 1e-3)
     lost = cell.without(1, 3)
-    found = likelihood.likelihood(
-        moments,
-        lost.averaged[0],
-        lost.there,
-        NAMED,
-        ASPECTS,
-        None,
-        None,
-        (1.0,),
-        (False,),
-        FRAMES,
-    )
+    scores = likelihood.profile_scores(moments, lost.averaged[0], lost.there, (1.0,), FRAMES)
+    found = likelihood.likelihood(scores, learned(), NAMED, ASPECTS, (False,))
     kept = lost.there
     np.testing.assert_allclose(
         found["probability"][..., kept], whole["probability"][..., kept], atol=1e-12

@@ -6,8 +6,8 @@ import xarray as xr
 from range_channel import choose
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
-from sweeps.stages.classifier import names_by
-from sweeps.stages.rejection import LEAST, rejection_table, tabulate_rejection
+from sweeps.stages.classifier import Naming, names_by
+from sweeps.stages.scores import LEAST, tabulate_rejection
 
 
 def test_fractions_are_counted_by_hand():
@@ -172,7 +172,7 @@ def test_nobody_unknown_is_nothing_to_reject():
 
 
 def test_the_table_is_there_where_a_view_is_not_learned():
-    table = rejection_table("acn", "classification/acn", names_by("acn", "range"))
+    _, table = Naming("acn", names_by("acn", "range")).tables(rejecting=True)
     assert (table.group, table.of) == ("tables/rejection_acn", ("classification/acn",))
     assert not table.when(choose())
     assert table.when(choose(classifier__unknown="texas"))
@@ -186,7 +186,8 @@ def test_the_table_takes_the_test_vigilances_of_the_sweep():
     dims = ("ship", "aspect")
     similarity, correct = [[0.9, 0.5], [0.6, 0.1]], [[1, 1], [0, 0]]
     classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
-    table = rejection_table("acn", "a", names_by("acn", "range")).make(classified, choices)
+    _, rejections = Naming("acn", names_by("acn", "range")).tables(rejecting=True)
+    table = rejections.make(classified, choices)
     at = table.sel(aspects="learned")
     np.testing.assert_array_equal(at.test_vigilance, [0.3, 0.7])
     np.testing.assert_array_equal(at.rejected_unknown, [0.5, 1])

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 import xarray as xr
-from range_channel import choose
+from range_channel import EXPERIMENT, choose
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
 from sweeps.engine.errors import ConfigurationError
 from sweeps.stages import classifier
-from sweeps.stages.classifier import learned
-from sweeps.stages.scores import tabulate_answers
+from sweeps.stages.classifier import tabulate_answers, taught
 
 GRID = {"grid__ship": ["duncan", "horne", "texas"], "grid__aspect": [0, 15, 45]}
 
@@ -22,7 +21,7 @@ def test_unknown_ships_and_aspects_between_are_not_learned():
     choices = choose(**GRID, classifier__unknown="horne", classifier__training_aspect=[45, 0])
     wanted = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
     np.testing.assert_array_equal(classifier.learned_of(choices), wanted)
-    np.testing.assert_array_equal(learned(("a", "b"), (0.0, 1.5), ("b",), None), [[1, 1], [0, 0]])
+    np.testing.assert_array_equal(taught(("a", "b"), (0.0, 1.5), ("b",), None), [[1, 1], [0, 0]])
 
 
 @pytest.mark.parametrize(
@@ -51,6 +50,11 @@ def test_unknown_ships_and_aspects_between_are_not_learned():
 def test_invalid_choices_are_refused(given, said):
     with pytest.raises(ConfigurationError, match=said):
         classifier.check(choose(**GRID, **given))
+
+
+def test_what_is_known_by_its_key_is_a_setting():
+    (receiver,) = (one for one in EXPERIMENT.declared if one.key == classifier.RECEIVER)
+    assert receiver.default == classifier.FULL
 
 
 def test_a_classifier_is_there_if_it_is_chosen_and_the_sensor_looks():

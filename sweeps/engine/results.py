@@ -1,0 +1,325 @@
+"""Finished results on disk: packs, files that keep the results of many cells, and their index.
+
+A pack is a sealed line with its stage, the keys of its cells, the checksums of their records and
+what these hold, followed by the records: the arrays of a cell, one after another. All that finds a
+cell stands in the packs, and when a pack was last used is the time of its file. The index saves
+reading every pack: without it, or if it is damaged, they are read. So nothing is lost with it, and
+several processes may use one folder.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import time
+import uuid
+import zlib
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROOM, INDEX = "cells", "cells.index"
+ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
+UNREADABLE = "(unreadable)"
+FORGOTTEN = 32 * "0"  # in the place of the key of a cell that proved damaged
+ORPHANED = 86400.0  # s, after which nobody writes to a partial file any more
+
+# What counts of earlier costs when the next is added: about ten of them matter.
+FADING = 0.9
+
+Cell = dict[str, NDArray[Any]]
+
+_NAME = re.compile(r"[0-9a-f]{32}\.(pack|partial)")
+
+
+def seal(document: Any) -> bytes:
+    """Line of bytes for a document of JSON values, which begins with its checksum."""
+    text = json.dumps(document, separators=(",", ":")).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def unseal(line: bytes) -> Any:
+    """Document of a line made by `seal`; ValueError if the line is not as it was made."""
+    text = line[9:-1]
+    if line != b"%08x %s\n" % (zlib.crc32(text), text):
+        raise ValueError("its checksum differs")
+    return json.loads(text)
+
+
+@dataclass(frozen=True)
+class Pack:
+    """A file of finished cells: path relative to its folder, bytes, keys in the order of rows."""
+
+    path: str
+    size: int
+    keys: tuple[str, ...]
+
+
+def write_pack(
+    folder: Path, stage: str, cells: Sequence[tuple[str, Mapping[str, NDArray[Any]]]]
+) -> Pack:
+    """Write cells, given by key (32 hexadecimal digits), to a new file below a folder.
+
+    If this fails, nothing of the file is left. TypeError if an array holds objects, fields or
+    strings of variable width.
+    """
+    layouts: dict[Any, int] = {}
+    described = [_record(outputs) for _, outputs in cells]
+    records = [record for _, record in described]
+    keys = tuple(key for key, _ in cells)
+    layout_of = [layouts.setdefault(layout, len(layouts)) for layout, _ in described]
+    document = {
+        "stage": stage,
+        "keys": keys,
+        "checksums": list(map(zlib.crc32, records)),
+        "layout_of": layout_of,
+        "layouts": list(layouts),
+    }
+    header = seal(document)
+    # A name begins with the time, so that of equal cells the newest is known.
+    path = f"{ROOM}/{time.time_ns():016x}{uuid.uuid4().hex[:16]}.pack"
+    write_whole(folder, path, (header, *records))
+    return Pack(path, len(header) + sum(map(len, records)), keys)
+
+
+def _record(outputs: Mapping[str, NDArray[Any]]) -> tuple[Any, bytes]:
+    """Name, dtype and shape of each array of a cell, and the bytes of all."""
+    layout, parts = [], []
+    for name, values in outputs.items():
+        array = np.asarray(values)
+        if array.dtype.hasobject or array.dtype.names:
+            raise TypeError(
+                f"output {name} has dtype {array.dtype}, but must be of numbers, truth values, "
+                "times or strings of fixed width"
+            )
+        layout.append((name, array.dtype.str, array.shape))
+        parts += [array.tobytes(), bytes(-array.nbytes % ALIGNED)]
+    return tuple(layout), b"".join(parts)
+
+
+def write_whole(folder: Path, path: str, parts: Iterable[bytes]) -> None:
+    """Write a file of a folder under another name first, so that readers see all or nothing."""
+    partial = folder / ROOM / f"{uuid.uuid4().hex}.partial"
+    partial.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with partial.open("xb") as file:
+            file.writelines(parts)
+        partial.replace(folder / path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def read_cells(folder: Path, requests: Sequence[tuple[str, int]]) -> list[Cell | None]:
+    """Outputs of cells, given by path of a pack and row in it; each pack is opened once.
+
+    None for a cell that is absent or differs from its checksum; no content of a file makes this
+    raise. Arrays are writable and share no element.
+    """
+    found: list[Cell | None] = [None] * len(requests)
+    places: dict[str, list[tuple[int, int]]] = defaultdict(list)
+    for place, (path, row) in enumerate(requests):
+        places[path].append((row, place))
+    for path, wanted in places.items():
+        with suppress(Exception), (folder / path).open("rb") as file:
+            header = unseal(file.readline())
+            layouts = list(map(_laid_out, header["layouts"]))
+            of = header["layout_of"]
+            starts = list(accumulate((layouts[number][1] for number in of), initial=file.tell()))
+            for row, place in sorted(wanted):
+                layout, size = layouts[of[row]]
+                # Memory of its own for each cell: arrays are aligned, writable and apart.
+                record = np.empty(size, dtype=np.uint8)
+                file.seek(starts[row])
+                whole = file.readinto(record) == size  # type: ignore[arg-type]
+                if whole and zlib.crc32(record.data) == header["checksums"][row]:
+                    found[place] = {
+                        name: np.ndarray(shape, dtype, record, start)
+                        for name, shape, dtype, start in layout
+                    }
+    return found
+
+
+def _laid_out(described: Any) -> tuple[list[tuple[Any, ...]], int]:
+    """Name, shape, dtype and place in a record of each array, and bytes of the record."""
+    layout, place = [], 0
+    for name, code, shape in described:
+        layout.append((name, tuple(shape), np.dtype(code), place))
+        size = np.dtype(code).itemsize * math.prod(shape)
+        place += size + -size % ALIGNED
+    return layout, place
+
+
+def list_files(folder: Path) -> tuple[set[str], set[str]]:
+    """Paths of all packs of a folder, and of files that are being written, relative to it."""
+    packs: set[str] = set()
+    partials: set[str] = set()
+    with suppress(OSError), os.scandir(folder / ROOM) as entries:
+        for entry in entries:
+            if _NAME.fullmatch(entry.name) and entry.is_file():
+                into = packs if entry.name.endswith(".pack") else partials
+                into.add(f"{ROOM}/{entry.name}")
+    return packs, partials
+
+
+class Kept(NamedTuple):
+    """What is kept of a stage: number of cells, and bytes."""
+
+    stage: str
+    cells: int
+    bytes: int
+
+
+Known = tuple[str, int, Sequence[str]]  # stage of a pack, its bytes, and keys of its cells
+
+
+@contextmanager
+def open_index(folder: Path, say: Callable[[str], None]) -> Iterator[CellIndex]:
+    """Index of a folder, which may be absent; `say` takes a sentence about what went wrong."""
+    index = CellIndex(folder, say)
+    try:
+        yield index
+    finally:
+        index.save()
+
+
+class CellIndex:
+    """Index of the packs of a folder. Neither damage nor a full disk makes a method raise."""
+
+    def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
+        self.folder = folder
+        self._say = say
+        self._changed = False
+        self._costs: dict[str, list[float]] = {}
+        known: dict[str, Known] = {}
+        with suppress(OSError, ValueError):  # absent or damaged
+            self._costs, known = unseal((folder / INDEX).read_bytes())
+        packs: dict[str, Known] = {}
+        for path in sorted(list_files(folder)[0]):  # in the order of their time
+            with suppress(FileNotFoundError):  # deleted by another process just now
+                packs[path] = known.get(path) or _described(folder / path)
+        self._set(packs)
+
+    def _set(self, packs: dict[str, Known]) -> None:
+        self._packs = packs
+        self._spots = {
+            key: (path, row) for path, (_, _, keys) in packs.items() for row, key in enumerate(keys)
+        }
+
+    def save(self) -> None:
+        """Write the index file, if there is something new."""
+        if self._changed:
+            with suppress(OSError):
+                write_whole(self.folder, INDEX, [seal([self._costs, self._packs])])
+
+    def find(self, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
+        """Path of the pack and row of each key that is there, the newest of equal ones."""
+        return {key: self._spots[key] for key in keys if key in self._spots}
+
+    def add(self, stage: str, packs: Sequence[Pack], seconds: float) -> None:
+        """Record packs of a stage that were written, and the time [s] that all of them took."""
+        cells = sum(len(pack.keys) for pack in packs)
+        size = sum(pack.size for pack in packs)
+        before = self._costs.get(stage, (0.0, 0.0, 0.0))
+        cost = zip(before, (cells, seconds, size), strict=True)
+        self._costs[stage] = [FADING * old + new for old, new in cost]
+        for pack in packs:
+            self._packs[pack.path] = stage, pack.size, pack.keys
+            self._spots |= {key: (pack.path, row) for row, key in enumerate(pack.keys)}
+        self._changed = True
+
+    def forget(self, keys: Iterable[str]) -> None:
+        """Drop keys whose cells proved damaged, older cells of theirs, too; packs stay."""
+        gone = dict.fromkeys(keys, FORGOTTEN)
+        self._set(
+            {
+                path: (stage, size, [gone.get(key, key) for key in there])
+                for path, (stage, size, there) in self._packs.items()
+            }
+        )
+        self._changed = True
+
+    def costs(self) -> dict[str, tuple[float, float]]:
+        """Seconds and bytes a cell by stage: means in which older ones fade."""
+        return {
+            stage: (seconds / cells, size / cells)
+            for stage, (cells, seconds, size) in self._costs.items()
+        }
+
+    def used(self, paths: Iterable[str]) -> None:
+        """Mark packs, by path, as used now."""
+        for path in set(paths):
+            with suppress(OSError):
+                os.utime(self.folder / path)
+
+    def summary(self) -> list[Kept]:
+        """What is kept of each stage, by name of the stage."""
+        found: dict[str, Kept] = {}
+        for stage, size, keys in self._packs.values():
+            before = found.get(stage, Kept(stage, 0, 0))
+            found[stage] = Kept(stage, before.cells + len(keys), before.bytes + size)
+        return [found[stage] for stage in sorted(found)]
+
+    def shrink(self, limit_bytes: int, keep_since: float) -> None:
+        """Delete the packs not used for longest until the rest is small enough.
+
+        Those used since a time (s, epoch) stay. Partial files older than a day go, too.
+        """
+        there, partials = list_files(self.folder)
+        self._delete(path for used, path in self._ages(partials) if used < time.time() - ORPHANED)
+        packs = {path: known for path, known in self._packs.items() if path in there}
+        excess = sum(size for _, size, _ in packs.values()) - limit_bytes
+        for used, path in self._ages(packs) if excess > 0 else ():
+            if excess <= 0 or used >= keep_since or not self._delete([path]):
+                break
+            excess -= packs.pop(path)[1]
+            self._changed = True
+        self._set(packs)
+
+    def clear(self) -> None:
+        """Delete all packs and the index, and nothing else in the folder."""
+        packs, partials = list_files(self.folder)
+        if self._delete([*sorted(packs | partials), INDEX]):
+            with suppress(OSError):  # another process writes there
+                (self.folder / ROOM).rmdir()
+        self._set({})
+        self._changed = False
+
+    def _delete(self, paths: Iterable[str]) -> bool:
+        """Delete files of the folder; false, and a sentence, if one cannot be deleted."""
+        try:
+            for path in paths:
+                (self.folder / path).unlink(missing_ok=True)
+        except OSError as error:
+            self._say(f"Finished results in {self.folder} cannot be deleted ({error}).")
+            return False
+        return True
+
+    def _ages(self, paths: Iterable[str]) -> list[tuple[float, str]]:
+        """When files were last used (s, epoch), oldest first; those that are gone left out."""
+        ages = []
+        for path in paths:
+            with suppress(OSError):
+                ages.append(((self.folder / path).stat().st_mtime, path))
+        return sorted(ages)
+
+
+def _described(path: Path) -> Known:
+    """What a pack says of itself."""
+    size = path.stat().st_size
+    try:
+        with path.open("rb") as file:
+            header = unseal(file.readline())
+    except (OSError, ValueError):
+        # Kept without cells, so that it is not read each time and can be evicted.
+        return UNREADABLE, size, ()
+    return header["stage"], size, header["keys"]
