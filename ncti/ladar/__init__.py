@@ -7,6 +7,7 @@ from ncti.ladar.frames import cumulative_average, sample_frames
 from ncti.ladar.moments import banded_frame_moments, frame_moments, magnitude_covariance
 from ncti.ladar.pulse import noise_covariance, noise_floor, shortest_pulse, target_kernel
 from ncti.ladar.receivers import RECEIVERS
+from ncti.ladar.tolerance import lines_within
 
 __all__ = [
     "RECEIVERS",
@@ -16,6 +17,7 @@ __all__ = [
     "cumulative_average",
     "expected_profile",
     "frame_moments",
+    "lines_within",
     "magnitude_covariance",
     "noise_covariance",
     "noise_floor",

@@ -57,7 +57,7 @@ class RangeExtent:
         """Estimated error of the ship's range extent, sum |p - q| / sum q; None of an image."""
         return self.error_after(np.ones((1, 1)))
 
-    def error_after(self, kernel: NDArray[np.float64]) -> float | None:
+    def error_after(self, kernel: Floats) -> float | None:
         """Estimated error of the ship's range extent after a pulse.
 
         Parameters
@@ -80,12 +80,7 @@ class RangeExtent:
         """
         if self.difference is None:
             return None
-        part = self.difference.sum(axis=0)
-        whole = self.fraction.sum(axis=0)
-        if kernel.shape != (1, 1):
-            part, whole = kernel @ part, kernel @ whole
-        total = float(whole.sum())
-        return ERROR * float(np.abs(part).sum()) / total if total > 0 else 0.0
+        return estimated_error(self.difference.sum(axis=0), self.fraction.sum(axis=0), kernel)
 
     @property
     def density(self) -> NDArray[np.float64]:
@@ -94,6 +89,14 @@ class RangeExtent:
         The article states it at its 1 m bins; as a density the profile is free of the bin.
         """
         return self.fraction * (REFERENCE_BIN / self.bin_width)
+
+
+def estimated_error(difference: Floats, whole: Floats, kernel: Floats) -> float:
+    """Estimate of sum |p - q| / sum q, see `RangeExtent.error_after`, from (bin,) sums over IFOVs."""
+    if kernel.shape != (1, 1):
+        difference, whole = kernel @ difference, kernel @ whole
+    total = float(whole.sum())
+    return ERROR * float(np.abs(difference).sum()) / total if total > 0 else 0.0
 
 
 def range_extent(
