@@ -18,8 +18,7 @@ import zarr
 from sweeps.report.axes import NOMINAL, Axis, axes_of
 
 Row = dict[str, Any]
-# Of columns: the variable, and what makes a cell of its value.
-Columns = Mapping[str, tuple[str, Callable[[Any], Any]]]
+Column = tuple[str, Callable[[Any], Any]]  # of a table: its variable, and what makes a cell of it
 
 BIN = "aspect_bin_deg"
 RULES = ("label_rule", "score_rule")  # what the source leaves open of its network
@@ -60,7 +59,7 @@ def setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) ->
 
 
 def tables_folder(path: Path) -> Path:
-    """Return the folder beside a store for its tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
+    """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
     if path.name.endswith(SUFFIX):
         return path.with_name(path.name.removesuffix(SUFFIX) + "-tables")
     return path.with_name(path.name + ".tables")
@@ -89,7 +88,9 @@ def known(value: Any) -> Any:
     return None if value != value else value
 
 
-def table_rows(tables: xr.Dataset, columns: Columns, label: Mapping[str, Any]) -> list[Row]:
+def table_rows(
+    tables: xr.Dataset, columns: Mapping[str, Column], label: Mapping[str, Any]
+) -> list[Row]:
     """Return a row a cell: labels, axes, and columns."""
     named = tables[list(dict.fromkeys(name for name, _ in columns.values()))]
     return [

@@ -1,4 +1,4 @@
-"""What the report writes: tables on whatever screen there is, and CSV files, whole or not at all."""
+"""What the report writes: tables on any screen, and CSV files, whole or not at all."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def write_tables(folder: Path, tables: Mapping[str, list[Row]]) -> list[str]:
     ours = stale | {name: _digest(content) for name, content in contents.items()}
     # Before the files: what is written is known, even if this ends early.
     listed = "".join(f"{digest}  {name}\n" for name, digest in ours.items()).encode()
-    write_whole(folder / WRITTEN, lambda made: made.write_bytes(listed))
+    _put(folder / WRITTEN, listed)
     for name, content in contents.items():
-        write_whole(folder / name, lambda made, content=content: made.write_bytes(content))
+        _put(folder / name, content)
     for name in {*stale, *(f"{name}.csv" for name in FILES)} - set(contents):
         (folder / name).unlink(missing_ok=True)
     return list(contents)
@@ -70,6 +70,10 @@ def _written(folder: Path) -> dict[str, str]:
         if path.name == name and path.is_file() and _digest(path.read_bytes()) == digest:
             found[name] = digest
     return found
+
+
+def _put(path: Path, content: bytes) -> None:
+    write_whole(path, lambda made: made.write_bytes(content))
 
 
 def _digest(content: bytes) -> str:

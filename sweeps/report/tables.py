@@ -12,6 +12,7 @@ from sweeps.report.rows import (
     BIN,
     ENDS,
     RULES,
+    Column,
     Row,
     as_in_source,
     axes_in,
@@ -218,7 +219,7 @@ def _title(row: Row, group: list[Row], own: list[Axis]) -> str:
 
 def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     """Return rejection and correct rate at every test vigilance, of tables by classifier."""
-    columns = {
+    columns: dict[str, Column] = {
         (f"{name}{end}" if end else f"percent_{name}"): (f"{name}{end}", percent)
         for name in REJECTED
         for end in ("", *(f"_{end}" for end in ENDS))
@@ -235,7 +236,7 @@ def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     One row for each cell, kind of aspect and least share rejected, with the cosine up to which
     answers are.
     """
-    columns = {
+    columns: dict[str, Column] = {
         "rejected_up_to": ("rejected_up_to", finite),
         "percent_correct": (AT_LEAST, percent),
         **{end: (f"{AT_LEAST}_{end}", percent) for end in ENDS},

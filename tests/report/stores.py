@@ -12,7 +12,7 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.command import main, report
-from sweeps.report.stored import tables_folder
+from sweeps.report.rows import tables_folder
 from sweeps.run import command
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]
@@ -97,9 +97,9 @@ def opened(path: Path, group: str) -> xr.Dataset:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder, by its relative path."""
+    """Every file below a folder that is to be seen, by its relative path."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))
-        if path.is_file()
+        if path.is_file() and not path.name.startswith(".")
     }

@@ -3,12 +3,12 @@
 import pytest
 from stores import rows_of
 
-from sweeps.report import classifier_figures
+from sweeps.report import figures
 
 
-@pytest.mark.parametrize("kind", classifier_figures.KINDS)
+@pytest.mark.parametrize("kind", ["classifiers", "fusion"])
 def test_a_picture_is_drawn(kind, smoke_store, tmp_path):
-    figure = classifier_figures.draw(kind, smoke_store)
+    figure = figures.draw(kind, smoke_store)
     figure.savefig(tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 10_000
     titles = [axes.get_title() for axes in figure.axes]
@@ -16,7 +16,7 @@ def test_a_picture_is_drawn(kind, smoke_store, tmp_path):
 
 
 def test_lines_are_the_tables(smoke_store):
-    figure = classifier_figures.draw("classifiers", smoke_store)
+    figure = figures.draw("classifiers", smoke_store)
     overall = figure.axes[-1]
     handles, labels = overall.get_legend_handles_labels()
     lines = dict(zip(labels, handles, strict=True))
@@ -36,6 +36,6 @@ def test_lines_are_the_tables(smoke_store):
 
 
 def test_fusion_shows_three_channels(smoke_store):
-    figure = classifier_figures.draw("fusion", smoke_store)
+    figure = figures.draw("fusion", smoke_store)
     for axes in figure.axes:
         assert axes.get_legend_handles_labels()[1] == ["silhouette", "range profile", "both"]

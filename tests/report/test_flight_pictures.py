@@ -9,14 +9,23 @@ import pytest
 from made import scores
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from stores import FLIGHTS, SMALL, opened, reported, sweep
+from stores import FLIGHTS, SMALL, contents, opened, reported, sweep
 
 import ncti.ships
 from ncti.irar import Correction, Flight, fly, ship_heading
-from sweeps.report.flight_again import Place, draw_flight, flights_of, known_ship, scan_of
-from sweeps.report.flight_pictures import write_pictures
-from sweeps.report.flight_stages import BRIGHTEST, Way, draw_stages, stages
-from sweeps.report.stored import attributes, tables_folder
+from sweeps.report.figures import write_pictures
+from sweeps.report.flight_figures import (
+    BRIGHTEST,
+    Place,
+    Way,
+    draw_flight,
+    draw_stages,
+    flights_of,
+    known_ship,
+    scan_of,
+    stages,
+)
+from sweeps.report.rows import attributes, tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png", "validation.png"]
 
@@ -29,7 +38,7 @@ def store(sisters, tmp_path):
 
 
 def pictures(folder):
-    return sorted(path.name for path in folder.iterdir() if path.suffix != ".csv")
+    return sorted(name for name in contents(folder) if not name.endswith(".csv"))
 
 
 def test_the_report_draws_when_it_is_told_to(store, monkeypatch, capsys):

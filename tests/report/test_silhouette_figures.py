@@ -12,10 +12,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
 
 from ncti.features import log_polar
-from sweeps.report import figures, naming_figures, silhouette_figures, stored
+from sweeps.report import figures, infrared_figures, rows
 from sweeps.report.axes import nominal
-from sweeps.report.naming_figures import COLOURS, WAYS, Run, draw_table5, runs_of, tints_of
-from sweeps.report.silhouette_figures import looks_of
+from sweeps.report.infrared_figures import Run, looks_of, runs_of, tints_of
+from sweeps.report.score_figures import COLOURS, WAYS, draw_table5
 
 ANGLES, RADII = 64, 32  # of a map
 STEPS = 255  # of which the store counts the cells of a map
@@ -23,7 +23,7 @@ KEPT = ("ship", "aspect", "phase", "order", "range", "super_resolution", "frame_
 
 
 def group(path, name):
-    found = stored.read(path, name).load()
+    found = rows.read(path, name).load()
     return nominal(found, keep=(*KEPT, "vigilance", "aspect_bin"))
 
 
@@ -34,7 +34,7 @@ def view(smoke_store):
 
 @pytest.fixture(scope="module")
 def infrared(smoke_store):
-    return stored.attributes(smoke_store)["configuration"]["infrared"]
+    return rows.attributes(smoke_store)["configuration"]["infrared"]
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def drawn(smoke_store):
     """Figures of all kinds, with any warning as an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        made = {kind: silhouette_figures.draw(kind, smoke_store) for kind in PANELS}
+        made = {kind: figures.draw(kind, smoke_store) for kind in PANELS}
         for figure in made.values():
             figure.canvas.draw()
     return made
@@ -54,10 +54,6 @@ PANELS = {"silhouettes": 21, "formation": 2, "table5": 4}
 
 def panels_of(figure):
     return [axes for axes in figure.axes if not hasattr(axes, "_colorbar")]
-
-
-def test_every_kind_is_tested():
-    assert set(PANELS) == set(silhouette_figures.KINDS)
 
 
 @pytest.mark.parametrize(("kind", "count"), PANELS.items())
@@ -116,7 +112,7 @@ def test_pixels_are_the_detectors_or_half_as_wide(view, infrared):
 def test_centroid_of_a_mask_is_where_its_pixels_are():
     mask = np.zeros((4, 6), dtype=bool)
     mask[1:3, 2:6] = True
-    look = silhouette_figures.Look(
+    look = infrared_figures.Look(
         slant_range=25.0,
         way="none",
         across=np.arange(6) * 3.0 - 6.0,
@@ -285,9 +281,9 @@ def test_source_is_drawn_beside_its_own_views_only(drawn, smoke_store):
 
     assert diamonds(drawn["table5"]) == []
     tables = group(smoke_store, "tables/acn_infrared")
-    views = naming_figures.source_figures()["experiment"]["views"]
+    views = rows.source_figures()["experiment"]["views"]
     whole = tables.assign(view_count=xr.full_like(tables.view_count, views))
-    theirs = naming_figures.source_figures()["table5_percent_correct"]
+    theirs = rows.source_figures()["table5_percent_correct"]
     expected = [
         *theirs["none"][25],
         *theirs["none"][50],
@@ -299,7 +295,7 @@ def test_source_is_drawn_beside_its_own_views_only(drawn, smoke_store):
 
 def test_pictures_leave_the_settings_of_matplotlib_alone(smoke_store):
     before = dict(matplotlib.rcParams)
-    silhouette_figures.draw("formation", smoke_store)
+    figures.draw("formation", smoke_store)
     assert dict(matplotlib.rcParams) == before
 
 
