@@ -138,8 +138,9 @@ def report(path: Path, console: Console) -> None:
 
 def _parts(path: Path) -> Iterator[Part]:
     """Everything that a store has tables of."""
-    top, names = rows.groups(path), rows.groups(path, "tables")
-    read = {name: rows.read(path, f"tables/{name}").load() for name in names}
+    store = rows.opened(path)
+    top, names = rows.groups(store), rows.groups(store, "tables")
+    read = {name: rows.read(store, f"tables/{name}").load() for name in names}
     yield from _of(read, "acn")
     named = [name for name in set(names) - OWN if tables.names_profiles(read[name])]
     if set(named) - {"acn"}:
@@ -148,8 +149,8 @@ def _parts(path: Path) -> Iterator[Part]:
         yield "classifiers", found, partial(tables.print_classifiers, found)
     yield from _of(read, "fusion")
     if "infrared" in top and "detection" in read:
-        given = rows.attributes(path)["configuration"]["infrared"]
-        found = silhouettes.sensor_rows(rows.read(path, "infrared"), given)
+        given = store.attrs["configuration"]["infrared"]
+        found = silhouettes.sensor_rows(rows.read(store, "infrared"), given)
         yield "infrared_sensor", found, partial(silhouettes.print_sensor, found)
         yield from _of(read, "acn_infrared")  # not where the network names no silhouettes
         found = silhouettes.detection_rows(read["detection"])
@@ -163,7 +164,7 @@ def _parts(path: Path) -> Iterator[Part]:
         found = tables.curve_rows(by_name)
         yield "rejection_curve", found, partial(tables.print_rejection, found)
     if "validation" in top:
-        flown = without_arrays(rows.read(path, "validation")).load()
+        flown = without_arrays(rows.read(store, "validation")).load()
         yield "flights", flights.flight_rows(flown), partial(flights.print_flights, flown)
     yield from _of(read, "measured")
     for name in names:

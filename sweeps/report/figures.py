@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.progress import track
 
 from sweeps.report.axes import printable
-from sweeps.report.rows import attributes, groups, read, tables_folder
+from sweeps.report.rows import groups, opened, read, tables_folder
 from sweeps.report.screen import line, page, write_whole
 
 if TYPE_CHECKING:
@@ -77,34 +77,35 @@ def draw(kind: str, path: Path) -> Figure:
     from sweeps.report.silhouettes import fusion_rows
     from sweeps.report.tables import TITLES, classifier_rows
 
+    if kind == "ships":
+        return ship_figures.draw_ships()
+    store = opened(path)
     match kind:
-        case "ships":
-            return ship_figures.draw_ships()
         case "profiles":
-            return ship_figures.draw_profiles(read(path, "range_profile").load())
+            return ship_figures.draw_profiles(read(store, "range_profile").load())
         case "tables":
-            return score_figures.draw_tables(read(path, "tables/acn").load())
+            return score_figures.draw_tables(read(store, "tables/acn").load())
         case "measured":
-            return score_figures.draw_measured(read(path, "tables/measured").load())
+            return score_figures.draw_measured(read(store, "tables/measured").load())
         case "fusion":
-            return score_figures.draw_fusion(fusion_rows(read(path, "tables/fusion").load()))
+            return score_figures.draw_fusion(fusion_rows(read(store, "tables/fusion").load()))
         case "classifiers":
-            names = [name for name in groups(path, "tables") if name in TITLES]
-            there = {name: read(path, f"tables/{name}").load() for name in names}
+            names = [name for name in groups(store, "tables") if name in TITLES]
+            there = {name: read(store, f"tables/{name}").load() for name in names}
             return score_figures.draw_classifiers(classifier_rows(there))
         case "silhouettes":
-            given = attributes(path)["configuration"]["infrared"]
-            return infrared_figures.draw_silhouettes(read(path, "infrared"), given)
+            given = store.attrs["configuration"]["infrared"]
+            return infrared_figures.draw_silhouettes(read(store, "infrared"), given)
         case "formation" | "table5":
-            classified = read(path, "classification/acn_infrared").load()
+            classified = read(store, "classification/acn_infrared").load()
             if kind == "formation":
                 return infrared_figures.draw_formation(classified)
-            tables = read(path, "tables/acn_infrared").load()
+            tables = read(store, "tables/acn_infrared").load()
             return score_figures.draw_table5(tables, ships=classified.sizes["ship"])
-    flights = read(path, "validation")
+    flights = read(store, "validation")
     if kind == "flight":
         place = flight_figures.flights_of(flights)[0]
-        return flight_figures.draw_flight(attributes(path), flights, place)
+        return flight_figures.draw_flight(store.attrs, flights, place)
     if kind == "validation":
         return flight_figures.draw_validation(flights)
     return flight_figures.draw_sensitivity(flights)
@@ -122,9 +123,10 @@ def write_pictures(
     import_module("matplotlib.figure")  # before anything is flown for nothing
     from sweeps.report.flight_figures import draw_flight, draw_validation, flights_of, known_ship
 
-    if "validation" not in groups(path):
+    store = opened(path)
+    if "validation" not in store:
         raise ValueError(f"{str(path)!r} has no flights, but must be the store of a sweep of irar")
-    given, flights, folder = attributes(path), read(path, "validation"), tables_folder(path)
+    given, flights, folder = store.attrs, read(store, "validation"), tables_folder(path)
     folder.mkdir(exist_ok=True)
     load, places = ship or partial(known_ship, given), flights_of(flights)
     meshes = {place.ship: load(place.ship) for place in places}

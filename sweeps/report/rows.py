@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
@@ -30,24 +29,20 @@ TABLES = {"acn": "table4", "mnn": "table2", "acn_infrared": "table5"}
 SAME = {"vigilance": "vigilance", "pulse_width": "pulse_width_ns", "frame_count": "frame_count"}
 
 
-def groups(path: Path, under: str = "") -> list[str]:
-    """Return the names of groups of a store, or inside one of them. Raises OSError without one."""
-    root: Any = zarr.open_group(path, mode="r")
-    if under and under not in root:
-        return []
-    return sorted((root[under] if under else root).group_keys())
+def opened(path: Path) -> Any:
+    """Return a store, whose metadata are read once. Raises OSError if there is none."""
+    return zarr.open_group(path, mode="r")
 
 
-def read(path: Path, group: str) -> xr.Dataset:
-    """Return a group of a store, each variable read when it is used."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # metadata in one file are quicker, no more
-        return xr.open_zarr(path, group=group, chunks=None)
+def groups(store: Any, under: str = "") -> list[str]:
+    """Return the names of groups of a store, or inside one of them."""
+    inside = store.get(under) if under else store
+    return sorted(inside.group_keys()) if inside is not None else []
 
 
-def attributes(path: Path) -> dict[str, Any]:
-    """Return the root attributes of a store."""
-    return dict(zarr.open_group(path, mode="r").attrs)
+def read(store: Any, group: str) -> xr.Dataset:
+    """Return a group of a store, each variable read when it is used. Raises KeyError without it."""
+    return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
 
 
 def setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:

@@ -9,7 +9,7 @@ import xarray as xr
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 
-from sweeps.report.axes import DRAWS, NOTHING, axes_of, printable, shown
+from sweeps.report.axes import NOTHING, OF_ARRAYS, axes_of, printable, shown
 from sweeps.report.rows import (
     BIN,
     RULES,
@@ -110,29 +110,22 @@ def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
     How many of these there are, mean, least and most categories, the first's, silhouettes,
     whether categories settled in all, the source's count. Those that failed are left out.
     """
-    source = source_figures()["table5_percent_correct"]
-    over = [dim for dim in DRAWS if dim in tables.category_count.dims]
-    done = tables.view_count > 0
-    counted = tables.category_count.where(done)
-    first = counted.isel(dict.fromkeys(over, 0)).drop_vars(over, errors="ignore")
-    summary = xr.Dataset(
-        {
-            "trainings": done.sum(over),
-            "categories": counted.mean(over),
-            "least": counted.min(over),
-            "most": counted.max(over),
-            "of_first_phase_and_order": first,
-            "training_silhouettes": tables.view_count.max(over),
-            "settled": (tables.settled.where(done, 1) == 1).all(over) & done.any(over),
-        }
-    ).drop_vars(RULES, errors="ignore")  # categories form before they are named
-    digits = {"categories": 2, "least": None, "most": None, "of_first_phase_and_order": None}
-    rows = []
-    for axes, cell in cells(summary):
-        counts = {name: rounded(cell[name], digits[name]) for name in digits}
-        asked = axes["vigilance"] == source["vigilance"]
-        theirs = {"source_categories": source["categories"] if asked else None}
-        rows.append(axes | cell | counts | theirs)
+    source, rows = source_figures()["table5_percent_correct"], []
+    formed = tables[["category_count", "view_count", "settled"]]
+    formed = formed.drop_vars(RULES, errors="ignore")  # categories form before they are named
+    axes = list(axes_of(formed))
+    every = (place | cell for place, cell in cells(formed, but=OF_ARRAYS))
+    for place, draws in grouped(every, axes).items():
+        done = [draw for draw in draws if draw["view_count"] > 0]
+        counts = [draw["category_count"] for draw in done]
+        row: Row = dict(zip(axes, place, strict=True)) | {"trainings": len(done)}
+        row["categories"] = round(sum(counts) / len(counts), 2) if counts else None
+        row |= {"least": min(counts, default=None), "most": max(counts, default=None)}
+        row["of_first_phase_and_order"] = counts[0] if draws[0] in done else None
+        row["training_silhouettes"] = max(draw["view_count"] for draw in draws)
+        row["settled"] = bool(done) and all(draw["settled"] == 1 for draw in done)
+        asked = row["vigilance"] == source["vigilance"]
+        rows.append(row | {"source_categories": source["categories"] if asked else None})
     return rows
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import xarray as xr
+import zarr
 from rich.console import Console
 
 from sweeps.report.command import main, report
@@ -94,6 +95,11 @@ def printed(path: Path, width: int = 200) -> str:
 def opened(path: Path, group: str) -> xr.Dataset:
     """A group of a store."""
     return xr.open_zarr(path, group=group).load()
+
+
+def attributes_of(path: Path) -> dict[str, Any]:
+    """Attributes of a store itself."""
+    return dict(zarr.open_group(path, mode="r").attrs)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -9,7 +9,7 @@ import pytest
 from made import scores
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from stores import FLIGHTS, SMALL, contents, opened, reported, sweep
+from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, sweep
 
 import ncti.ships
 from ncti.irar import Correction, Flight, fly, ship_heading
@@ -25,7 +25,7 @@ from sweeps.report.flight_figures import (
     scan_of,
     stages,
 )
-from sweeps.report.rows import attributes, tables_folder
+from sweeps.report.rows import tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png", "validation.png"]
 
@@ -91,7 +91,7 @@ def test_a_picture_that_is_not_finished_is_not_there(store, monkeypatch):
 
 
 def test_a_ship_that_is_no_longer_the_same_is_not_drawn(sisters):
-    given = attributes(sisters)
+    given = attributes_of(sisters)
     other = given | {"mesh_digests": given["mesh_digests"] | {"roberts": "0"}}
     with pytest.raises(ValueError, match="roberts has changed since"):
         known_ship(other, "roberts")
@@ -103,7 +103,7 @@ def test_titles_say_which_of_several_flights_is_drawn(sisters):
     flights = opened(sisters, "validation")
     places = sorted(flights_of(flights), key=lambda place: place.ship)
     assert places == [Place("duncan", 175.0, 3.0), Place("roberts", 175.0, 3.0)]
-    title = draw_flight(attributes(sisters), flights, places[1]).get_suptitle()
+    title = draw_flight(attributes_of(sisters), flights, places[1]).get_suptitle()
     assert title == "Roberts at 3 km, aspect 175°, transom gain 1, first of 2 draws"
 
 
@@ -132,7 +132,7 @@ def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
     """Whatever the choices: the same pixels, in the same place."""
     one = [item for item in FLIGHTS if not item.startswith("grid.")]
     path = sweep(tmp_path, *one, "grid.ship=roberts", "grid.aspect=175", *chosen)
-    given, flights = attributes(path), opened(path, "validation").squeeze()
+    given, flights = attributes_of(path), opened(path, "validation").squeeze()
     mesh = ncti.ships.load("roberts")
     several = [name for name in flights.intensity.dims if name not in ("row", "column")]
     sizes = [flights.sizes[name] for name in several]

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from stores import opened, printed, rows_of
+from stores import attributes_of, opened, printed, rows_of
 
 from ncti.irar import Window, correct, segmented
 from sweeps.report import figures
 from sweeps.report.flight_figures import flights_of, known_ship, one_flight, scan_of
 from sweeps.report.flights import LANDMARKS, flight_rows
-from sweeps.report.rows import attributes
 
 FLIGHTS = "validation"
 
@@ -69,7 +68,7 @@ def test_csv_files_hold_the_rows(sisters):
 
 def test_a_flight_drawn_is_the_flight_stored(sisters):
     """Flown again from the store's configuration: the very image."""
-    given, flights = attributes(sisters), opened(sisters, FLIGHTS)
+    given, flights = attributes_of(sisters), opened(sisters, FLIGHTS)
     place = next(one for one in flights_of(flights) if one.ship == "roberts")
     stored = one_flight(flights, place)
     assert (stored.transom_gain, stored.mast_gain, stored.replicate) == (1, 1, 0)

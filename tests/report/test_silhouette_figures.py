@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
+from stores import attributes_of, opened
 
 from ncti.features import log_polar
 from sweeps.report import figures, infrared_figures, rows
@@ -23,8 +24,7 @@ KEPT = ("ship", "aspect", "phase", "order", "range", "super_resolution", "frame_
 
 
 def group(path, name):
-    found = rows.read(path, name).load()
-    return nominal(found, keep=(*KEPT, "vigilance", "aspect_bin"))
+    return nominal(opened(path, name), keep=(*KEPT, "vigilance", "aspect_bin"))
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def view(smoke_store):
 
 @pytest.fixture(scope="module")
 def infrared(smoke_store):
-    return rows.attributes(smoke_store)["configuration"]["infrared"]
+    return attributes_of(smoke_store)["configuration"]["infrared"]
 
 
 @pytest.fixture(scope="module")
