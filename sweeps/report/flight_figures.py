@@ -18,22 +18,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import label as connected
 
 import ncti.ships
-from ncti.irar import (
-    Correction,
-    Flight,
-    Scan,
-    Snapshot,
-    autofocus,
-    correct,
-    correct_as_printed,
-    segmented,
-    ship_window,
-    time_delay_integrate,
-    true_snapshot,
-)
+from ncti import irar
+from ncti.irar import Correction, Scan, Snapshot
 from sweeps.report.axes import nominal, shown, which
 from sweeps.report.flights import GAINS, SISTERS, STERN, TITLED, flown_past, put_in
 from sweeps.report.rows import setting
+from sweeps.report.score_figures import OURS, THEIRS
 from sweeps.stages.flight_geometry import scan_again, surface
 from sweeps.stages.irar import FLOWN, RATES, RECORDED
 from sweeps.stages.views import hull, read_mesh, ship_name
@@ -48,7 +38,7 @@ UNSEEN = "slate blue: no sample fell there; black, and grey of ranges: looked at
 SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
 TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
 
-OURS, THEIRS, TRUTH = "#1f4e79", "#c1440e", "0.75"
+TRUTH = "0.75"
 MARKED = (  # m past the hangar, height, what is there
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
     *((45, 0.76, "main mast"), (61, 0.32, "bridge")),
@@ -74,11 +64,10 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class Way:
-    """How a flight is corrected, and what of a ship it is held against.
+    """How a flight is corrected, and how its ship reflects.
 
-    Of the source's own chain, as printed, `rate` is what it takes for f, `line` or `pulse`; else
-    `correction` is ours. The closing speed may be looked for in the image (autofocus); `threshold`,
-    of segmentation, is in noise powers, and `surface` says how the ship reflects.
+    By the source's own chain, as printed, `rate` being what it takes for f, `line` or `pulse`; or
+    by our `correction`. The threshold of segmentation is in noise powers.
     """
 
     rate: str | None = None
@@ -92,8 +81,8 @@ class Way:
 class Stage:
     """Images after some of the corrections: (row, column) arrays.
 
-    Intensity in noise powers, range in metres from the ship's origin, infrared in kelvin; pixels
-    that no sample fell into are unseen. The extent is left, right, bottom and top [pixel or line].
+    Intensity in noise powers, range [m] from the ship's origin, infrared [K]; no sample fell into
+    unseen pixels. The extent is left, right, bottom and top [pixel or line].
     """
 
     title: str
@@ -124,17 +113,12 @@ def one_flight(flights: xr.Dataset, place: Place) -> xr.Dataset:
 def scan_of(
     attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
 ) -> tuple[Scan, Way]:
-    """Return raw images of a flight of a store, noise and all, and how the store corrects them.
-
-    The flight has its value on every axis as a scalar coordinate; attributes are the store's.
-    """
+    """Return raw images of one flight of a store, noise and all, and how it corrects them."""
     given = attributes["configuration"]
-    seed, reflectance = (
-        setting(flight, given, "seed"),
-        setting(flight, given["ladar"], "reflectance"),
-    )
+    reflectance = setting(flight, given["ladar"], "reflectance")
     values = {one.name: setting(flight, {}, one.name) for one in (*FLOWN, *RECORDED)}
-    place = {"ship": flight.ship.item(), "aspect": flight.aspect.item(), "seed": seed}
+    place = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
+    place["seed"] = setting(flight, given, "seed")
     methods = {name: flight[name].item() for name in ("azimuth", "mirror", "range_filter")}
     return scan_again(values, mesh, **place, reflectance=reflectance), Way(
         rate=RATES.get(flight.chain.item()),
@@ -151,15 +135,14 @@ def draw_flight(
     place: Place,
     mesh: trimesh.Trimesh | None = None,
 ) -> Figure:
-    """Draw stages of a flight of a store, of which attributes and group `validation` are given.
+    """Draw stages of a flight of a store, by its attributes and group `validation`.
 
     Raises ValueError if no mesh is given, and the known ship is not the one of the store.
     """
-    if mesh is None:
-        mesh = known_ship(attributes, place.ship)
-    scan, way = scan_of(attributes, one_flight(flights, place), mesh)
-    draws = flights.sizes.get("replicate", 1)
-    title = place.title + which(one_flight(flights, place), flights.looks, but=TITLED)
+    mesh = known_ship(attributes, place.ship) if mesh is None else mesh
+    flight, draws = one_flight(flights, place), flights.sizes.get("replicate", 1)
+    scan, way = scan_of(attributes, flight, mesh)
+    title = place.title + which(flight, flights.looks, but=TITLED)
     return draw_stages(mesh, scan, way, title=title + f", first of {draws} draws" * (draws > 1))
 
 
@@ -179,41 +162,36 @@ def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
 def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[Stage]:
     """Return every stage of the chain, as the source shows them in its Figures 10, 11 and 13.
 
-    Overscanned; averaged, of corrected range and segmented; also shifted in azimuth; also sheared,
-    which is all; and the truth. Without those that are left out; of the source's own chain all
-    corrections at once.
+    Without those that are left out; of the source's own chain all corrections at once.
     """
     way = Way() if way is None else way
     belief, (lines, samples) = scan.flight, scan.intensity.shape
     if way.autofocus:
         with suppress(ValueError):  # no ship in the image
-            belief = autofocus(scan, scan.flight)
+            belief = irar.autofocus(scan, scan.flight)
     overscanned = Stage(
         "overscanned",
         scan.intensity,
         scan.range - scan.flight.slant_range,
-        time_delay_integrate(scan.infrared),
+        irar.time_delay_integrate(scan.infrared),
         np.zeros(scan.intensity.shape, dtype=bool),
         (0, samples, 0, lines),
         square=False,
     )
-    window = ship_window(mesh, scan.flight, margin=MARGIN)
-    truth = true_snapshot(mesh, scan.flight, window, **way.surface)
-    return [
-        overscanned,
-        *(
-            _stage(title, segmented(image, belief, threshold=way.threshold), belief.slant_range)
-            for title, image in _corrected(scan, way, belief)
-        ),
-        _stage("the truth, noiseless", truth, scan.flight.slant_range),
-    ]
+    window = irar.ship_window(mesh, scan.flight, margin=MARGIN)
+    truth = irar.true_snapshot(mesh, scan.flight, window, **way.surface)
+    found = [overscanned]
+    for title, image in _corrected(scan, way, belief):
+        ship = irar.segmented(image, belief, threshold=way.threshold)
+        found.append(_stage(title, ship, belief.slant_range))
+    return [*found, _stage("the truth, noiseless", truth, scan.flight.slant_range)]
 
 
-def _corrected(scan: Scan, way: Way, belief: Flight) -> Iterator[tuple[str, Snapshot]]:
+def _corrected(scan: Scan, way: Way, belief: irar.Flight) -> Iterator[tuple[str, Snapshot]]:
     """The image after each correction, with what was done last."""
     if way.rate is not None:
         title = f"all corrections as printed,\nf the {way.rate} rate"
-        yield title, correct_as_printed(scan, belief=belief, rate=way.rate)
+        yield title, irar.correct_as_printed(scan, belief=belief, rate=way.rate)
         return
     whole = way.correction
     own = whole.range_filter != Correction().range_filter
@@ -225,7 +203,7 @@ def _corrected(scan: Scan, way: Way, belief: Flight) -> Iterator[tuple[str, Snap
         chain[TURNS[whole.mirror]] = whole
     for title, how in chain.items():
         last = ": all corrections" if how == whole else ""
-        yield title + last, correct(scan, how, belief=belief)
+        yield title + last, irar.correct(scan, how, belief=belief)
 
 
 def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
@@ -251,11 +229,7 @@ def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
 
 
 def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, title: str) -> Figure:
-    """Draw intensity, range and infrared images at every stage of the chain.
-
-    One shade is one intensity in all its images, and one colour one temperature in the corrected
-    ones.
-    """
+    """Draw images at every stage of the chain, each kind of the corrected ones on one scale."""
     every = stages(mesh, scan, way)
     left, right, bottom, top = every[-1].extent
     wide = right - left > 1.5 * (top - bottom)
@@ -272,18 +246,11 @@ def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, ti
             warm = (warm[0], (None, None), "neither")
         elif stage is every[-1]:
             warm = ("share of ship", (0, 1), "neither")
-        striped = np.mod(stage.range, STRIPES)
-        for axes, values, colours, (label, (low, high), extend) in zip(
-            row,
-            (stage.intensity, striped, stage.infrared),
-            ("gray", "twilight", "inferno"),
-            (
-                ("intensity [noise powers]", (0, top_intensity), "max"),
-                (f"range, modulo {STRIPES:g} m", (0, STRIPES), "neither"),
-                warm,
-            ),
-            strict=True,
-        ):
+        lit = ("intensity [noise powers]", (0, top_intensity), "max")
+        far = (f"range, modulo {STRIPES:g} m", (0, STRIPES), "neither")
+        images = (stage.intensity, np.mod(stage.range, STRIPES), stage.infrared)
+        kinds = zip(row, images, ("gray", "twilight", "inferno"), (lit, far, warm), strict=True)
+        for axes, values, colours, (label, (low, high), extend) in kinds:
             image = _show(axes, stage, values, colours, low=low, high=high)
             axes.set_xlabel("column [pixel]" if stage.square else "sample", fontsize=7)
             axes.set_ylabel("row [pixel]" if stage.square else "line", fontsize=7)
@@ -298,11 +265,7 @@ def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, ti
 
 
 def brightest(images: Sequence[NDArray[np.floating]]) -> float:
-    """Return the upper end of a scale of intensity that images share; 1 where all are dark.
-
-    Each image's own share of pixels may be brighter: the truth, in which nothing speckles, or the
-    corrected images, whose noise is all there is of a faint ship.
-    """
+    """Return the upper end of a scale that images share, of the brightest; 1 where all are dark."""
     lit = (image[np.nan_to_num(image) > 0] for image in images)
     return max((float(np.percentile(one, BRIGHTEST)) for one in lit if one.size), default=1.0)
 
@@ -324,8 +287,7 @@ def _show(
 def draw_validation(flights: xr.Dataset) -> Figure:
     """Draw near-stern profiles: measured over noiseless, and a ship over its synthetic sister.
 
-    The source's Figures 14 to 16; the first draw of the noise, of each ship at the range that suits
-    the source, unit the hangar's peak.
+    The source's Figures 14 to 16; the first draw, each ship at the range nearest to the source's.
     """
     near = flights.sel(aspect=STERN, method="nearest").isel(replicate=0, missing_dims="ignore")
     draws, ships = flights.sizes.get("replicate", 1), flown_past(flights)
@@ -339,8 +301,8 @@ def draw_validation(flights: xr.Dataset) -> Figure:
     for axes, (name, km) in zip(panels, drawn, strict=False):
         one = put_in(near.sel(ship=name).sel(range=km, method="nearest"))
         place, profile = one.down_range.values, one.profile
-        _filled(axes, place, profile.sel(source="noiseless"), "noiseless")
-        _line(axes, place, profile.sel(source="measured"), OURS, "flown past and corrected")
+        _profile(axes, place, profile.sel(source="noiseless"), "noiseless")
+        _profile(axes, place, profile.sel(source="measured"), "flown past and corrected", OURS)
         likeness = float(one.profile_correlation)
         title = _titled(one) + which(one, flights, but=TITLED)
         title += f", first of {draws} draws" * (draws > 1)
@@ -377,10 +339,7 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
     for one, source, colour, label in lines:
         profile = one.profile.sel(source=source).values
         place = one.down_range.values - one.down_range.values[profile.argmax()]
-        if source == "point":
-            _filled(axes, place, profile, label)
-        else:
-            _line(axes, place, profile, colour, label)
+        _profile(axes, place, profile, label, colour)
     for place, height, name in MARKED:
         axes.annotate(name, (place, height), fontsize=8, ha="center", color="0.3")
     others = which(put_in(flown), flights, but=(*TITLED, *GAINS))
@@ -389,26 +348,20 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
     axes.set(xlim=(-40, 100), xlabel="down-range from the hangar [m]")
 
 
-def _filled(axes: Axes, place: Any, profile: Any, label: str) -> None:
-    axes.fill_between(place, 0, _over_peak(profile), step="mid", color=TRUTH, lw=0, label=label)
-
-
-def _line(axes: Axes, place: Any, profile: Any, colour: str, label: str) -> None:
-    axes.step(place, _over_peak(profile), where="mid", color=colour, lw=1.1, label=label)
-
-
-def _over_peak(profile: Any) -> NDArray[np.float64]:
-    """A profile with its peak as unit; flat where nothing returns."""
+def _profile(axes: Axes, place: Any, profile: Any, label: str, colour: str = TRUTH) -> None:
+    """A profile with its peak as unit, flat where nothing returns: a line, or filled if true."""
     values = np.asarray(profile, dtype=float)
-    peak = values.max()
-    return values / peak if peak > 0 else np.zeros_like(values)
+    values = values / values.max() if values.max() > 0 else np.zeros_like(values)
+    if colour == TRUTH:
+        axes.fill_between(place, 0, values, step="mid", color=colour, lw=0, label=label)
+    else:
+        axes.step(place, values, where="mid", color=colour, lw=1.1, label=label)
 
 
 def draw_sensitivity(flights: xr.Dataset) -> Figure:
-    """Draw correlation with the noiseless profile against the error of each flight parameter.
+    """Draw mean correlation with the noiseless profile against the error of each parameter.
 
-    Means over draws with their standard deviation; without error in every panel. Raises ValueError
-    if there are no errors.
+    Raises ValueError if there are no errors.
     """
     if flights.sizes.get("error", 1) < 2:
         raise ValueError("irar.errors is empty, but must name parameters and their errors")
@@ -422,9 +375,9 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
         there = [named == name or named not in UNITS for named in names]
         part = one.isel(error=there).sortby("error_value")
         for on, colour, label in ((False, OURS, "as believed"), (True, THEIRS, "with autofocus")):
-            if "autofocus" not in part.dims and bool(part.autofocus) != on:
-                continue
             here = part.sel(autofocus=on) if "autofocus" in part.dims else part
+            if bool(here.autofocus) != on:
+                continue
             values = here.profile_correlation
             over = [dim for dim in values.dims if dim == "replicate"]
             scatter = (values.std(over, ddof=1) if over else 0 * values).values

@@ -151,16 +151,12 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
         if sisters:
             drawn = put_in(near.sel(ship=synthetic).sel(range=SISTERS[1], method="nearest"))
             title = f"{synthetic.capitalize()}, synthetic, {float(drawn.range):g} km; {title}"
-            columns = {
-                f"{synthetic.capitalize()}\npoint": drawn.sel(source="point"),
-                "\nspread": drawn.sel(source="synthetic"),
-                f"{caption}\nmeasured": one.sel(source="measured"),
-            }
+            columns = {f"{synthetic.capitalize()}\npoint": drawn.sel(source="point")}
+            columns["\nspread"] = drawn.sel(source="synthetic")
+            columns[f"{caption}\nmeasured"] = one.sel(source="measured")
         else:
-            columns = {
-                f"{caption}\nnoiseless": one.sel(source="noiseless"),
-                "\nmeasured": one.sel(source="measured"),
-            }
+            columns = {f"{caption}\nnoiseless": one.sel(source="noiseless")}
+            columns["\nmeasured"] = one.sel(source="measured")
         gains = {axis: np.atleast_1d(flown[axis].values) for axis in GAINS}
         dark, glint = float(gains["transom_gain"].min()), float(gains["mast_gain"].max())
         if dark == 0 and 1.0 in gains["transom_gain"]:
@@ -172,7 +168,11 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
             if 1.0 not in values:  # put in everywhere
                 title += f", {SHORT[axis]} x {float(one[axis]):g}"
         starred = starred or any("*" in text for text in (title, *columns))
-        _print_marks(f"Near stern: {title}", columns, console)
+        table = sheet(f"Near stern: {title}", *columns, left=("", "source"))
+        table.columns[1].style = "dim"
+        for name, (text, digits, said) in LANDMARKS.items():
+            table.add_row(text, said, *(_mean(one[name], digits) for one in columns.values()))
+        show(table, console)
     if there:
         note(
             "* Put in on the source's word, which explains what it measured by a transom at 45 deg "
@@ -182,14 +182,6 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
             "the measured one.",
             console,
         )
-
-
-def _print_marks(title: str, columns: dict[str, xr.Dataset], console: Console) -> None:
-    table = sheet(title, *columns, left=("", "source"))
-    table.columns[1].style = "dim"
-    for name, (text, digits, said) in LANDMARKS.items():
-        table.add_row(text, said, *(_mean(one[name], digits) for one in columns.values()))
-    show(table, console)
 
 
 def put_in(flights: xr.Dataset, **gains: float) -> xr.Dataset:
@@ -270,7 +262,7 @@ def measured_rows(tables: xr.Dataset) -> list[Row]:
 def print_measured(rows: list[Row], console: Console) -> None:
     """Print how many measured profiles are named right, beside synthetic ones.
 
-    A row for every value of an axis that has several, or one where all of them give the same.
+    A row for every value of an axis, or one where all of them give the same.
     """
     bins = list(dict.fromkeys(row[BIN] for row in rows))
     axes = [

@@ -86,10 +86,7 @@ class Look:
 
 
 def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
-    """Return the images of one view in one setting, by range, cut out as the sweep does it.
-
-    The nearest is shown as the detector has it, others in all resolutions.
-    """
+    """Return images of a view, cut out as the sweep does it, the nearest in one resolution."""
     given = {
         name: setting(view, configuration, name)
         for name in ("contrast_at_zero", "extinction", "nedt", "target_spread", "sea_spread")
@@ -129,10 +126,9 @@ def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
 
 
 def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Figure:
-    """Draw what range and super-resolution make of a ship: image, silhouette and log-polar map.
+    """Draw image, silhouette and log-polar map of a ship, a row a range and super-resolution.
 
-    One row a range and resolution, one colour scale a range. Values that the store lacks are
-    replaced by their nearest neighbours, a ship by the first one.
+    Values that the store lacks are replaced by their nearest neighbours, a ship by the first one.
     """
     kept = ("ship", "aspect", "range", "super_resolution", "frame_count", "phase")
     here = nominal(images, keep=kept)
@@ -272,10 +268,9 @@ def _edges(aspect: NDArray[Any]) -> NDArray[Any]:
 
 
 def draw_formation(classified: xr.Dataset) -> Figure:
-    """Draw which views share a category, from bow to beam, one strip a ship.
+    """Draw which views share a category, from bow to beam, one strip a ship, and how often.
 
-    The first phase and order at the vigilance nearest to the source's, in tints of the ship's
-    colour, categories of several ships hatched; below, how often a view's category is shared.
+    The first phase and order at the vigilance nearest to the source's.
     """
     kept = ("ship", "aspect", "vigilance", "phase", "order")
     here = nominal(classified[["training_category", "training_confused"]], keep=kept)

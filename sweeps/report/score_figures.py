@@ -140,10 +140,7 @@ def draw_classifiers(rows: list[Row]) -> Figure:
 
 
 def draw_fusion(rows: list[Row]) -> Figure:
-    """Draw percent correct of each channel and of both against range.
-
-    The detector's own pixels, the largest number of frames, and the gain that is known least.
-    """
+    """Draw percent correct of each channel and of both against range, of the most frames."""
     frames = max(row["frame_count"] for row in rows)
     width, floor = _usual(rows)
     setting = {"pulse_width_ns": width, "target_free_ifovs": floor, "frame_count": frames}
@@ -202,11 +199,7 @@ def _lines(
 
 
 def draw_table5(tables: xr.Dataset, *, ships: int) -> Figure:
-    """Draw percent correct of silhouettes against range, one line a resolution.
-
-    Means over phases and orders with their 95 % intervals (thin) and standard deviation (thick),
-    the source's where it has one, and a guess among so many ships.
-    """
+    """Draw percent correct of silhouettes against range, and a guess among so many ships."""
     kept = ("vigilance", "range", "super_resolution", "frame_count", "aspect_bin", "phase", "order")
     here = nominal(tables, keep=kept).sel(OF_SILHOUETTES, method="nearest")
     rows = silhouette_accuracy_rows(here)

@@ -39,10 +39,9 @@ Lines = Iterable[tuple[Sequence[str], list[Row]]]
 
 
 def write_tables(folder: Path, tables: Mapping[str, list[Row]]) -> list[str]:
-    """Write rows as CSV by name, in place of an earlier run's; returns the names of the files.
+    """Write rows as CSV by name; returns the names of the files. Raises OSError if it cannot.
 
-    Of other files those go that an earlier run wrote and nobody has changed since. Raises OSError
-    if the folder cannot be written to.
+    Other files that an earlier run wrote, and nobody has changed since, are removed.
     """
     folder.mkdir(exist_ok=True)
     contents = {f"{name}.csv": _csv(rows) for name, rows in tables.items() if rows}
@@ -151,10 +150,10 @@ def _say(text: str, file: IO[str], encoding: str) -> None:
         return
 
 
-def complain(sentence: str, program: str = "ncti-report") -> None:
+def complain(sentence: str) -> None:
     """Say a sentence on stderr, if anybody listens."""
     with suppress(OSError, ValueError, AttributeError):
-        print(f"{program}: {sentence}", file=sys.stderr, flush=True)
+        print(f"ncti-report: {sentence}", file=sys.stderr, flush=True)
 
 
 def plain(text: str) -> Text:
@@ -263,8 +262,8 @@ def print_scores(
 ) -> None:
     """Print percent correct: aspect bins across, and below a line the source's where it has some.
 
-    A line has texts for the columns before the bins (an empty first one goes on with the last one)
-    and rows; `dim` heads columns after the bins, which show `more` of its rows.
+    A line has texts for the columns before the bins, and rows; `dim` heads columns after the bins,
+    which show `more` of its rows.
     """
     lines = list(lines)
     bins = list(dict.fromkeys(row[BIN] for _, rows in lines for row in rows))
@@ -289,16 +288,18 @@ def print_grid(
     title: Callable[[str], str],
     down: Mapping[str, str],
     across: tuple[str, Mapping[Any, str]],
-    text: Callable[[Row | None], str],
+    figure: str,
+    text: Callable[[float], str],
     console: Console,
 ) -> None:
-    """Print rows down and across: the columns `down` by their headings, of one `across` values."""
+    """Print a figure down and across: columns `down` by their headings, of one `across` values."""
     column, headings = across
     for words, group in settings(rows, (), but=(*down, column, BIN)):
         table = sheet(title(f", {words}" if words else ""), *down.values(), *headings.values())
         for place, line in grouped(group, tuple(down)).items():
-            found = {row[column]: row for row in line}
-            table.add_row(*map(shown, place), *(text(found.get(value)) for value in headings))
+            found = {row[column]: row[figure] for row in line if row[figure] is not None}
+            texts = (text(found[key]) if key in found else NOTHING for key in headings)
+            table.add_row(*map(shown, place), *texts)
         show(table, console)
 
 

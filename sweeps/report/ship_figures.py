@@ -137,11 +137,7 @@ def draw_ships() -> Figure:
 
 
 def draw_profiles(profiles: xr.Dataset) -> Figure:
-    """Draw profiles as a classifier sees them: what aspect, ship and averaging make of them.
-
-    Three panels of profiles above their noise floor, each with its peak as unit. Values that the
-    store lacks are replaced by their nearest neighbours.
-    """
+    """Draw profiles as a classifier sees them: what aspect, ship and averaging make of them."""
     here = nominal(profiles, keep=("ship", "aspect", "range", "pulse_width", "frame_count"))
     here = here.sel(range=RANGE, pulse_width=PULSE_WIDTH, method="nearest")
     name = here.ship[0].item().capitalize()
@@ -154,25 +150,13 @@ def draw_profiles(profiles: xr.Dataset) -> Figure:
 
     figure = Figure(figsize=(11.0, 4.4), dpi=160, layout="constrained")
     by_aspect, by_ship, by_frames = figure.subplots(1, 3)
-    _stack(
-        by_aspect,
-        turned,
-        labels=[f"{aspect:g}°" for aspect in aspects],
-        colours=colormaps["viridis"](np.linspace(0.1, 0.75, aspects.size)),
-    )
-    _stack(
-        by_ship,
-        quarter.expected,
-        labels=[label.capitalize() for label in ships],
-        colours=colormaps["Dark2"](np.arange(ships.size) % 8),
-    )
-    _stack(
-        by_frames,
-        averaged,
-        labels=["1 frame" if count == 1 else f"{count} frames" for count in counts],
-        colours=colormaps["Reds"](np.linspace(0.5, 0.9, counts.size)),
-        behind=quarter.expected.isel(ship=0),
-    )
+    colours = colormaps["viridis"](np.linspace(0.1, 0.75, aspects.size))
+    _stack(by_aspect, turned, [f"{aspect:g}°" for aspect in aspects], colours)
+    colours = colormaps["Dark2"](np.arange(ships.size) % 8)
+    _stack(by_ship, quarter.expected, [label.capitalize() for label in ships], colours)
+    colours = colormaps["Reds"](np.linspace(0.5, 0.9, counts.size))
+    labels = ["1 frame" if count == 1 else f"{count} frames" for count in counts]
+    _stack(by_frames, averaged, labels, colours, behind=quarter.expected.isel(ship=0))
     by_aspect.set_title(f"{name} from bow (0°) to beam (90°)", fontsize=10)
     by_ship.set_title(f"Ships at {here_at}", fontsize=10)
     by_frames.set_title(f"{name} at {here_at}, averages over the expected", fontsize=10)
@@ -185,9 +169,9 @@ def draw_profiles(profiles: xr.Dataset) -> Figure:
 def _stack(
     axes: Axes,
     profiles: xr.DataArray,
-    *,
     labels: Sequence[str],
     colours: ArrayLike,
+    *,
     behind: xr.DataArray | None = None,
 ) -> None:
     """Profiles above each other, the first on top, with another one behind each."""

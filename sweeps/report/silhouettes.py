@@ -9,7 +9,7 @@ import xarray as xr
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 
-from sweeps.report.axes import NOTHING, OF_ARRAYS, axes_of, printable, shown
+from sweeps.report.axes import OF_ARRAYS, axes_of, printable, shown
 from sweeps.report.rows import (
     BIN,
     RULES,
@@ -55,8 +55,7 @@ def frames_in_all(row: Row, key: str = "frame_count") -> int | None:
 def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Row]:
     """Return what the air leaves of a ship's warmth (the article's Table 1), by range and frames.
 
-    Of the store's infrared group, with the settings of the sensor that it has as coordinates, or
-    else the `infrared` part of the configuration.
+    Settings of the sensor are the images' coordinates, or else of the configuration's `infrared`.
     """
     # Here, since it takes longer to import than tables to print.
     from ncti.infrared import attenuation, contrast, snr
@@ -105,11 +104,7 @@ def print_sensor(rows: list[Row], console: Console) -> None:
 
 
 def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
-    """Return categories formed from silhouettes, a row for all phases and orders of a training.
-
-    How many of these there are, mean, least and most categories, the first's, silhouettes,
-    whether categories settled in all, the source's count. Those that failed are left out.
-    """
+    """Return categories formed from silhouettes, a row for all phases and orders of a training."""
     source, rows = source_figures()["table5_percent_correct"], []
     formed = tables[["category_count", "view_count", "settled"]]
     formed = formed.drop_vars(RULES, errors="ignore")  # categories form before they are named
@@ -152,11 +147,7 @@ def print_silhouette_categories(rows: list[Row], console: Console) -> None:
 
 
 def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
-    """Return percent correct by aspect bin (the article's Table 5), training silhouettes first.
-
-    Over phases and orders: with its Wilson interval, its standard deviation over them, number of
-    views, frames at all places of the detector together, and the source's figure.
-    """
+    """Return percent correct by aspect bin (the article's Table 5), training silhouettes first."""
     training = score_rows(tables, "training_", silhouettes="training")
     rows = together(training, score_rows(tables, silhouettes="cut out"))
     for row in rows:
@@ -165,11 +156,7 @@ def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
-    """Print percent correct of silhouettes: ranges and resolutions down, aspect bins across.
-
-    One vigilance and one number of frames are printed, the source's if they are there; the CSV
-    has them all.
-    """
+    """Print percent correct of silhouettes, of the source's vigilance and frames or the nearest."""
     figures = source_figures()["table5_percent_correct"]
     rows = of_one(rows)
     tested = [row for row in rows if row["frame_count"] is not None]
@@ -223,7 +210,8 @@ def print_detection(rows: list[Row], false_alarm: float, console: Console) -> No
         lambda words: f"Ships detected{alarms}{words} [%]",
         {"range_km": "range [km]"},
         ("frame_count", {n: "1 frame" if n == 1 else f"{n} frames" for n in counts}),
-        lambda row: _figure(row, "probability", 100, ".3g"),
+        "probability",
+        lambda share: f"{100 * share:.3g}",
         console,
     )
 
@@ -249,20 +237,14 @@ def print_reconstruction(rows: list[Row], console: Console) -> None:
         lambda words: title + words,
         {"range_km": "range [km]", "frame_count": "frames"},
         ("super_resolution", ways),
-        lambda row: _figure(row, "error", 1, ".3f"),
+        "error",
+        lambda error: f"{error:.3f}",
         console,
     )
 
 
-def _figure(row: Row | None, name: str, scale: float, digits: str) -> str:
-    return NOTHING if row is None or row[name] is None else format(scale * row[name], digits)
-
-
 def fusion_rows(tables: xr.Dataset) -> list[Row]:
-    """Return percent correct by sensor and by both, a row a cell and aspect bin.
-
-    `n` counts answers, which the interval takes as fewer where those to one view are alike.
-    """
+    """Return percent correct by sensor and by both, a row a cell and aspect bin."""
     rows = score_rows(tables)
     for row in rows:
         row["infrared_frames_in_all"] = frames_in_all(row, "infrared_frame_count")

@@ -103,10 +103,7 @@ def _count(row: Row | None) -> str:
 
 
 def print_accuracy(rows: list[Row], console: Console) -> None:
-    """Print percent correct with its interval: numbers of frames down, aspect bins across.
-
-    One vigilance is printed, the source's if it is there; the CSV has them all.
-    """
+    """Print percent correct by numbers of frames and aspect bin, of the source's vigilance."""
     chosen = shown_vigilance(rows)
     printed = [row for row in of_one(rows) if row["vigilance"] == chosen]
     for place, group in settings(printed, (*CELL, "vigilance"), but=("frame_count", BIN)):
@@ -134,8 +131,7 @@ def names_profiles(table: xr.Dataset) -> bool:
 def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     """Return percent correct of every classifier, given its tables by name, in every setting.
 
-    A row for each cell, number of frames (none for the profiles it was trained with) and aspect
-    bin, with the source's figure, and by how many points it is below the bound.
+    Of the profiles it was trained with, too, without a number of frames.
 
     Notes
     -----
@@ -231,11 +227,7 @@ def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
 
 
 def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
-    """Return what is still right where so many answers to unknown ships are rejected.
-
-    One row for each cell, kind of aspect and least share rejected, with the cosine up to which
-    answers are.
-    """
+    """Return what is still right where so many answers to unknown ships are rejected."""
     columns: dict[str, Column] = {
         "rejected_up_to": ("rejected_up_to", finite),
         "percent_correct": (AT_LEAST, percent),
