@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import xarray as xr
 from rich.console import Console
+from rich.progress import track
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.report import flights, rows, silhouettes, tables
@@ -17,6 +21,7 @@ from sweeps.report.axes import OF_ARRAYS, Column, printable, shown
 from sweeps.report.rows import Row
 from sweeps.report.screen import (
     FILES,
+    MISSING,
     complain,
     explain,
     line,
@@ -26,13 +31,21 @@ from sweeps.report.screen import (
     show,
     unforeseen,
     write_tables,
+    write_whole,
 )
+
+if TYPE_CHECKING:
+    import trimesh
+    from matplotlib.figure import Figure
+
+__all__ = ["MISSING", "main", "report", "write_pictures"]
 
 OTHER_VIEWS = "The source's figures are of its own 124 views, four ships from bow to beam."
 REJECTION = "rejection_"
 OWN = {"acn_infrared", "fusion", "detection", "super_resolution", "measured"}
 """Groups of tables that are reported in a way of their own."""
 CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")  # of range profiles, the known ones first
+TOLD = 6  # names of pictures; the folder has the others
 MOST = 60  # rows of any other table on the screen; the file has all
 
 # Of groups of tables: names of files, and what makes and prints their rows.
@@ -92,9 +105,6 @@ def main() -> None:
         complain(f"tables are not written: {error}")
         sys.exit(2)
     if arguments.pictures:
-        # Here, since nothing else needs what flies, which takes longer to import than to print.
-        from sweeps.report.figures import MISSING, write_pictures
-
         try:
             write_pictures(path, console)
         except (ImportError, OSError, ValueError) as error:
@@ -134,6 +144,42 @@ def report(path: Path, console: Console) -> None:
         line(f"tables  {printable(str(folder))}: {', '.join(files)}", aside)
     if failed:
         raise failed
+
+
+def write_pictures(
+    path: Path, console: Console, *, ship: Callable[[str], trimesh.Trimesh] | None = None
+) -> None:
+    """Draw every stage of the corrections of each flight, and near-stern profiles.
+
+    Of each ship flown past, range and aspect one flight, nominal on any other axis. `ship` gives
+    the mesh of a label, in place of the known ship of that name. Raises ImportError without
+    matplotlib, and ValueError if the store has no flights, or its ships are no longer known.
+    """
+    import_module("matplotlib.figure")  # before anything is flown for nothing
+    # Here, since nothing else needs what flies, which takes longer to import than to print.
+    from sweeps.report.flight_figures import draw_flight, draw_validation, flights_of, known_ship
+
+    store = rows.opened(path)
+    if "validation" not in store:
+        raise ValueError(f"{str(path)!r} has no flights, but must be the store of a sweep of irar")
+    given, flights, folder = store.attrs, rows.read(store, "validation"), rows.tables_folder(path)
+    folder.mkdir(exist_ok=True)
+    load, places = ship or partial(known_ship, given), flights_of(flights)
+    meshes = {place.ship: load(place.ship) for place in places}
+    drawn: dict[str, Callable[[], Figure]] = {}
+    for place in places:
+        label = re.sub(r"[^\w.-]", "_", place.ship)
+        name = f"flight_{label}_{place.range:g}km_{place.aspect:g}deg.png"
+        drawn[name] = partial(draw_flight, given, flights, place, meshes[place.ship])
+    if flights.stern_to_hangar.notnull().any():
+        drawn["validation.png"] = partial(draw_validation, flights)
+    aside = Console(stderr=True)
+    for name, make in track(drawn.items(), description="  pictures        ", console=aside):
+        write_whole(folder / name, partial(make().savefig, format="png"))
+    names = list(drawn)
+    more = f" and {len(names) - TOLD} more" if len(names) > TOLD else ""
+    with page(console) as there:
+        line(f"pictures  {printable(str(folder))}: {', '.join(names[:TOLD])}{more}", there)
 
 
 def _parts(path: Path) -> Iterator[Part]:

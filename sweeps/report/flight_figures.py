@@ -23,7 +23,6 @@ from ncti.irar import Correction, Scan, Snapshot
 from sweeps.report.axes import nominal, shown, which
 from sweeps.report.flights import GAINS, SISTERS, STERN, TITLED, flown_past, put_in
 from sweeps.report.rows import setting
-from sweeps.report.score_figures import OURS, THEIRS
 from sweeps.stages.flight_geometry import scan_again, surface
 from sweeps.stages.irar import FLOWN, RATES, RECORDED
 from sweeps.stages.views import hull, read_mesh, ship_name
@@ -38,7 +37,7 @@ UNSEEN = "slate blue: no sample fell there; black, and grey of ranges: looked at
 SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
 TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
 
-TRUTH = "0.75"
+OURS, THEIRS, TRUTH = "#1f4e79", "#c1440e", "0.75"
 MARKED = (  # m past the hangar, height, what is there
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
     *((45, 0.76, "main mast"), (61, 0.32, "bridge")),

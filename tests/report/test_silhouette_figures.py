@@ -1,6 +1,5 @@
 """Pictures of the infrared channel show what the store holds."""
 
-import sys
 import warnings
 from itertools import pairwise
 
@@ -59,17 +58,6 @@ def panels_of(figure):
 @pytest.mark.parametrize(("kind", "count"), PANELS.items())
 def test_panels_are_as_many_as_there_is_data_for(kind, count, drawn):
     assert len(panels_of(drawn[kind])) == count
-
-
-@pytest.mark.parametrize("kind", PANELS)
-def test_command_writes_the_picture_small_enough_for_a_page(
-    kind, smoke_store, tmp_path, monkeypatch
-):
-    picture = tmp_path / f"{kind}.png"
-    monkeypatch.setattr(sys, "argv", ["figures", kind, str(smoke_store), str(picture)])
-    figures.main()
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert picture.stat().st_size < 250_000
 
 
 def test_silhouette_shown_is_the_one_that_was_mapped(view, infrared):
@@ -297,12 +285,3 @@ def test_pictures_leave_the_settings_of_matplotlib_alone(smoke_store):
     before = dict(matplotlib.rcParams)
     figures.draw("formation", smoke_store)
     assert dict(matplotlib.rcParams) == before
-
-
-def test_store_without_the_channel_is_refused_in_one_sentence(tmp_path, monkeypatch, capsys):
-    absent = tmp_path / "absent.zarr"
-    monkeypatch.setattr(sys, "argv", ["figures", "silhouettes", str(absent), "picture.png"])
-    with pytest.raises(SystemExit) as caught:
-        figures.main()
-    assert caught.value.code == 2
-    assert "silhouettes cannot be drawn" in capsys.readouterr().err
