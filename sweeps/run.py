@@ -36,7 +36,7 @@ def report(store: Path, choices: Choices) -> None:
 
 def _draw(store: Path, choices: Choices) -> None:
     """Pictures of a finished sweep of flights, which is as good without them."""
-    from sweeps.report.flight_pictures import MISSING, write_pictures
+    from sweeps.report.command import MISSING, write_pictures
 
     ships = {str(ship): ship for ship in choices[Grid.ship]}
     try:
