@@ -14,7 +14,7 @@ from benchmarks.reports import Column, Report, Sample
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.command import Command
 from sweeps.engine.front import composing, read_configuration, register, replaceable
-from sweeps.engine.launcher import register_launcher
+from sweeps.engine.multirun import register_launcher
 from sweeps.engine.run import Place
 from sweeps.engine.settings import Choices
 from sweeps.experiment import EXPERIMENT

@@ -13,11 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.kinds import Kind, Word
-from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Setting, Settings
-from sweeps.engine.stage import Stage
+from sweeps.engine.settings import Choices, Run, Setting, Settings
+from sweeps.engine.stage import Experiment, Stage
 from sweeps.stages import (
     acn,
     acn_infrared,
@@ -99,7 +97,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     sensors = _declared(modules, "SENSOR")
     names = _declared(modules, "NAME")
     words = {
-        Sweep.sensor.key: replace(Sweep.sensor.kind, kind=Word(sensors)),  # type: ignore[type-var]
+        Sweep.sensor.key: replace(Sweep.sensor.kind, kind=Word(sensors)),  # type: ignore[call-arg]
         classifier.Classifier.name.key: Word(names),
     }
     groups = tuple(
@@ -137,6 +135,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         tables=tuple(table for one in modules for table in getattr(one, "TABLES", ())),
         statuses=tuple(status for one in modules for status in getattr(one, "STATUSES", ())),
         check=check,
+        checking="checking what is asked for, and building its ships",
         remarks=remarks,
         versions=VERSIONS,
         attributes=_attributes,

@@ -29,8 +29,7 @@ ROOMS = {
     "sweeps.stages": {"sweeps.engine", "sweeps.stages", "ncti"},
     "sweeps.experiment": {"sweeps.engine", "sweeps.stages"},
     "sweeps.report": {"sweeps.engine", "sweeps.stages", "sweeps.report", "ncti"},
-    "sweeps.run": {"sweeps.engine", "sweeps.stages", "sweeps.report", "sweeps.experiment"},
-    "sweeps.app": {"sweeps.run"},
+    "sweeps.app": {"sweeps.engine", "sweeps.stages", "sweeps.report", "sweeps.experiment"},
 }
 ONLY_THE_ENGINE = FOREIGN - {"sweeps"}
 ALLOWED_OTHERS = {("sweeps.report", "zarr")}  # it reads stores
@@ -136,7 +135,7 @@ def test_a_way_back_would_be_found(tmp_path, monkeypatch):
         "sweeps/engine/worse.py": "import ncti.ladar",
         "sweeps/stages/bad.py": "from sweeps.report import tables",
         "sweeps/report/bad.py": "def f():\n    import hydra",
-        "sweeps/run.py": "from sweeps import app",
+        "sweeps/experiment.py": "from sweeps import app",
     }.items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.experiment import Bound, DeclarationError
 from sweeps.engine.inputs import Arrays, Damaged, Spot
 from sweeps.engine.layout import (
     Layout,
@@ -25,7 +24,7 @@ from sweeps.engine.layout import (
     scalar_coordinates,
 )
 from sweeps.engine.plan import Place, Plan
-from sweeps.engine.stage import Output
+from sweeps.engine.stage import Bound, DeclarationError, Output
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1

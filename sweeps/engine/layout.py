@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.experiment import Bound
 from sweeps.engine.plan import Axis, Plan
 from sweeps.engine.settings import Setting
-from sweeps.engine.stage import Output
+from sweeps.engine.stage import Bound, Output
 from sweeps.engine.zarr_array import Array
 
 

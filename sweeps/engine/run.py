@@ -14,7 +14,6 @@ from sweeps.engine.cells import CellIndex, open_index
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.execute import Watch, execute
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.inputs import Damaged
 from sweeps.engine.lock import locked
 from sweeps.engine.manifest import verify
@@ -25,6 +24,7 @@ from sweeps.engine.provenance import check_extends, provenance
 from sweeps.engine.replacement import PARTIAL, hidden
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Experiment
 from sweeps.engine.store import add_group, read_attributes, write_store
 from sweeps.engine.takeover import OldStore
 from sweeps.engine.target import check_folder, check_target, real_place

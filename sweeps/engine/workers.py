@@ -30,8 +30,8 @@ from distributed.security import Security
 from distributed.threadpoolexecutor import ThreadPoolExecutor
 from tornado.ioloop import PeriodicCallback
 
-from sweeps.engine.cluster import ONE_THREAD, ClusterChoice, Finished, environment, one_thread
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+from sweeps.engine.process import ONE_THREAD, environment, one_thread
 
 # Environment that a worker process must be started with, since libraries read it only then. It
 # keeps 256 MiB of freed memory, and maps arrays separately from 32 MiB on, the most that allocators
@@ -60,6 +60,8 @@ LOST = 30.0  # s until a job whose worker went away, but might restart it, count
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
 
 Task = tuple[int, Callable[..., Any], tuple[Any, ...]]
+Outcome = tuple[int, Any, Exception | None]
+Say = Callable[[str], None]
 
 
 def run_task(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
@@ -102,9 +104,9 @@ class DaskExecutor:
         else:
             self._start(task)
 
-    def finished(self) -> list[Finished]:
+    def finished(self) -> list[Outcome]:
         """Wait for a task to finish; raises `SweepIncomplete` if the scheduler is gone."""
-        outcomes: list[Finished] = []
+        outcomes: list[Outcome] = []
         while not outcomes and (self._running or self._suspects or self._held):
             if not self._running:
                 self._start_waiting()
@@ -126,28 +128,26 @@ class DaskExecutor:
         while self._held and not self._alone:
             self._start(self._held.popleft())
 
-    def _outcome(self, future: Future, task: Task) -> list[Finished]:
+    def _outcome(self, future: Future, task: Task) -> list[Outcome]:
         """Outcome of a task, or none where it is to be run again."""
         if future.cancelled():
             raise SweepIncomplete("the scheduler of the cluster is gone, with the tasks it had")
         try:
-            return [Finished(task[0], future.result(), None)]
+            return [(task[0], future.result(), None)]
         except KilledWorker:
             if self._alone:
                 message = "the worker process died whenever it ran this task (out of memory?)"
-                return [Finished(task[0], None, RuntimeError(message))]
+                return [(task[0], None, RuntimeError(message))]
             self._suspects.append(task)
             return []
         except Exception as error:
-            return [Finished(task[0], None, error)]
+            return [(task[0], None, error)]
 
 
 @contextmanager
-def local(
-    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
-) -> Iterator[DaskExecutor]:
+def local(*, workers: int | None, tasks: int | None, say: Say) -> Iterator[DaskExecutor]:
     """Start worker processes on this machine, which end with this process however it ends."""
-    count = _number(choice.workers or CPU_COUNT, tasks)
+    count = _number(workers or CPU_COUNT, tasks)
     say(f"starting {count} worker process{'es' if count > 1 else ''}")
     security = Security.temporary()
     # Workers share the terminal, where one that dies would log its last steps.
@@ -173,50 +173,54 @@ def local(
 
 @contextmanager
 def address(
-    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
+    *,
+    address: str,
+    ca_file: str | None,
+    cert: str | None,
+    key: str | None,
+    tasks: int | None,
+    say: Say,
 ) -> Iterator[DaskExecutor]:
     """Reach a running scheduler. Each of its worker processes runs one task at a time."""
-    url = str(choice.address)
-    if choice.ca_file is None and not _is_loopback(url):
-        say(f"the traffic with {url} is neither encrypted nor authenticated")
+    host = urlsplit(address).hostname or ""
+    if ca_file is None and host not in {"localhost", "::1"} and not host.startswith("127."):
+        say(f"the traffic with {address} is neither encrypted nor authenticated")
     with ExitStack() as stack:
         stack.enter_context(_started_with({"distributed.comm.timeouts.connect": f"{ANSWER}s"}, {}))
-        security = _security(choice)
+        security = Security() if ca_file is None else _security(ca_file, cert, key)
         try:
-            _check_scheduler(url, security)
-            client = stack.enter_context(Client(url, security=security, timeout=ANSWER))
+            _check_scheduler(address, security)
+            client = stack.enter_context(Client(address, security=security, timeout=ANSWER))
         except Exception as error:  # of any kind, since whatever listens may answer anything
             raise ConfigurationError(
-                f"cluster.address is {url}, but no scheduler answers there "
+                f"cluster.address is {address}, but no scheduler answers there "
                 f"({str(error) or type(error).__name__})"
             ) from error
-        say(f"waiting for a worker of {url}")
+        say(f"waiting for a worker of {address}")
         try:
             client.wait_for_workers(1, timeout=ARRIVAL)
         except TimeoutError as error:
             raise ConfigurationError(
-                f"cluster.address is {url}, but its scheduler has no workers"
+                f"cluster.address is {address}, but its scheduler has no workers"
             ) from error
         yield DaskExecutor(client, None)
 
 
 @contextmanager
-def slurm(
-    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
-) -> Iterator[DaskExecutor]:
-    """Submit jobs, and cancel them at the end.
+def slurm(*, workers: int, tasks: int | None, say: Say, **asked: Any) -> Iterator[DaskExecutor]:
+    """Submit jobs that ask for some settings of Slurm's, and cancel them at the end.
 
     Until then the certificate of the run is in a folder, which only its owner may open, of the
     current directory, which the jobs must see.
     """
-    jobs = _number(choice.workers or 1, tasks)
+    jobs = _number(workers, tasks)
     say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
     settings = SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST}s"}
     with ExitStack() as stack:
         stack.enter_context(_started_with(settings, ENVIRONMENT))
         with _interrupts_held():
             folder = stack.enter_context(TemporaryDirectory(prefix=".sweep-", dir=os.getcwd()))
-            cluster = stack.enter_context(_slurm_cluster(choice, _certificate(Path(folder))))
+            cluster = stack.enter_context(_slurm_cluster(_certificate(Path(folder)), asked))
         _submit(cluster, jobs)
         stack.enter_context(_workers_replaced(cluster, jobs, every=JOBS_CHECKED))
         yield DaskExecutor(stack.enter_context(Client(cluster)), jobs)
@@ -243,28 +247,17 @@ def _check_scheduler(url: str, security: Security) -> None:
         raise ValueError(f"{url} is a {kind}")
 
 
-def _is_loopback(url: str) -> bool:
-    host = urlsplit(url).hostname or ""
-    return host in {"localhost", "::1"} or host.startswith("127.")
-
-
-def _security(choice: ClusterChoice) -> Security:
-    """Certificates of the client, or none for an address that is not encrypted."""
-    if choice.ca_file is None:
-        return Security()
+def _security(ca_file: str, cert: str | None, key: str | None) -> Security:
+    """Certificates of the client."""
     security = Security(
-        tls_ca_file=choice.ca_file,
-        tls_client_cert=choice.cert,
-        tls_client_key=choice.key,
-        require_encryption=True,
+        tls_ca_file=ca_file, tls_client_cert=cert, tls_client_key=key, require_encryption=True
     )
     try:
         security.get_connection_args("client")
     except OSError as error:
         raise ConfigurationError(
-            f"cluster.ca_file, cluster.cert and cluster.private_key are {choice.ca_file}, "
-            f"{choice.cert} and {choice.key}, but must be PEM files of which the key belongs to "
-            "the certificate"
+            f"cluster.ca_file, cluster.cert and cluster.private_key are {ca_file}, {cert} and "
+            f"{key or 'null'}, but must be PEM files of which the key belongs to the certificate"
         ) from error
     return security
 
@@ -281,7 +274,7 @@ def _certificate(folder: Path) -> Security:
     return Security(require_encryption=True, tls_ca_file=str(certificate), **files)
 
 
-def _slurm_cluster(choice: ClusterChoice, security: Security) -> Any:
+def _slurm_cluster(security: Security, asked: Mapping[str, Any]) -> Any:
     """Cluster without jobs."""
     try:
         from dask_jobqueue import SLURMCluster
@@ -292,13 +285,9 @@ def _slurm_cluster(choice: ClusterChoice, security: Security) -> Any:
     if shutil.which("sbatch") is None:
         raise ConfigurationError("cluster.kind is slurm, but this machine has no sbatch command")
     return SLURMCluster(
-        queue=choice.queue,
-        account=choice.account,
-        walltime=choice.walltime,
+        **asked,
         cores=1,
         processes=1,
-        memory=choice.memory,
-        interface=choice.interface,
         protocol="tls://",
         security=security,
         scheduler_options=SCHEDULER,

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.classify.vigilance_sweep import Similarities
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.engine.stage import Output, Stage, in_memory, stage
+from sweeps.engine.stage import Output, Stage, Table, in_memory, stage
 from sweeps.stages.categories import (
     answer_tests,
     clustering_of,

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from ncti.classify.vigilance_sweep import Similarities
 from ncti.evaluate import wilson_interval
-from sweeps.engine.experiment import Table
-from sweeps.engine.run_settings import Run
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, in_memory, stage
+from sweeps.engine.settings import Choices, Run
+from sweeps.engine.stage import Output, Stage, Table, in_memory, stage
 from sweeps.stages.acn import NAME as ACN
 from sweeps.stages.acn import Lessons, Network
 from sweeps.stages.categories import (

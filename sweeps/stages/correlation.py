@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices, Settings, word
-from sweeps.engine.stage import Output, Stage, in_memory, stage
+from sweeps.engine.stage import Output, Stage, Table, in_memory, stage
 from sweeps.stages.classifier import (
     NONE,
     STATE,

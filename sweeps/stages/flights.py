@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ncti.irar import Flight, Pass, Scan, Snapshot, autofocus, profile, ship_window, true_snapshot
 from ncti.ladar import range_extent
 from ncti.render import range_image
-from sweeps.engine.run_settings import Run
+from sweeps.engine.settings import Run
 from sweeps.engine.stage import Stage, in_memory, plain
 from sweeps.stages.flight_geometry import (
     CELLS,

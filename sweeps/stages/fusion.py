@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from ncti.classify.fusion import fit_sharpness, fuse, label_posterior
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, stage
+from sweeps.engine.stage import Output, Stage, Table, stage
 from sweeps.stages.acn_infrared import map_vectors
 from sweeps.stages.classifier import NONE, STATE, Classifier, learned
 from sweeps.stages.infrared import Infrared

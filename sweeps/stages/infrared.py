@@ -11,8 +11,7 @@ from ncti import infrared as library
 from ncti.features import SEGMENTATION_METHODS
 from ncti.features.log_polar import INTERPOLATIONS
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Settings, count, draws, number, word
+from sweeps.engine.settings import Choices, Run, Settings, count, draws, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
 from sweeps.stages.infrared_look import (
     Bits,

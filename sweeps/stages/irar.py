@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ncti.irar.chain import MIRROR_METHODS, RANGE_FILTERS
 from ncti.irar.registration import MOTION_METHODS
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Number, Value
+from sweeps.engine.kinds import Kind, Number, Value
 from sweeps.engine.settings import Setting, Settings, count, number, set_of, switch, word
 from sweeps.stages.views import IRAR, MOST_FRAMES, Grid, ships
 
@@ -33,7 +33,7 @@ MOST_WRONG = {  # percent, m/s, degrees
 
 
 @dataclass(frozen=True)
-class Errors:
+class Errors(Kind):
     """Errors of what navigation believes, one at a time; no error is always among them.
 
     Attributes

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from ncti.classify.vigilance_sweep import Similarities
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
+from sweeps.engine.stage import Output, Stage, Table, in_memory, plain, stage
 from sweeps.stages.acn import Lessons, Network, acn, acn_names, acn_training
 from sweeps.stages.classifier import NONE, STATE, Classifier, learned, profile_vectors, state
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views

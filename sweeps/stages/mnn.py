@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.engine.stage import Output, Stage, stage
+from sweeps.engine.stage import Output, Stage, Table, stage
 from sweeps.stages.classifier import NONE, STATE, Classifier, learned, names_by, state
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.scores import tabulate_answers

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Condition
+from sweeps.engine.stage import Condition, Table
 from sweeps.stages.classifier import Classifier, learned_of
 
 if TYPE_CHECKING:

@@ -24,8 +24,9 @@ from distributed.security import Security
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from sweeps.engine import workers
-from sweeps.engine.cluster import ONE_THREAD, ClusterChoice, executor
+from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+from sweeps.engine.process import ONE_THREAD
 
 IMPORTS = f"{Path(__file__).parent}:{Path(__file__).parents[2]}"
 QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
@@ -415,7 +416,7 @@ from sweeps.engine.cluster import ClusterChoice, executor
 if __name__ == "__main__":
     with executor(ClusterChoice(workers=1), say=print) as run:
         run.submit(0, os.getpid)
-        print(run.finished()[0].result, flush=True)
+        print(run.finished()[0][1], flush=True)
         run.submit(1, time.sleep, 1000)
         run.finished()
 """
@@ -654,15 +655,15 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ({"workers": 0}, "workers is 0, but must be at least 1"),
         (
             {"kind": "inline", "workers": 2},
-            "workers is 2, but must be None where cluster.kind is inline",
+            "workers is 2, but must be null where cluster.kind is inline",
         ),
         (
             {"address": "tcp://127.0.0.1:1"},
-            "address is tcp://127.0.0.1:1, but must be None where cluster.kind is local",
+            "address is tcp://127.0.0.1:1, but must be null where cluster.kind is local",
         ),
         (
             {"kind": "address"},
-            "address is None, but must be the address of a dask scheduler "
+            "address is null, but must be the address of a dask scheduler "
             "where cluster.kind is address",
         ),
         (
@@ -671,7 +672,7 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ),
         (
             {"kind": "address", **TLS},
-            "ca_file is None, but must be a PEM file where cluster.address begins with tls://",
+            "ca_file is null, but must be a PEM file where cluster.address begins with tls://",
         ),
         (
             {"kind": "address", **TLS, "ca_file": "absent.pem"},
@@ -679,19 +680,19 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ),
         (
             {"kind": "address", "address": "tcp://10.0.0.1:1", "cert": "x.pem"},
-            "cert is x.pem, but must be None where cluster.address does not begin with tls://",
+            "cert is x.pem, but must be null where cluster.address does not begin with tls://",
         ),
         (
             {"kind": "address", "address": "tcp://10.0.0.1:1", "queue": "short"},
-            "queue is short, but must be None where cluster.kind is address",
+            "queue is short, but must be null where cluster.kind is address",
         ),
         (
             {"kind": "slurm", "memory": "1GB"},
-            "workers is None, but must be the number of jobs where cluster.kind is slurm",
+            "workers is null, but must be the number of jobs where cluster.kind is slurm",
         ),
         (
             {"kind": "slurm", "workers": 1},
-            "memory is None, but must be the memory of a job, such as 4GiB "
+            "memory is null, but must be the memory of a job, such as 4GiB "
             "where cluster.kind is slurm",
         ),
         (

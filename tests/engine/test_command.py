@@ -19,7 +19,7 @@ from toys import CALLS, SPRINGS, go
 from sweeps.engine import command as commands
 from sweeps.engine.cells import CellIndex
 from sweeps.engine.command import Command
-from sweeps.engine.printing import show
+from sweeps.engine.process import show
 from sweeps.engine.watching import summary, watching
 
 
@@ -91,7 +91,7 @@ REFUSED = {
     "=3": "=3 has no key, but must be KEY=VALUE",
     "cluster=grid": "cluster is 'grid', but must be one of address, inline, local, slurm",
     "cluster=[inline,local]": "cluster is [inline,local], but must be one choice",
-    "cluster.workers=2": "cluster.workers is 2, but must be None where cluster.kind is inline",
+    "cluster.workers=2": "cluster.workers is 2, but must be null where cluster.kind is inline",
     "spring.mass=${nothing}": "nothing",
     "store=s3://bucket/s.zarr": "store is 's3://bucket/s.zarr', but must be a folder on a file "
     "system: URLs are not supported",
@@ -212,9 +212,8 @@ def test_the_cache_is_kept_small(start, tmp_path):
 
 
 def test_a_setting_whose_name_begins_as_hydra_does_is_not_lost():
-    from sweeps.engine.experiment import Experiment
     from sweeps.engine.settings import Settings, count
-    from sweeps.engine.stage import Output, stage
+    from sweeps.engine.stage import Experiment, Output, stage
 
     class Hydraulics(Settings, key="hydraulics"):
         """Of pipes."""

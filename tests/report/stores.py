@@ -11,9 +11,9 @@ from typing import Any
 import xarray as xr
 from rich.console import Console
 
+from sweeps.app import command
 from sweeps.report.command import main, report
 from sweeps.report.stored import tables_folder
-from sweeps.run import command
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]
 CLASSIFIERS = [

@@ -6,9 +6,9 @@ import xarray as xr
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.execute import Watch
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Experiment
 from sweeps.stages import (
     acn,
     classifier,

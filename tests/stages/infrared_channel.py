@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from ncti.render import RangeImage
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Experiment
 from sweeps.stages import (
     acn,
     acn_infrared,

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Experiment
 from sweeps.stages import acn, classifier, correlation, ladar, likelihood, mnn, views
 
 NAMES = ("acn", "mnn", "correlation", "likelihood", "fusion")
