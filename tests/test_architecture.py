@@ -35,7 +35,7 @@ ONLY_THE_ENGINE = FOREIGN - {"sweeps"}
 ALLOWED_OTHERS = {("sweeps.report", "zarr")}  # it reads stores
 OF_THE_EXPERIMENT = (
     r"(?i)(?<![a-z])(aspects?|pulse_?widths?|ladar|irar|infrared|ships?|silhouettes?|vigilances?|"
-    r"frame_counts?|receivers?|classifiers?)(?![a-z])"
+    r"frame_counts?|receivers?|classifiers?|ncti)(?![a-z])"
 )
 
 LONGEST_CHAIN = 15
@@ -158,7 +158,8 @@ def words_of(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("path", modules("sweeps/engine"), ids=lambda p: p.name)
 def test_the_engine_has_no_word_of_the_experiment(path):
-    assert [word for word in words_of(path) if re.search(OF_THE_EXPERIMENT, word)] == []
+    text = path.read_text(encoding="utf-8")  # its comments, too
+    assert [line for line in text.splitlines() if re.search(OF_THE_EXPERIMENT, line)] == []
 
 
 def test_words_of_the_experiment_would_be_found():

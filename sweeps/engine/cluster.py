@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from sweeps.engine.code import ENGINE, package_digest
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.process import one_thread
 
@@ -132,7 +134,11 @@ class InlineExecutor:
 
 @contextmanager
 def executor(
-    choice: ClusterChoice, *, tasks: int | None = None, say: Callable[[str], None]
+    choice: ClusterChoice,
+    *,
+    tasks: int = sys.maxsize,
+    packages: Sequence[str] = (),
+    say: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Start or reach the workers that a choice asks for, and end or leave them afterwards.
 
@@ -140,8 +146,10 @@ def executor(
     ----------
     choice : ClusterChoice
         Kind of cluster and its settings.
-    tasks : int, optional
+    tasks : int
         Upper bound of the number of tasks: no more workers than that are started.
+    packages : sequence of str
+        Packages of which workers elsewhere must have the same code, besides the engine.
     say : callable
         Told, in one sentence each, what is waited for, and what the user should know.
 
@@ -153,7 +161,7 @@ def executor(
     Raises
     ------
     ConfigurationError
-        If the cluster that is asked for cannot be reached or started.
+        If the cluster cannot be reached or started, or a worker has other code.
     """
     if choice.kind == "inline":
         with one_thread():
@@ -161,6 +169,9 @@ def executor(
     else:
         from sweeps.engine import workers  # which imports dask
 
+        elsewhere = (*ENGINE, *packages) if choice.kind != "local" else ()
+        code = {name: package_digest(name) for name in elsewhere}
         settings = {name: getattr(choice, name) for name in READ[choice.kind]}
-        with getattr(workers, choice.kind)(**settings, tasks=tasks, say=say) as dask_executor:
+        start = getattr(workers, choice.kind)
+        with start(**settings, tasks=tasks, code=code, say=say) as dask_executor:
             yield dask_executor

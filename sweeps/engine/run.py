@@ -151,7 +151,8 @@ def _sweep(
         damaged: set[str] = set()
         if schedule.ready:
             tasks = sum(1 for _ in schedule.missing_cells())
-            with executor(place.cluster, tasks=tasks, say=watch.say) as workers:
+            packages = plan.experiment.code
+            with executor(place.cluster, tasks=tasks, packages=packages, say=watch.say) as workers:
                 outcome = execute(
                     schedule, workers, index, folder=place.cache, spill=spill, watch=watch
                 )

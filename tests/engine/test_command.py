@@ -92,7 +92,17 @@ REFUSED = {
     "cluster=grid": "cluster is 'grid', but must be one of address, inline, local, slurm",
     "cluster=[inline,local]": "cluster is [inline,local], but must be one choice",
     "cluster.workers=2": "cluster.workers is 2, but must be null where cluster.kind is inline",
-    "spring.mass=${nothing}": "nothing",
+    "spring.mass=${spring.weight}": "spring.mass is ${spring.weight}, but must refer to keys that "
+    "have a value (spring.weight is no key of the configuration; spring has stiffness, mass, "
+    "limit, reference)",
+    "spring.mass=[1,${nothing}]": "spring.mass is [1, '${nothing}'], but must refer to keys that "
+    "have a value (nothing is no key of the configuration; it has spring, measured, ",
+    "store=${spring.mas}.zarr": "store is ${spring.mas}.zarr, but must refer to keys that have",
+    "spring.mass=${spring.mass}": "spring.mass is ${spring.mass}, but must refer to keys that have "
+    "a value (Recursive interpolation detected)",
+    "spring=null": "spring is null, but must hold stiffness, mass, limit, reference",
+    "spring.mass=null": "spring.mass has null, but every value must be",
+    "measured.draw=null": "measured.draw is null, but must be a whole number",
     "store=s3://bucket/s.zarr": "store is 's3://bucket/s.zarr', but must be a folder on a file "
     "system: URLs are not supported",
     "store=file:///tmp/s.zarr": "URLs are not supported",
@@ -102,6 +112,26 @@ REFUSED = {
     "store=[a,b]": "store has 2 values, but must have one: it says where or how to run",
     "dry_run=maybe": "dry_run has 'maybe', but every value must be one of true, false",
 }
+
+
+def test_a_check_that_takes_a_while_is_told_meanwhile(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(commands, "PATIENCE", 0.01)
+    told = threading.Event()
+    sentences = []
+
+    def say(name, sentence):
+        sentences.append(sentence)
+        told.set()
+
+    def slow(choices):
+        assert told.wait(10)
+        return choices
+
+    monkeypatch.setattr(commands, "say", say)
+    command = Command(replace(SPRINGS, check=slow, checking="building springs"))
+    assert command.main(["cluster=inline", "cache=cache", "store=s.zarr", "dry_run=true"]) == 0
+    assert sentences[0] == "building springs"
 
 
 @pytest.mark.parametrize("argument", REFUSED)

@@ -187,7 +187,8 @@ def run(experiment, choices, store, cache=None, kind="inline", workers=None, wat
     """Run an experiment into a store."""
     forget_all()  # as a new process would
     cache = Path(cache or Path(store).with_suffix(".cache"))
-    place = Place(Path(store), cache, ClusterChoice(kind=kind, workers=workers))
+    cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
+    place = Place(Path(store), cache, cluster)
     return sweep(experiment, choices, place, watch or Watch(lambda sentence: None))
 
 
