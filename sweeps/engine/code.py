@@ -111,11 +111,12 @@ class OtherCode(RuntimeError):
 def package_digest(name: str) -> str:
     """Hash of all sources and shaders of a package, or of a module; empty if it is not there."""
     file, folders = _place(name) or (None, ())
-    files = [path for folder in folders for path in Path(folder).rglob("*")] or [file]
+    top = Path(folders[0] if folders else file or "").parent
+    files = [*([file] if file else []), *(one for of in folders for one in Path(of).rglob("*"))]
     found = sorted(
-        (path.relative_to(folders[0]).as_posix() if folders else "", path.read_bytes())
+        (path.relative_to(top).as_posix(), path.read_bytes())
         for path in files
-        if path is not None and path.suffix in {".py", *DATA_SUFFIXES}
+        if path.suffix in {".py", *DATA_SUFFIXES}
     )
     return hashlib.sha256(repr(found).encode()).hexdigest() if found else ""
 

@@ -29,6 +29,7 @@ from sweeps.engine.cells import open_index
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.front import (
+    FUSED,
     composing,
     explain,
     legible,
@@ -38,16 +39,7 @@ from sweeps.engine.front import (
     register,
     replaceable,
 )
-from sweeps.engine.multirun import (
-    Job,
-    crossed,
-    fused,
-    is_fused,
-    read_job,
-    register_launcher,
-    split,
-    swept,
-)
+from sweeps.engine.multirun import Job, batches, crossed, fused, jobs_of, read_job, swept
 from sweeps.engine.plan import Plan
 from sweeps.engine.preview import preview
 from sweeps.engine.process import Stopped, forgiving, say, show, stopping
@@ -120,7 +112,6 @@ class Command:
         if "--cache" in given:
             return self._cache([one for one in given if one != "--cache"])
         register(experiment)
-        register_launcher(self.run_jobs, partial(read_configuration, experiment))
         # Hydra then raises what went wrong, instead of printing it and ending the process.
         os.environ["HYDRA_FULL_ERROR"] = "1"
         options = get_args_parser().parse_intermixed_args(given)
@@ -137,12 +128,12 @@ class Command:
                 for choices, store in sweeps:
                     self._preview(choices, store)
                 return ALL_DONE
-            if jobs and master is not None and is_fused(master):
-                # As Hydra would, which would compose every job three times more.
+            if jobs and master and master.hydra.runtime.choices["hydra/launcher"] == FUSED:
                 folder = Path(master.hydra.sweep.dir).absolute()
                 folder.mkdir(parents=True, exist_ok=True)
                 OmegaConf.save(master, folder / "multirun.yaml")
-                self.run_jobs(jobs, folder)
+                for batch in batches(master, jobs):
+                    self.run_jobs(batch, folder)
                 return ALL_DONE
         kept = [one for one in given if one not in overrides]
         with _arguments([sys.argv[0], *kept, *plain]):
@@ -182,8 +173,8 @@ class Command:
                         primary(experiment), overrides, run_mode=RunMode.MULTIRUN, from_shell=False
                     )
                 jobs = [
-                    read_job(front.config_loader, master, job, number, read)[0]
-                    for number, job in enumerate(split(master) or [])
+                    read_job(front.config_loader, master, job, number, read)
+                    for number, job in enumerate(jobs_of(front.config_loader, master) or [])
                 ]
             else:
                 own = [one for one in overrides if not re.match(r"[+~]*hydra[./@=]", one)]

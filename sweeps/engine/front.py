@@ -30,7 +30,7 @@ from sweeps.engine.settings import (
 )
 from sweeps.engine.stage import Experiment
 
-SCHEMA = "sweep_schema"
+SCHEMA, FUSED = "sweep_schema", "fused"
 
 HYDRA = {
     # Down to the microsecond: two sweeps may start in one second.
@@ -49,10 +49,14 @@ def register(experiment: Experiment) -> None:
     """Make the schema of an experiment known to Hydra, and a configuration that is all defaults."""
     known = ConfigStore.instance()
     known.store(name=SCHEMA, node=_schema("Configuration", nested(experiment.declared)))
+    # With it a multirun is one sweep, which Hydra leaves to `Command`; where another sweeper starts
+    # the jobs, each is a sweep of its own.
+    target = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
+    known.store(group="hydra/launcher", name=FUSED, node={"_target_": target})
     for kind in CLUSTERS:
         known.store(group="cluster", name=kind, node={"kind": kind})
     if experiment.conf is None:
-        base = [SCHEMA, {"cluster": "local"}, "_self_", {"override hydra/launcher": "fused"}]
+        base = [SCHEMA, {"cluster": "local"}, "_self_", {"override hydra/launcher": FUSED}]
         known.store(name=primary(experiment), node={"defaults": base, "hydra": HYDRA})
 
 

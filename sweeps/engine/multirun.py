@@ -7,29 +7,19 @@ path that differs between jobs keeps them apart.
 
 from __future__ import annotations
 
-import importlib
 import math
 import os
 import re
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Transformer, ValueType
-from hydra.core.plugins import Plugins
-from hydra.core.utils import JobReturn, JobStatus, setup_globals
+from hydra.core.override_parser.types import Override, Transformer
 from hydra.errors import HydraException
-from hydra.plugins.launcher import Launcher
-from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sweeps.engine.errors import ConfigurationError
@@ -39,7 +29,6 @@ from sweeps.engine.provenance import written
 from sweeps.engine.settings import Choices, Joint, Run, Setting
 from sweeps.engine.stage import Experiment
 
-Jobs = list[list[str]]
 Point = tuple[Value, ...]
 
 
@@ -88,45 +77,46 @@ def _as_list(override: Override) -> str:
     return f"{override.get_key_element()}=[{','.join(values)}]"
 
 
-def split(master: DictConfig) -> Jobs | None:
+def jobs_of(loader: Any, master: DictConfig) -> list[list[str]] | None:
     """Overrides of every job that Hydra's own sweeper would start; None where another one would.
 
-    `master` is the configuration of a multirun, with Hydra's own part.
+    `loader` is Hydra's, `master` the configuration of a multirun with Hydra's own part.
     """
-    overrides = OmegaConf.to_container(master.hydra.overrides.task, resolve=False)
-    parsed = OverridesParser.create().parse_overrides(overrides)  # type: ignore[arg-type]
-    basic = master.hydra.sweeper._target_.endswith(f".{BasicSweeper.__name__}")
-    # Hydra, which knows the groups, expands a glob.
-    if not basic or any(one.value_type == ValueType.GLOB_CHOICE_SWEEP for one in parsed):
+    if not master.hydra.sweeper._target_.endswith(f".{BasicSweeper.__name__}"):
         return None
+    overrides = OmegaConf.to_container(master.hydra.overrides.task, resolve=False)
+    parsed = OverridesParser.create(loader).parse_overrides(overrides)  # type: ignore[arg-type]
     return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
 
 
-def is_fused(master: DictConfig) -> bool:
-    """Whether all jobs of a multirun are one batch that runs at once."""
-    return (
-        master.hydra.launcher._target_.endswith(f".{FusedLauncher.__name__}")
-        and master.hydra.sweeper.max_batch_size is None
-    )
+def batches(master: DictConfig, jobs: Sequence[Job]) -> Iterator[list[Job]]:
+    """Jobs that run at once: those of Hydra's batches, with all earlier ones of their stores.
 
-
-Read = Callable[[DictConfig], Choices]
+    So a store grows from batch to batch, and what is there is not done again.
+    """
+    size = master.hydra.sweeper.max_batch_size or len(jobs)
+    for end in range(size, len(jobs) + size, size):
+        stores = {job.store for job in jobs[end - size : end]}
+        yield [job for job in jobs[:end] if job.store in stores]
 
 
 def read_job(
-    loader: Any, master: DictConfig, overrides: Sequence[str], number: int, read: Read
-) -> tuple[Job, DictConfig]:
-    """A job of a multirun, and its configuration; `loader` is Hydra's, `read` makes choices."""
+    loader: Any,
+    master: DictConfig,
+    overrides: Sequence[str],
+    number: int,
+    read: Callable[[DictConfig], Choices],
+) -> Job:
+    """A job of a multirun, of whose configuration `read` makes choices."""
     with legible(overrides):
         composed = loader.load_sweep_config(master, list(overrides))
     with open_dict(composed):
         composed.hydra.job.id = composed.hydra.job.num = number
     HydraConfig.instance().set_config(composed)
-    task = deepcopy(composed)
-    with open_dict(task):
-        del task["hydra"]
-    choices = read(task)
-    return Job(swept(overrides), choices, choices.one(Run.store)), task
+    with open_dict(composed):
+        del composed["hydra"]
+    choices = read(composed)
+    return Job(swept(overrides), choices, choices.one(Run.store))
 
 
 def swept(overrides: Sequence[str]) -> dict[str, str]:
@@ -241,68 +231,3 @@ def _natural(label: str) -> tuple[bool, float, str]:
 
 def _word(key: str) -> str:
     return re.split(r"[/.]", key.lstrip("+"))[-1]
-
-
-# Hydra's launcher ---------------------------------------------------------------------------------
-
-
-class FusedLauncher(Launcher):
-    """Launcher that hands all jobs of a batch to the engine at once.
-
-    A sweeper that comes with one batch after another, each chosen by the results of the last, has
-    all jobs so far run together: the store grows, and what is there is not done again.
-    """
-
-    run: Callable[[Sequence[Job], Path], None]
-    read: Read
-
-    def __init__(self) -> None:
-        self.jobs: list[Job] = []
-
-    def setup(
-        self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig
-    ) -> None:
-        """See `hydra.plugins.launcher.Launcher`."""
-        self.loader = hydra_context.config_loader
-        self.config = config
-
-    def launch(
-        self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
-    ) -> Sequence[JobReturn]:
-        """Run the jobs, and those of earlier batches with them."""
-        setup_globals()
-        returned: list[JobReturn] = []
-        touched: set[str | None] = set()
-        for number, overrides in enumerate(job_overrides, start=initial_job_idx):
-            job, task = read_job(self.loader, self.config, overrides, number, type(self).read)
-            touched.add(job.store)
-            self.jobs.append(job)
-            returned.append(
-                JobReturn(overrides=list(overrides), cfg=task, status=JobStatus.COMPLETED)
-            )
-        folder = Path(self.config.hydra.sweep.dir).absolute()
-        type(self).run([job for job in self.jobs if job.store in touched], folder)
-        return returned
-
-
-def register_launcher(run: Callable[[Sequence[Job], Path], None], read: Read) -> None:
-    """Make the launcher known to Hydra as `hydra/launcher=fused`.
-
-    `run` runs jobs, given the folder of the multirun; `read` makes choices of a configuration.
-    """
-    # Hydra makes its launchers itself, without arguments.
-    FusedLauncher.run = staticmethod(run)
-    FusedLauncher.read = staticmethod(read)
-    # Hydra takes plugins from the package `hydra_plugins` only, and looks them up there.
-    plugins, ours = "hydra_plugins", "sweep_engine"
-    try:
-        importlib.import_module(plugins)
-    except ImportError:
-        sys.modules[plugins] = ModuleType(plugins)
-        sys.modules[plugins].__path__ = []
-    sys.modules[f"{plugins}.{ours}"] = sys.modules[__name__]
-    setattr(sys.modules[plugins], ours, sys.modules[__name__])
-    FusedLauncher.__module__ = f"{plugins}.{ours}"
-    Plugins.instance().register(FusedLauncher)
-    target = f"{FusedLauncher.__module__}.{FusedLauncher.__name__}"
-    ConfigStore.instance().store(group="hydra/launcher", name="fused", node={"_target_": target})

@@ -201,9 +201,9 @@ def address(
             raise ConfigurationError(
                 f"cluster.address is {address}, but its scheduler has no workers"
             ) from error
-        for worker, error in client.run(check_code, code, on_error="return").items():
-            if error is not None:
-                told = error if isinstance(error, OtherCode) else f"cannot be asked: {error}"
+        for worker, wrong in client.run(check_code, code, on_error="return").items():
+            if wrong is not None:
+                told = wrong if isinstance(wrong, OtherCode) else f"cannot be asked: {wrong}"
                 raise ConfigurationError(
                     f"cluster.address is {address}, but its worker {worker} {told}"
                 )

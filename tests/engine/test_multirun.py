@@ -11,7 +11,7 @@ from small_stores import files, opened
 from toys import CALLS, SPRINGS, Spring, go
 
 from sweeps.engine.command import Command
-from sweeps.engine.multirun import Job, crossed, fused, split
+from sweeps.engine.multirun import Job, crossed, fused, jobs_of
 from sweeps.engine.settings import read_choices
 
 CONF = {
@@ -308,6 +308,11 @@ def test_jobs_of_hydras_sweeper():
         node = {"overrides": {"task": list(overrides)}, "sweeper": {"_target_": sweeper}}
         return OmegaConf.create({"hydra": node})
 
-    assert split(master("a=1,2", "b=3")) == [["a=1", "b=3"], ["a=2", "b=3"]]
-    assert split(master("a=1", sweeper="some.Other")) is None
-    assert split(master("group=glob(*)")) is None
+    assert jobs_of(None, master("a=1,2", "b=3")) == [["a=1", "b=3"], ["a=2", "b=3"]]
+    assert jobs_of(None, master("a=1", sweeper="some.Other")) is None
+
+
+def test_a_glob_is_all_choices_of_a_group(command, tmp_path):
+    assert command("-m", "store=m.zarr", "spring=glob(*)", "measured.draw=1") == 0
+    springs = opened(tmp_path / "m.zarr", "springs")
+    assert springs.spring.values.tolist() == ["hard", "soft", "stiff"]
