@@ -25,7 +25,7 @@ class Kind:
         """Words for what is allowed, as in 'a finite number at least 0'."""
         raise NotImplementedError
 
-    def holds(self, value: Any) -> bool:
+    def _holds(self, value: Any) -> bool:
         """Whether something is such a value."""
         raise NotImplementedError
 
@@ -39,7 +39,7 @@ class Kind:
         """
         listed = self._listed(key, given)
         for value in listed:
-            if not (value is None and self.null) and not self.holds(value):
+            if not (value is None and self.null) and not self._holds(value):
                 raise ValueError(self._refused(key, value))
         return ascending(key, [None if value is None else self._read(value) for value in listed])
 
@@ -78,8 +78,7 @@ class Number(Kind):
         words = f"a {self.sort} number {' and '.join(bounds)}".rstrip()
         return f"null or {words}" if self.null else words
 
-    def holds(self, value: Any) -> bool:
-        """Whether something is one of these numbers."""
+    def _holds(self, value: Any) -> bool:
         return (
             isinstance(value, int | float)
             and not isinstance(value, bool)
@@ -103,9 +102,8 @@ class Count(Number):
 
     sort: ClassVar[str] = "whole"
 
-    def holds(self, value: Any) -> bool:
-        """Whether something is one of these numbers."""
-        return super().holds(value) and value == int(value)
+    def _holds(self, value: Any) -> bool:
+        return super()._holds(value) and value == int(value)
 
     def _read(self, value: Any) -> Value:
         return int(value)  # not by way of floats, which do not hold all of them
@@ -140,8 +138,7 @@ class Word(Kind):
         """See `Kind.allowed`."""
         return f"one of {', '.join(self.words)}"
 
-    def holds(self, value: Any) -> bool:
-        """Whether something is one of the words."""
+    def _holds(self, value: Any) -> bool:
         return isinstance(value, str) and value in self.words
 
 
@@ -151,8 +148,7 @@ class Switch(Kind):
 
     allowed: ClassVar[str] = "one of true, false"
 
-    def holds(self, value: Any) -> bool:
-        """Whether something is true or false."""
+    def _holds(self, value: Any) -> bool:
         return isinstance(value, bool)
 
 
@@ -165,8 +161,7 @@ class Text(Kind):
         """See `Kind.allowed`."""
         return "null or a text" if self.null else "a text"
 
-    def holds(self, value: Any) -> bool:
-        """Whether something is such a text."""
+    def _holds(self, value: Any) -> bool:
         return isinstance(value, str) and value != ""
 
     def _refused(self, key: str, value: Any) -> str:
@@ -196,7 +191,7 @@ class SetOf(Kind):
         known = dict(self.spellings)
         if isinstance(given, str) and given in known:
             return (tuple(sorted(known[given])),)
-        if known and isinstance(given, str) and not self.kind.holds(given):
+        if known and isinstance(given, str) and not self.kind._holds(given):
             words = ", ".join(known)
             raise ValueError(f"{key} is {given!r}, but must be {self.kind.allowed}, {words}")
         return (self.kind.values(key, given),)

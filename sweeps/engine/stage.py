@@ -215,27 +215,11 @@ class Bound:
     stage: Stage
     arguments: tuple[Argument, ...]
     needs: tuple[str, ...]  # keys of settings that a cell depends on, through inputs, too; sorted
-    inputs: tuple[Bound, ...] = ()
-
-    @cached_property
-    def name(self) -> str:
-        """Name of the stage."""
-        return self.stage.name
-
-    @cached_property
-    def random(self) -> bool:
-        """Whether it draws."""
-        return RNG in self.stage.arguments
-
-    @cached_property
-    def along(self) -> tuple[str, ...]:
-        """Keys of the axes that it computes together."""
-        return tuple(one.key for one in self.stage.along)
-
-    @cached_property
-    def gather(self) -> tuple[str, ...]:
-        """Keys of the axes that it wants whole."""
-        return tuple(one.key for one in self.stage.gather)
+    inputs: tuple[Bound, ...]
+    name: str
+    random: bool  # whether it draws
+    along: tuple[str, ...]  # keys of the axes that it computes together
+    gather: tuple[str, ...]  # and of those that it wants whole
 
 
 class DeclarationError(TypeError):
@@ -292,8 +276,9 @@ def _bound(declared: Stage, arguments: tuple[Argument, ...]) -> Bound:
     if RNG in declared.arguments:
         needs.add(Run.seed.key)
         needs.update(one.key for one in declared.stream or ())
-    gathered = {one.key for one in declared.gather}
-    whole = gathered | {one.key for one in declared.along}
+    along = tuple(one.key for one in declared.along)
+    gather = tuple(one.key for one in declared.gather)
+    whole = {*along, *gather}
     if missing := whole - needs:
         raise DeclarationError(f"stage {declared.name} does not need {', '.join(sorted(missing))}")
     for source in inputs:
@@ -302,7 +287,9 @@ def _bound(declared: Stage, arguments: tuple[Argument, ...]) -> Bound:
                 f"stage {declared.name}: {source.name} is not kept, so that it cannot depend on "
                 f"{', '.join(sorted(wanted))}, which {declared.name} wants together"
             )
-    return Bound(declared, arguments, tuple(sorted(needs - gathered)), inputs)
+    own = tuple(sorted(needs.difference(gather)))
+    random = RNG in declared.arguments
+    return Bound(declared, arguments, own, inputs, declared.name, random, along, gather)
 
 
 def value_token(value: Value) -> str:

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -199,7 +200,9 @@ def test_words_about_it(start, capsys, monkeypatch):
         capsys.readouterr().out
     )
     assert start("--version") == 0
-    assert capsys.readouterr().out.startswith("springs ")
+    assert capsys.readouterr().out == "springs unknown\n"
+    assert Command(replace(SPRINGS, name="numpy")).main(["--version"]) == 0
+    assert capsys.readouterr().out == f"numpy {metadata.version('numpy')}\n"
     for words in (("--help",), ("--cfg", "job"), ("--cfg", "job", "spring.mass=7")):
         assert start(*words) == 0
         said = capsys.readouterr().out
