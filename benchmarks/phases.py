@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from sweeps.engine.execute import Watch
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.schedule import Progress, Schedule
 from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Experiment
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from sweeps.engine.inputs import Made, Read, Recipe, Source, Spot, Stack, Step, 
 from sweeps.engine.tasks import Call
 
 if TYPE_CHECKING:
-    from sweeps.engine.experiment import Bound
     from sweeps.engine.plan import Place, Plan
+    from sweeps.engine.stage import Bound
 
 
 class CallMaker:

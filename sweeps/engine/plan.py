@@ -12,11 +12,9 @@ from typing import Any
 
 from sweeps.engine.code import code_digest
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Argument, Bound, Experiment, bind, value_token
 from sweeps.engine.kinds import Value
-from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Joint, Noting, Setting
-from sweeps.engine.stage import Stage
+from sweeps.engine.settings import Choices, Joint, Noting, Run, Setting
+from sweeps.engine.stage import Argument, Bound, Experiment, Stage, bind, value_token
 
 ENGINE = "sweeps.engine"
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from rich.table import Table
 
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.inputs import Spot
 from sweeps.engine.plan import Plan
 from sweeps.engine.results import CellIndex
 from sweeps.engine.run import existing
 from sweeps.engine.schedule import Find, Schedule
 from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Experiment
 from sweeps.engine.takeover import OldStore
 
 

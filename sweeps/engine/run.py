@@ -13,7 +13,6 @@ from pathlib import Path
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.execute import Watch, execute
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.folders import (
     PARTIAL,
     check_folder,
@@ -30,6 +29,7 @@ from sweeps.engine.provenance import check_extends, provenance
 from sweeps.engine.results import CellIndex, open_index, read_cells
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Experiment
 from sweeps.engine.store import add_group, read_attributes, write_store
 from sweeps.engine.takeover import OldStore
 
@@ -155,7 +155,8 @@ def _sweep(
         damaged: set[str] = set()
         if schedule.ready:
             tasks = sum(1 for _ in schedule.missing_cells())
-            with executor(place.cluster, tasks=tasks, say=watch.say) as workers:
+            packages = plan.experiment.code
+            with executor(place.cluster, tasks=tasks, packages=packages, say=watch.say) as workers:
                 outcome = execute(
                     schedule, workers, index, folder=place.cache, spill=spill, watch=watch
                 )

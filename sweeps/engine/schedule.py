@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from sweeps.engine.calls import CallMaker
-from sweeps.engine.experiment import Bound
 from sweeps.engine.inputs import Spot
 from sweeps.engine.plan import Place, Plan, digest
 from sweeps.engine.progress import Progress
+from sweeps.engine.stage import Bound
 from sweeps.engine.tasks import Call
 
 SHORTEST, LONGEST = 0.2, 1.5  # s, what a task should take

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table
 
 from sweeps.engine.execute import Watch
-from sweeps.engine.printing import say
+from sweeps.engine.process import say
 from sweeps.engine.progress import Progress as Stages
 from sweeps.engine.schedule import Schedule
 

@@ -17,10 +17,9 @@ import ncti.ships
 from ncti.render import ROLL, EngineError, RangeImage, choose_engine, engines, range_image
 from ncti.render.flight import depression_angle
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Status
-from sweeps.engine.kinds import Text, Value, ascending
+from sweeps.engine.kinds import Text, Value, ascending, shown
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
-from sweeps.engine.stage import Condition, Stage, in_memory, plain
+from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
 
 if TYPE_CHECKING:
     import trimesh
@@ -65,7 +64,7 @@ class Ships(Text):
         if not isinstance(names, Sequence) or not all(
             isinstance(name, str) and name for name in names
         ):
-            raise ConfigurationError(f"{key} is {given!r}, but must be {self.allowed}")
+            raise ConfigurationError(f"{key} is {shown(given)}, but must be {self.allowed}")
         ascending(key, names)
         found: set[ShipName] = set()
         for name in names:

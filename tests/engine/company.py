@@ -9,12 +9,12 @@ import numpy as np
 
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.execute import Watch, execute
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.inputs import forget_all
 from sweeps.engine.plan import Plan
 from sweeps.engine.results import open_index, read_cells
 from sweeps.engine.schedule import Job, Schedule
 from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Experiment
 from sweeps.engine.tasks import run_calls
 
 

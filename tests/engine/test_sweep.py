@@ -14,10 +14,9 @@ from company import company
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, Told, go, run
 
-from sweeps.engine.experiment import DeclarationError, Experiment
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Output, in_memory, stage
+from sweeps.engine.stage import DeclarationError, Experiment, Output, in_memory, stage
 
 STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
 

@@ -12,9 +12,9 @@ import xarray as xr
 import zarr
 from rich.console import Console
 
+from sweeps.app import command
 from sweeps.report.command import main, report
 from sweeps.report.rows import tables_folder
-from sweeps.run import command
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]
 CLASSIFIERS = [
