@@ -31,7 +31,7 @@ from sweeps.stages.views import (
     hull,
     image_stage,
     looks,
-    read_mesh,
+    read_vertices,
 )
 
 # Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
@@ -229,7 +229,7 @@ def check(choices: Choices) -> Choices:
                 choices, setting.key, slant_range, narrowest=narrowest, beam="half infrared.ifov"
             )
     for ship in choices[Grid.ship]:
-        _check_window(ship, read_mesh(hull.function(ship)).vertices, choices)
+        _check_window(ship, read_vertices(hull.function(ship)), choices)
     return choices
 
 

@@ -34,7 +34,7 @@ from sweeps.stages.views import (
     check_range,
     hull,
     looks,
-    read_mesh,
+    read_vertices,
 )
 
 Arrays = dict[str, NDArray[Any]]
@@ -375,7 +375,7 @@ def check_window(choices: Choices) -> None:
     window = choices.one(Ladar.window)
     longest = max(choices[Grid.pulse_width]) * 1e-9 * SPEED_OF_LIGHT
     for ship in choices[Grid.ship]:
-        reach = float(np.linalg.norm(read_mesh(hull.function(ship)).vertices, axis=1).max())
+        reach = float(np.linalg.norm(read_vertices(hull.function(ship)), axis=1).max())
         # The returned pulse reaches beyond the ship, and both ends of the window must stay free
         # of it for the noise floor to be read there.
         needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)

@@ -22,7 +22,9 @@ from sweeps.engine.settings import Choices, Setting, Settings, count, draws, num
 from sweeps.engine.stage import Condition, Stage, in_memory, plain
 
 if TYPE_CHECKING:
+    import numpy as np
     import trimesh
+    from numpy.typing import NDArray
 
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 MOST_FRAMES = 10_000
@@ -321,6 +323,12 @@ def read_mesh(hull: Hull) -> trimesh.Trimesh:
     return found
 
 
+@lru_cache(maxsize=16)
+def read_vertices(hull: Hull) -> NDArray[np.float64]:
+    """Vertices of a ship's mesh, `(vertex, 3)` [m], without the libraries behind `read_mesh`."""
+    return ncti.ships.vertices(hull.source, cache=cache_folder() / "meshes")
+
+
 def looks(sensor: str) -> Condition:
     """Return the condition that a sensor is among those of the sweep."""
 
@@ -340,7 +348,7 @@ def check(choices: Choices) -> Choices:
     """
     for ship in choices[Grid.ship]:
         try:
-            read_mesh(hull.function(ship))
+            read_vertices(hull.function(ship))
         except ValueError as error:
             if isinstance(error, ConfigurationError):
                 raise
