@@ -39,15 +39,14 @@ from sweeps.engine.front import (
 from sweeps.engine.launcher import register_launcher
 from sweeps.engine.multirun import Job, crossed, fused, split
 from sweeps.engine.plan import Plan
-from sweeps.engine.preview import preview
 from sweeps.engine.printing import forgiving, say, show
-from sweeps.engine.run import Finished, Place, existing, sweep
+from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.run_settings import Cluster, Run
 from sweeps.engine.settings import Choices
 from sweeps.engine.settings_table import settings_table
 from sweeps.engine.target import check_folder, check_target
 from sweeps.engine.tasks import reason
-from sweeps.engine.watching import NAMED_FAILURES, summary, watching
+from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 
@@ -188,7 +187,7 @@ class Command:
     def _preview(self, choices: Choices, store: str | None) -> None:
         cache = Path(choices.one(Run.cache) or _default_cache(self.name))
         found = preview(self.experiment, choices, cache, Path(store) if store else None)
-        show(found.table)
+        show(foreseen(found.stages))
         show(found.sentence)
 
     def place(self, choices: Choices, store: Path) -> Place:

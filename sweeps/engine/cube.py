@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.experiment import Bound, DeclarationError
-from sweeps.engine.inputs import Arrays, Damaged, Spot
 from sweeps.engine.layout import (
     Layout,
     axis_coordinates,
@@ -26,6 +25,7 @@ from sweeps.engine.layout import (
 )
 from sweeps.engine.plan import Place, Plan
 from sweeps.engine.stage import Output
+from sweeps.engine.tasks import Arrays, Damaged, Spot
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1

@@ -13,12 +13,12 @@ import numpy as np
 from sweeps.engine.blocks import read_block
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.experiment import Bound
-from sweeps.engine.inputs import Arrays, Spot
 from sweeps.engine.layout import Layout, layout_of
 from sweeps.engine.manifest import verify
 from sweeps.engine.packs import write_pack
 from sweeps.engine.plan import Place, Plan
 from sweeps.engine.provenance import choices_of
+from sweeps.engine.tasks import Arrays, Spot
 
 MOST_CELLS = 4096  # of a pack
 AT_ONCE = 2**26  # bytes of results that are read before they are packed

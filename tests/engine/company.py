@@ -9,14 +9,13 @@ import numpy as np
 
 from sweeps.engine.cells import open_index
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.execute import Watch, execute
 from sweeps.engine.experiment import Experiment
-from sweeps.engine.inputs import forget_all
 from sweeps.engine.packs import read_cells
 from sweeps.engine.plan import Plan
-from sweeps.engine.schedule import Job, Schedule
+from sweeps.engine.run import execute
+from sweeps.engine.schedule import Job, Schedule, Watch
 from sweeps.engine.settings import Choices
-from sweeps.engine.tasks import run_calls
+from sweeps.engine.tasks import forget_all, run_calls
 
 
 def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> dict[str, int]:

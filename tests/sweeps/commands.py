@@ -10,13 +10,13 @@ import xarray as xr
 
 from sweeps.app import main
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.execute import Watch
 from sweeps.engine.front import read_configuration, register, replaceable
-from sweeps.engine.inputs import forget_all
 from sweeps.engine.launcher import register_launcher
 from sweeps.engine.multirun import crossed
 from sweeps.engine.run import Finished, Place, sweep
+from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Choices
+from sweeps.engine.tasks import forget_all
 from sweeps.experiment import EXPERIMENT
 from sweeps.run import command
 
