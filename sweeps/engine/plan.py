@@ -26,20 +26,12 @@ Points = tuple[tuple[Value, ...], ...]
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of a sweep: one setting, or several that run together.
-
-    Attributes
-    ----------
-    points : tuple of tuple
-        A value of each setting, for every place.
-    labels : tuple of str or None
-        What each place is called, where settings run together.
-    """
+    """An axis of a sweep: one setting, or several that run together."""
 
     name: str
     settings: tuple[Setting, ...]
-    points: Points
-    labels: tuple[str, ...] | None = None
+    points: Points  # a value of each setting, for every place
+    labels: tuple[str, ...] | None = None  # of the places, where settings run together
 
     @property
     def several(self) -> bool:

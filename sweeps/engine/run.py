@@ -6,10 +6,12 @@ import errno
 import json
 import shutil
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 from sweeps.engine.cells import CellIndex, open_index
@@ -48,44 +50,22 @@ class Place:
 
 @dataclass
 class Finished:
-    """What a sweep came to.
-
-    Attributes
-    ----------
-    progress : mapping of str to Progress
-        By stage.
-    failures : list of (str, str)
-        Names of cells that failed, and why.
-    written : bool
-        Whether the store is new or changed.
-    seconds : float
-        Time that it took.
-    """
+    """What a sweep came to: progress by stage, names of cells that failed with the reason."""
 
     progress: Mapping[str, Progress] = field(default_factory=dict)
     failures: list[tuple[str, str]] = field(default_factory=list)
-    written: bool = False
+    written: bool = False  # whether the store is new or changed
     seconds: float = 0.0
 
 
 @dataclass(frozen=True)
 class Preview:
-    """What a sweep would take.
+    """What a sweep would take."""
 
-    Attributes
-    ----------
-    stages : mapping of str to (int, int)
-        Cells of each stage, and those to be made.
-    calls : int
-        Calls of stages.
-    size, seconds : float or None
-        Bytes of the new results, and work on one core; None where some stage was never measured.
-    """
-
-    stages: Mapping[str, tuple[int, int]]
+    stages: Mapping[str, tuple[int, int]]  # cells of each stage, and those to be made
     calls: int
-    size: float | None
-    seconds: float | None
+    size: float | None  # bytes of the new results; None where some stage was never measured
+    seconds: float | None  # of work on one core, likewise
 
     @property
     def sentence(self) -> str:
@@ -206,11 +186,10 @@ def _sweep(
                 measured = all(bound.name in schedule.costs for bound, _ in missing)
                 quick = measured and schedule.work_left() < QUICK
                 workers = start(len(missing), quick=quick).result()
-                outcome = execute(
+                damaged, failed = execute(
                     schedule, workers, index, folder=place.cache, spill=spill, watch=watch
                 )
-                failures += outcome.failures
-                damaged = outcome.damaged
+                failures += failed
             elif old is not None and _is_whole(plan, place.store, old, watch):
                 index.used(path for path, _ in schedule.spots.values())
                 return Finished(schedule.progress, failures)
@@ -253,14 +232,6 @@ def _workers(
 # running tasks ----------------------------------------------------------------------------------
 
 
-@dataclass
-class Outcome:
-    """Keys of cells that could not be read back; names of cells that failed, and why."""
-
-    damaged: set[str] = field(default_factory=set)
-    failures: list[tuple[str, str]] = field(default_factory=list)
-
-
 def execute(
     schedule: Schedule,
     executor: Executor,
@@ -269,81 +240,65 @@ def execute(
     folder: Path,
     spill: Path,
     watch: Watch,
-) -> Outcome:
+) -> tuple[set[str], list[tuple[str, str]]]:
     """Run all calls of a schedule, and note finished cells in the index.
 
-    Packs go to `folder`, or to `spill` when that is full.
+    Packs go to `folder`, or to `spill` when that is full. Returns the keys of cells that could not
+    be read back, and the names of those that failed, with the reason.
     """
-    outcome = Outcome()
+    damaged: set[str] = set()
+    failures: list[tuple[str, str]] = []
     under_way: dict[int, tuple[list[Job], tuple[Call, ...]]] = {}
-    number = 0
+    numbers = count()
     spilled = False
 
     def hand_out(jobs: list[Job], calls: tuple[Call, ...]) -> None:
-        nonlocal number
+        number = next(numbers)
         executor.submit(number, run_calls, calls, folder, spill)
         under_way[number] = jobs, calls
-        number += 1
+
+    def fail(job: Job, why: str) -> None:
+        schedule.finish(job, None, why, 0.0)
+        for place in job.places:
+            failures.append((schedule.plan.described(job.bound, place), why))
+            watch.failed(*failures[-1])
+
+    def take_down(jobs: list[Job], report: Report) -> None:
+        seconds: dict[str, float] = defaultdict(float)
+        for job, done in zip(jobs, report.calls, strict=True):
+            if done.damaged:
+                damaged.update(done.damaged)
+            elif done.reason and len(job.places) > 1:
+                for alone, call in schedule.retried(job):  # one of its values may be at fault
+                    hand_out([alone], (call,))
+            elif done.reason:
+                fail(job, done.reason)
+            else:
+                seconds[job.bound.name] += done.seconds
+                schedule.finish(job, done.spots, "", done.seconds)
+        for name, pack in report.packs:
+            if not Path(pack.path).is_absolute():  # what was spilled goes with this run
+                index.add(name, [pack], seconds[name])
 
     while schedule.ready or under_way:
         while schedule.ready and len(under_way) < AHEAD * executor.workers:
             jobs, calls = schedule.batch(executor.workers)
             if calls:
                 hand_out(jobs, calls)
-        if not under_way:
-            continue
-        for task, report, error in executor.finished():
+        for task, report, error in executor.finished() if under_way else ():
             jobs, calls = under_way.pop(task)
-            if error is not None and len(jobs) > 1:
-                for job, call in zip(jobs, calls, strict=True):  # one of them may have killed it
-                    hand_out([job], (call,))
-            elif error is not None:
-                _fail(schedule, jobs[0], reason(error), outcome, watch)
-            else:
-                for job in _take_down(schedule, jobs, report, index, outcome, watch):
-                    for alone, call in schedule.retried(job):  # one of its values may be at fault
-                        hand_out([alone], (call,))
+            if error is None:
+                take_down(jobs, report)
                 if report.spilled and not spilled:
                     spilled = True
                     watch.say(f"results are not kept: the cache takes none ({report.spilled})")
+            elif len(jobs) == 1:
+                fail(jobs[0], reason(error))
+            else:
+                for job, call in zip(jobs, calls, strict=True):  # one of them may have killed it
+                    hand_out([job], (call,))
         watch.step(schedule)
-    return outcome
-
-
-def _fail(schedule: Schedule, job: Job, why: str, outcome: Outcome, watch: Watch) -> None:
-    schedule.finish(job, None, why, 0.0)
-    for place in job.places:
-        what = schedule.plan.described(job.bound, place)
-        outcome.failures.append((what, why))
-        watch.failed(what, why)
-
-
-def _take_down(
-    schedule: Schedule,
-    jobs: list[Job],
-    report: Report,
-    index: CellIndex,
-    outcome: Outcome,
-    watch: Watch,
-) -> list[Job]:
-    """Take down what became of jobs; those of several cells that failed."""
-    seconds: dict[str, float] = {}
-    failed: list[Job] = []
-    for job, done in zip(jobs, report.calls, strict=True):
-        if done.damaged:
-            outcome.damaged.update(done.damaged)
-        elif done.reason and len(job.places) > 1:
-            failed.append(job)
-        elif done.reason:
-            _fail(schedule, job, done.reason, outcome, watch)
-        else:
-            name = job.bound.name
-            seconds[name] = seconds.get(name, 0.0) + done.seconds
-            schedule.finish(job, done.spots, "", done.seconds)
-    for name, pack in report.packs:
-        if not Path(pack.path).is_absolute():  # what was spilled goes with this run
-            index.add(name, [pack], seconds.get(name, 0.0))
-    return failed
+    return damaged, failures
 
 
 # the store --------------------------------------------------------------------------------------

@@ -7,12 +7,13 @@ from collections import OrderedDict, defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from statistics import median
 
 import numpy as np
 
 from sweeps.engine.experiment import Bound
 from sweeps.engine.plan import Place, Plan, digest
-from sweeps.engine.tasks import Call, Made, Read, Recipe, Source, Spot, Step, Value
+from sweeps.engine.tasks import Call, Made, Read, Recipe, Source, Spot, Step
 
 SHORTEST, LONGEST = 0.2, 1.5  # s, what a task should take
 TOGETHER = 5.0  # s, what it may take where cells share costly objects
@@ -295,9 +296,9 @@ class Schedule:
                 number = plan.axis_number(setting.key)
                 points = [plan.axes[number].points[at][0] for at in values.get(number, ())]
                 found = tuple(points) or (plan.value(bound, setting.key, place),)
-                sources[argument.name] = Value(found)
+                sources[argument.name] = (found,)
             elif source is None or source.stage.plain:
-                sources[argument.name] = Value(plan.plain_argument(bound, argument, place))
+                sources[argument.name] = (plan.plain_argument(bound, argument, place),)
             elif not source.stage.kept:
                 at = plan.source_place(bound, source, place)
                 recipe = self._recipe(source, at, {})
@@ -376,11 +377,11 @@ class Schedule:
                     self._make_ready(waiting)
 
     def work_left(self) -> float:
-        """Seconds that the missing cells take; those of unmeasured stages as the others."""
-        shown = self.progress.values()
-        made = sum(one.done for one in shown)
-        usual = sum(one.seconds for one in shown) / made if made else UNKNOWN
-        return sum(self.costs.get(name, usual) * one.left for name, one in self.progress.items())
+        """Seconds that the missing cells take; an unmeasured stage as long as the median one."""
+        shown = {name: one for name, one in self.progress.items() if one.total}
+        whole = {name: self.costs[name] * shown[name].total for name in shown if name in self.costs}
+        usual = median(whole.values()) if whole else 0.0
+        return sum(whole.get(name, usual) * one.left / one.total for name, one in shown.items())
 
 
 @dataclass

@@ -33,26 +33,14 @@ AHEAD_RECIPES = 512
 
 @dataclass(frozen=True)
 class Step:
-    """What a worker must know of a stage.
-
-    Attributes
-    ----------
-    function : tuple of str, or callable
-        Module and qualified name of the function, or itself where it is in no module.
-    outputs : tuple of (str, str, float)
-        Name, type and empty value of each output.
-    keep : int
-        How many results are kept in memory, of one that is not kept on disk.
-    drawn, asks : bool
-        Whether it takes `rng`, and `there`.
-    """
+    """What a worker must know of a stage."""
 
     name: str
-    function: Any
-    outputs: tuple[tuple[str, str, float], ...]
-    keep: int
-    drawn: bool
-    asks: bool
+    function: Any  # its module and qualified name, or itself where it is in no module
+    outputs: tuple[tuple[str, str, float], ...]  # name, type and empty value
+    keep: int  # how many results stay in memory, of one that is not kept on disk
+    drawn: bool  # whether it takes `rng`
+    asks: bool  # whether it takes `there`
 
     @classmethod
     @cache
@@ -79,13 +67,6 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Value:
-    """An argument that is a plain value."""
-
-    value: Any
-
-
-@dataclass(frozen=True)
 class Read:
     """An argument that is read from packs: one cell, or many in an array of leading `shape`.
 
@@ -108,7 +89,8 @@ class Made:
     recipe: Recipe
 
 
-Source = Value | Read | Made
+# A plain value stands in a tuple of its own.
+Source = tuple[Any] | Read | Made
 
 
 @dataclass(frozen=True)
@@ -122,42 +104,22 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Call:
-    """One call of a function, and the cells that it gives.
-
-    Attributes
-    ----------
-    shape : tuple of int
-        Lengths of the axes that it computes together.
-    cells : tuple of (str, int)
-        Key of each cell wanted, and its place on these axes.
-    """
+    """One call of a function, and the cells that it gives."""
 
     step: Step
     recipe: Recipe
-    shape: tuple[int, ...]
-    cells: tuple[tuple[str, int], ...]
+    shape: tuple[int, ...]  # lengths of the axes that it computes together
+    cells: tuple[tuple[str, int], ...]  # key of each wanted, and its place on these axes
 
 
 @dataclass(frozen=True)
 class Done:
-    """What became of a call.
-
-    Attributes
-    ----------
-    seconds : float
-        Time that it took.
-    spots : tuple of Spot
-        Where its cells are, in their order; empty when it failed.
-    reason : str
-        Why it failed.
-    damaged : tuple of str
-        Keys of inputs that could not be read back, for want of which it was not tried.
-    """
+    """What became of a call: where its cells are, in their order, or why it failed."""
 
     seconds: float
     spots: tuple[Spot, ...] = ()
     reason: str = ""
-    damaged: tuple[str, ...] = ()
+    damaged: tuple[str, ...] = ()  # keys of inputs that are lost, so that it was not tried
 
 
 @dataclass(frozen=True)
@@ -178,19 +140,9 @@ class Damaged(Exception):
 
 
 def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) -> Report:
-    """Run calls one after the other and pack their results.
+    """Run calls one after the other, whichever of them raise, and pack their results.
 
-    Parameters
-    ----------
-    folder : Path
-        Where packs are.
-    spill : Path, optional
-        Where results go when `folder` is full or cannot be written to.
-
-    Returns
-    -------
-    Report
-        With an entry for every call; one that raises does not keep the others from running.
+    Packs are in `folder`; results go to `spill` when that is full or cannot be written to.
     """
     outcomes: list[tuple[Done, str, range]] = []  # with the rows of its cells among its stage's
     results: dict[str, list[tuple[str, Arrays]]] = defaultdict(list)
@@ -318,17 +270,12 @@ class Inputs:
         return arguments
 
     def _value(self, source: Source, spots: Mapping[Spot, Arrays]) -> Any:
-        match source:
-            case Value():
-                return source.value
-            case Read():
-                arrays = _joined(source, [spots[spot] for spot in source.spots])
-                return arrays[source.step.outputs[0][0]] if len(arrays) == 1 else arrays
-            case Made():
-                return self._made(source)
-
-    def _made(self, source: Made) -> Any:
-        """An object by key, made when it is not there; the oldest of its stage makes room."""
+        if isinstance(source, tuple):
+            return source[0]
+        if isinstance(source, Read):
+            arrays = _joined(source, [spots[spot] for spot in source.spots])
+            return arrays[source.step.outputs[0][0]] if len(arrays) == 1 else arrays
+        # An object by key, made when it is not there; the oldest of its stage makes room.
         objects = _kept_of(source.step)
         if source.key in objects:
             objects.move_to_end(source.key)
@@ -377,21 +324,16 @@ def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
     return whole
 
 
-class _Kept(threading.local):
-    """Objects made in this thread, the last few of each stage, by key."""
-
-    def __init__(self) -> None:
-        self.by_function: dict[str, OrderedDict[str, Any]] = {}
-
-
-_kept = _Kept()
+_kept = threading.local()
 
 
 def _kept_of(step: Step) -> OrderedDict[str, Any]:
+    """Objects made in this thread, the last few of a stage, by key."""
     # By the function: stages that share one share its results.
-    return _kept.by_function.setdefault(str(step.function), OrderedDict())
+    found: OrderedDict[str, Any] = vars(_kept).setdefault(str(step.function), OrderedDict())
+    return found
 
 
 def forget_all() -> None:
     """Drop all objects kept in this thread."""
-    _kept.by_function.clear()
+    vars(_kept).clear()

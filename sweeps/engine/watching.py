@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 
 from rich import progress
@@ -55,7 +55,7 @@ class Remaining:
         left = schedule.work_left()
         if math.isnan(self._begun):
             self._begun = now
-        if done < EARLIEST or left <= 0 or now <= self._begun:
+        if done < EARLIEST or not 0 < left < math.inf or now <= self._begun:
             return ""
         end = now + left / done * (now - self._begun)
         weight = 1.0 if math.isnan(self._end) else -math.expm1((self._last - now) / STEADY)
@@ -144,7 +144,7 @@ def summary(stages: Mapping[str, Progress], seconds: float) -> Table:
     return _table(f"{seconds:.1f} s", ("done", "reused", "failed", "work [s]"), rows)
 
 
-def _table(title: str, columns: tuple[str, ...], rows: list[tuple[object, ...]]) -> Table:
+def _table(title: str, columns: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Table:
     table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
     table.add_column("stage")
     for name in columns:

@@ -49,8 +49,8 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
         with open_index(folder, quiet.say) as index:
             schedule.resolve(index.find)
             with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
-                outcome = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
-                assert not outcome.failures, outcome.failures[0]
+                _, failures = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
+                assert not failures, failures[0]
                 forget_all()  # a stage must not owe anything to what another has left in memory
                 for bound in plan.bound.values():
                     if not plan.together(bound):
