@@ -43,21 +43,21 @@ class Remaining:
     """Estimate of the time [s] until all cells are made, in words.
 
     Work left by the rate at which it was done so far, all workers together. The end estimated
-    moves towards that in some seconds, lest one slow cell makes it jump.
+    moves towards that in some seconds, so that no slow cell makes it jump.
     """
 
     def __init__(self) -> None:
-        self._begun = self._last = self._end = math.nan
+        self._begun = self._before = self._last = self._end = math.nan
 
     def words(self, schedule: Schedule, now: float) -> str:
         """As 'about 40 s left' at a time [s]; empty while too little is known."""
         done = sum(one.seconds for one in schedule.progress.values())
         left = schedule.work_left()
-        if math.isnan(self._begun):
-            self._begun = now
-        if done < EARLIEST or not 0 < left < math.inf or now <= self._begun:
+        if math.isnan(self._begun) and done:  # from here on, without the start of workers
+            self._begun, self._before = now, done
+        if not done - self._before >= EARLIEST or not 0 < left < math.inf:
             return ""
-        end = now + left / done * (now - self._begun)
+        end = now + left / (done - self._before) * (now - self._begun)
         weight = 1.0 if math.isnan(self._end) else -math.expm1((self._last - now) / STEADY)
         self._end = end if math.isnan(self._end) else self._end + weight * (end - self._end)
         self._last = now
@@ -65,9 +65,9 @@ class Remaining:
 
 
 def _rounded(seconds: float) -> str:
-    """A duration to some 10 %: 7 s, 40 s, 3 min, 2 h 10 min."""
-    if seconds < 55:
-        return f"{seconds:.0f} s" if seconds < 10 else f"{5 * round(seconds / 5)} s"
+    """A duration as one says it: 7 s, 40 s, 3 min, 2 h 10 min."""
+    if seconds < 95:
+        return f"{seconds:.0f} s" if seconds < 10 else f"{10 * round(seconds / 10)} s"
     minutes = round(seconds / 60) if seconds < 3300 else 10 * round(seconds / 600)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"

@@ -325,7 +325,7 @@ def read_mesh(hull: Hull) -> trimesh.Trimesh:
 
 @lru_cache(maxsize=16)
 def read_vertices(hull: Hull) -> NDArray[np.float64]:
-    """Vertices of a ship's mesh, `(vertex, 3)` [m], without the libraries behind `read_mesh`."""
+    """Return vertices of a ship, `(vertex, 3)` [m], sooner than `read_mesh`."""
     return ncti.ships.vertices(hull.source, cache=cache_folder() / "meshes")
 
 
@@ -341,10 +341,7 @@ def looks(sensor: str) -> Condition:
 def check(choices: Choices) -> Choices:
     """Refuse ships that are not there, or not fit to be used.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming the first of them.
+    Raises `ConfigurationError`, which names the first of them.
     """
     for ship in choices[Grid.ship]:
         try:
