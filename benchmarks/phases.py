@@ -6,9 +6,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sweeps.engine.execute import Watch
 from sweeps.engine.run import Place, sweep
-from sweeps.engine.schedule import Progress, Schedule
+from sweeps.engine.schedule import Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Experiment
 

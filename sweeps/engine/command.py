@@ -41,14 +41,13 @@ from sweeps.engine.front import (
 )
 from sweeps.engine.multirun import Job, batches, crossed, fused, jobs_of, read_job, swept
 from sweeps.engine.plan import Plan
-from sweeps.engine.preview import preview
 from sweeps.engine.process import Stopped, forgiving, say, show, stopping
 from sweeps.engine.results import open_index
-from sweeps.engine.run import Finished, Place, existing, sweep
+from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.settings import Choices, Cluster, Run, settings_table
 from sweeps.engine.stage import Experiment, nothing_to_check
 from sweeps.engine.tasks import reason
-from sweeps.engine.watching import NAMED_FAILURES, summary, watching
+from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 
@@ -218,7 +217,7 @@ class Command:
     def _preview(self, choices: Choices, store: str | None) -> None:
         cache = Path(self._cache_folder(choices))
         found = preview(self.experiment, choices, cache, Path(store) if store else None)
-        show(found.table)
+        show(foreseen(found.stages))
         show(found.sentence)
 
     # running --------------------------------------------------------------------------------

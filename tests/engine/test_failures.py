@@ -305,7 +305,7 @@ class Mortal(InlineExecutor):
     def finished(self):
         """See `InlineExecutor.finished`."""
         _, _, (calls, *_) = self._waiting[0]
-        if any(call.recipe.sources["size"].value == 3 for call in calls):
+        if any(call.recipe.sources["size"] == (3,) for call in calls):
             return [(self._waiting.popleft()[0], None, RuntimeError("the worker died"))]
         return super().finished()
 

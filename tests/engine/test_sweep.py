@@ -230,11 +230,11 @@ def test_an_object_in_memory_is_made_of_results_on_disk(tmp_path):
 
 
 def test_many_small_cells_are_read_with_few_openings_of_packs(tmp_path, monkeypatch):
-    from sweeps.engine import inputs
+    from sweeps.engine import tasks
 
-    read, requests = inputs.read_cells, []
+    read, requests = tasks.read_cells, []
     monkeypatch.setattr(
-        inputs, "read_cells", lambda folder, spots: requests.append(spots) or read(folder, spots)
+        tasks, "read_cells", lambda folder, spots: requests.append(spots) or read(folder, spots)
     )
     chain = Experiment("boxes", "Boxes", (Poor,), (part, box, from_box))
     many = {"poor.size": list(range(1, 2001))}

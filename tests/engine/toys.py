@@ -13,11 +13,11 @@ import xarray as xr
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.execute import Watch
-from sweeps.engine.inputs import forget_all
 from sweeps.engine.run import Place, sweep
+from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Settings, count, draws, number, read_choices, switch, word
 from sweeps.engine.stage import Experiment, Output, Status, Table, in_memory, plain, stage
+from sweeps.engine.tasks import forget_all
 
 CALLS: Counter[str] = Counter()
 """Cells that each stage computed in this process."""

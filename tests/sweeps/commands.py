@@ -9,12 +9,12 @@ import xarray as xr
 
 from sweeps.app import command, main
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.execute import Watch
 from sweeps.engine.front import register, replaceable
-from sweeps.engine.inputs import forget_all
 from sweeps.engine.multirun import crossed
 from sweeps.engine.run import Finished, Place, sweep
+from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Choices
+from sweeps.engine.tasks import forget_all
 from sweeps.experiment import EXPERIMENT
 
 COMMAND = command()
