@@ -9,9 +9,9 @@ from pathlib import Path
 from benchmarks.phases import timed
 from benchmarks.reports import Report
 from benchmarks.sweeping import by_stage, choices_of, on_workers
-from sweeps.engine.experiment import Bound
 from sweeps.engine.plan import Plan
 from sweeps.engine.results import open_index
+from sweeps.engine.stage import Bound
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid
 

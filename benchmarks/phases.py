@@ -6,11 +6,10 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sweeps.engine.execute import Watch
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.run import Place, sweep
-from sweeps.engine.schedule import Progress, Schedule
+from sweeps.engine.schedule import Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Experiment
 
 
 @dataclass(frozen=True)

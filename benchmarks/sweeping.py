@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,7 @@ import hydra
 from benchmarks.phases import Timed
 from benchmarks.reports import Column, Report, Sample
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.command import Command
 from sweeps.engine.front import composing, read_configuration, register, replaceable
-from sweeps.engine.launcher import register_launcher
 from sweeps.engine.run import Place
 from sweeps.engine.settings import Choices
 from sweeps.experiment import EXPERIMENT
@@ -34,7 +31,6 @@ COLUMNS = (
 def choices_of(overrides: Sequence[str]) -> Choices:
     """Return the checked choices of a command line of `ncti-sweep`; builds the ships."""
     register(EXPERIMENT)
-    register_launcher(Command(EXPERIMENT).run_jobs, partial(read_configuration, EXPERIMENT))
     with composing(EXPERIMENT):
         composed = hydra.compose("config", overrides=replaceable(EXPERIMENT, overrides))
         return read_configuration(EXPERIMENT, composed)

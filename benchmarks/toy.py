@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.command import Command
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.settings import Choices, Settings, count, number, read_choices, word
-from sweeps.engine.stage import Output, stage
+from sweeps.engine.stage import Experiment, Output, stage
 
 LENGTH = 1000  # floats of a profile
 

@@ -1,10 +1,18 @@
-"""The commands of this project: what they call is imported when they are called."""
+"""The command `ncti-sweep`, and what follows a sweep: its tables and its pictures.
+
+What they call is imported when they are called, so that an interrupt meanwhile is told as one.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sweeps.engine.command import Command
+    from sweeps.engine.settings import Choices
 
 NAME = "ncti-sweep"
 
@@ -20,13 +28,44 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         Sensors and classifiers besides the project's; see `sweeps.experiment`.
     """
     try:
-        from sweeps.run import command
-
         status = command(*modules).main(arguments)
     except KeyboardInterrupt:
         print(f"{NAME}: interrupted", file=sys.stderr)
         status = 130
     sys.exit(status)
+
+
+def command(*modules: Any) -> Command:
+    """The command line of the experiment, with further modules if any are given."""
+    from sweeps.engine.command import Command
+    from sweeps.experiment import EXPERIMENT, MODULES, assemble
+
+    packages = tuple(one.__name__ for one in modules)
+    experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
+    return Command(experiment, report)
+
+
+def report(store: Path, choices: Choices) -> None:
+    """Print and write the tables of a finished store, and draw its pictures if they are wanted."""
+    from rich.console import Console
+
+    from sweeps.engine.process import say
+    from sweeps.report.command import report as report_tables
+    from sweeps.stages.irar import Irar
+    from sweeps.stages.views import Grid, hull, looks, read_mesh
+
+    report_tables(store, Console())
+    if not looks("irar")(choices) or not choices.one(Irar.pictures):
+        return
+    from sweeps.report.command import MISSING, write_pictures
+
+    ships = {str(ship): ship for ship in choices[Grid.ship]}
+    try:
+        write_pictures(store, Console(), ship=lambda label: read_mesh(hull.function(ships[label])))
+    except ImportError:
+        say(NAME, f"pictures are not drawn: {MISSING}")
+    except (OSError, ValueError) as error:
+        say(NAME, f"pictures are not drawn: {error}")
 
 
 if __name__ == "__main__":

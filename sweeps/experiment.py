@@ -13,11 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.kinds import Kind, SetOf, Word
-from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Settings
-from sweeps.engine.stage import Stage
+from sweeps.engine.settings import Choices, Run, Settings
+from sweeps.engine.stage import Experiment, Stage
 from sweeps.stages import (
     acn,
     classifier,
@@ -121,6 +119,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         tables=declared("TABLES"),
         statuses=declared("STATUSES"),
         check=check,
+        checking="checking what is asked for, and building its ships",
         remarks=remarks,
         versions=VERSIONS,
         attributes=attributes,

@@ -64,7 +64,7 @@ def test_a_classifier_loads_scikit_learn_only_if_it_needs_it(name, needs_it):
 
 
 def test_the_command_line_loads_no_library_that_takes_long():
-    found = loaded_after("import sweeps.run")
+    found = loaded_after("from sweeps.app import command\ncommand()")
     assert "sweeps.experiment" in found
     assert not found & {
         *("dask", "distributed", "matplotlib", "networkx", "pandas", "pyrender", "scipy"),

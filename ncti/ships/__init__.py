@@ -1,6 +1,6 @@
 """Ships: from a sheet, or a user's own mesh, to one watertight solid above the waterline."""
 
 from ncti.ships.errors import ShipError
-from ncti.ships.loading import digest, load, names
+from ncti.ships.loading import digest, load, names, vertices
 
-__all__ = ["ShipError", "digest", "load", "names"]
+__all__ = ["ShipError", "digest", "load", "names", "vertices"]

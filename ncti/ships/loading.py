@@ -11,13 +11,16 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ncti.ships import cache as store
 from ncti.ships import meshes, sheets
-from ncti.ships.build import build
+from ncti.ships.build import Ship, build
 from ncti.ships.errors import ShipError, shown
 
 if TYPE_CHECKING:
     import trimesh
+    from numpy.typing import NDArray
 
 SHEET_SUFFIXES = (".yaml", ".yml")
 MESH_SUFFIXES = (".stl", ".obj", ".glb")
@@ -102,22 +105,30 @@ def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimes
     import trimesh
 
     source = _find(name_or_path)
-    if source.is_sheet:
-        folder = store.default_folder() if cache is None else Path(cache)
-        path = folder / f"{source.digest}.npz"
-        ship = store.read(path)
-        if ship is None:
-            text, templates = _text(source), _templates().decode()
-            ship = build(sheets.parse(text, templates, where=source.name))
-            store.write(path, ship)
-        mesh = trimesh.Trimesh(ship.vertices, ship.faces, process=False)
-        loa, beam = ship.loa, ship.beam
-    else:
-        vertices, faces = meshes.read(source.content, source.suffix, where=f"mesh {source.name}")
-        mesh = trimesh.Trimesh(vertices, faces, process=False)
-        loa, beam = (float(extent) for extent in mesh.extents[:2])
-    mesh.metadata.update(name=source.name, digest=source.digest, loa=loa, beam=beam)
+    ship = _solid(source, cache)
+    mesh = trimesh.Trimesh(ship.vertices, ship.faces, process=False)
+    mesh.metadata.update(name=source.name, digest=source.digest, loa=ship.loa, beam=ship.beam)
     return mesh
+
+
+def vertices(name_or_path: str | Path, *, cache: str | Path | None = None) -> NDArray[np.float64]:
+    """Vertices of a ship's mesh, `(vertex, 3)` [m], sooner than `load`; refuses what that does."""
+    return _solid(_find(name_or_path), cache).vertices
+
+
+def _solid(source: _Source, cache: str | Path | None) -> Ship:
+    if not source.is_sheet:
+        corners, faces = meshes.read(source.content, source.suffix, where=f"mesh {source.name}")
+        loa, beam, _ = (float(extent) for extent in np.ptp(corners, axis=0))
+        return Ship(corners, faces, loa, beam)
+    folder = store.default_folder() if cache is None else Path(cache)
+    path = folder / f"{source.digest}.npz"
+    ship = store.read(path)
+    if ship is None:
+        text, templates = _text(source), _templates().decode()
+        ship = build(sheets.parse(text, templates, where=source.name))
+        store.write(path, ship)
+    return ship
 
 
 def _find(name_or_path: str | Path) -> _Source:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import re
+import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
+from sweeps.engine.code import ENGINE, package_digest
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.process import one_thread
 
-# Settings that each kind of cluster reads; all others must be None.
+# Settings that each kind of cluster reads; all others must be null.
 READ = {
     "inline": (),
     "local": ("workers",),
@@ -37,48 +37,27 @@ FORMS = {
     "account": (r"[\w.@+-]+", "the name of a Slurm account"),
     "interface": (r"[\w.@+-]+", "the name of a network interface such as ib0"),
 }
-# Environment of numerical libraries. Tasks are the parallelism, results must not depend on how a
-# product is split, and threads that wait for one another spin when a neighbour has the cores.
-ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR")}
 
 
 @dataclass(frozen=True)
 class ClusterChoice:
-    """Choice of where the tasks of a sweep run.
+    """Choice of where the tasks of a sweep run; raises `ConfigurationError` where it is wrong.
 
-    Attributes
-    ----------
-    kind : str
-        ``inline`` (this process), ``local`` (processes of this machine), ``address`` (a running
-        dask scheduler) or ``slurm`` (jobs submitted with ``sbatch``).
-    workers : int, optional
-        Of ``local``, the number of processes, by default one a core; of ``slurm``, of jobs.
-    address : str, optional
-        Of a dask scheduler, ``tls://host:port`` or ``tcp://host:port``.
-    ca_file, cert, key : str, optional
-        PEM files for a ``tls://`` address: the certificate authority, and the certificate and
-        private key of this client. The key may be part of the certificate's file.
-    queue, account, walltime, memory, interface : str, optional
-        Of Slurm jobs, which run one task at a time on one core: partition, account, time limit,
-        memory, and network interface through which they and this process reach each other.
-
-    Raises
-    ------
-    ConfigurationError
-        If a setting is invalid, missing, or not read by this kind of cluster.
+    Kinds are `inline` (this process), `local` (processes of this machine), `address` (a running
+    dask scheduler) and `slurm` (jobs submitted with `sbatch`, each one task at a time on one core).
     """
 
     kind: str = "local"
-    workers: int | None = None
+    workers: int | None = None  # processes, by default one a core, or jobs
     address: str | None = None
-    ca_file: str | None = None
-    cert: str | None = None
+    ca_file: str | None = None  # PEM files for a `tls://` address: the authority, and certificate
+    cert: str | None = None  # and private key of this client; the key may be in the certificate's
     key: str | None = None
     queue: str | None = None
     account: str | None = None
     walltime: str | None = None
     memory: str | None = None
-    interface: str | None = None
+    interface: str | None = None  # of the network, by which jobs and this process reach each other
 
     def __post_init__(self) -> None:
         if self.kind not in READ:
@@ -87,20 +66,19 @@ class ClusterChoice:
             raise _wrong("workers", self.workers, "at least 1")
         where = f"where cluster.kind is {self.kind}"
         required = REQUIRED.get(self.kind, {})
-        for name in (field.name for field in fields(self) if field.name != "kind"):
-            value = getattr(self, name)
+        for name, value in list(asdict(self).items())[1:]:
             if value is None:
                 if name in required:
                     raise _wrong(name, None, f"{required[name]} {where}")
             elif name not in READ[self.kind]:
-                raise _wrong(name, value, f"None {where}")
+                raise _wrong(name, value, f"null {where}")
             elif name in FORMS and not re.fullmatch(FORMS[name][0], value):
                 raise _wrong(name, value, FORMS[name][1])
         encrypted = str(self.address).startswith("tls://")
         for name in ("ca_file", "cert", "key"):
             path = getattr(self, name)
             if path is not None and not encrypted:
-                raise _wrong(name, path, "None where cluster.address does not begin with tls://")
+                raise _wrong(name, path, "null where cluster.address does not begin with tls://")
             if path is None and encrypted and name != "key":
                 raise _wrong(name, None, "a PEM file where cluster.address begins with tls://")
             if path is not None and not Path(path).is_file():
@@ -109,15 +87,8 @@ class ClusterChoice:
 
 def _wrong(name: str, value: Any, allowed: str) -> ConfigurationError:
     key = "private_key" if name == "key" else name  # as users know it
-    return ConfigurationError(f"cluster.{key} is {value}, but must be {allowed}")
-
-
-class Finished(NamedTuple):
-    """Outcome of one task: its number, and its result or the error that it ended with."""
-
-    number: int
-    result: Any
-    error: Exception | None
+    given = "null" if value is None else value
+    return ConfigurationError(f"cluster.{key} is {given}, but must be {allowed}")
 
 
 class Executor(Protocol):
@@ -134,8 +105,8 @@ class Executor(Protocol):
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
         """Hand over the task to call a function with some arguments."""
 
-    def finished(self) -> list[Finished]:
-        """Wait for tasks to finish and return their outcomes, or none if no task is left."""
+    def finished(self) -> list[tuple[int, Any, Exception | None]]:
+        """Wait for tasks to finish and return number, result and error; none if none is left."""
 
 
 class InlineExecutor:
@@ -150,42 +121,24 @@ class InlineExecutor:
         """Keep a task until it is its turn."""
         self._waiting.append((number, function, arguments))
 
-    def finished(self) -> list[Finished]:
+    def finished(self) -> list[tuple[int, Any, Exception | None]]:
         """Run the oldest task."""
         if not self._waiting:
             return []
         number, function, arguments = self._waiting.popleft()
         try:
-            return [Finished(number, function(*arguments), None)]
+            return [(number, function(*arguments), None)]
         except Exception as error:
-            return [Finished(number, None, error)]
-
-
-@contextmanager
-def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
-    """Set environment variables for a while; restore them, and those named as `changed`."""
-    before = {name: os.environ.get(name) for name in (*variables, *changed)}
-    os.environ.update(variables)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Limit numerical libraries to one thread, those that are loaded meanwhile too."""
-    with environment(ONE_THREAD), threadpool_limits(1):
-        yield
+            return [(number, None, error)]
 
 
 @contextmanager
 def executor(
-    choice: ClusterChoice, *, tasks: int | None = None, say: Callable[[str], None]
+    choice: ClusterChoice,
+    *,
+    tasks: int = sys.maxsize,
+    packages: Sequence[str] = (),
+    say: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Start or reach the workers that a choice asks for, and end or leave them afterwards.
 
@@ -193,8 +146,10 @@ def executor(
     ----------
     choice : ClusterChoice
         Kind of cluster and its settings.
-    tasks : int, optional
+    tasks : int
         Upper bound of the number of tasks: no more workers than that are started.
+    packages : sequence of str
+        Packages of which workers elsewhere must have the same code, besides the engine.
     say : callable
         Told, in one sentence each, what is waited for, and what the user should know.
 
@@ -206,7 +161,7 @@ def executor(
     Raises
     ------
     ConfigurationError
-        If the cluster that is asked for cannot be reached or started.
+        If the cluster cannot be reached or started, or a worker has other code.
     """
     if choice.kind == "inline":
         with one_thread():
@@ -214,5 +169,9 @@ def executor(
     else:
         from sweeps.engine import workers  # which imports dask
 
-        with getattr(workers, choice.kind)(choice, tasks=tasks, say=say) as dask_executor:
+        elsewhere = (*ENGINE, *packages) if choice.kind != "local" else ()
+        code = {name: package_digest(name) for name in elsewhere}
+        settings = {name: getattr(choice, name) for name in READ[choice.kind]}
+        start = getattr(workers, choice.kind)
+        with start(**settings, tasks=tasks, code=code, say=say) as dask_executor:
             yield dask_executor

@@ -38,21 +38,11 @@ _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 @dataclass(frozen=True)
 class CodeDigest:
-    """Hash of a function's code, and what it was made of.
+    """Hash of a function's code, and what it was made of."""
 
-    Attributes
-    ----------
-    digest : str
-        Hexadecimal SHA-256. It depends on no absolute path and on no order of discovery.
-    modules : tuple of str
-        Modules whose sources count, sorted.
-    libraries : mapping of str to str
-        Versions of the distributions that count, by name.
-    """
-
-    digest: str
-    modules: tuple[str, ...]
-    libraries: Mapping[str, str]
+    digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
+    modules: tuple[str, ...]  # whose sources count, sorted
+    libraries: Mapping[str, str]  # versions of the distributions that count, by name
 
 
 @dataclass(frozen=True)
@@ -75,26 +65,18 @@ def code_digest(
     without: frozenset[str] = ENGINE,
     also: tuple[str, ...] = (),
 ) -> CodeDigest:
-    """Hash the code behind a function, as it was when this process first asked.
+    """Hash of a function's name and the code behind it, as it was when this process first asked.
 
     Parameters
     ----------
     function : callable
         A plain function, decorated or not. Values bound to its closure do not count.
-    roots : frozenset of str
-        Packages and modules, dotted names among them, whose sources count with all below them. Of
-        other imports outside the standard library the version of the distribution counts, or the
-        source when no distribution has it.
-    without : frozenset of str
-        Packages and modules that do not count, with all below them.
+    roots, without : frozenset of str
+        Packages and modules, by dotted names, whose sources (and shaders) count, and do not count,
+        with all below them. Of other imports outside the standard library the version of the
+        distribution counts, or the source when no distribution has it.
     also : tuple of str
         Further distributions whose versions count: those that libraries call unseen.
-
-    Returns
-    -------
-    CodeDigest
-        Hash of the function's qualified name, the modules' sources, the shaders of their packages
-        and the versions of the libraries.
 
     Raises
     ------
@@ -108,7 +90,7 @@ def code_digest(
         raise TypeError(f"{function!r} is no Python function")
     start = _start(plain)
     modules, data, tops = _walk(start, roots, without)
-    libraries = {name: version for top in tops for name, version in _versions(top)}
+    libraries = dict(pair for top in tops for pair in _versions(top))
     for name in also:
         try:
             libraries[name] = metadata.version(name)
@@ -119,6 +101,30 @@ def code_digest(
     parts = json.dumps([start.name, plain.__qualname__, modules, data, libraries], sort_keys=True)
     digest = hashlib.sha256(parts.encode()).hexdigest()
     return CodeDigest(digest, tuple(sorted(modules)), dict(sorted(libraries.items())))
+
+
+class OtherCode(RuntimeError):
+    """A process has other code than the one that asks it."""
+
+
+@cache
+def package_digest(name: str) -> str:
+    """Hash of all sources and shaders of a package, or of a module; empty if it is not there."""
+    file, folders = _place(name) or (None, ())
+    top = Path(folders[0] if folders else file or "").parent
+    files = [*([file] if file else []), *(one for of in folders for one in Path(of).rglob("*"))]
+    found = sorted(
+        (path.relative_to(top).as_posix(), path.read_bytes())
+        for path in files
+        if path.suffix in {".py", *DATA_SUFFIXES}
+    )
+    return hashlib.sha256(repr(found).encode()).hexdigest() if found else ""
+
+
+def check_code(digests: Mapping[str, str]) -> None:
+    """Raise `OtherCode` if a package has another digest in this process."""
+    if other := [name for name, digest in digests.items() if package_digest(name) != digest]:
+        raise OtherCode(f"has other code of {', '.join(other)}; it must have that of this process")
 
 
 @cache
@@ -140,6 +146,11 @@ def _walk(
     return hashes, data, frozenset(libraries)
 
 
+def _within(name: str, packages: frozenset[str]) -> bool:
+    """Whether a module is one of some packages or below one."""
+    return any(f"{name}.".startswith(f"{package}.") for package in packages)
+
+
 @cache
 def _edges(
     module: _Module, roots: frozenset[str], without: frozenset[str]
@@ -157,7 +168,11 @@ def _edges(
             modules |= _targets(owner, name)
         elif not standard:
             libraries.add(top)
-    modules |= {parent for parent in _acting_parents(module.name) if _within(parent, roots)}
+    # packages above, whose import does more than define names, as setting a variable
+    parts = module.name.split(".")
+    for parent in (".".join(parts[:i]) for i in range(1, len(parts))):
+        if _within(parent, roots) and (above := _module(parent)) and above.acts:
+            modules.add(parent)
     return frozenset(n for n in modules if not _within(n, without)), frozenset(libraries)
 
 
@@ -173,21 +188,14 @@ def _targets(owner: str, name: str) -> set[str]:
     # made on demand by the package, from which of its modules cannot be read
     hidden = "__getattr__" in package.names and name not in package.names
     if name == "*" or (hidden and name and not name.startswith("__")):
-        return {owner} | _below(package)
+        files = (
+            package.file.parent.iterdir()
+            if package.file and package.name == package.package
+            else ()
+        )
+        stems = {entry.name.partition(".")[0] for entry in files} - {"", "__init__"}
+        return {owner, *(f"{owner}.{stem}" for stem in stems)}
     return {owner}
-
-
-def _acting_parents(name: str) -> Iterator[str]:
-    """Packages above a module whose import does more than define names, as setting a variable."""
-    while name := name.rpartition(".")[0]:
-        parent = _module(name)
-        if parent is not None and parent.acts:
-            yield name
-
-
-def _within(name: str, packages: frozenset[str]) -> bool:
-    """Whether a module is one of some packages or below one."""
-    return any(name == package or name.startswith(f"{package}.") for package in packages)
 
 
 def _start(function: FunctionType) -> _Module:
@@ -223,8 +231,8 @@ def _global_names(code: CodeType) -> set[str]:
 
 def _module(name: str) -> _Module | None:
     """A module read from its file; None when it is not there, or only a folder of modules."""
-    file, _ = _place(name) or (None, ())
-    return None if file is None else _open(name, file)
+    place = _place(name)
+    return _open(name, place[0]) if place and place[0] else None
 
 
 def _place(name: str) -> Place | None:
@@ -239,13 +247,12 @@ def _place(name: str) -> Place | None:
     file = Path(spec.origin) if spec.has_location and spec.origin else None
     place: Place | None = (file, tuple(spec.submodule_search_locations or ()))
     for part in parts:
-        place = place and _place_in(place[1], part)
+        place = place and _place_in([os.path.join(folder, part) for folder in place[1]])
     return place
 
 
-def _place_in(folders: tuple[str, ...], part: str) -> Place | None:
-    """As `_place`, of a module below a package, in the order that Python's import looks."""
-    paths = tuple(os.path.join(folder, part) for folder in folders)
+def _place_in(paths: list[str]) -> Place | None:
+    """As `_place`, of a module at one of some paths, in the order that Python's import looks."""
     for path in paths:
         if os.path.isfile(file := os.path.join(path, "__init__.py")):
             return Path(file), (path,)
@@ -254,14 +261,6 @@ def _place_in(folders: tuple[str, ...], part: str) -> Place | None:
                 return Path(path + suffix), ()
     spaces = tuple(filter(os.path.isdir, paths))
     return (None, spaces) if spaces else None
-
-
-def _below(package: _Module) -> set[str]:
-    """Modules directly below a package; none below a plain module."""
-    if package.file is None or package.name != package.package:
-        return set()
-    stems = {entry.name.partition(".")[0] for entry in package.file.parent.iterdir()}
-    return {f"{package.name}.{stem}" for stem in stems if stem and stem != "__init__"}
 
 
 def _data(package: str, folder: Path) -> Iterator[tuple[str, str]]:

@@ -2,74 +2,67 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
-import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import hydra
 from hydra._internal.utils import get_args_parser
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from platformdirs import user_cache_path
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.folders import check_folder, check_target
 from sweeps.engine.front import (
+    FUSED,
     composing,
     explain,
+    legible,
     primary,
     read_configuration,
     refuse_list_of_choices,
     register,
     replaceable,
 )
-from sweeps.engine.launcher import register_launcher
-from sweeps.engine.multirun import Job, crossed, fused, split
+from sweeps.engine.multirun import Job, batches, crossed, fused, jobs_of, read_job, swept
 from sweeps.engine.plan import Plan
-from sweeps.engine.preview import preview
-from sweeps.engine.printing import forgiving, say, show
+from sweeps.engine.process import Stopped, forgiving, say, show, stopping
 from sweeps.engine.results import open_index
-from sweeps.engine.run import Finished, Place, existing, sweep
-from sweeps.engine.run_settings import Cluster, Run
-from sweeps.engine.settings import Choices
-from sweeps.engine.settings_table import settings_table
+from sweeps.engine.run import Finished, Place, existing, preview, sweep
+from sweeps.engine.settings import Choices, Cluster, Run, settings_table
+from sweeps.engine.stage import Experiment, nothing_to_check
 from sweeps.engine.tasks import reason
-from sweeps.engine.watching import NAMED_FAILURES, summary, watching
+from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
+
+PATIENCE = 0.5  # s without a word while checking; what is wrong is mostly found sooner
 
 Report = Callable[[Path, Choices], None]
 
 
 @dataclass(frozen=True)
 class Command:
-    """The command line of an experiment.
-
-    Attributes
-    ----------
-    experiment : Experiment
-        What is declared.
-    report : callable
-        Called with the path of a finished store and its choices.
-    raised : list of Exception
-        What ended the jobs of Hydra's launchers.
-    """
+    """The command line of an experiment; `report` is called with a finished store, its choices."""
 
     experiment: Experiment
     report: Report = lambda path, choices: None
+    # What ended the jobs of Hydra's own launchers.
     raised: list[Exception] = field(default_factory=list, init=False, compare=False)
 
     @property
@@ -78,60 +71,70 @@ class Command:
         return self.experiment.name
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
-        """Run a command line; returns 0 all done, 1 some cells failed, 2 wrong configuration."""
+        """Run a command line; returns 0 all done, 1 some cells failed, 2 wrong configuration.
+
+        Whatever it ends by is said in one sentence.
+        """
         given = list(sys.argv[1:] if arguments is None else arguments)
         with forgiving():
-            return self._status(given)
-
-    def _status(self, given: list[str]) -> int:
-        """Exit status of a command line, of which every end is said in one sentence."""
-        try:
-            with _signals():
-                return self._main(given)
-        except SystemExit as ended:  # Hydra's, after its help or a wrong option
-            return ended.code if isinstance(ended.code, int) else ALL_DONE
-        except _Stopped as stopped:
-            say(self.name, f"stopped by {stopped.name}; the same command goes on from here")
-            return 128 + stopped.number
-        except KeyboardInterrupt:
-            say(self.name, "interrupted; the same command goes on from here")
-            return 130
-        except (ConfigurationError, HydraException, OmegaConfBaseException) as error:
-            say(self.name, explain(self.experiment, error))
-            return WRONG
-        except SweepIncomplete as error:
-            say(self.name, str(error))
-            return SOME_FAILED
-        except OSError as error:
-            where = f" {error.filename!r}" if error.filename else ""
-            say(self.name, f"cannot write{where}: {error.strerror or error}")
-            return SOME_FAILED if error.errno in _DISK else WRONG
+            try:
+                with stopping():
+                    return self._main(given)
+            except SystemExit as ended:  # Hydra's, after its help or a wrong option
+                return ended.code if isinstance(ended.code, int) else ALL_DONE
+            except Stopped as stopped:
+                say(self.name, f"stopped by {stopped.name}; the same command goes on from here")
+                return 128 + stopped.number
+            except KeyboardInterrupt:
+                say(self.name, "interrupted; the same command goes on from here")
+                return 130
+            except (ConfigurationError, HydraException, OmegaConfBaseException) as error:
+                say(self.name, explain(self.experiment, error))
+                return WRONG
+            except SweepIncomplete as error:
+                say(self.name, str(error))
+                return SOME_FAILED
+            except OSError as error:
+                where = f" {error.filename!r}" if error.filename else ""
+                say(self.name, f"cannot write{where}: {error.strerror or error}")
+                disk = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+                return SOME_FAILED if error.errno in disk else WRONG
 
     def _main(self, given: list[str]) -> int:
         experiment = self.experiment
         if "--settings" in given:
-            show(settings_table(experiment))
+            show(settings_table(experiment.declared))
             return ALL_DONE
         if "--version" in given:
-            show(f"{self.name} {own_version()}")
+            show(f"{self.name} {_version(self.name)}")
             return ALL_DONE
         if "--cache" in given:
             return self._cache([one for one in given if one != "--cache"])
         register(experiment)
-        register_launcher(self.run_jobs, partial(read_configuration, experiment))
         # Hydra then raises what went wrong, instead of printing it and ending the process.
         os.environ["HYDRA_FULL_ERROR"] = "1"
         options = get_args_parser().parse_intermixed_args(given)
-        plain = replaceable(experiment, _overrides(experiment, options))
+        overrides = options.overrides
+        plain = replaceable(
+            experiment, crossed(experiment, overrides) if options.multirun else overrides
+        )
         asks = (options.help, options.hydra_help, options.cfg, options.info)
         elsewhere = (options.config_path, options.config_name, options.config_dir)
         if not (any(asks) or any(elsewhere) or options.shell_completion):
-            sweeps = self.prepare(plain, several=options.multirun)
+            jobs, master = self._jobs(plain, several=options.multirun)
+            sweeps = self._checked(jobs)
             if sweeps and all(choices.one(Run.dry_run) for choices, _ in sweeps):
                 for choices, store in sweeps:
                     self._preview(choices, store)
                 return ALL_DONE
-        kept = [one for one in given if one not in options.overrides]
+            if jobs and master and master.hydra.runtime.choices["hydra/launcher"] == FUSED:
+                folder = Path(master.hydra.sweep.dir).absolute()
+                folder.mkdir(parents=True, exist_ok=True)
+                OmegaConf.save(master, folder / "multirun.yaml")
+                for batch in batches(master, jobs):
+                    self.run_jobs(batch, folder)
+                return ALL_DONE
+        kept = [one for one in given if one not in overrides]
         with _arguments([sys.argv[0], *kept, *plain]):
             conf = None if experiment.conf is None else str(experiment.conf)
             start = hydra.main(
@@ -149,56 +152,73 @@ class Command:
 
         Empty where Hydra expands the jobs by a sweeper of its own; each is checked when it starts.
         """
-        jobs = split(overrides) if several else [overrides]
-        if jobs is None:
-            return []
-        found: list[Job] = []
-        with composing(self.experiment):
-            for job in jobs:
-                kept = [one for one in job if not re.match(r"[+~]*hydra[./@=]", one)]
-                for one in kept:
-                    if re.match(r"[+~]*=", one):
-                        raise ConfigurationError(f"{one} has no key, but must be KEY=VALUE")
-                    refuse_list_of_choices(self.experiment, one)
-                try:
-                    composed = hydra.compose(primary(self.experiment), overrides=kept)
-                except (TypeError, ValueError) as error:  # Hydra's answer to a malformed override
-                    raise ConfigurationError(f"{' '.join(job)}: {error}") from error
+        return self._checked(self._jobs(overrides, several=several)[0])
+
+    def _jobs(self, overrides: list[str], *, several: bool) -> tuple[list[Job], DictConfig | None]:
+        """Jobs of a command line, and the configuration of the multirun if it is one."""
+        experiment = self.experiment
+        for one in overrides:
+            if re.match(r"[+~]*=", one):
+                raise ConfigurationError(f"{one} has no key, but must be KEY=VALUE")
+            refuse_list_of_choices(experiment, one)
+        # What is wrong by itself is found before any check, which may take long.
+        read = partial(read_configuration, replace(experiment, check=nothing_to_check))
+        master = None
+        with composing(experiment):
+            if several:
+                front: Any = GlobalHydra.instance().hydra
+                with legible(overrides):
+                    master = front.compose_config(
+                        primary(experiment), overrides, run_mode=RunMode.MULTIRUN, from_shell=False
+                    )
+                jobs = [
+                    read_job(front.config_loader, master, job, number, read)
+                    for number, job in enumerate(jobs_of(front.config_loader, master) or [])
+                ]
+            else:
+                own = [one for one in overrides if not re.match(r"[+~]*hydra[./@=]", one)]
+                with legible(own):
+                    composed = hydra.compose(primary(experiment), overrides=own)
                 store = OmegaConf.to_container(composed, resolve=False)["store"]  # type: ignore[call-overload, index]
-                if store is not None and "${hydra:" in str(store):
-                    composed.store = f"{store}".replace("${hydra:job.num}", str(len(found)))
-                    composed.store = None if "${hydra:" in composed.store else composed.store
-                choices = read_configuration(self.experiment, composed)
-                if (path := choices.one(Run.store)) is not None:
-                    check_target(path)  # as it was written: made absolute, a URL would be a folder
-                found.append(Job(_swept(job), choices, path))
-        sweeps = fused(self.experiment, found)
+                if "${hydra:" in str(store):
+                    composed.store = None  # known when the job runs
+                choices = read(composed)
+                jobs = [Job(swept(own), choices, choices.one(Run.store))]
+        with self._patience():
+            return [replace(job, choices=experiment.check(job.choices)) for job in jobs], master
+
+    @contextmanager
+    def _patience(self) -> Iterator[None]:
+        """Say what is done meanwhile, if it takes a while."""
+        timer = threading.Timer(PATIENCE, say, (self.name, self.experiment.checking))
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    def _checked(self, jobs: Sequence[Job]) -> list[tuple[Choices, str | None]]:
+        """Sweeps of some jobs; refuses those that could not be run, or whose store is another's."""
+        for job in jobs:
+            if job.store is not None:
+                check_target(job.store)  # as it was written: made absolute, a URL would be a folder
+        sweeps = fused(self.experiment, jobs)
         for choices, store in sweeps:
-            self.check(choices, store)
+            _cluster(choices)
+            check_folder("cache", self._cache_folder(choices))
+            if store is not None:
+                existing(self.experiment, Path(store), Plan(self.experiment, choices))
         return sweeps
 
-    def check(self, choices: Choices, store: str | None) -> None:
-        """Refuse a sweep that could not be run, or whose store holds something else."""
-        _cluster(choices)
-        check_folder("cache", choices.one(Run.cache) or _default_cache(self.name))
-        if store is not None:
-            check_target(store)
-            existing(self.experiment, Path(store), Plan(self.experiment, choices))
+    def _cache_folder(self, choices: Choices) -> str | Path:
+        return choices.one(Run.cache) or user_cache_path(self.name)
 
     def _preview(self, choices: Choices, store: str | None) -> None:
-        cache = Path(choices.one(Run.cache) or _default_cache(self.name))
+        cache = Path(self._cache_folder(choices))
         found = preview(self.experiment, choices, cache, Path(store) if store else None)
-        show(found.table)
+        show(foreseen(found.stages))
         show(found.sentence)
-
-    def place(self, choices: Choices, store: Path) -> Place:
-        """Where a sweep runs."""
-        return Place(
-            store,
-            Path(choices.one(Run.cache) or _default_cache(self.name)),
-            _cluster(choices),
-            int(choices.one(Run.cache_limit) * 1e9),
-        )
 
     # running --------------------------------------------------------------------------------
 
@@ -208,7 +228,7 @@ class Command:
             choices = read_configuration(self.experiment, composed)
             overrides = list(HydraConfig.get().overrides.task)
             folder = Path(HydraConfig.get().runtime.output_dir)
-            self.run_jobs([Job(_swept(overrides), choices, choices.one(Run.store))], folder)
+            self.run_jobs([Job(swept(overrides), choices, choices.one(Run.store))], folder)
         except Exception as error:  # else Hydra would add words of its own
             self.raised.append(error)
 
@@ -250,10 +270,15 @@ class Command:
         show(summary(finished.progress, finished.seconds), error=True)
         return finished
 
+    def place(self, choices: Choices, store: Path) -> Place:
+        """Where a sweep runs."""
+        limit = int(choices.one(Run.cache_limit) * 1e9)
+        return Place(store, Path(self._cache_folder(choices)), _cluster(choices), limit)
+
     def _cache(self, words: list[str]) -> int:
         """Say what is in the cache, or clear it."""
         place = next((one[6:] for one in words if one.startswith("cache=")), None)
-        folder = Path(place or _default_cache(self.name))
+        folder = Path(place or user_cache_path(self.name))
         check_folder("cache", place or folder)
         if unknown := [one for one in words if one != "clear" and not one.startswith("cache=")]:
             raise ConfigurationError(
@@ -273,60 +298,17 @@ class Command:
         return ALL_DONE
 
 
-def own_version() -> str:
-    """Version of the distribution that this package came with."""
+def _version(distribution: str) -> str:
     try:
-        return version("ncti-sweep")
+        return version(distribution)
     except PackageNotFoundError:
         return "unknown"
 
 
-def _overrides(experiment: Experiment, options: Any) -> list[str]:
-    return crossed(experiment, options.overrides) if options.multirun else list(options.overrides)
-
-
-def _swept(overrides: Sequence[str]) -> dict[str, str]:
-    pairs = (one.partition("=") for one in overrides)
-    return {key: value for key, _, value in pairs if value != "null" or not key.startswith("++")}
-
-
 def _cluster(choices: Choices) -> ClusterChoice:
-    given = {one.name: choices.one(one) for one in Cluster.declared}
+    given: dict[str, Any] = {one.name: choices.one(one) for one in Cluster.declared}
     key = given.pop("private_key")  # Settings has a key of its own
     return ClusterChoice(**given, key=key)
-
-
-def _default_cache(name: str) -> Path:
-    return user_cache_path(name)
-
-
-_DISK = {28, 122, 5}  # full, over quota, faulty
-
-
-class _Stopped(BaseException):
-    """The process is asked to end."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
-        self.name = signal.Signals(number).name
-
-
-@contextmanager
-def _signals() -> Iterator[None]:
-    """Turn requests to end into exceptions, so that workers end in order and something is said."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise _Stopped(number)
-
-    before = {}
-    with suppress(ValueError):  # not in the main thread: they are somebody else's
-        before = {one: signal.signal(one, stop) for one in (signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.experiment import Bound, DeclarationError
-from sweeps.engine.inputs import Arrays, Damaged, Spot
 from sweeps.engine.plan import Axis, Plan
 from sweeps.engine.settings import Setting
-from sweeps.engine.stage import Output
+from sweeps.engine.stage import Bound, DeclarationError, Output
+from sweeps.engine.tasks import Arrays, Damaged, Spot
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1

@@ -14,14 +14,23 @@ import hydra
 from hydra.core.config_store import ConfigStore
 from hydra.errors import OverrideParseException
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Experiment
-from sweeps.engine.kinds import ascending
-from sweeps.engine.run_settings import CLUSTERS, Together
-from sweeps.engine.settings import Choices, Joint, Setting, flatten, nested, read_choices
+from sweeps.engine.kinds import rank
+from sweeps.engine.settings import (
+    CLUSTERS,
+    Choices,
+    Joint,
+    Setting,
+    Together,
+    flatten,
+    nested,
+    read_choices,
+)
+from sweeps.engine.stage import Experiment
 
-SCHEMA = "sweep_schema"
+SCHEMA, FUSED = "sweep_schema", "fused"
 
 HYDRA = {
     # Down to the microsecond: two sweeps may start in one second.
@@ -40,10 +49,14 @@ def register(experiment: Experiment) -> None:
     """Make the schema of an experiment known to Hydra, and a configuration that is all defaults."""
     known = ConfigStore.instance()
     known.store(name=SCHEMA, node=_schema("Configuration", nested(experiment.declared)))
+    # With it a multirun is one sweep, which Hydra leaves to `Command`; where another sweeper starts
+    # the jobs, each is a sweep of its own.
+    target = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
+    known.store(group="hydra/launcher", name=FUSED, node={"_target_": target})
     for kind in CLUSTERS:
         known.store(group="cluster", name=kind, node={"kind": kind})
     if experiment.conf is None:
-        base = [SCHEMA, {"cluster": "local"}, "_self_", {"override hydra/launcher": "fused"}]
+        base = [SCHEMA, {"cluster": "local"}, "_self_", {"override hydra/launcher": FUSED}]
         known.store(name=primary(experiment), node={"defaults": base, "hydra": HYDRA})
 
 
@@ -51,20 +64,20 @@ def _schema(name: str, tree: Mapping[str, Any]) -> type:
     """Dataclass of a group; every value may be anything, since settings check their own."""
     fields: list[Any] = []
     for key, entry in tree.items():
-        words: Sequence[str] = getattr(getattr(entry, "kind", None), "fields", ())
-        if isinstance(entry, Mapping):
-            inner = _schema(key.title(), entry)
+        if members := _members(entry):
+            inner = _schema(key.title(), members)
             fields.append((key, inner, field(default_factory=inner)))
-        elif words:
-            inner = make_dataclass(
-                key.title(), [(word, Any, field(default=None)) for word in words]
-            )
-            fields.append((key, inner, field(default_factory=inner)))
-        elif isinstance(entry.default, list | dict | tuple):
-            fields.append((key, Any, field(default_factory=partial(deepcopy, entry.default))))
         else:
-            fields.append((key, Any, field(default=entry.default)))
+            default = getattr(entry, "default", None)
+            fields.append((key, Any, field(default_factory=partial(deepcopy, default))))
     return make_dataclass(name, fields)
+
+
+def _members(entry: Any) -> Mapping[str, Any]:
+    """What a group holds, or a setting whose value is a mapping with certain keys."""
+    if isinstance(entry, Mapping):
+        return entry
+    return dict.fromkeys(getattr(getattr(entry, "kind", None), "fields", ()))
 
 
 @contextmanager
@@ -79,6 +92,18 @@ def composing(experiment: Experiment) -> Iterator[None]:
             yield
 
 
+@contextmanager
+def legible(overrides: Sequence[str]) -> Iterator[None]:
+    """Refuse overrides that Hydra answers with an error of Python's."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"{' '.join(overrides)}: {error}") from error
+
+
+# choices ------------------------------------------------------------------------------------------
+
+
 def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
     """Checked choices of a composed configuration.
 
@@ -87,16 +112,63 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
     ConfigurationError
         Naming the first key that is wrong, its value and what is allowed.
     """
-    tree = nested(experiment.declared)
-    _known(tree, composed, "")
-    plain: Any = OmegaConf.to_container(composed, resolve=True)
-    given = flatten(experiment.declared, plain)
+    _known(nested(experiment.declared), composed, "")
+    given = flatten(experiment.declared, _resolved(experiment, composed))
     (groups,) = Together.zip.values(given.get(Together.zip.key))
     together = [[_named(experiment, name) for name in names] for names in groups]
     keys = {one.key for settings in together for one in settings}
     once = {key: _once(value) if key in keys else value for key, value in given.items()}
     choices = read_choices(experiment.declared, once)
     return experiment.check(_zipped(choices, given, together))
+
+
+def _known(tree: Mapping[str, Any], node: Any, parent: str) -> None:
+    """Refuse keys that no setting has; Hydra itself lets `+key=value` through."""
+    if not isinstance(node, DictConfig):
+        raise ConfigurationError(f"{parent} is {node!r}, but must hold {', '.join(tree)}")
+    for name in map(str, node):
+        key = f"{parent}.{name}".lstrip(".")
+        if name not in tree:
+            raise ConfigurationError(_unknown(tree, key))
+        if isinstance(tree[name], Mapping):
+            _known(tree[name], node[name], key)
+
+
+def _resolved(experiment: Experiment, composed: DictConfig) -> Any:
+    """The configuration as plain values, what refers to others among them."""
+    try:
+        return OmegaConf.to_container(composed, resolve=True)
+    except OmegaConfBaseException as error:
+        key = re.sub(r"\[.*", "", error.full_key or "")
+        given = OmegaConf.to_container(composed, resolve=False)
+        for word in key.split("."):
+            given = given.get(word) if isinstance(given, dict) else given
+        named = re.search(r"Interpolation key '(.*)' not found", str(error))
+        why = str(error).partition("\n")[0]
+        if named:
+            group = named[1].rpartition(".")[0]
+            members = ", ".join(_group(experiment, group)) or "no keys"
+            why = f"{named[1]} is no key of the configuration; {group or 'it'} has {members}"
+        raise ConfigurationError(
+            f"{key} is {given}, but must refer to keys that have a value ({why})"
+        ) from error
+
+
+def _group(experiment: Experiment, key: str) -> Mapping[str, Any]:
+    """What a key of the configuration holds."""
+    entry: Any = nested(experiment.declared)
+    for word in key.split(".") if key else ():
+        entry = _members(entry).get(word)
+    return _members(entry)
+
+
+def _unknown(tree: Mapping[str, Any], key: str) -> str:
+    """What to say of a key that the configuration lacks, given the keys of its group."""
+    parent = key.rpartition(".")[0]
+    return f"{key} is no key of the configuration; {parent or 'it'} has {', '.join(tree)}"
+
+
+# settings that run together -----------------------------------------------------------------------
 
 
 def _once(given: Any) -> Any:
@@ -110,26 +182,28 @@ def _zipped(
     choices: Choices, given: Mapping[str, Any], together: Sequence[Sequence[Setting]]
 ) -> Choices:
     """The same choices, with the settings of `grid.zip` running together."""
+    every = [one.key for settings in together for one in settings]
+    if twice := [key for key in every if every.count(key) > 1]:
+        raise ConfigurationError(
+            f"grid.zip has {twice[0]!r} more than once, but values must differ"
+        )
     joint = []
     for settings in together:
+        keys = tuple(one.key for one in settings)
         listed = [_as_written(one, given.get(one.key, one.default)) for one in settings]
-        lengths = {one.key: len(values) for one, values in zip(settings, listed, strict=True)}
-        if len(set(lengths.values())) > 1:
-            shown = ", ".join(f"{key} has {n}" for key, n in lengths.items())
+        if len(set(map(len, listed))) > 1:
+            counts = (f"{key} has {len(of)}" for key, of in zip(keys, listed, strict=True))
             raise ConfigurationError(
-                f"grid.zip has {', '.join(lengths)}, which must have as many values each, but "
-                f"{shown}"
+                f"grid.zip has {', '.join(keys)}, which must have as many values each, but "
+                f"{', '.join(counts)}"
             )
         points = list(zip(*listed, strict=True))
         if len(set(points)) < len(points):
             raise ConfigurationError(
-                f"grid.zip has {', '.join(lengths)}, which have the same values together twice"
+                f"grid.zip has {', '.join(keys)}, which have the same values together twice"
             )
-        points.sort(key=lambda point: [_rank(value) for value in point])
-        keys = tuple(one.key for one in settings)
+        points.sort(key=lambda point: [rank(value) for value in point])
         joint.append(Joint("_".join(one.name for one in settings), keys, tuple(points)))
-    if twice := [key for one in joint for key in one.keys]:
-        ascending("grid.zip", twice)
     return Choices(choices.values, (*choices.joint, *joint))
 
 
@@ -140,15 +214,11 @@ def _as_written(setting: Setting, given: Any) -> list[Any]:
     return list(setting.values(given))
 
 
-def _rank(value: Any) -> tuple[bool, Any]:
-    return value is not None, 0 if value is None else value
-
-
 def _named(experiment: Experiment, name: str) -> Setting:
     """The setting of a key, or of the last word of one."""
-    found = [one for one in experiment.declared if one.key == name]
-    found = found or [one for one in experiment.declared if one.key == f"grid.{name}"]
-    found = found or [one for one in experiment.declared if one.name == name]
+    by_key = {one.key: one for one in experiment.declared}
+    exact = by_key.get(name) or by_key.get(f"{Together.key}.{name}")
+    found = [exact] if exact else [one for one in experiment.declared if one.name == name]
     if len(found) != 1:
         several = ", ".join(one.key for one in found)
         hint = f"several keys: {several}" if found else "no setting"
@@ -158,39 +228,36 @@ def _named(experiment: Experiment, name: str) -> Setting:
     return found[0]
 
 
-def _known(tree: Mapping[str, Any], node: Any, parent: str) -> None:
-    """Refuse keys that no setting has; Hydra itself lets `+key=value` through."""
-    if not isinstance(node, DictConfig):
-        raise ConfigurationError(f"{parent} is {node!r}, but must hold {', '.join(tree)}")
-    for name in map(str, node):
-        key = f"{parent}.{name}".lstrip(".")
-        if name not in tree:
-            raise ConfigurationError(unknown_key(tree, key))
-        if isinstance(tree[name], Mapping):
-            _known(tree[name], node[name], key)
-
-
-def unknown_key(tree: Mapping[str, Any], key: str) -> str:
-    """What to say of a key that the configuration lacks, given the keys of its group."""
-    parent = key.rpartition(".")[0]
-    return f"{key} is no key of the configuration; {parent or 'it'} has {', '.join(tree)}"
+# the command line ---------------------------------------------------------------------------------
 
 
 def replaceable(experiment: Experiment, arguments: Sequence[str]) -> list[str]:
     """Arguments that let a value of the command line replace the configured one of any form.
 
     OmegaConf merges a mapping into a mapping and refuses to put a list in its place, or a mapping
-    in a list's, so a setting is emptied before it is set: `grid.aspect=[0,45]` becomes
-    `++grid.aspect=null grid.aspect=[0,45]` (with `++`, since a multirun keeps one override of
+    in a list's, so a setting is emptied before it is set: `spring.mass=[0,45]` becomes
+    `++spring.mass=null spring.mass=[0,45]` (with `++`, since a multirun keeps one override of
     each spelling).
     """
-    keys = {one.key for one in experiment.declared if not getattr(one.kind, "fields", ())}
+    keys = {one.key for one in experiment.declared if not _members(one)}
     found = []
     for argument in arguments:
         plain = argument.lstrip("+")  # a setting is always there, so nothing is added
         key = plain.partition("=")[0]
         found += [f"++{key}=null", plain] if key in keys else [argument]
     return found
+
+
+def refuse_list_of_choices(experiment: Experiment, override: str) -> None:
+    """Refuse a list where a group's one file is chosen: Hydra would lay them over one another."""
+    several = re.fullmatch(r"(\w+)=(\[.*\])", override)
+    folders = experiment.conf.iterdir() if experiment.conf is not None else ()
+    groups = {"cluster"} | {path.name for path in folders if path.is_dir()}
+    keys = {one.key for one in experiment.declared}
+    if several is not None and several[1] in groups - keys:
+        named = f"{several[1]}.name"
+        hint = f"; {named} takes a list" if named in keys else ""
+        raise ConfigurationError(f"{several[1]} is {several[2]}, but must be one choice{hint}")
 
 
 def explain(experiment: Experiment, error: Exception) -> str:
@@ -201,20 +268,15 @@ def explain(experiment: Experiment, error: Exception) -> str:
         why = str(error).partition("\n")[0]
         return f"{error.override} cannot be read ({why}), but must be KEY=VALUE as Hydra has it"
     text = "\n".join(str(one) for one in _causes(error))
-    key = re.search(r"full_key: (\S+)", text)
-    if key and re.search(r"Key '.*' (is )?not in", text):
-        tree: Any = nested(experiment.declared)
-        for word in key[1].split(".")[:-1]:
-            tree = tree.get(word, {}) if isinstance(tree, Mapping) else {}
-        if isinstance(tree, Mapping) and tree:
-            return unknown_key(tree, key[1])
-        return f"{key[1]} is no key of the configuration"
-    group = re.search(r"not a subclass of \w+\. value: (.*)|Cannot merge DictConfig with", text)
-    if key and group:
-        branch: Any = nested(experiment.declared)
-        for word in key[1].split("."):
-            branch = branch.get(word, {}) if isinstance(branch, Mapping) else {}
-        return f"{key[1]} is {group[1] or 'a list'}, but must hold {', '.join(branch or {})}"
+    if key := re.search(r"full_key: (\S+)", text):
+        if re.search(r"Key '.*' (is )?not in", text):
+            group = _group(experiment, key[1].rpartition(".")[0])
+            return _unknown(group, key[1]) if group else f"{key[1]} is no key of the configuration"
+        value = re.search(r"not a subclass of \w+\. value: (.*)", text)
+        wrong = r"not a subclass of|Cannot merge DictConfig with|is not Optional"
+        if re.search(wrong, text) and (group := _group(experiment, key[1])):
+            given = value[1] if value else "null" if "is not Optional" in text else "a list"
+            return f"{key[1]} is {given}, but must hold {', '.join(group)}"
     choice = re.search(
         r"Could not find '(.+)/(.+)'.*?Available options in .*?:(.*?)\n\S", text, re.S
     )
@@ -228,18 +290,3 @@ def _causes(error: BaseException | None) -> Iterator[BaseException]:
     while error is not None:
         yield error
         error = error.__cause__
-
-
-def refuse_list_of_choices(experiment: Experiment, override: str) -> None:
-    """Refuse a list where a group's one file is chosen: Hydra would lay them over one another."""
-    several = re.fullmatch(r"(\w+)=(\[.*\])", override)
-    if several is None:
-        return
-    groups = {"cluster"}
-    if experiment.conf is not None:
-        groups |= {path.name for path in experiment.conf.iterdir() if path.is_dir()}
-    if several[1] in groups and several[1] not in {one.key for one in experiment.declared}:
-        named = f"{several[1]}.name"
-        listed = any(one.key == named for one in experiment.declared)
-        hint = f"; {named} takes a list" if listed else ""
-        raise ConfigurationError(f"{several[1]} is {several[2]}, but must be one choice{hint}")

@@ -4,56 +4,69 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
-
-from sweeps.engine.errors import ConfigurationError
-
-T = TypeVar("T")
 
 LARGEST = 1e300  # beyond it a number is a slip, and integers need not fit a float
 MOST_VALUES = 100_000  # longer axes are a slip of the step, not a plan
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
 
-class Kind(Protocol):
-    """What a setting may be."""
+@dataclass(frozen=True)
+class Kind:
+    """What a setting may be: one value, or several in a list; with `null`, null is one, too."""
+
+    null: bool = field(default=False, kw_only=True)
 
     @property
     def allowed(self) -> str:
         """Words for what is allowed, as in 'a finite number at least 0'."""
+        raise NotImplementedError
+
+    def _holds(self, value: Any) -> bool:
+        """Whether something is such a value."""
+        raise NotImplementedError
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """Distinct values in ascending order, read from what a user wrote.
+        """Distinct values in ascending order, null first, read from what a user wrote.
 
         Raises
         ------
-        ConfigurationError
+        ValueError
             Naming the key, the value and what is allowed.
         """
+        listed = self._listed(key, given)
+        for value in listed:
+            if not (value is None and self.null) and not self._holds(value):
+                raise ValueError(self._refused(key, value))
+        return ascending(key, [None if value is None else self._read(value) for value in listed])
+
+    def _listed(self, key: str, given: Any) -> list[Any]:
+        several = isinstance(given, Sequence) and not isinstance(given, str)
+        return list(given) if several else [given]
+
+    def _read(self, value: Any) -> Value:
+        return value
+
+    def _refused(self, key: str, value: Any) -> str:
+        return f"{key} has {shown(value)}, but every value must be {self.allowed}"
 
 
 @dataclass(frozen=True)
-class Number:
-    """Finite numbers within bounds; one, a list, or start, stop and step.
+class Number(Kind):
+    """Finite numbers of which `low` and `high` are the ends; start, stop and step stand for some.
 
-    Attributes
-    ----------
-    low, high : float
-        Inclusive bounds.
-    below : float
-        Exclusive upper bound.
-    null : bool
-        Whether null is a value, too.
+    They are less than `below`, and above 0 where they must be positive.
     """
 
     low: float = -math.inf
     high: float = math.inf
     below: float = math.inf
     positive: bool = False
-    null: bool = False
+
+    sort: ClassVar[str] = "finite"
 
     @property
     def allowed(self) -> str:
@@ -62,24 +75,10 @@ class Number:
         bounds += [f"at least {self.low:g}"] if self.low > -math.inf else []
         bounds += [f"at most {self.high:g}"] if self.high < math.inf else []
         bounds += [f"below {self.below:g}"] if self.below < math.inf else []
-        words = "a finite number" + (" " + " and ".join(bounds) if bounds else "")
+        words = f"a {self.sort} number {' and '.join(bounds)}".rstrip()
         return f"null or {words}" if self.null else words
 
-    def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """See `Kind.values`; null comes before all numbers."""
-        listed = _steps(key, given) if isinstance(given, Mapping) else _listed(given)
-        found: list[float | None] = []
-        for value in listed:
-            if value is None and self.null:
-                found.append(None)
-            elif self.holds(value):
-                found.append(float(value) + 0.0)  # -0.0 becomes 0.0, with which it is equal
-            else:
-                raise _refused(key, value, self.allowed)
-        return ascending(key, found)
-
-    def holds(self, value: Any) -> bool:
-        """Whether something is one of these numbers."""
+    def _holds(self, value: Any) -> bool:
         return (
             isinstance(value, int | float)
             and not isinstance(value, bool)
@@ -88,34 +87,30 @@ class Number:
             and not (self.positive and value <= 0)
         )
 
+    def _listed(self, key: str, given: Any) -> list[Any]:
+        return _steps(key, given) if isinstance(given, Mapping) else super()._listed(key, given)
 
-@dataclass(frozen=True)
-class Count:
-    """Whole numbers within inclusive bounds; one, a list, or start, stop and step."""
-
-    low: int = 1
-    high: float = math.inf
-    null: bool = False
-
-    @property
-    def allowed(self) -> str:
-        """See `Kind.allowed`."""
-        return Number(self.low, self.high, null=self.null).allowed.replace("finite", "whole")
-
-    def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """See `Kind.values`."""
-        listed = _steps(key, given) if isinstance(given, Mapping) else _listed(given)
-        numbers = Number(self.low, self.high)
-        for value in listed:
-            null = value is None and self.null
-            if not null and not (numbers.holds(value) and value == int(value)):
-                raise _refused(key, value, self.allowed)
-        # Not by way of floats, which do not hold all of them.
-        return ascending(key, [value if value is None else int(value) for value in listed])
+    def _read(self, value: Any) -> Value:
+        return float(value) + 0.0  # -0.0 becomes 0.0, with which it is equal
 
 
 @dataclass(frozen=True)
-class Draws:
+class Count(Number):
+    """Whole numbers; see `Number`."""
+
+    low: float = 1
+
+    sort: ClassVar[str] = "whole"
+
+    def _holds(self, value: Any) -> bool:
+        return super()._holds(value) and value == int(value)
+
+    def _read(self, value: Any) -> Value:
+        return int(value)  # not by way of floats, which do not hold all of them
+
+
+@dataclass(frozen=True)
+class Draws(Kind):
     """How many of something there are, counted from 0: 3 stands for the values 0, 1 and 2."""
 
     high: int
@@ -127,15 +122,14 @@ class Draws:
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """See `Kind.values`."""
-        whole = isinstance(given, int) and not isinstance(given, bool)
-        if not whole or not 1 <= given <= self.high:
-            raise ConfigurationError(f"{key} is {given!r}, but must be {self.allowed}")
+        if type(given) is not int or not 1 <= given <= self.high:
+            raise ValueError(f"{key} is {shown(given)}, but must be {self.allowed}")
         return tuple(range(given))
 
 
 @dataclass(frozen=True)
-class Word:
-    """Words from a list; one of them, or several."""
+class Word(Kind):
+    """Words from a list."""
 
     words: tuple[str, ...]
 
@@ -144,64 +138,44 @@ class Word:
         """See `Kind.allowed`."""
         return f"one of {', '.join(self.words)}"
 
-    def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """See `Kind.values`."""
-        for word in _listed(given):
-            if not isinstance(word, str) or word not in self.words:
-                raise _refused(key, word, self.allowed)
-        return ascending(key, [str(word) for word in _listed(given)])
+    def _holds(self, value: Any) -> bool:
+        return isinstance(value, str) and value in self.words
 
 
 @dataclass(frozen=True)
-class Switch:
+class Switch(Kind):
     """On, off, or both."""
 
-    allowed: str = "one of true, false"
+    allowed: ClassVar[str] = "one of true, false"
 
-    def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """See `Kind.values`."""
-        for value in _listed(given):
-            if not isinstance(value, bool):
-                raise _refused(key, value, self.allowed)
-        return ascending(key, _listed(given))
+    def _holds(self, value: Any) -> bool:
+        return isinstance(value, bool)
 
 
 @dataclass(frozen=True)
-class Text:
+class Text(Kind):
     """Any text that is not empty, such as a path."""
-
-    null: bool = False
 
     @property
     def allowed(self) -> str:
         """See `Kind.allowed`."""
         return "null or a text" if self.null else "a text"
 
-    def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """See `Kind.values`."""
-        for text in _listed(given):
-            if not (isinstance(text, str) and text) and not (text is None and self.null):
-                word = "empty" if text == "" else repr(text)
-                raise ConfigurationError(f"{key} is {word}, but must be {self.allowed}")
-        return ascending(key, _listed(given))
+    def _holds(self, value: Any) -> bool:
+        return isinstance(value, str) and value != ""
+
+    def _refused(self, key: str, value: Any) -> str:
+        return f"{key} is {shown(value) if value != '' else 'empty'}, but must be {self.allowed}"
 
 
 @dataclass(frozen=True)
-class SetOf:
-    """A set of values that belong together: one value, which is a tuple.
+class SetOf(Kind):
+    """A set of values of another kind that belong together: one value, which is a tuple.
 
-    Attributes
-    ----------
-    kind : Kind
-        Of its members.
-    null : bool
-        Whether null, the value None, stands for 'not given'.
-    spellings : tuple of (str, tuple)
-        Words that stand for a set.
+    Words of `spellings` stand for a set each; null for 'not given'.
     """
 
     kind: Kind
-    null: bool = False
     spellings: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     @property
@@ -217,80 +191,72 @@ class SetOf:
         known = dict(self.spellings)
         if isinstance(given, str) and given in known:
             return (tuple(sorted(known[given])),)
-        if self.spellings and isinstance(given, str) and isinstance(self.kind, Word):
-            allowed = ", ".join((*self.kind.words, *known))
-            if given not in self.kind.words:
-                raise ConfigurationError(f"{key} is {given!r}, but must be one of {allowed}")
+        if known and isinstance(given, str) and not self.kind._holds(given):
+            words = ", ".join(known)
+            raise ValueError(f"{key} is {given!r}, but must be {self.kind.allowed}, {words}")
         return (self.kind.values(key, given),)
 
 
 @dataclass(frozen=True)
-class Groups:
+class Groups(Kind):
     """Lists of words, each list for what belongs together: one value."""
 
-    allowed: str = "a list of lists of names"
+    allowed: ClassVar[str] = "a list of lists of names"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """See `Kind.values`."""
-        if given is None:
-            return ((),)
-        groups = _listed(given)
+        groups = [] if given is None else self._listed(key, given)
         for group in groups:
             words = isinstance(group, Sequence) and not isinstance(group, str)
             if not words or len(group) < 2 or not all(isinstance(one, str) for one in group):
-                raise ConfigurationError(
-                    f"{key} is {given!r}, but must be {self.allowed}, two or more in each"
+                raise ValueError(
+                    f"{key} is {shown(given)}, but must be {self.allowed}, two or more in each"
                 )
-        return (tuple(tuple(group) for group in groups),)
+        return (tuple(map(tuple, groups)),)
 
 
-def ascending(key: str, values: Sequence[T]) -> tuple[T, ...]:
+def shown(value: Any) -> str:
+    """A value as messages show it: null as users write it."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(shown, value))}]"
+    return "null" if value is None else repr(value)
+
+
+def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
     """Sorted values, refused when there are none or one is there twice; None comes first."""
     if not values:
-        raise ConfigurationError(f"{key} is empty, but must hold at least one value")
-    seen: set[T] = set()
+        raise ValueError(f"{key} is empty, but must hold at least one value")
+    seen = set()
     for value in values:
         if value in seen:
-            raise ConfigurationError(f"{key} has {value!r} more than once, but values must differ")
+            raise ValueError(f"{key} has {shown(value)} more than once, but values must differ")
         seen.add(value)
-    return tuple(sorted(values, key=_rank))
+    return tuple(sorted(values, key=rank))
 
 
-def _rank(value: Any) -> tuple[bool, Any]:
-    return (value is not None, 0 if value is None else value)
-
-
-def _listed(given: Any) -> list[Any]:
-    """What was given, as a list."""
-    is_list = isinstance(given, Sequence) and not isinstance(given, str)
-    return list(given) if is_list else [given]
-
-
-def _refused(key: str, value: Any, allowed: str) -> ConfigurationError:
-    return ConfigurationError(f"{key} has {value!r}, but every value must be {allowed}")
+def rank(value: Value) -> tuple[bool, Any]:
+    """What values are sorted by: None comes first."""
+    return value is not None, 0 if value is None else value
 
 
 def _steps(key: str, given: Mapping[str, Any]) -> list[float]:
     """Values from start to stop, which is among them when a step lands on it."""
     if set(given) != {"start", "stop", "step"}:
-        raise ConfigurationError(
+        raise ValueError(
             f"{key} has the keys {', '.join(map(str, given)) or '(none)'}, but must have start, "
             "stop and step, or be a list"
         )
     for name, value in given.items():
         if not isinstance(value, int | float) or isinstance(value, bool):
-            raise ConfigurationError(f"{key}.{name} is {value!r}, but must be a number")
-    (start,) = Number().values(f"{key}.start", given["start"])
-    (stop,) = Number().values(f"{key}.stop", given["stop"])
-    (step,) = Number(positive=True).values(f"{key}.step", given["step"])
+            raise ValueError(f"{key}.{name} is {shown(value)}, but must be a number")
+    start, stop, step = (
+        Number(positive=name == "step").values(f"{key}.{name}", given[name])[0]
+        for name in ("start", "stop", "step")
+    )
     count = math.floor((stop - start) / step * (1 + 1e-12) + 1e-9) + 1
     if count < 1:
-        raise ConfigurationError(
-            f"{key} runs from {start:g} to {stop:g}, but stop must not be below start"
-        )
+        raise ValueError(f"{key} runs from {start:g} to {stop:g}, but stop must not be below start")
     if count > MOST_VALUES:
-        raise ConfigurationError(
-            f"{key}.step is {step:g}, but must leave at most {MOST_VALUES} values"
-        )
+        raise ValueError(f"{key}.step is {step:g}, but must leave at most {MOST_VALUES} values")
     # Rounded, so that 0.1 steps give 0.3 and not 0.30000000000000004.
     return [float(value) for value in np.round(start + step * np.arange(count), 12)]

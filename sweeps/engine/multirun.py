@@ -1,53 +1,47 @@
 """Jobs of a Hydra multirun as one sweep: what differs between them becomes axes.
 
 Settings that the jobs cross are axes of their own. Settings that change together, as those of a
-group's choices (`ladar=full_profile,peak_pulse`), run together along one axis named after the
-group. A store path that differs between jobs keeps them apart.
+group's choices (`spring=soft,hard`), run together along one axis named after the group. A store
+path that differs between jobs keeps them apart.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, ValueType
+from hydra.core.override_parser.types import Override, Transformer
 from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Experiment
-from sweeps.engine.kinds import Value
+from sweeps.engine.front import legible
+from sweeps.engine.kinds import Value, rank
 from sweeps.engine.provenance import written
-from sweeps.engine.settings import Choices, Joint, Setting
+from sweeps.engine.settings import Choices, Joint, Run, Setting
+from sweeps.engine.stage import Experiment
 
-Jobs = list[list[str]]
 Point = tuple[Value, ...]
-
-OUT_OF_JOB = re.compile(r"\$\{hydra:")
 
 
 @dataclass(frozen=True)
 class Job:
-    """One job of a multirun.
-
-    Attributes
-    ----------
-    overrides : mapping of str to str
-        What was swept, key to value.
-    choices : Choices
-        What its configuration comes to.
-    store : str or None
-        Path of its store, if it has one of its own.
-    """
+    """One job of a multirun: what was swept, key to value, and what its configuration comes to."""
 
     overrides: Mapping[str, str]
     choices: Choices
-    store: str | None
+    store: str | None  # if it has one of its own
+
+
+# jobs of a command line ---------------------------------------------------------------------------
 
 
 def crossed(experiment: Experiment, arguments: Sequence[str]) -> list[str]:
@@ -60,50 +54,82 @@ def crossed(experiment: Experiment, arguments: Sequence[str]) -> list[str]:
         parsed = OverridesParser.create().parse_overrides(list(arguments))
     except HydraException:
         return list(arguments)  # refused with its reason where Hydra reads it
-    if any(one.key_or_group in ("hydra/sweeper", "hydra/launcher") for one in parsed):
-        return list(arguments)
-    store = next((one.input_line or "" for one in parsed if one.key_or_group == "store"), "")
-    if OUT_OF_JOB.search(store):
-        return list(arguments)
+    lines = [str(one.input_line) for one in parsed]
+    for one, line in zip(parsed, lines, strict=True):
+        own_path = one.key_or_group == Run.store.key and "${hydra:" in line
+        if own_path or one.key_or_group in ("hydra/sweeper", "hydra/launcher"):
+            return list(arguments)
     axes = {one.key for one in experiment.declared if not one.fixed}
     return [
         _as_list(one)
         if one.is_sweep_override()
         and one.key_or_group in axes
-        and not any(f"{{{one.key_or_group}}}" in str(other.input_line) for other in parsed)
-        else str(one.input_line)
-        for one in parsed
+        and not any(f"{{{one.key_or_group}}}" in other for other in lines)
+        else line
+        for one, line in zip(parsed, lines, strict=True)
     ]
 
 
 def _as_list(override: Override) -> str:
-    from hydra.core.override_parser.types import Transformer
-
     values = [str(one) for one in override.sweep_iterator(transformer=Transformer.encode)]
     if any(value.startswith(("[", "{")) for value in values):
         return str(override.input_line)
     return f"{override.get_key_element()}=[{','.join(values)}]"
 
 
-def split(arguments: Sequence[str]) -> Jobs | None:
-    """Overrides of every job that Hydra's own sweeper would start; None where another one would."""
-    parsed = OverridesParser.create().parse_overrides(list(arguments))
-    kinds = {one.value_type for one in parsed}
-    other = any(one.key_or_group == "hydra/sweeper" for one in parsed)
-    if other or ValueType.GLOB_CHOICE_SWEEP in kinds:  # expanded by Hydra, which knows the groups
+def jobs_of(loader: Any, master: DictConfig) -> list[list[str]] | None:
+    """Overrides of every job that Hydra's own sweeper would start; None where another one would.
+
+    `loader` is Hydra's, `master` the configuration of a multirun with Hydra's own part.
+    """
+    if not master.hydra.sweeper._target_.endswith(f".{BasicSweeper.__name__}"):
         return None
+    overrides = OmegaConf.to_container(master.hydra.overrides.task, resolve=False)
+    parsed = OverridesParser.create(loader).parse_overrides(overrides)  # type: ignore[arg-type]
     return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
+
+
+def batches(master: DictConfig, jobs: Sequence[Job]) -> Iterator[list[Job]]:
+    """Jobs that run at once: those of Hydra's batches, with all earlier ones of their stores.
+
+    So a store grows from batch to batch, and what is there is not done again.
+    """
+    size = master.hydra.sweeper.max_batch_size or len(jobs)
+    for end in range(size, len(jobs) + size, size):
+        stores = {job.store for job in jobs[end - size : end]}
+        yield [job for job in jobs[:end] if job.store in stores]
+
+
+def read_job(
+    loader: Any,
+    master: DictConfig,
+    overrides: Sequence[str],
+    number: int,
+    read: Callable[[DictConfig], Choices],
+) -> Job:
+    """A job of a multirun, of whose configuration `read` makes choices."""
+    with legible(overrides):
+        composed = loader.load_sweep_config(master, list(overrides))
+    with open_dict(composed):
+        composed.hydra.job.id = composed.hydra.job.num = number
+    HydraConfig.instance().set_config(composed)
+    with open_dict(composed):
+        del composed["hydra"]
+    choices = read(composed)
+    return Job(swept(overrides), choices, choices.one(Run.store))
+
+
+def swept(overrides: Sequence[str]) -> dict[str, str]:
+    """What overrides set, key to value, without those that only empty a setting."""
+    pairs = (one.partition("=") for one in overrides)
+    return {key: value for key, _, value in pairs if value != "null" or not key.startswith("++")}
+
+
+# several jobs as one sweep ------------------------------------------------------------------------
 
 
 def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, str | None]]:
     """Choices, with the path of the store, of the sweeps that some jobs come to.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What is declared.
-    jobs : sequence of Job
-        In their order.
 
     Raises
     ------
@@ -118,92 +144,76 @@ def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, st
 
 def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
     first = jobs[0].choices
-    if len(jobs) == 1:
-        return first
-    differing = [
-        setting
-        for setting in experiment.declared
-        if any(job.choices[setting] != first[setting] for job in jobs)
-    ]
     if any(job.choices.joint != first.joint for job in jobs):
         raise ConfigurationError(
             "grid.zip has settings whose values differ between jobs of one store; put them into "
             "the store's path for a store each"
         )
-    if not differing:
-        return first
+    differing = [
+        setting
+        for setting in experiment.declared
+        if any(job.choices[setting] != first[setting] for job in jobs)
+    ]
     for setting in differing:
         if setting.fixed:
-            asked = " and ".join(
-                dict.fromkeys(str(written(setting, job.choices[setting])) for job in jobs)
-            )
+            found = [written(setting, job.choices[setting]) for job in jobs]
+            asked = " and ".join(dict.fromkeys("null" if x is None else str(x) for x in found))
             raise ConfigurationError(
                 f"{setting.key} is {asked} in jobs of one store, but must be one: "
                 f"{setting.fixed}; put it into the store's path for a store each"
             )
-    points = {
-        point: job
-        for job in jobs
-        for point in product(*(job.choices[setting] for setting in differing))
-    }
     union = {
-        setting.key: _ascending(value for job in jobs for value in job.choices[setting])
+        setting.key: tuple(
+            sorted({value for job in jobs for value in job.choices[setting]}, key=rank)
+        )
         for setting in differing
     }
-    values = {**first.values, **union}
-    groups = _bound_together(jobs, differing, points)
-    joint = tuple(
-        Joint(
-            name,
-            tuple(setting.key for setting in members),
-            tuple(there),
-            tuple(labels),
-        )
-        for name, members, there, labels in groups
-    )
-    return Choices(values, (*first.joint, *joint))
+    joint = _bound_together(jobs, differing) if differing else []
+    return Choices({**first.values, **union}, (*first.joint, *joint))
 
 
-Group = tuple[str, list[Setting], list[Point], list[str]]
-
-
-def _bound_together(
-    jobs: Sequence[Job], differing: Sequence[Setting], points: Mapping[Point, Job]
-) -> list[Group]:
+def _bound_together(jobs: Sequence[Job], differing: Sequence[Setting]) -> list[Joint]:
     """Settings that do not run crossed, by what was swept; all of them where nothing crosses."""
-    swept = [key for key in jobs[0].overrides if len({job.overrides.get(key) for job in jobs}) > 1]
-    taken: set[str] = set()
-    groups: list[Group] = []
-    for key in swept:
-        own = [one for one in differing if one.key not in taken and _follows(jobs, key, one)]
-        taken.update(one.key for one in own)
+    free = list(differing)
+    groups: list[Joint] = []
+    for key in jobs[0].overrides:
+        own = [one for one in free if _follows(jobs, key, one)]
+        free = [one for one in free if one not in own]
         if len(own) > 1:
             label: dict[Point, str] = {}
             for job in jobs:
-                point = tuple(job.choices[one][0] for one in own)
+                point = tuple(job.choices.one(one) for one in own)
                 label.setdefault(point, job.overrides[key])
             there = sorted(label, key=lambda point: _natural(label[point]))
-            groups.append((_word(key), own, there, [label[point] for point in there]))
-    bound = {one.key for _, members, _, _ in groups for one in members}
-    free = [one for one in differing if one.key not in bound]
-    count = 1
-    for one in free:
-        count *= len({value for point in points for value in (point[differing.index(one)],)})
-    for _, _, there, _ in groups:
-        count *= len(there)
-    if count == len(points):
+            groups.append(_joint(_word(key), own, there, [label[point] for point in there]))
+    points = {
+        point for job in jobs for point in product(*(job.choices[setting] for setting in differing))
+    }
+    bound = {key for group in groups for key in group.keys}
+    counts = [
+        len({point[place] for point in points})
+        for place, one in enumerate(differing)
+        if one.key not in bound
+    ]
+    if math.prod((*counts, *(len(group.points) for group in groups))) == len(points):
         return groups
-    every = sorted(points, key=lambda point: [_rank(value) for value in point])
+    every = sorted(points, key=lambda point: [rank(value) for value in point])
     labels = [
         ",".join(f"{one.name}={value}" for one, value in zip(differing, point, strict=True))
         for point in every
     ]
-    return [("job", list(differing), every, labels)]
+    return [_joint("job", differing, every, labels)]
+
+
+def _joint(
+    name: str, settings: Sequence[Setting], points: Sequence[Point], labels: Sequence[str]
+) -> Joint:
+    return Joint(name, tuple(one.key for one in settings), tuple(points), tuple(labels))
 
 
 def _follows(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
     """Whether the value of a setting is decided by what is swept under a key, and by one value."""
-    decided: dict[str | None, tuple[Value, ...]] = {}
+    decided: dict[str | None, Point] = {}
     for job in jobs:
         values = job.choices[setting]
         if len(values) != 1 or decided.setdefault(job.overrides.get(key), values) != values:
@@ -220,12 +230,4 @@ def _natural(label: str) -> tuple[bool, float, str]:
 
 
 def _word(key: str) -> str:
-    return key.lstrip("+").rpartition("/")[2].rpartition(".")[2]
-
-
-def _ascending(values: Any) -> tuple[Value, ...]:
-    return tuple(sorted(dict.fromkeys(values), key=_rank))
-
-
-def _rank(value: Any) -> tuple[bool, Any]:
-    return value is not None, 0 if value is None else value
+    return re.split(r"[/.]", key.lstrip("+"))[-1]

@@ -10,11 +10,10 @@ from itertools import product
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word
 from sweeps.engine.plan import Plan
-from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Joint, Setting, flatten, read_choices
+from sweeps.engine.settings import Choices, Joint, Run, Setting, flatten, read_choices
+from sweeps.engine.stage import Experiment
 
 ENGINE_LIBRARIES = ("dask", "numpy", "xarray", "zarr")
 

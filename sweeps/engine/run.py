@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import errno
+import json
 import shutil
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
-from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.cluster import ClusterChoice, Executor, executor
 from sweeps.engine.cube import Cube
-from sweeps.engine.execute import Watch, execute
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.folders import (
     PARTIAL,
     check_folder,
@@ -23,34 +25,26 @@ from sweeps.engine.folders import (
     real_place,
     verify,
 )
-from sweeps.engine.inputs import Damaged
 from sweeps.engine.plan import Plan
-from sweeps.engine.progress import Progress
 from sweeps.engine.provenance import check_extends, provenance
 from sweeps.engine.results import CellIndex, open_index, read_cells
-from sweeps.engine.schedule import Schedule
+from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Experiment
 from sweeps.engine.store import add_group, read_attributes, write_store
 from sweeps.engine.takeover import OldStore
+from sweeps.engine.tasks import Call, Damaged, Report, Spot, reason, run_calls
 
 WRITERS = 2  # threads that write chunks
 AT_ONCE = 512  # cells that are read again after damage
 ROUNDS = 20  # of making damaged results again, before the disk is held to be at fault
+AHEAD = 2  # tasks a worker has at hand, so that it never waits for the next
+QUICK = 1.0  # s of work that is done before worker processes would have started
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a sweep runs.
-
-    Attributes
-    ----------
-    store, cache : Path
-        Folder of the store, and of finished results.
-    cluster : ClusterChoice
-        Who does the work.
-    cache_limit : int
-        Bytes of finished results that are kept.
-    """
+    """Store and cache of a sweep, who does the work, and how many bytes of results are kept."""
 
     store: Path
     cache: Path
@@ -60,62 +54,31 @@ class Place:
 
 @dataclass
 class Finished:
-    """What a sweep came to.
-
-    Attributes
-    ----------
-    progress : mapping of str to Progress
-        By stage.
-    failures : list of (str, str)
-        Names of cells that failed, and why.
-    written : bool
-        Whether the store is new or changed.
-    seconds : float
-        Time that it took.
-    """
+    """What a sweep came to: progress by stage, names of cells that failed with the reason."""
 
     progress: Mapping[str, Progress] = field(default_factory=dict)
     failures: list[tuple[str, str]] = field(default_factory=list)
-    written: bool = False
+    written: bool = False  # whether the store is new or changed
     seconds: float = 0.0
 
 
-def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) -> Finished:
-    """Make all cells of an experiment that are not there yet, and its store.
+@dataclass(frozen=True)
+class Preview:
+    """What a sweep would take."""
 
-    Parameters
-    ----------
-    experiment : Experiment
-        What is declared.
-    choices : Choices
-        Checked choices.
-    place : Place
-        Where it runs.
-    watch : Watch
-        Who is told how it goes.
+    stages: Mapping[str, tuple[int, int]]  # cells of each stage, and those to be made
+    calls: int
+    size: float | None  # bytes of the new results; None where some stage was never measured
+    seconds: float | None  # of work on one core, likewise
 
-    Returns
-    -------
-    Finished
-
-    Raises
-    ------
-    ConfigurationError
-        If the store holds something else, or another sweep writes it. Nothing was written.
-    OSError
-        If the store cannot be written; finished results are kept in the cache.
-    """
-    start = time.perf_counter()
-    check_target(place.store)
-    check_folder("cache", place.cache)
-    plan = Plan(experiment, choices)
-    with locked(place.store), open_index(place.cache, watch.say) as index:
-        old = existing(experiment, place.store, plan)
-        with _spill(place.store) as spill:
-            finished = _sweep(plan, place, old, index, spill, watch)
-        index.shrink(place.cache_limit, keep_since=time.time() - (time.perf_counter() - start))
-    finished.seconds = time.perf_counter() - start
-    return finished
+    @property
+    def sentence(self) -> str:
+        """What it comes to."""
+        if not self.calls:
+            return "nothing to do: all cells are at hand"
+        work = "unknown" if self.seconds is None else f"{self.seconds:.3g} s"
+        size = "unknown" if self.size is None else f"{self.size / 1e6:.3g} MB"
+        return f"{self.calls} calls; new results {size}; work on one core {work}"
 
 
 def existing(experiment: Experiment, path: Path, plan: Plan) -> Mapping[str, object] | None:
@@ -124,6 +87,62 @@ def existing(experiment: Experiment, path: Path, plan: Plan) -> Mapping[str, obj
     if attributes is not None:
         check_extends(experiment, str(path), attributes, plan)
     return attributes
+
+
+def preview(
+    experiment: Experiment, choices: Choices, cache: Path, store: Path | None = None
+) -> Preview:
+    """What a sweep would do; nothing is written, and neither folder need exist.
+
+    Raises
+    ------
+    ConfigurationError
+        If the sweep would be refused.
+    """
+    plan = Plan(experiment, choices)
+    old = existing(experiment, store, plan) if store is not None else None
+    before = OldStore(plan, store, old, lambda sentence: None) if store and old else None
+    index = CellIndex(cache, lambda sentence: None)  # which is not saved
+
+    def find(keys: Sequence[str]) -> dict[str, Spot]:
+        there = before.has(keys) if before is not None else ()
+        return dict.fromkeys(there, ("", 0)) | index.find(keys)
+
+    schedule, costs = Schedule(plan), index.costs()
+    schedule.resolve(find)
+    shown = {name: one for name, one in schedule.progress.items() if one.total}
+    left = {name: one.left for name, one in shown.items() if one.left}
+    known = all(name in costs for name in left)
+    return Preview(
+        {name: (one.total, one.left) for name, one in shown.items()},
+        len(schedule.missing_cells()),
+        sum(costs[name][1] * cells for name, cells in left.items()) if known else None,
+        sum(costs[name][0] * cells for name, cells in left.items()) if known else None,
+    )
+
+
+def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) -> Finished:
+    """Make all cells of an experiment that are not there yet, and its store.
+
+    Raises
+    ------
+    ConfigurationError
+        If the store holds something else, or another sweep writes it. Nothing was written.
+    OSError
+        If the store cannot be written; finished results are kept in the cache.
+    """
+    start, begun = time.perf_counter(), time.time()
+    check_target(place.store)
+    check_folder("cache", place.cache)
+    plan = Plan(experiment, choices)
+    with locked(place.store), open_index(place.cache, watch.say) as index:
+        old = existing(experiment, place.store, plan)
+        # The thread starts and ends workers while this one plans and writes.
+        with _spill(place.store) as spill, ThreadPoolExecutor(1, "cluster") as thread:
+            finished = _sweep(plan, place, old, index, spill, watch, thread)
+        index.shrink(place.cache_limit, keep_since=begun)
+    finished.seconds = time.perf_counter() - start
+    return finished
 
 
 @contextmanager
@@ -144,29 +163,43 @@ def _sweep(
     index: CellIndex,
     spill: Path,
     watch: Watch,
+    thread: ThreadPoolExecutor,
 ) -> Finished:
     schedule = Schedule(plan, {name: seconds for name, (seconds, _) in index.costs().items()})
-    find = finder(plan, place, old, index, spill, watch.say)
+    before = OldStore(plan, place.store, old, watch.say) if old is not None else None
+
+    def find(keys: Sequence[str]) -> dict[str, Spot]:
+        found = index.find(keys)
+        if before is not None and len(found) < len(keys):
+            found |= before.find([key for key in keys if key not in found], spill)
+        return found
+
     failures: list[tuple[str, str]] = []
     for _ in range(ROUNDS):
-        schedule.resolve(find)
-        watch.say(_at_hand(schedule))
-        watch.step(schedule)
         damaged: set[str] = set()
-        if schedule.ready:
-            tasks = sum(1 for _ in schedule.missing_cells())
-            with executor(place.cluster, tasks=tasks, say=watch.say) as workers:
-                outcome = execute(
+        with _workers(place.cluster, plan.experiment.code, watch, thread) as start:
+            if place.cluster.kind == "local" and old is None and not index.summary():
+                start(sum(plan.count(bound) for bound in plan.bound.values() if bound.stage.kept))
+            schedule.resolve(find)
+            missing = schedule.missing_cells()
+            cells = sum(number for _, number in missing)
+            total = sum(one.total for one in schedule.progress.values())
+            watch.say(f"{total - cells} cells are at hand, {cells} are to be made")
+            watch.step(schedule)
+            if schedule.ready:
+                measured = all(bound.name in schedule.costs for bound, _ in missing)
+                quick = measured and schedule.work_left() < QUICK
+                workers = start(len(missing), quick=quick).result()
+                damaged, failed = execute(
                     schedule, workers, index, folder=place.cache, spill=spill, watch=watch
                 )
-            failures += outcome.failures
-            damaged = outcome.damaged
-        elif old is not None and _is_whole(plan, place.store, old, watch):
-            index.used(path for path, _ in schedule.spots.values())
-            return Finished(schedule.progress, failures)
+                failures += failed
+            elif old is not None and _is_whole(plan, place.store, old, watch):
+                index.used(path for path, _ in schedule.spots.values())
+                return Finished(schedule.progress, failures)
         if not damaged:
             try:
-                _write(plan, schedule, place, watch)
+                _write(plan, schedule, place)
             except Damaged:
                 damaged = _damaged(schedule, place)
             else:
@@ -179,6 +212,102 @@ def _sweep(
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
 
 
+@contextmanager
+def _workers(
+    choice: ClusterChoice, packages: tuple[str, ...], watch: Watch, thread: ThreadPoolExecutor
+) -> Iterator[Callable[..., Future[Executor]]]:
+    """Function that has a thread start workers for some tasks, once; they end afterwards."""
+    stack = ExitStack()
+    started: list[Future[Executor]] = []
+
+    def start(tasks: int, *, quick: bool = False) -> Future[Executor]:
+        if not started:
+            chosen = ClusterChoice("inline") if quick and choice.kind == "local" else choice
+            entered = executor(chosen, tasks=tasks, packages=packages, say=watch.say)
+            started.append(thread.submit(stack.enter_context, entered))
+        return started[0]
+
+    try:
+        yield start
+    finally:
+        thread.submit(stack.close)
+
+
+# running tasks ----------------------------------------------------------------------------------
+
+
+def execute(
+    schedule: Schedule,
+    executor: Executor,
+    index: CellIndex,
+    *,
+    folder: Path,
+    spill: Path,
+    watch: Watch,
+) -> tuple[set[str], list[tuple[str, str]]]:
+    """Run all calls of a schedule, and note finished cells in the index.
+
+    Packs go to `folder`, or to `spill` when that is full. Returns the keys of cells that could not
+    be read back, and the names of those that failed, with the reason.
+    """
+    damaged: set[str] = set()
+    failures: list[tuple[str, str]] = []
+    under_way: dict[int, tuple[list[Job], tuple[Call, ...]]] = {}
+    numbers = count()
+    spilled = False
+
+    def hand_out(jobs: list[Job], calls: tuple[Call, ...]) -> None:
+        number = next(numbers)
+        executor.submit(number, run_calls, calls, folder, spill)
+        under_way[number] = jobs, calls
+
+    def fail(job: Job, why: str) -> None:
+        schedule.finish(job, None, why, 0.0)
+        for place in job.places:
+            failures.append((schedule.plan.described(job.bound, place), why))
+            watch.failed(*failures[-1])
+
+    def take_down(jobs: list[Job], report: Report) -> None:
+        seconds: dict[str, float] = defaultdict(float)
+        for job, done in zip(jobs, report.calls, strict=True):
+            if done.damaged:
+                damaged.update(done.damaged)
+            elif done.reason and len(job.places) > 1:
+                for alone, call in schedule.retried(job):  # one of its values may be at fault
+                    hand_out([alone], (call,))
+            elif done.reason:
+                fail(job, done.reason)
+            else:
+                seconds[job.bound.name] += done.seconds
+                schedule.finish(job, done.spots, "", done.seconds)
+        for name, pack in report.packs:
+            if not Path(pack.path).is_absolute():  # what was spilled goes with this run
+                index.add(name, [pack], seconds[name])
+
+    while schedule.ready or under_way:
+        while schedule.ready and len(under_way) < AHEAD * executor.workers:
+            jobs, calls = schedule.batch(executor.workers)
+            if calls:
+                hand_out(jobs, calls)
+        for task, report, error in executor.finished() if under_way else ():
+            jobs, calls = under_way.pop(task)
+            if error is None:
+                take_down(jobs, report)
+                if report.spilled and not spilled:
+                    spilled = True
+                    watch.say(f"results are not kept: the cache takes none ({report.spilled})")
+            elif len(jobs) == 1:
+                fail(jobs[0], reason(error))
+            else:
+                for job, call in zip(jobs, calls, strict=True):  # one of them may have killed it
+                    hand_out([job], (call,))
+        watch.step(schedule)
+    return damaged, failures
+
+
+# the store --------------------------------------------------------------------------------------
+
+
 def _damaged(schedule: Schedule, place: Place) -> set[str]:
     """Keys of all cells that cannot be read back."""
     spots = sorted((spot, key) for key, spot in schedule.spots.items())
@@ -186,43 +315,15 @@ def _damaged(schedule: Schedule, place: Place) -> set[str]:
     for start in range(0, len(spots), AT_ONCE):
         part = spots[start : start + AT_ONCE]
         found = read_cells(place.cache, [spot for spot, _ in part])
-        damaged |= {
-            schedule.kept_as(key)
-            for (_, key), arrays in zip(part, found, strict=True)
-            if arrays is None
-        }
+        lost = zip(part, found, strict=True)
+        damaged |= {schedule.kept_as(key) for (_, key), arrays in lost if arrays is None}
     return damaged
-
-
-def _at_hand(schedule: Schedule) -> str:
-    total = sum(one.total for one in schedule.progress.values())
-    missing = sum(cells for _, cells in schedule.missing_cells())
-    return f"{total - missing} cells are at hand, {missing} are to be made"
-
-
-def finder(
-    plan: Plan,
-    place: Place,
-    old: Mapping[str, object] | None,
-    index: CellIndex,
-    spill: Path,
-    say: Callable[[str], None],
-) -> Callable[[Sequence[str]], dict[str, tuple[str, int]]]:
-    """Function that finds cells by key: in the cache, else in the store that is there."""
-    before = OldStore(plan, place.store, old, say) if old is not None else None
-
-    def find(keys: Sequence[str]) -> dict[str, tuple[str, int]]:
-        found = index.find(keys)
-        if before is not None and len(found) < len(keys):
-            found |= before.find([key for key in keys if key not in found], spill)
-        return found
-
-    return find
 
 
 def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -> bool:
     """Whether a store has all of a plan already, and is as it was written."""
-    if "failures" in old or dict(old) != provenance_as_read(plan):
+    # As attributes come back from a store.
+    if "failures" in old or dict(old) != json.loads(json.dumps(provenance(plan))):
         return False
     bad = verify(path)
     if bad:
@@ -230,28 +331,7 @@ def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -
     return not bad
 
 
-def _failures(plan: Plan, schedule: Schedule) -> dict[str, str]:
-    """Names of all cells that failed, or lack what did, and why."""
-    if not schedule.failed:
-        return {}
-    return {
-        plan.described(bound, place): schedule.failed[key]
-        for bound in plan.bound.values()
-        if bound.stage.kept
-        for place in plan.cells(bound)
-        if (key := plan.key(bound, place)) in schedule.failed
-    }
-
-
-def provenance_as_read(plan: Plan) -> dict[str, object]:
-    """Root attributes as they come back from a store."""
-    import json
-
-    found: dict[str, object] = json.loads(json.dumps(provenance(plan)))
-    return found
-
-
-def _write(plan: Plan, schedule: Schedule, place: Place, watch: Watch) -> None:
+def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
     """Assemble the store, tables and all, and put it in its place."""
     cube = Cube(
         plan,
@@ -260,26 +340,27 @@ def _write(plan: Plan, schedule: Schedule, place: Place, watch: Watch) -> None:
         lambda spots: read_cells(place.cache, spots),
         schedule.kept_as,
     )
+    failed = schedule.failed
+    failures = {
+        plan.described(bound, at): failed[key]
+        for bound in plan.bound.values()
+        if failed and bound.stage.kept
+        for at in plan.cells(bound)
+        if (key := plan.key(bound, at)) in failed
+    }
 
     def tabulate(path: Path) -> None:
         # Imported where it is used: xarray takes a third of a second.
         import xarray as xr
 
         for table in plan.experiment.tables:
-            if not table.when(plan.choices):
-                continue
-            with_groups = [path / group for group in table.of]
-            if not all(group.is_dir() for group in with_groups):
-                continue
-            given = [xr.open_zarr(path, group=group, chunks=None).load() for group in table.of]
-            made = table.make(*given, plan.choices)
-            if made is not None:
-                add_group(path, table.group, made)
+            there = all((path / group).is_dir() for group in table.of)
+            if there and table.when(plan.choices):
+                given = [xr.open_zarr(path, group=group, chunks=None).load() for group in table.of]
+                made = table.make(*given, plan.choices)
+                if made is not None:
+                    add_group(path, table.group, made)
 
     write_store(
-        place.store,
-        cube.groups(),
-        provenance(plan, _failures(plan, schedule)),
-        after=tabulate,
-        threads=WRITERS,
+        place.store, cube.groups(), provenance(plan, failures), after=tabulate, threads=WRITERS
     )

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict, defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
+from statistics import median
 
-from sweeps.engine.calls import CallMaker
-from sweeps.engine.experiment import Bound
-from sweeps.engine.inputs import Spot
+import numpy as np
+
 from sweeps.engine.plan import Place, Plan, digest
-from sweeps.engine.progress import Progress
-from sweeps.engine.tasks import Call
+from sweeps.engine.stage import Bound
+from sweeps.engine.tasks import Call, Made, Read, Recipe, Source, Spot, Step
 
 SHORTEST, LONGEST = 0.2, 1.5  # s, what a task should take
 TOGETHER = 5.0  # s, what it may take where cells share costly objects
@@ -22,19 +24,31 @@ Find = Callable[[Sequence[str]], dict[str, Spot]]
 Need = tuple[Bound, Bound, Place]  # a stage, an input, and the first of its cells
 
 
+@dataclass
+class Progress:
+    """Cells of a stage: all there are, found at hand, made, failed, and the time that took."""
+
+    total: int = 0
+    reused: int = 0
+    done: int = 0
+    failed: int = 0
+    seconds: float = 0.0
+
+    @property
+    def left(self) -> int:
+        """Number of cells still to be made."""
+        return self.total - self.reused - self.done - self.failed
+
+    def begin(self, total: int, missing: int) -> None:
+        """Take down how many cells there are, and are missing; again when some were damaged."""
+        self.total = max(total, self.total)
+        self.reused = max(self.total - missing - self.done - self.failed, 0)
+        self.done = self.total - missing - self.reused - self.failed
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Cells that one call makes, before it is known where its inputs are.
-
-    Attributes
-    ----------
-    bound : Bound
-        Their stage.
-    places : tuple of Place
-        Of the cells.
-    affinity : tuple of str
-        What in memory it shares with others.
-    """
+    """Cells that one call makes, and keys of what in memory it shares with others."""
 
     bound: Bound
     places: tuple[Place, ...]
@@ -45,14 +59,7 @@ class Job:
 class Schedule:
     """Cells of a plan that are there, failed, or still to be made.
 
-    Attributes
-    ----------
-    plan : Plan
-        What is wanted.
-    spots : dict of str to Spot
-        Where the cells are that are there, by key.
-    failed : dict of str to str
-        Why cells failed, by key.
+    `costs` has the seconds a cell by stage; `spots`, by key, where cells are; `failed` why not.
     """
 
     plan: Plan
@@ -66,21 +73,11 @@ class Schedule:
     _ready: OrderedDict[tuple[str, ...], deque[Job]] = field(default_factory=OrderedDict)
     _load: dict[str, int] = field(default_factory=lambda: defaultdict(int))
     _find: Find = lambda keys: {}
-    _make: CallMaker = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._make = CallMaker(self.plan, self.spots, self.stored_key)
 
     # what is missing ------------------------------------------------------------------------
 
     def resolve(self, find: Find) -> None:
-        """Look up all cells that are needed, and plan calls for those that are not there.
-
-        Parameters
-        ----------
-        find : callable
-            Keys -> spots of those that are there.
-        """
+        """Look up all cells that are needed, and plan calls for those that are not there."""
         plan = self.plan
         self._find = find
         wanted: dict[str, dict[str, Place]] = defaultdict(dict)
@@ -123,17 +120,16 @@ class Schedule:
         """Whether there are calls whose inputs are all there."""
         return bool(self._ready)
 
-    def missing_cells(self) -> Iterator[tuple[Bound, int]]:
+    def missing_cells(self) -> list[tuple[Bound, int]]:
         """Stage and number of cells of every call that is left."""
-        for job in self._missing:
-            yield job.bound, len(job.places)
+        return [(job.bound, len(job.places)) for job in self._missing]
 
     def _groups(self, bound: Bound, places: Iterable[Place]) -> list[Need]:
         """What cells of a stage need, each once, in their order."""
         return list(dict.fromkeys(one for place in places for one in self._needs(bound, place)))
 
     def _needs(self, bound: Bound, place: Place) -> Iterator[Need]:
-        """What a cell needs, an entry for every input, the same where the input's cells are."""
+        """What a cell needs, an entry for every input, equal where the input's cells are."""
         for source in bound.inputs:
             if not source.stage.plain:
                 yield bound, source, self.plan.first_source(bound, source, place)
@@ -154,22 +150,13 @@ class Schedule:
         Calls that share objects in memory follow one another, those that share most nearest.
         """
         along = self.plan.together(bound)
-        free = [
-            position
-            for position, number in enumerate(self.plan.axes_on(bound))
-            if number not in along
-        ]
+        free = [at for at, number in enumerate(self.plan.axes_on(bound)) if number not in along]
         groups: dict[Place, list[Place]] = defaultdict(list)
         for place in places:
-            groups[tuple(place[position] for position in free)].append(place)
-        jobs = [
-            Job(bound, tuple(members), self._affinity(bound, members[0]))
-            for members in groups.values()
-        ]
-        first: dict[str, int] = {}
-        for job in jobs:
-            for key in job.affinity:
-                first.setdefault(key, len(first))
+            groups[tuple([place[at] for at in free])].append(place)
+        jobs = [Job(bound, tuple(one), self._affinity(bound, one[0])) for one in groups.values()]
+        keys = dict.fromkeys(key for job in jobs for key in job.affinity)
+        first = {key: number for number, key in enumerate(keys)}
         return sorted(jobs, key=lambda job: [first[key] for key in job.affinity])
 
     def _affinity(self, bound: Bound, place: Place) -> tuple[str, ...]:
@@ -192,19 +179,13 @@ class Schedule:
         self._ready.setdefault(job.affinity, deque()).append(job)
         self._load[job.bound.name] += len(job.places)
 
-    def cost(self, name: str) -> float:
-        """Seconds a cell of a stage, as far as known."""
-        return self.costs.get(name, UNKNOWN)
-
     def batch(self, workers: int) -> tuple[list[Job], tuple[Call, ...]]:
         """Take the next task off the calls that are ready; empty when none is.
 
-        Parameters
-        ----------
-        workers : int
-            How many tasks run at once: towards the end tasks get shorter, so that none idles.
+        `workers` tasks run at once: towards the end they get shorter, so that none idles.
         """
-        left = sum(self.cost(name) * cells for name, cells in self._load.items())
+        costs = defaultdict(lambda: UNKNOWN, self.costs)
+        left = sum(costs[name] * cells for name, cells in self._load.items())
         size = min(max(left / (3 * workers), SHORTEST), LONGEST)
         jobs: list[Job] = []
         calls: list[Call] = []
@@ -224,7 +205,7 @@ class Schedule:
             for part, call in self._calls(job):
                 jobs.append(part)
                 calls.append(call)
-            seconds += self.cost(job.bound.name) * len(job.places)
+            seconds += costs[job.bound.name] * len(job.places)
             cells += len(job.places)
         return jobs, tuple(calls)
 
@@ -234,41 +215,32 @@ class Schedule:
         kept = [self.stored_key(job.bound, place) for place in job.places]
         own = [self.plan.key(job.bound, place) for place in job.places]
         if not any(lost) and kept == own:
-            yield job, self._make.call(job.bound, job.places)
+            yield job, self.call(job.bound, job.places)
             return
-        for alone, why, key in zip(self.apart(job), lost, kept, strict=True):
+        for alone, why, key in zip(_apart(job), lost, kept, strict=True):
             if why:
                 self.finish(alone, None, why, 0.0)
             elif spot := self._find([key]).get(key):
                 self.finish(alone, [spot], "", 0.0)
             else:
-                yield alone, self._make.call(alone.bound, alone.places)
-
-    @staticmethod
-    def apart(job: Job) -> list[Job]:
-        """A job's cells one by one."""
-        return [Job(job.bound, (place,), job.affinity) for place in job.places]
+                yield alone, self.call(alone.bound, alone.places)
 
     def retried(self, job: Job) -> list[tuple[Job, Call]]:
         """Calls for a job's cells one by one, when all in one have failed."""
-        return [(alone, self._make.call(alone.bound, alone.places)) for alone in self.apart(job)]
+        return [(alone, self.call(alone.bound, alone.places)) for alone in _apart(job)]
 
     def _lost(self, bound: Bound, place: Place) -> str:
         """Why a cell cannot be made, for want of an input; empty where it can."""
         for source in bound.inputs:
             if source.stage.plain:
                 continue
-            found = [
-                (self.plan.key(source, there), there)
-                for _, there in self.plan.sources(bound, source, place)
-            ]
-            gone = [
-                (key, there)
-                for key, there in found
-                if (key in self.failed if source.stage.kept else self._lost(source, there))
-            ]
+            found = [there for _, there in self.plan.sources(bound, source, place)]
+            if source.stage.kept:
+                gone = [there for there in found if self.plan.key(source, there) in self.failed]
+            else:
+                gone = [there for there in found if self._lost(source, there)]
             if gone and (len(gone) == len(found) or not self.plan.whole_axes(bound, source)):
-                return f"needs {self.plan.described(source, gone[0][1])}, which failed"
+                return f"needs {self.plan.described(source, gone[0])}, which failed"
         return ""
 
     def stored_key(self, bound: Bound, place: Place) -> str:
@@ -292,22 +264,98 @@ class Schedule:
         """Key under which the cell of a key is kept; see `stored_key`."""
         return self._renamed.get(key, key)
 
+    # calls ----------------------------------------------------------------------------------
+
+    def call(self, bound: Bound, places: Sequence[Place]) -> Call:
+        """One call for cells that differ only on the axes that their stage computes together."""
+        plan, numbers = self.plan, self.plan.axes_on(bound)
+        values = {
+            number: sorted({place[numbers.index(number)] for place in places})
+            for number in plan.together(bound)
+        }
+        # As the stage orders them; those of one value are there, too.
+        order = [plan.axis_number(key) for key in bound.along]
+        shape = tuple(len(values.get(number, (0,))) for number in order)
+        cells = []
+        for place in places:
+            point = [values[n].index(place[numbers.index(n)]) if n in values else 0 for n in order]
+            at = int(np.ravel_multi_index(point, shape)) if order else 0
+            cells.append((self.stored_key(bound, place), at))
+        return Call(
+            Step.of(bound.stage), self._recipe(bound, places[0], values), shape, tuple(cells)
+        )
+
+    def _recipe(self, bound: Bound, place: Place, values: Mapping[int, list[int]]) -> Recipe:
+        """Arguments of a call for some places on the axes that it computes together."""
+        plan = self.plan
+        sources: dict[str, Source] = {}
+        there: np.ndarray | None = None
+        for argument in bound.arguments:
+            source, setting = argument.source, argument.setting
+            if setting is not None and setting.key in bound.along:
+                number = plan.axis_number(setting.key)
+                points = [plan.axes[number].points[at][0] for at in values.get(number, ())]
+                found = tuple(points) or (plan.value(bound, setting.key, place),)
+                sources[argument.name] = (found,)
+            elif source is None or source.stage.plain:
+                sources[argument.name] = (plan.plain_argument(bound, argument, place),)
+            elif not source.stage.kept:
+                at = plan.source_place(bound, source, place)
+                recipe = self._recipe(source, at, {})
+                made = Made(Step.of(source.stage), self.stored_key(source, at), recipe)
+                sources[argument.name] = made
+            else:
+                sources[argument.name], known = self._read(bound, source, place, values)
+                if known is not None:
+                    there = known if there is None else there & known
+        stream = plan.stream(bound, place) if bound.random else None
+        flags = None if there is None else (there.shape, there.tobytes())
+        return Recipe(sources, stream, flags)
+
+    def _read(
+        self, bound: Bound, source: Bound, place: Place, values: Mapping[int, list[int]]
+    ) -> tuple[Read, np.ndarray | None]:
+        """An input, and of a gathered one which of its cells are there."""
+        plan, step = self.plan, Step.of(source.stage)
+        own = dict(zip(plan.axes_on(bound), place, strict=True))
+        # In the order of the stage: axes computed together, then those that it gathers.
+        axes: dict[int, Sequence[int]] = {}
+        for key in (*bound.along, *bound.gather):
+            number = plan.axis_number(key)
+            if key in source.needs:
+                every = range(len(plan.axes[number].points))
+                alone = [own.get(number, 0)]
+                axes[number] = every if key in bound.gather else values.get(number, alone)
+        if not axes:
+            at = plan.source_place(bound, source, place)
+            key = self.stored_key(source, at)
+            return Read(step, (key,), (self.spots[plan.key(source, at)],)), None
+        shape = tuple(map(len, axes.values()))
+        flat, keys, spots = [], [], []
+        for number, point in enumerate(product(*axes.values())):
+            at = plan.source_place(bound, source, place, dict(zip(axes, point, strict=True)))
+            spot = self.spots.get(plan.key(source, at))
+            if spot is not None:
+                flat.append(number)
+                keys.append(self.stored_key(source, at))
+                spots.append(spot)
+        read = Read(step, tuple(keys), tuple(spots), shape, tuple(flat))
+        if not bound.gather:
+            return read, None
+        flags = np.zeros(math.prod(shape), dtype=bool)
+        flags[flat] = True
+        gathered = plan.gathered(bound)
+        together = tuple(range(len(axes) - len([number for number in axes if number in gathered])))
+        known = np.asarray(flags.reshape(shape).all(axis=together))
+        # Along the axes on which the input does not depend, every cell is there if one is.
+        lacking = [at for at, number in enumerate(gathered) if number not in axes]
+        lengths = [len(plan.axes[number].points) for number in gathered]
+        return read, np.broadcast_to(np.expand_dims(known, lacking), lengths)
+
     # outcomes -------------------------------------------------------------------------------
 
     def finish(self, job: Job, spots: Sequence[Spot] | None, why: str, seconds: float) -> None:
-        """Take down what became of a call, and make ready what waited for it.
-
-        Parameters
-        ----------
-        job : Job
-            What was called.
-        spots : sequence of Spot or None
-            Where its cells are; None when it failed.
-        why : str
-            Why it failed.
-        seconds : float
-            Time that it took.
-        """
+        """Take down where a job's cells are, or why it failed, and make ready what waited."""
         name = job.bound.name
         shown = self.progress[name]
         shown.seconds += seconds
@@ -327,3 +375,24 @@ class Schedule:
                 self._missing[waiting] -= 1
                 if not self._missing[waiting]:
                     self._make_ready(waiting)
+
+    def work_left(self) -> float:
+        """Seconds that the missing cells take; an unmeasured stage as long as the median one."""
+        shown = {name: one for name, one in self.progress.items() if one.total}
+        whole = {name: self.costs[name] * shown[name].total for name in shown if name in self.costs}
+        usual = median(whole.values()) if whole else 0.0
+        return sum(whole.get(name, usual) * one.left / one.total for name, one in shown.items())
+
+
+@dataclass
+class Watch:
+    """Who is told how a sweep goes: sentences, every change, and failed cells with the reason."""
+
+    say: Callable[[str], None]
+    step: Callable[[Schedule], None] = lambda schedule: None
+    failed: Callable[[str, str], None] = lambda what, why: None
+
+
+def _apart(job: Job) -> list[Job]:
+    """A job's cells one by one."""
+    return [Job(job.bound, (place,), job.affinity) for place in job.places]

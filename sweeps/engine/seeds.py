@@ -10,20 +10,10 @@ import numpy as np
 
 
 def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
-    """Generator of one cell's noise.
+    """Generator of one cell's noise, independent of every other cell's.
 
-    Parameters
-    ----------
-    seed : int
-        The sweep's seed, at least 0.
-    **cell : str, number, bool or None
-        What names the cell. The values are the key, not their places in a grid, so a cell
-        draws the same noise whatever else the grid holds.
-
-    Returns
-    -------
-    numpy.random.Generator
-        A stream independent of every other cell's.
+    `cell` names it by text, numbers, flags or None: the values, not their places in a grid, so that
+    a cell draws the same noise whatever else the grid holds. The sweep's `seed` is at least 0.
     """
     name = json.dumps(cell, sort_keys=True).encode()
     words = np.frombuffer(hashlib.sha256(name).digest(), dtype="<u4")

@@ -12,60 +12,33 @@ hold, its checks, the table of all settings, and the coordinate that it is in a 
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Count, Draws, Kind, Number, SetOf, Switch, Text, Value, Word
+from sweeps.engine.kinds import Count, Draws, Groups, Kind, Number, SetOf, Switch, Text, Value, Word
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """One setting.
-
-    Attributes
-    ----------
-    kind : Kind
-        What it may be.
-    default : object
-        What a configuration has unless it says otherwise, as a user would write it.
-    label : str
-        What it is, in a few words: the `long_name` of its coordinate.
-    unit : str
-        Its unit, 1 where it has none.
-    help : str
-        What else a user should know.
-    dimension : str
-        Name of its dimension in stores; the last word of its key when empty.
-    fixed : str
-        Why it takes one value only; empty where several make it an axis.
-    shown : bool
-        Whether it is a dimension even with one value, else a scalar coordinate.
-    noted : bool
-        Whether with one value it is a scalar coordinate of what depends on it.
-    fallback : Setting or None
-        Setting whose values null stands for.
-    identity : bool
-        Whether results depend on it; not so of what only says where and how to run.
-    key : str
-        Its key in the configuration, set by `Settings`.
-    """
+    """One setting: its default is as a user would write it, `label` says what it is."""
 
     kind: Kind
     default: Any
     label: str
     unit: str = "1"
-    help: str = ""
-    dimension: str = ""
-    fixed: str = ""
-    shown: bool = False
-    noted: bool = False
-    fallback: Setting | None = None
-    identity: bool = True
-    key: str = ""
+    help: str = ""  # what else a user should know
+    dimension: str = ""  # its name in stores, else the last word of its key
+    fixed: str = ""  # why it takes one value only; empty where several make it an axis
+    shown: bool = False  # whether it is a dimension even with one value
+    noted: bool = False  # whether with one value it is a scalar coordinate of what depends on it
+    fallback: Setting | None = None  # whose values null stands for
+    identity: bool = True  # whether results depend on it
+    key: str = ""  # in the configuration, given by `Settings`
 
     @property
     def name(self) -> str:
@@ -79,8 +52,11 @@ class Setting:
         return ({} if worded else {"units": self.unit}) | {"long_name": self.label}
 
     def values(self, given: Any) -> tuple[Value, ...]:
-        """Values of what a user gave, in ascending order; see `Kind.values`."""
-        found = self.kind.values(self.key, given)
+        """Values of what a user gave, in ascending order; raises `ConfigurationError`."""
+        try:
+            found = self.kind.values(self.key, given)
+        except ValueError as error:
+            raise ConfigurationError(str(error)) from None
         if self.fixed and len(found) > 1 and not isinstance(self.kind, Draws):
             raise ConfigurationError(
                 f"{self.key} has {len(found)} values, but must have one: {self.fixed}"
@@ -150,52 +126,85 @@ def text(default: str | None, **about: Any) -> Setting:
 
 
 def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...] = ()) -> Setting:
-    """Setting whose one value is a set of what another setting may be.
-
-    A default of None makes null a value, too.
-    """
-    kind = SetOf(member.kind, null=member.default is None, spellings=spellings)
-    if isinstance(member.kind, Text | Number | Count) and member.default is None:
-        kind = replace(kind, kind=replace(member.kind, null=False))
+    """Setting whose one value is a set of what another may be; a default of None allows null."""
+    kind = SetOf(replace(member.kind, null=False), spellings, null=member.default is None)
     return replace(member, kind=kind, fixed=member.fixed or "its values belong together")
+
+
+# of the engine itself: what fixes the noise, and where and how a sweep runs
+
+_WHERE: dict[str, Any] = {"fixed": "it says where or how to run", "identity": False}
+
+CLUSTERS = ("inline", "local", "address", "slurm")
+
+
+class Run(Settings):
+    """The run."""
+
+    seed = count(0, 0, 2**63, label="seed of all noise")
+    store = text(
+        None, label="folder of the store; null: sweep.zarr in Hydra's output folder", **_WHERE
+    )
+    cache = text(None, label="folder of finished results; null: the user's cache folder", **_WHERE)
+    cache_limit = number(
+        20,
+        0,
+        1e6,
+        unit="GB",
+        label="what the cache may hold; the results not used for longest go first",
+        **_WHERE,
+    )
+    dry_run = switch(False, label="whether only to say what would be done", **_WHERE)
+
+
+class Together(Settings, key="grid"):
+    """Axes that run together."""
+
+    zip = Setting(
+        Groups(),
+        None,
+        label="settings that run together instead of crossed: [[a, b], [c, d]]",
+        **_WHERE,
+    )
+
+
+class Cluster(Settings, key="cluster"):
+    """Who does the work; see `sweeps.engine.cluster.ClusterChoice`."""
+
+    kind = word("local", CLUSTERS, label="kind of cluster", **_WHERE)
+    workers = count(
+        None, 1, 4096, label="worker processes, or jobs of Slurm; null: one a core", **_WHERE
+    )
+    address = text(None, label="address of a dask scheduler", **_WHERE)
+    ca_file = text(None, label="TLS: file of the authority", **_WHERE)
+    cert = text(None, label="TLS: file of the certificate", **_WHERE)
+    private_key = text(None, label="TLS: file of its private key", **_WHERE)
+    queue = text(None, label="Slurm: partition", **_WHERE)
+    account = text(None, label="Slurm: account", **_WHERE)
+    walltime = text(None, label="Slurm: longest time of a job", **_WHERE)
+    memory = text(None, label="Slurm: memory of a job", **_WHERE)
+    interface = text(None, label="Slurm: network interface", **_WHERE)
+
+
+ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Together, Cluster)
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Settings that run together as one axis, instead of crossed.
-
-    Attributes
-    ----------
-    name : str
-        Name of the axis.
-    keys : tuple of str
-        Keys of its settings.
-    points : tuple of tuple
-        A value of each of them, for every place on the axis.
-    labels : tuple or None
-        What each place is called, where it has a name of its own.
-    """
+    """Settings that run together as one axis: their keys, and a value of each at every place."""
 
     name: str
     keys: tuple[str, ...]
     points: tuple[tuple[Value, ...], ...]
-    labels: tuple[str, ...] | None = None
+    labels: tuple[str, ...] | None = None  # of the places, where they have names
 
 
 @dataclass(frozen=True)
 class Choices:
-    """The values of every setting of a sweep.
-
-    Attributes
-    ----------
-    values : mapping of str to tuple
-        By key, ascending.
-    joint : tuple of Joint
-        Settings that do not run crossed.
-    """
+    """The values of every setting of a sweep by key, ascending, and what does not run crossed."""
 
     values: Mapping[str, tuple[Value, ...]]
-    joint: tuple[Joint, ...] = field(default=())
+    joint: tuple[Joint, ...] = ()
 
     def __getitem__(self, setting: Setting) -> tuple[Value, ...]:
         """All values of a setting."""
@@ -203,7 +212,7 @@ class Choices:
 
     def one(self, setting: Setting) -> Value:
         """The value of a setting that has one."""
-        (value,) = self.values[setting.key]
+        (value,) = self[setting]
         return value
 
     def having(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
@@ -224,21 +233,9 @@ class Noting(Choices):
         self.asked.add(setting.key)
         return super().__getitem__(setting)
 
-    def one(self, setting: Setting) -> Value:
-        """The value of a setting that has one."""
-        self.asked.add(setting.key)
-        return super().one(setting)
 
-
-def read_choices(settings: tuple[Setting, ...], given: Mapping[str, Any]) -> Choices:
-    """Choices that a configuration makes.
-
-    Parameters
-    ----------
-    settings : tuple of Setting
-        All there are.
-    given : mapping of str to object
-        What a user wrote, by key; the default where a key is not there.
+def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choices:
+    """Choices that a configuration makes: what a user wrote, by key, else the defaults.
 
     Raises
     ------
@@ -246,18 +243,19 @@ def read_choices(settings: tuple[Setting, ...], given: Mapping[str, Any]) -> Cho
         Naming the first key that is wrong.
     """
     values: dict[str, tuple[Value, ...]] = {}
+    standing_for: dict[str, str] = {}
     for setting in settings:
         written = given.get(setting.key, setting.default)
         if written is None and setting.fallback is not None:
-            continue
-        values[setting.key] = setting.values(written)
-    for setting in settings:
-        if setting.key not in values and setting.fallback is not None:
-            values[setting.key] = values[setting.fallback.key]
+            standing_for[setting.key] = setting.fallback.key
+        else:
+            values[setting.key] = setting.values(written)
+    for key, other in standing_for.items():
+        values[key] = values[other]
     return Choices(values)
 
 
-def nested(settings: tuple[Setting, ...]) -> dict[str, Any]:
+def nested(settings: Iterable[Setting]) -> dict[str, Any]:
     """Settings by the words of their keys, group within group."""
     tree: dict[str, Any] = {}
     for setting in settings:
@@ -269,15 +267,39 @@ def nested(settings: tuple[Setting, ...]) -> dict[str, Any]:
     return tree
 
 
-def flatten(settings: tuple[Setting, ...], tree: Mapping[str, Any]) -> dict[str, Any]:
+def flatten(settings: Iterable[Setting], tree: Mapping[str, Any]) -> dict[str, Any]:
     """Values by key from a mapping within mappings, for the settings that it has."""
-
-    def lookup(words: list[str]) -> Iterator[Any]:
+    found = {}
+    for setting in settings:
+        *groups, last = setting.key.split(".")
         branch: Any = tree
-        for word in words:
-            if not isinstance(branch, Mapping) or word not in branch:
-                return
-            branch = branch[word]
-        yield branch
+        for group in groups:
+            branch = branch.get(group) if isinstance(branch, Mapping) else None
+        if isinstance(branch, Mapping) and last in branch:
+            found[setting.key] = branch[last]
+    return found
 
-    return {setting.key: value for setting in settings for value in lookup(setting.key.split("."))}
+
+def settings_table(settings: Iterable[Setting]) -> str:
+    """Markdown table of settings: key, default, unit, what is allowed and what it is."""
+    rows = [("key", "default", "unit", "allowed", "what it is"), ("---",) * 5]
+    for one in settings:
+        unit = "" if one.unit == "1" else one.unit
+        about = ". ".join(filter(None, (one.label, one.help)))
+        axis = f"one value: {one.fixed}" if one.fixed else ""
+        allowed = "; ".join(filter(None, (one.kind.allowed, axis)))
+        rows.append((f"`{one.key}`", _written(one.default), unit, allowed, about))
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _written(default: Any) -> str:
+    """A default as it is written on the command line."""
+    if isinstance(default, dict):
+        return f"{{{', '.join(f'{key}: {_written(value)}' for key, value in default.items())}}}"
+    if isinstance(default, list | tuple):
+        return f"[{', '.join(map(_written, default))}]"
+    if isinstance(default, float):
+        return f"{default:.12g}"
+    if default is None or isinstance(default, bool):
+        return json.dumps(default)
+    return str(default)

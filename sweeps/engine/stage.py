@@ -1,4 +1,4 @@
-"""Stages: plain functions whose argument names say what they need, and what they give.
+"""Stages and experiments: plain functions whose argument names say what they need.
 
 A stage is declared by a decorator and stays the plain function that it is:
 
@@ -16,11 +16,16 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sweeps.engine.settings import Choices, Setting, Settings
+from sweeps.engine.kinds import Value
+from sweeps.engine.settings import ENGINE_SETTINGS, Choices, Run, Setting, Settings
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 RNG, THERE = "rng", "there"
 
@@ -34,38 +39,9 @@ def always(choices: Choices) -> bool:
 
 @dataclass(frozen=True)
 class Output:
-    """One array that a stage gives for every cell.
+    """One array that a stage gives for every cell: a variable of the store, and its own dimensions.
 
-    Attributes
-    ----------
-    name : str
-        Name of the variable; in one group of a store every variable has another.
-    dims : tuple of str
-        The array's own dimensions. One that is named like the dimension of a gathered setting has
-        the values of that as its coordinate.
-    dtype : str
-        Type in the store.
-    label, unit : str
-        `long_name` and `units` of the variable.
-    fill : float or None
-        What stands in the store where there is no result. None: NaN of floats, -1 of integers.
-    failed : float or None
-        What stands there where the stage failed; as `fill` when None.
-    pad : float or None
-        What fills a cell's array up to the size of the largest; as `fill` when None.
-    origin : mapping of str to str
-        For an own dimension whose arrays lie at different places: the output, a whole number, that
-        says where on the dimension the cell's array begins; its label and unit are the dimension's.
-    without : tuple of str
-        Names of settings that this output does not depend on though its stage does.
-    group : str or None
-        Group of the store; that of the stage when None.
-    stored : bool
-        Whether the store has it; not so of what is only handed on to other stages.
-    step : float
-        Unit of the integers: 1/255 of shares kept in bytes.
-    attrs : mapping
-        Further attributes.
+    An own dimension that is named like that of a gathered setting has its values as coordinate.
     """
 
     name: str
@@ -73,14 +49,16 @@ class Output:
     dtype: str = "f4"
     label: str = ""
     unit: str = "1"
-    fill: float | None = None
-    failed: float | None = None
-    pad: float | None = None
+    fill: float | None = None  # where there is no result; None: NaN of floats, -1 of integers
+    failed: float | None = None  # where the stage failed; None: as `fill`
+    pad: float | None = None  # up to the size of the largest cell's array; None: as `fill`
+    # Own dimension: the output, a whole number, that says where on it a cell's array begins. Its
+    # label and unit are the dimension's.
     origin: Mapping[str, str] = field(default_factory=dict)
-    without: tuple[str, ...] = ()
-    group: str | None = None
-    stored: bool = True
-    step: float = 1.0
+    without: tuple[str, ...] = ()  # names of settings that it does not depend on, unlike its stage
+    group: str | None = None  # of the store; None: as of the stage
+    stored: bool = True  # else it is only handed on to other stages
+    step: float = 1.0  # unit of the integers: 1/255 of shares kept in bytes
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -93,28 +71,40 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A function, what it needs and what it gives; see `stage` for the attributes."""
+    """A function, what it needs and what it gives; declared by `stage`, `plain` or `in_memory`.
 
-    name: str
+    A stage of one output returns that array, one of several a mapping.
+    """
+
+    name: str  # of the function, unless another is given
     function: Callable[..., Any]
     outputs: tuple[Output, ...]
-    uses: tuple[type[Settings], ...] = ()
-    reads: Mapping[str, Any] = field(default_factory=dict)
+    uses: tuple[type[Settings], ...] = ()  # where arguments are looked up; then among the stages
+    reads: Mapping[str, Any] = field(default_factory=dict)  # argument: setting or name of a stage
+    # Axes computed together: it gets a tuple of the values that are missing, and its arrays have
+    # these as leading axes. A value's result must not depend on its company.
     along: tuple[Setting, ...] = ()
+    # Axes wanted whole: it gets a tuple of all values, and inputs with these as leading axes,
+    # behind those of `along`. Inputs that failed are filled; `there` tells which.
     gather: tuple[Setting, ...] = ()
+    # Settings whose values name the stream of `rng`, besides `seed` and the stage's name, or
+    # `noise`; what else differs between cells then shares its noise. None: all it depends on.
     stream: tuple[Setting, ...] | None = None
     noise: str = ""
-    optional: tuple[Setting, ...] = ()
-    group: str | None = None
-    dims: tuple[str, ...] = ()
-    when: Condition = always
+    optional: tuple[Setting, ...] = ()  # of these, not in the stream's name at their first value
+    group: str | None = None  # of the store; None: its results only serve other stages
+    dims: tuple[str, ...] = ()  # order in the store; those not named come first
+    when: Condition = always  # whether a configuration has it at all
+    # Results, any objects, that a process keeps in memory, and never on disk. 0: arrays, on disk.
     memory: int = 0
+    # Whether it is called while planning: a quick function of settings, whose result, a number, a
+    # text or a tuple of them, counts as a value, wherever it came from.
     plain: bool = False
-    status: str = ""
-    also: tuple[str, ...] = ()
-    coordinates: bool = False
-    at: Mapping[Setting, Setting] = field(default_factory=dict)
-    names: Mapping[Setting, str] = field(default_factory=dict)
+    status: str = ""  # group and variable, as in `status:view`, that its state counts in
+    also: tuple[str, ...] = ()  # distributions behind its numbers that no import shows
+    coordinates: bool = False  # whether its outputs are coordinates of their group
+    at: Mapping[Setting, Setting] = field(default_factory=dict)  # inputs are of the other's value
+    names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in its group
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
@@ -131,82 +121,178 @@ class Stage:
         return self.function(*arguments, **named)
 
 
-def stage(
-    *outputs: Output,
-    uses: tuple[type[Settings], ...] = (),
-    reads: Mapping[str, Any] | None = None,
-    name: str = "",
-    **how: Any,
-) -> Callable[[Callable[..., Any]], Stage]:
-    """Declare a function a stage.
+Declare = Callable[[Callable[..., Any]], Stage]
 
-    Parameters
-    ----------
-    *outputs : Output
-        What it gives. A stage of one output returns that array, one of several a mapping.
-    uses : tuple of Settings
-        Where the names of arguments are looked up, in this order; then the names of stages are.
-    reads : mapping of str to Setting or str
-        Arguments that stand for a setting, or a stage, of another name.
-    name : str
-        Name of the stage; the function's when empty.
-    along : tuple of Setting
-        Axes that it computes together: it gets a tuple of the values wanted, those missing, and
-        its arrays have these as leading axes. A value's result must not depend on its company.
-    gather : tuple of Setting
-        Axes that it wants whole: it gets a tuple of all values, and inputs with these as leading
-        axes (behind those of `along`). Inputs that failed are filled; `there` tells which.
-    stream : tuple of Setting
-        Settings whose values name the stream of `rng`, besides `seed` and the stage's name (or
-        `noise`); what else differs between cells then shares its noise. None: all it depends on.
-    optional : tuple of Setting
-        Of these, those that are left out of the stream's name where they have their first value.
-    group : str
-        Group of the store that the outputs go to; None: they only serve other stages.
-    dims : tuple of str
-        Order of its dimensions in the store; those not named come first.
-    when : callable
-        Whether a configuration has this stage at all.
-    memory : int
-        How many results, any objects, a process keeps in memory; they are never kept on disk.
-        0: results are arrays, and kept there.
-    plain : bool
-        Whether it is a quick function of settings that is called while planning; its result, a
-        number, a text or a tuple of them, counts as a value, wherever it came from.
-    status : str
-        Name of the group and variable, as in `status:view`, that its state counts in.
-    also : tuple of str
-        Distributions behind its numbers that no import shows.
-    coordinates : bool
-        Whether the outputs are coordinates of their group.
-    at : mapping of Setting to Setting
-        Inputs are taken where the one setting has the value of the other.
-    names : mapping of Setting to str
-        Names of dimensions in its group, where they differ from the settings' own.
+
+def stage(*outputs: Output, name: str = "", **how: Any) -> Declare:
+    """Declare a function a stage that gives some outputs; the rest as of `Stage`."""
+    return lambda function: Stage(name or function.__name__, function, outputs, **how)
+
+
+def plain(**how: Any) -> Declare:
+    """Declare a quick function of settings, whose result counts as a value; see `Stage`."""
+    return stage(plain=True, **how)
+
+
+def in_memory(*, keep: int = 2, **how: Any) -> Declare:
+    """Declare a function whose result lives in memory only, `keep` of them; see `Stage`."""
+    return stage(memory=keep, **how)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A group of the store that is made of other groups, which must be there, when all is done."""
+
+    group: str
+    of: tuple[str, ...]
+    # (data set of each of them, ..., choices) -> data set, or None where there is nothing
+    make: Callable[..., xr.Dataset | None]
+    when: Condition = always
+
+
+@dataclass(frozen=True)
+class Status:
+    """State of some stages over some axes; -1 missing, 0 failed, 1 done.
+
+    A place is failed if anything there failed, else missing if anything is.
     """
 
-    def declare(function: Callable[..., Any]) -> Stage:
-        return Stage(
-            name or function.__name__, function, outputs, uses=uses, reads=reads or {}, **how
+    name: str  # group and variable, as in `status:view`: what stages call it
+    over: tuple[Setting, ...]
+    label: str
+
+
+def nothing_to_check(choices: Choices) -> Choices:
+    """The choices as they are."""
+    return choices
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is declared of an experiment; stages in the order in which progress names them."""
+
+    name: str  # of the command, and of the distribution that has it
+    title: str  # of its stores
+    settings: tuple[type[Settings], ...]
+    stages: tuple[Stage, ...]
+    tables: tuple[Table, ...] = ()  # made in this order
+    statuses: tuple[Status, ...] = ()
+    # Refuses choices that make no sense together (`ConfigurationError`), and drops values that
+    # nothing uses.
+    check: Callable[[Choices], Choices] = nothing_to_check
+    checking: str = "checking what is asked for"  # what is said while `check` takes a while
+    remarks: Callable[[Choices], list[str]] = lambda choices: []  # sentences for the user
+    versions: tuple[str, ...] = ()  # distributions that the store's attributes have
+    attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # further ones
+    conf: Path | None = None  # folder of its Hydra configuration
+    code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
+
+    @cached_property
+    def declared(self) -> tuple[Setting, ...]:
+        """Every setting, those of the engine among them."""
+        groups = (*self.settings, *ENGINE_SETTINGS)
+        return tuple(setting for group in groups for setting in group.declared)
+
+    @cached_property
+    def by_name(self) -> dict[str, Stage]:
+        """Stages by their names."""
+        return {one.name: one for one in self.stages}
+
+
+@dataclass(frozen=True)
+class Argument:
+    """Where an argument of a stage's function comes from: a setting, or another stage."""
+
+    name: str
+    setting: Setting | None = None
+    source: Bound | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """A stage with its arguments found, `rng` and `there` left out."""
+
+    stage: Stage
+    arguments: tuple[Argument, ...]
+    needs: tuple[str, ...]  # keys of settings that a cell depends on, through inputs, too; sorted
+    inputs: tuple[Bound, ...]
+    name: str
+    random: bool  # whether it draws
+    along: tuple[str, ...]  # keys of the axes that it computes together
+    gather: tuple[str, ...]  # and of those that it wants whole
+
+
+class DeclarationError(TypeError):
+    """What is declared of an experiment does not fit together: a mistake of its author."""
+
+
+def bind(experiment: Experiment) -> dict[str, Bound]:
+    """Stages by name with their arguments found, every stage behind those that it needs.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is neither a setting nor a stage, or stages need each other in a circle.
+    """
+    bound: dict[str, Bound] = {}
+    under_way: list[str] = []
+
+    def visit(name: str) -> Bound:
+        if name in under_way:
+            raise DeclarationError(f"stages need each other: {' -> '.join((*under_way, name))}")
+        if name not in bound:
+            under_way.append(name)
+            declared = experiment.by_name[name]
+            named = [one for one in declared.arguments if one not in (RNG, THERE)]
+            bound[name] = _bound(declared, tuple(argument(declared, one) for one in named))
+            under_way.pop()
+        return bound[name]
+
+    def argument(declared: Stage, name: str) -> Argument:
+        """An argument's setting or stage: as `reads` has it, else of that name."""
+        source = declared.reads.get(name, name)
+        settings = (getattr(group, name, None) for group in declared.uses if source == name)
+        for found in (source, *settings):
+            if isinstance(found, Setting):
+                return Argument(name, setting=found)
+        if source in experiment.by_name:
+            return Argument(name, source=visit(source))
+        groups = ", ".join(group.__name__ for group in declared.uses) or "the groups it uses"
+        raise DeclarationError(
+            f"stage {declared.name}: argument {name!r} is neither a setting of {groups} nor a stage"
         )
 
-    return declare
+    for declared in experiment.stages:
+        visit(declared.name)
+    return bound
 
 
-def plain(
-    *, uses: tuple[type[Settings], ...] = (), reads: Mapping[str, Any] | None = None, name: str = ""
-) -> Callable[[Callable[..., Any]], Stage]:
-    """Declare a quick function of settings, whose result counts as a value; see `stage`."""
-    return stage(uses=uses, reads=reads, name=name, plain=True)
+def _bound(declared: Stage, arguments: tuple[Argument, ...]) -> Bound:
+    inputs = tuple(one.source for one in arguments if one.source is not None)
+    needs = {one.setting.key for one in arguments if one.setting is not None}
+    at = {one.key: other.key for one, other in declared.at.items()}
+    for source in inputs:
+        needs.update(at.get(key, key) for key in source.needs)
+    if RNG in declared.arguments:
+        needs.add(Run.seed.key)
+        needs.update(one.key for one in declared.stream or ())
+    along = tuple(one.key for one in declared.along)
+    gather = tuple(one.key for one in declared.gather)
+    whole = {*along, *gather}
+    if missing := whole - needs:
+        raise DeclarationError(f"stage {declared.name} does not need {', '.join(sorted(missing))}")
+    for source in inputs:
+        if not source.stage.kept and (wanted := whole & set(source.needs)):
+            raise DeclarationError(
+                f"stage {declared.name}: {source.name} is not kept, so that it cannot depend on "
+                f"{', '.join(sorted(wanted))}, which {declared.name} wants together"
+            )
+    own = tuple(sorted(needs.difference(gather)))
+    random = RNG in declared.arguments
+    return Bound(declared, arguments, own, inputs, declared.name, random, along, gather)
 
 
-def in_memory(
-    *,
-    uses: tuple[type[Settings], ...] = (),
-    reads: Mapping[str, Any] | None = None,
-    name: str = "",
-    keep: int = 2,
-    **how: Any,
-) -> Callable[[Callable[..., Any]], Stage]:
-    """Declare a function whose result lives in memory only, `keep` of them; see `stage`."""
-    return stage(uses=uses, reads=reads, name=name, memory=keep, **how)
+def value_token(value: Value) -> str:
+    """Text that stands for a value in a key: equal for equal values only."""
+    identity = getattr(value, "identity", None)
+    return repr(value) if identity is None else f"={identity!r}"

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cube import Layout, Spans, layouts_of, within
-from sweeps.engine.experiment import Bound
 from sweeps.engine.folders import verify
-from sweeps.engine.inputs import Arrays, Spot
 from sweeps.engine.plan import Place, Plan
 from sweeps.engine.provenance import choices_of
 from sweeps.engine.results import write_pack
 from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Bound
 from sweeps.engine.store import RAGGED
+from sweeps.engine.tasks import Arrays, Spot
 
 AT_ONCE = 256  # cells that are read before they are packed
 KEPT_CHUNKS = 64  # decoded ones, of at most 1 MiB as a rule

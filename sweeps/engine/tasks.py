@@ -1,65 +1,125 @@
-"""What a worker does: calls of stages, whose results it packs.
+"""What a worker does: calls of stages, whose inputs it reads or makes, and whose results it packs.
 
 A task is a batch of calls. A call computes one cell, or several along the axes that its stage
-computes together.
+computes together. Inputs come by recipe: a plain value, arrays from a pack, a stack of such arrays,
+or an object made by another stage in this process, which keeps the last few of each.
 """
 
 from __future__ import annotations
 
+import importlib
+import threading
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections import OrderedDict, defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sweeps.engine.inputs import Arrays, Damaged, Inputs, Recipe, Spot, Step
-from sweeps.engine.results import Pack, write_pack
+from sweeps.engine.results import Pack, read_cells, write_pack
+from sweeps.engine.seeds import cell_rng
+from sweeps.engine.stage import RNG, THERE, Stage
+
+Arrays = dict[str, NDArray[Any]]
+Spot = tuple[str, int]  # a cell on disk: its pack and its row in there
+
+AHEAD_BYTES = 2**25  # of inputs that are read at once
+AHEAD_RECIPES = 512
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a worker must know of a stage."""
+
+    name: str
+    function: Any  # its module and qualified name, or itself where it is in no module
+    outputs: tuple[tuple[str, str, float], ...]  # name, type and empty value
+    keep: int  # how many results stay in memory, of one that is not kept on disk
+    drawn: bool  # whether it takes `rng`
+    asks: bool  # whether it takes `there`
+
+    @classmethod
+    @cache
+    def of(cls, stage: Stage) -> Step:
+        """What is to know of a stage."""
+        function: Any = stage.function
+        module, name = function.__module__, function.__qualname__
+        if module != "__main__" and "<" not in name:
+            function = module, name
+        outputs = tuple((one.name, one.dtype, one.empty) for one in stage.outputs)
+        asked = stage.arguments
+        return cls(stage.name, function, outputs, stage.memory, RNG in asked, THERE in asked)
+
+    @property
+    def call(self) -> Callable[..., Any]:
+        """The function."""
+        if not isinstance(self.function, tuple):
+            return self.function
+        module, name = self.function
+        found: Any = importlib.import_module(module)
+        for word in name.split("."):
+            found = getattr(found, word)
+        return found.function if isinstance(found, Stage) else found
+
+
+@dataclass(frozen=True)
+class Read:
+    """An argument that is read from packs: one cell, or many in an array of leading `shape`.
+
+    Cells stand at `places` of the flattened shape; the other places are empty.
+    """
+
+    step: Step
+    keys: tuple[str, ...]
+    spots: tuple[Spot, ...]
+    shape: tuple[int, ...] | None = None
+    places: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Made:
+    """An argument made by another stage in this process, or kept from before."""
+
+    step: Step
+    key: str
+    recipe: Recipe
+
+
+# A plain value stands in a tuple of its own.
+Source = tuple[Any] | Read | Made
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Arguments of a function, seed and name of `rng`, shape and flags of `there`."""
+
+    sources: Mapping[str, Source]
+    stream: tuple[int, dict[str, Any]] | None = None
+    there: tuple[tuple[int, ...], bytes] | None = None
 
 
 @dataclass(frozen=True)
 class Call:
-    """One call of a function, and the cells that it gives.
-
-    Attributes
-    ----------
-    step : Step
-        The stage.
-    recipe : Recipe
-        Its arguments.
-    shape : tuple of int
-        Lengths of the axes that it computes together.
-    cells : tuple of (str, int)
-        Key of each cell wanted, and its place on these axes.
-    """
+    """One call of a function, and the cells that it gives."""
 
     step: Step
     recipe: Recipe
-    shape: tuple[int, ...]
-    cells: tuple[tuple[str, int], ...]
+    shape: tuple[int, ...]  # lengths of the axes that it computes together
+    cells: tuple[tuple[str, int], ...]  # key of each wanted, and its place on these axes
 
 
 @dataclass(frozen=True)
 class Done:
-    """What became of a call.
-
-    Attributes
-    ----------
-    seconds : float
-        Time that it took.
-    spots : tuple of Spot
-        Where its cells are, in their order; empty when it failed.
-    reason : str
-        Why it failed.
-    damaged : tuple of str
-        Keys of inputs that could not be read back, for want of which it was not tried.
-    """
+    """What became of a call: where its cells are, in their order, or why it failed."""
 
     seconds: float
     spots: tuple[Spot, ...] = ()
     reason: str = ""
-    damaged: tuple[str, ...] = ()
+    damaged: tuple[str, ...] = ()  # keys of inputs that are lost, so that it was not tried
 
 
 @dataclass(frozen=True)
@@ -71,52 +131,52 @@ class Report:
     spilled: str = ""
 
 
+class Damaged(Exception):
+    """Inputs that are not what was written."""
+
+    def __init__(self, keys: tuple[str, ...]) -> None:
+        super().__init__("damaged")
+        self.keys = keys
+
+
 def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) -> Report:
-    """Run calls one after the other and pack their results.
+    """Run calls one after the other, whichever of them raise, and pack their results.
 
-    Parameters
-    ----------
-    calls : tuple of Call
-        The task.
-    folder : Path
-        Where packs are.
-    spill : Path, optional
-        Where results go when `folder` is full or cannot be written to.
-
-    Returns
-    -------
-    Report
-        With an entry for every call; one that raises does not keep the others from running.
+    Packs are in `folder`; results go to `spill` when that is full or cannot be written to.
     """
-    outcomes: list[Done] = []
-    results: dict[str, list[tuple[str, Arrays]]] = {}
-    where: list[list[tuple[str, int]]] = []
+    outcomes: list[tuple[Done, str, range]] = []  # with the rows of its cells among its stage's
+    results: dict[str, list[tuple[str, Arrays]]] = defaultdict(list)
     inputs = Inputs([call.recipe for call in calls], folder)
     for number, call in enumerate(calls):
         start = time.perf_counter()
-        rows: list[tuple[str, int]] = []
+        cells: list[tuple[str, Arrays]] = []
+        why: dict[str, Any] = {}
         try:
             cells = _cells(call, call.step.call(**inputs.arguments(number, call.step)))
         except Damaged as error:
-            outcomes.append(Done(time.perf_counter() - start, damaged=error.keys))
+            why = {"damaged": error.keys}
         except Exception as error:
-            outcomes.append(Done(time.perf_counter() - start, reason=reason(error)))
-        else:
-            outcomes.append(Done(time.perf_counter() - start))
-            there = results.setdefault(call.step.name, [])
-            for cell in cells:
-                rows.append((call.step.name, len(there)))
-                there.append(cell)
-        where.append(rows)
-    packs, spilled = _pack(results, folder, spill)
+            why = {"reason": reason(error)}
+        done = Done(time.perf_counter() - start, **why)
+        there = results[call.step.name]
+        outcomes.append((done, call.step.name, range(len(there), len(there) + len(cells))))
+        there += cells
+    packs: dict[str, Pack] = {}
+    spilled = ""
+    for name, found in results.items():
+        if not found:
+            continue
+        try:
+            packs[name] = write_pack(folder, name, found)
+        except OSError as error:
+            if spill is None:
+                raise
+            spilled = f"{error.strerror or error}"
+            pack = write_pack(spill, name, found)
+            packs[name] = Pack(str(spill / pack.path), pack.size, pack.keys)
     finished = tuple(
-        Done(
-            one.seconds,
-            tuple((packs[name].path, row) for name, row in rows),
-            one.reason,
-            one.damaged,
-        )
-        for one, rows in zip(outcomes, where, strict=True)
+        replace(done, spots=tuple((packs[name].path, row) for row in rows))
+        for done, name, rows in outcomes
     )
     return Report(finished, tuple(packs.items()), spilled)
 
@@ -126,43 +186,9 @@ def reason(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-def _pack(
-    results: Mapping[str, list[tuple[str, Arrays]]], folder: Path, spill: Path | None
-) -> tuple[dict[str, Pack], str]:
-    """A pack for every stage; beside the store, when the cache does not take it."""
-    packs: dict[str, Pack] = {}
-    spilled = ""
-    for name, cells in results.items():
-        try:
-            packs[name] = write_pack(folder, name, cells)
-        except OSError as error:
-            if spill is None:
-                raise
-            spilled = f"{error.strerror or error}"
-            pack = write_pack(spill, name, cells)
-            packs[name] = Pack(str(spill / pack.path), pack.size, pack.keys)
-    return packs, spilled
-
-
 def _cells(call: Call, found: Any) -> list[tuple[str, Arrays]]:
     """Key and arrays of each cell that is wanted of what a call returned."""
-    arrays = _named(call.step, found)
-    cells: list[tuple[str, Arrays]] = []
-    for name, array in arrays.items():
-        if array.shape[: len(call.shape)] != call.shape:
-            raise ValueError(
-                f"{name} of {call.step.name} has shape {array.shape}, but must begin with "
-                f"{call.shape}"
-            )
-    for key, place in call.cells:
-        at: Any = (*np.unravel_index(place, call.shape), ...)  # an array even of one value
-        cells.append((key, {name: array[at].copy() for name, array in arrays.items()}))
-    return cells
-
-
-def _named(step: Step, found: Any) -> Arrays:
-    """What a function returned, by output."""
-    names = [name for name, *_ in step.outputs]
+    step, names = call.step, [name for name, *_ in call.step.outputs]
     if not isinstance(found, Mapping):
         if len(names) != 1:
             raise TypeError(f"{step.name} must return a mapping of {', '.join(names)}")
@@ -171,6 +197,143 @@ def _named(step: Step, found: Any) -> Arrays:
         raise TypeError(
             f"{step.name} returned {', '.join(map(str, found))}, but must return {', '.join(names)}"
         )
-    return {
+    arrays = {
         name: np.asarray(found[name]).astype(dtype, copy=False) for name, dtype, _ in step.outputs
     }
+    for name, array in arrays.items():
+        if array.shape[: len(call.shape)] != call.shape:
+            raise ValueError(
+                f"{name} of {step.name} has shape {array.shape}, but must begin with {call.shape}"
+            )
+    cells: list[tuple[str, Arrays]] = []
+    for key, place in call.cells:
+        at: Any = (*np.unravel_index(place, call.shape), ...)  # an array even of one value
+        cells.append((key, {name: array[at].copy() for name, array in arrays.items()}))
+    return cells
+
+
+class Inputs:
+    """Arguments of recipes, asked for in their order, whose cells are read for many at once.
+
+    To open a pack takes longer than to read a small cell in it. No two recipes share an array.
+    """
+
+    def __init__(self, recipes: Sequence[Recipe], folder: Path) -> None:
+        self._recipes = recipes
+        self._folder = folder
+        self._ahead: dict[int, dict[Spot, Arrays | None]] = {}
+        self._read = 0
+        self._window = 1
+
+    def arguments(self, number: int, step: Step) -> dict[str, Any]:
+        """Arguments of one of the recipes, by name; raises `Damaged` if some cannot be read."""
+        if number >= self._read:
+            self._read_ahead(number)
+        return self._arguments(step, self._recipes[number])
+
+    def _read_ahead(self, number: int) -> None:
+        """Cells of the next recipes; as many as fit, going by those before."""
+        self._ahead.clear()
+        window = self._recipes[number : number + self._window]
+        seen: set[str] = set()
+        wanted = [
+            (id(one), spot)
+            for recipe in window
+            for one in _with_those_made(recipe, seen)
+            for spot in _spots(one)
+        ]
+        found = read_cells(self._folder, [spot for _, spot in wanted])
+        for (owner, spot), arrays in zip(wanted, found, strict=True):
+            self._ahead.setdefault(owner, {})[spot] = arrays
+        size = sum(array.nbytes for arrays in found if arrays for array in arrays.values())
+        fitting = AHEAD_BYTES * len(window) // max(size, 1)
+        self._window = min(max(fitting, 1), 8 * self._window, AHEAD_RECIPES)
+        self._read = number + len(window)
+
+    def _arguments(self, step: Step, recipe: Recipe) -> dict[str, Any]:
+        there = self._ahead.pop(id(recipe), {})
+        wanted = _spots(recipe)
+        if lacking := [spot for spot in wanted if spot not in there]:
+            there |= zip(lacking, read_cells(self._folder, lacking), strict=True)
+        if lost := tuple(key for spot, key in wanted.items() if there[spot] is None):
+            raise Damaged(lost)
+        spots = {spot: arrays for spot, arrays in there.items() if arrays is not None}
+        arguments = {name: self._value(source, spots) for name, source in recipe.sources.items()}
+        if step.drawn:
+            assert recipe.stream is not None
+            seed, name = recipe.stream
+            arguments[RNG] = cell_rng(seed, **name)
+        if step.asks:
+            assert recipe.there is not None
+            shape, flags = recipe.there
+            arguments[THERE] = np.frombuffer(flags, dtype=bool).reshape(shape).copy()
+        return arguments
+
+    def _value(self, source: Source, spots: Mapping[Spot, Arrays]) -> Any:
+        if isinstance(source, tuple):
+            return source[0]
+        if isinstance(source, Read):
+            arrays = _joined(source, [spots[spot] for spot in source.spots])
+            return arrays[source.step.outputs[0][0]] if len(arrays) == 1 else arrays
+        # An object by key, made when it is not there; the oldest of its stage makes room.
+        objects = _kept_of(source.step)
+        if source.key in objects:
+            objects.move_to_end(source.key)
+            return objects[source.key]
+        while len(objects) >= source.step.keep:
+            objects.popitem(last=False)
+        made = source.step.call(**self._arguments(source.step, source.recipe))
+        objects[source.key] = made
+        return made
+
+
+def _with_those_made(recipe: Recipe, seen: set[str]) -> Iterator[Recipe]:
+    """A recipe, and those of the objects that are to be made for it and were not seen yet."""
+    yield recipe
+    for source in recipe.sources.values():
+        if isinstance(source, Made) and source.key not in seen:
+            seen.add(source.key)
+            if source.key not in _kept_of(source.step):
+                yield from _with_those_made(source.recipe, seen)
+
+
+def _spots(recipe: Recipe) -> dict[Spot, str]:
+    """Keys of the cells that a recipe reads itself, by their spots."""
+    wanted: dict[Spot, str] = {}
+    for source in recipe.sources.values():
+        if isinstance(source, Read):
+            wanted.update(zip(source.spots, source.keys, strict=True))
+    return wanted
+
+
+def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
+    """Arrays of one cell, or of many as one; empty where there is no cell."""
+    if source.shape is None:
+        return cells[0]
+    total = int(np.prod(source.shape))
+    whole: Arrays = {}
+    for name, dtype, empty in source.step.outputs:
+        shape = cells[0][name].shape
+        if any(cell[name].shape != shape for cell in cells):
+            raise ValueError(f"{name} of {source.step.name} has a shape that differs between cells")
+        joined = np.empty((total, *shape), dtype=dtype)
+        if len(cells) < total:
+            joined[...] = empty
+        joined[list(source.places)] = [cell[name] for cell in cells]
+        whole[name] = joined.reshape(*source.shape, *shape)
+    return whole
+
+
+_kept = threading.local()
+
+
+def _kept_of(step: Step) -> OrderedDict[str, Any]:
+    """Objects made in this thread, the last few of a stage, by key."""
+    # By the function: stages that share one share its results.
+    found: OrderedDict[str, Any] = vars(_kept).setdefault(str(step.function), OrderedDict())
+    return found
+
+
+def forget_all() -> None:
+    """Drop all objects kept in this thread."""
+    vars(_kept).clear()

@@ -2,106 +2,153 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 
+from rich import progress
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 from rich.table import Table
 
-from sweeps.engine.execute import Watch
-from sweeps.engine.printing import say
-from sweeps.engine.progress import Progress as Stages
-from sweeps.engine.schedule import Schedule
+from sweeps.engine.process import say
+from sweeps.engine.schedule import Progress, Schedule, Watch
 
 EVERY = 10.0  # s between plain lines
+EARLIEST = 3.0  # s of work done before anything is said of the rest
+STEADY = 10.0  # s in which an estimate of the end follows what was measured meanwhile
 NAMED_FAILURES = 20  # the attributes of the store have them all
 
 
 @contextmanager
 def watching(name: str) -> Iterator[Watch]:
-    """Show the progress of a sweep by stage on stderr meanwhile.
-
-    Parameters
-    ----------
-    name : str
-        Name of the command, which plain lines begin with.
-    """
+    """Show the progress of a sweep on stderr meanwhile; plain lines begin with the `name`."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(name).watch
         return
-    console = Console(stderr=True)
     columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description:<20}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[left]}"),
+        progress.SpinnerColumn(),
+        progress.TextColumn("{task.description:<20}"),
+        progress.BarColumn(),
+        progress.MofNCompleteColumn(),
+        progress.TextColumn("{task.fields[left]}"),
     )
-    with Progress(*columns, console=console) as bars:
-        yield _Bars(name, bars).watch
+    with progress.Progress(*columns, console=Console(stderr=True)) as bars:
+        yield _Bars(bars).watch
+
+
+class Remaining:
+    """Estimate of the time [s] until all cells are made, in words.
+
+    Work left by the rate at which it was done so far, all workers together. The end estimated
+    moves towards that in some seconds, so that no slow cell makes it jump.
+    """
+
+    def __init__(self) -> None:
+        self._begun = self._before = self._last = self._end = math.nan
+
+    def words(self, schedule: Schedule, now: float) -> str:
+        """As 'about 40 s left' at a time [s]; empty while too little is known."""
+        done = sum(one.seconds for one in schedule.progress.values())
+        left = schedule.work_left()
+        if math.isnan(self._begun) and done:  # from here on, without the start of workers
+            self._begun, self._before = now, done
+        if not done - self._before >= EARLIEST or not 0 < left < math.inf:
+            return ""
+        end = now + left / (done - self._before) * (now - self._begun)
+        weight = 1.0 if math.isnan(self._end) else -math.expm1((self._last - now) / STEADY)
+        self._end = end if math.isnan(self._end) else self._end + weight * (end - self._end)
+        self._last = now
+        return f"about {_rounded(max(self._end - now, 1.0))} left"
+
+
+def _rounded(seconds: float) -> str:
+    """A duration as one says it: 7 s, 40 s, 3 min, 2 h 10 min."""
+    if seconds < 95:
+        return f"{seconds:.0f} s" if seconds < 10 else f"{10 * round(seconds / 10)} s"
+    minutes = round(seconds / 60) if seconds < 3300 else 10 * round(seconds / 600)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
 class _Lines:
     def __init__(self, name: str) -> None:
         self.name = name
         self.shown = time.monotonic()
+        self.remaining = Remaining()
         self.watch = Watch(lambda sentence: say(name, sentence), self._step, self._failed)
 
     def _step(self, schedule: Schedule) -> None:
-        if time.monotonic() - self.shown < EVERY:
+        now = time.monotonic()
+        left = self.remaining.words(schedule, now)
+        if now - self.shown < EVERY:
             return
-        self.shown = time.monotonic()
+        self.shown = now
         parts = [
-            f"{stage} {one.reused + one.done + one.failed}/{one.total}"
+            f"{stage} {one.total - one.left}/{one.total}"
             for stage, one in reversed(schedule.progress.items())
-            if one.done + one.failed and one.reused + one.done + one.failed < one.total
+            if one.done + one.failed and one.left > 0
         ]
-        say(self.name, ", ".join(parts) or "finishing")
+        say(self.name, ", ".join([*parts, left] if left else parts) or "finishing")
 
     def _failed(self, what: str, why: str) -> None:
         say(self.name, f"failed: {what}: {why}")
 
 
 class _Bars:
-    def __init__(self, name: str, bars: Progress) -> None:
-        self.name = name
+    def __init__(self, bars: progress.Progress) -> None:
         self.bars = bars
-        self.tasks: dict[str, object] = {}
-        self.started = time.monotonic()
+        self.tasks: dict[str, progress.TaskID] = {}
+        self.remaining = Remaining()
         self.watch = Watch(self._say, self._step, self._failed)
 
-    def _say(self, sentence: str) -> None:
+    def _say(self, sentence: str, style: str | None = None) -> None:
         with suppress(OSError):
-            self.bars.console.print(escape(sentence), highlight=False)
+            self.bars.console.print(escape(sentence), style=style, highlight=False)
 
     def _step(self, schedule: Schedule) -> None:
-        for stage, one in reversed(schedule.progress.items()):
-            if one.reused == one.total:
-                continue
-            if stage not in self.tasks:
-                self.tasks[stage] = self.bars.add_task(stage, total=one.total, left="")
-            finished = one.reused + one.done + one.failed
-            left = ""
-            if one.done > 0 and finished < one.total and stage in schedule.costs:
-                left = f"{schedule.costs[stage] * (one.total - finished):.0f} s of work left"
-            self.bars.update(self.tasks[stage], completed=finished, left=left)  # type: ignore[arg-type]
+        shown = {stage: one for stage, one in schedule.progress.items() if one.reused < one.total}
+        for stage, one in reversed(shown.items()):
+            self._show(stage, one.total - one.left, one.total)
+        if shown:
+            left = self.remaining.words(schedule, time.monotonic())
+            total = sum(one.total for one in shown.values())
+            self._show("all", total - sum(one.left for one in shown.values()), total, left)
+
+    def _show(self, name: str, finished: int, total: int, left: str = "") -> None:
+        if name not in self.tasks:
+            self.tasks[name] = self.bars.add_task(name, total=total, left="")
+        self.bars.update(self.tasks[name], completed=finished, total=total, left=left)
 
     def _failed(self, what: str, why: str) -> None:
-        with suppress(OSError):
-            self.bars.console.print(escape(f"failed: {what}: {why}"), style="red", highlight=False)
+        self._say(f"failed: {what}: {why}", "red")
 
 
-def summary(progress: Mapping[str, Stages], seconds: float) -> Table:
+def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
+    """Table of all cells, of those at hand and those to be made, by stage."""
+    cells = [(name, total, total - left, left) for name, (total, left) in stages.items()]
+    return _table("", ("cells", "at hand", "to do"), cells)
+
+
+def summary(stages: Mapping[str, Progress], seconds: float) -> Table:
     """Table of what was done, reused and failed by stage, and where the time went."""
-    table = Table(title=f"{seconds:.1f} s", title_justify="left", box=None, pad_edge=False)
+    rows = [
+        (
+            *(name, one.done, one.reused, one.failed or ""),
+            f"{one.seconds:.1f}" if one.seconds >= 0.05 else "",
+        )
+        for name, one in stages.items()
+    ]
+    return _table(f"{seconds:.1f} s", ("done", "reused", "failed", "work [s]"), rows)
+
+
+def _table(title: str, columns: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Table:
+    table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
     table.add_column("stage")
-    for name in ("done", "reused", "failed", "work [s]"):
+    for name in columns:
         table.add_column(name, justify="right")
-    for stage, one in reversed(list(progress.items())):
-        work = f"{one.seconds:.1f}" if one.seconds >= 0.05 else ""
-        table.add_row(stage, str(one.done), str(one.reused), str(one.failed or ""), work)
+    for row in reversed(rows):
+        table.add_row(*map(str, row))
     return table

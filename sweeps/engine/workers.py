@@ -30,8 +30,9 @@ from distributed.security import Security
 from distributed.threadpoolexecutor import ThreadPoolExecutor
 from tornado.ioloop import PeriodicCallback
 
-from sweeps.engine.cluster import ONE_THREAD, ClusterChoice, Finished, environment, one_thread
+from sweeps.engine.code import OtherCode, check_code
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+from sweeps.engine.process import ONE_THREAD, environment, one_thread
 
 # Environment that a worker process must be started with, since libraries read it only then. It
 # keeps 256 MiB of freed memory, and maps arrays separately from 32 MiB on, the most that allocators
@@ -60,10 +61,17 @@ LOST = 30.0  # s until a job whose worker went away, but might restart it, count
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
 
 Task = tuple[int, Callable[..., Any], tuple[Any, ...]]
+Outcome = tuple[int, Any, Exception | None]
+Say = Callable[[str], None]
+Code = Mapping[str, str]  # digests of packages by name
 
 
-def run_task(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """Call a function in the task thread of this process, numerical libraries on one thread."""
+def run_task(code: Code, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """Call a function in the task thread of this process, numerical libraries on one thread.
+
+    Raises `OtherCode` instead where this process has other code.
+    """
+    check_code(code)
 
     def call() -> Any:
         with one_thread():
@@ -73,16 +81,17 @@ def run_task(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
 
 
 class DaskExecutor:
-    """Runs tasks on the workers of a dask cluster. See `sweeps.engine.cluster.Executor`.
+    """Runs tasks on the workers of a dask cluster that have some code. See `cluster.Executor`.
 
     A worker that dies, as of too much memory, takes along tasks that are not at fault. Those that
     dask gives up for it are suspects: each runs again when all others have finished, alone. Only
     if its worker dies then too is the task itself at fault.
     """
 
-    def __init__(self, client: Client, workers: int | None) -> None:
+    def __init__(self, client: Client, workers: int | None, code: Code) -> None:
         self._client = client
         self._workers = workers
+        self._code = code
         self._completed = as_completed(loop=client.loop)
         self._running: dict[Future, Task] = {}
         self._suspects: deque[Task] = deque()
@@ -102,54 +111,49 @@ class DaskExecutor:
         else:
             self._start(task)
 
-    def finished(self) -> list[Finished]:
+    def finished(self) -> list[Outcome]:
         """Wait for a task to finish; raises `SweepIncomplete` if the scheduler is gone."""
-        outcomes: list[Finished] = []
+        outcomes: list[Outcome] = []
         while not outcomes and (self._running or self._suspects or self._held):
             if not self._running:
-                self._start_waiting()
+                # One suspect, or else all tasks that were held back meanwhile.
+                self._alone = bool(self._suspects)
+                waiting = self._suspects if self._alone else self._held
+                for _ in range(1 if self._alone else len(waiting)):
+                    self._start(waiting.popleft())
             # wakes up ten times a second, and so for an interrupt
             for future in self._completed.next_batch():
                 outcomes += self._outcome(future, self._running.pop(future))
         return outcomes
 
     def _start(self, task: Task) -> None:
-        future = self._client.submit(run_task, *task[1:], pure=False)
+        future = self._client.submit(run_task, self._code, *task[1:], pure=False)
         self._running[future] = task
         self._completed.add(future)
 
-    def _start_waiting(self) -> None:
-        """Start one suspect, or else all tasks that were held back meanwhile."""
-        self._alone = bool(self._suspects)
-        if self._alone:
-            self._start(self._suspects.popleft())
-        while self._held and not self._alone:
-            self._start(self._held.popleft())
-
-    def _outcome(self, future: Future, task: Task) -> list[Finished]:
+    def _outcome(self, future: Future, task: Task) -> list[Outcome]:
         """Outcome of a task, or none where it is to be run again."""
         if future.cancelled():
             raise SweepIncomplete("the scheduler of the cluster is gone, with the tasks it had")
         try:
-            return [Finished(task[0], future.result(), None)]
+            return [(task[0], future.result(), None)]
         except KilledWorker:
             if self._alone:
                 message = "the worker process died whenever it ran this task (out of memory?)"
-                return [Finished(task[0], None, RuntimeError(message))]
+                return [(task[0], None, RuntimeError(message))]
             self._suspects.append(task)
             return []
+        except OtherCode as error:  # of a worker that came later
+            raise ConfigurationError(f"a worker of the cluster {error}") from None
         except Exception as error:
-            return [Finished(task[0], None, error)]
+            return [(task[0], None, error)]
 
 
 @contextmanager
-def local(
-    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
-) -> Iterator[DaskExecutor]:
+def local(*, workers: int | None, tasks: int, say: Say, code: Code) -> Iterator[DaskExecutor]:
     """Start worker processes on this machine, which end with this process however it ends."""
-    count = _number(choice.workers or CPU_COUNT, tasks)
+    count = max(1, min(workers or CPU_COUNT, tasks))
     say(f"starting {count} worker process{'es' if count > 1 else ''}")
-    security = Security.temporary()
     # Workers share the terminal, where one that dies would log its last steps.
     quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
     with ExitStack() as stack:
@@ -161,70 +165,71 @@ def local(
                     threads_per_worker=1,
                     host="127.0.0.1",
                     protocol="tls://",
-                    security=security,
+                    security=Security.temporary(),
                     dashboard_address=None,
                     scheduler_kwargs=SCHEDULER,
                     silence_logs=logging.CRITICAL,
                 )
             )
         stack.enter_context(_workers_replaced(cluster, count, every=CHECKED))
-        yield DaskExecutor(stack.enter_context(Client(cluster)), count)
+        yield DaskExecutor(stack.enter_context(Client(cluster)), count, code)
 
 
 @contextmanager
 def address(
-    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
+    *, tasks: int, say: Say, code: Code, address: str, **files: str | None
 ) -> Iterator[DaskExecutor]:
     """Reach a running scheduler. Each of its worker processes runs one task at a time."""
-    url = str(choice.address)
-    if choice.ca_file is None and not _is_loopback(url):
-        say(f"the traffic with {url} is neither encrypted nor authenticated")
+    host = urlsplit(address).hostname or ""
+    if files["ca_file"] is None and not (host in {"localhost", "::1"} or host.startswith("127.")):
+        say(f"the traffic with {address} is neither encrypted nor authenticated")
     with ExitStack() as stack:
         stack.enter_context(_started_with({"distributed.comm.timeouts.connect": f"{ANSWER}s"}, {}))
-        security = _security(choice)
+        security = Security() if files["ca_file"] is None else _security(**files)
         try:
-            _check_scheduler(url, security)
-            client = stack.enter_context(Client(url, security=security, timeout=ANSWER))
+            _check_scheduler(address, security)
+            client = stack.enter_context(Client(address, security=security, timeout=ANSWER))
         except Exception as error:  # of any kind, since whatever listens may answer anything
             raise ConfigurationError(
-                f"cluster.address is {url}, but no scheduler answers there "
+                f"cluster.address is {address}, but no scheduler answers there "
                 f"({str(error) or type(error).__name__})"
             ) from error
-        say(f"waiting for a worker of {url}")
+        say(f"waiting for a worker of {address}")
         try:
             client.wait_for_workers(1, timeout=ARRIVAL)
         except TimeoutError as error:
             raise ConfigurationError(
-                f"cluster.address is {url}, but its scheduler has no workers"
+                f"cluster.address is {address}, but its scheduler has no workers"
             ) from error
-        yield DaskExecutor(client, None)
+        for worker, wrong in client.run(check_code, code, on_error="return").items():
+            if wrong is not None:
+                told = wrong if isinstance(wrong, OtherCode) else f"cannot be asked: {wrong}"
+                raise ConfigurationError(
+                    f"cluster.address is {address}, but its worker {worker} {told}"
+                )
+        yield DaskExecutor(client, None, code)
 
 
 @contextmanager
 def slurm(
-    choice: ClusterChoice, *, tasks: int | None, say: Callable[[str], None]
+    *, workers: int, tasks: int, say: Say, code: Code, **asked: Any
 ) -> Iterator[DaskExecutor]:
-    """Submit jobs, and cancel them at the end.
+    """Submit jobs that ask for some settings of Slurm's, and cancel them at the end.
 
     Until then the certificate of the run is in a folder, which only its owner may open, of the
     current directory, which the jobs must see.
     """
-    jobs = _number(choice.workers or 1, tasks)
+    jobs = max(1, min(workers, tasks))
     say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
     settings = SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST}s"}
     with ExitStack() as stack:
         stack.enter_context(_started_with(settings, ENVIRONMENT))
         with _interrupts_held():
             folder = stack.enter_context(TemporaryDirectory(prefix=".sweep-", dir=os.getcwd()))
-            cluster = stack.enter_context(_slurm_cluster(choice, _certificate(Path(folder))))
+            cluster = stack.enter_context(_slurm_cluster(_certificate(Path(folder)), asked))
         _submit(cluster, jobs)
         stack.enter_context(_workers_replaced(cluster, jobs, every=JOBS_CHECKED))
-        yield DaskExecutor(stack.enter_context(Client(cluster)), jobs)
-
-
-def _number(workers: int, tasks: int | None) -> int:
-    """Number of workers to start: no more than tasks, but one."""
-    return workers if tasks is None else max(1, min(workers, tasks))
+        yield DaskExecutor(stack.enter_context(Client(cluster)), jobs, code)
 
 
 def _check_scheduler(url: str, security: Security) -> None:
@@ -243,28 +248,17 @@ def _check_scheduler(url: str, security: Security) -> None:
         raise ValueError(f"{url} is a {kind}")
 
 
-def _is_loopback(url: str) -> bool:
-    host = urlsplit(url).hostname or ""
-    return host in {"localhost", "::1"} or host.startswith("127.")
-
-
-def _security(choice: ClusterChoice) -> Security:
-    """Certificates of the client, or none for an address that is not encrypted."""
-    if choice.ca_file is None:
-        return Security()
+def _security(ca_file: str | None, cert: str | None, key: str | None) -> Security:
+    """Certificates of the client."""
     security = Security(
-        tls_ca_file=choice.ca_file,
-        tls_client_cert=choice.cert,
-        tls_client_key=choice.key,
-        require_encryption=True,
+        tls_ca_file=ca_file, tls_client_cert=cert, tls_client_key=key, require_encryption=True
     )
     try:
         security.get_connection_args("client")
     except OSError as error:
         raise ConfigurationError(
-            f"cluster.ca_file, cluster.cert and cluster.private_key are {choice.ca_file}, "
-            f"{choice.cert} and {choice.key}, but must be PEM files of which the key belongs to "
-            "the certificate"
+            f"cluster.ca_file, cluster.cert and cluster.private_key are {ca_file}, {cert} and "
+            f"{key or 'null'}, but must be PEM files of which the key belongs to the certificate"
         ) from error
     return security
 
@@ -281,7 +275,7 @@ def _certificate(folder: Path) -> Security:
     return Security(require_encryption=True, tls_ca_file=str(certificate), **files)
 
 
-def _slurm_cluster(choice: ClusterChoice, security: Security) -> Any:
+def _slurm_cluster(security: Security, asked: Mapping[str, Any]) -> Any:
     """Cluster without jobs."""
     try:
         from dask_jobqueue import SLURMCluster
@@ -292,13 +286,9 @@ def _slurm_cluster(choice: ClusterChoice, security: Security) -> Any:
     if shutil.which("sbatch") is None:
         raise ConfigurationError("cluster.kind is slurm, but this machine has no sbatch command")
     return SLURMCluster(
-        queue=choice.queue,
-        account=choice.account,
-        walltime=choice.walltime,
+        **asked,
         cores=1,
         processes=1,
-        memory=choice.memory,
-        interface=choice.interface,
         protocol="tls://",
         security=security,
         scheduler_options=SCHEDULER,

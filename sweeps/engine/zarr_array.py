@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 METADATA = "zarr.json"
 CHUNK_BYTES = 2**20
-LEVEL = 1  # level 3 packs profiles and maps no tighter and takes three times as long
+LEVEL = 1  # level 3 packs results no tighter and takes three times as long
 
 Region = tuple[slice, ...]
 

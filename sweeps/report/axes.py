@@ -62,20 +62,14 @@ NOMINAL: dict[str, Any] = {
 
 
 class Column(str):
-    """Name of a column, such as `range_km`, with what the store says of it.
-
-    Attributes
-    ----------
-    name, units, long_name : str
-        Of the variable.
-    """
+    """Name of a column, such as `range_km`, with what the store says of its variable."""
 
     name: str
     units: str
     long_name: str
 
     def __new__(cls, variable: xr.DataArray) -> Self:
-        """Return the column of a variable: its name, and its unit if it has one."""
+        """Return the column of a variable."""
         name = str(variable.name)
         units = str(variable.attrs.get("units", UNITS.get(name, "1")))
         unit = IN_FILES.get(units)
@@ -103,21 +97,9 @@ class Column(str):
 
 
 class Axis(Column):
-    """Column that is an axis.
+    """Column that is an axis; a `number` counts the places of one that has other coordinates."""
 
-    Attributes
-    ----------
-    number : bool
-        Whether it only numbers the places of an axis that has other coordinates.
-    """
-
-    number: bool
-
-    def __new__(cls, coordinate: xr.DataArray, *, number: bool = False) -> Self:
-        """Return the axis of a coordinate."""
-        axis = super().__new__(cls, coordinate)
-        axis.number = number
-        return axis
+    number = False
 
     @property
     def foreseen(self) -> bool:
@@ -148,8 +130,7 @@ def axes_of(
 ) -> dict[Axis, str | None]:
     """Return the axes of a data set, in order, each with its dimension; None of a single value.
 
-    Every scalar coordinate is one, and every coordinate along one dimension: a joint axis has as
-    many columns as coordinates. Dimensions in `but` are none.
+    A joint axis has as many columns as coordinates. Dimensions in `but` are none.
     """
     found: dict[Axis, str | None] = {}
     gone = set(but)
@@ -158,7 +139,9 @@ def axes_of(
     for name, coord in coords.items():
         if coord.ndim == 0 or (coord.ndim == 1 and coord.dims[0] not in gone):
             number = name in coord.dims and along.count((name,)) > 1 and name != "aspect_bin"
-            found[Axis(coord, number=number)] = str(coord.dims[0]) if coord.ndim else None
+            axis = Axis(coord)
+            axis.number = number
+            found[axis] = str(coord.dims[0]) if coord.ndim else None
     for dim in dataset.dims:
         if dim not in gone and str(dim) not in found.values():
             found[Axis(dataset[dim])] = str(dim)
@@ -195,7 +178,7 @@ def told(place: Mapping[Any, Any], axes: Iterable[Axis]) -> list[str]:
 
 
 def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> xr.Dataset:
-    """A data set at the nominal value of every axis, or a wanted one, or else at the first.
+    """Return a data set at the nominal value of every axis, or a wanted one, or else at the first.
 
     Dimensions to `keep` stay, and those of profiles and images.
     """
@@ -210,10 +193,7 @@ def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> 
 
 
 def which(one: xr.Dataset, of: xr.Dataset | xr.DataArray, *, but: Iterable[str] = ()) -> str:
-    """Values of one place of a data set on the axes on which there are several, each after a comma.
-
-    Axes in `but` are told elsewhere.
-    """
+    """Return values of one place on the axes of several, `but` some, each after a comma."""
     place = {
         axis: one[axis.name].values.item()
         for axis, dim in axes_of(of).items()

@@ -1,102 +1,318 @@
-"""Pictures of flights: stages of the corrections, profiles, and what wrong parameters cost.
-
-    python -m sweeps.report.figures flight STORE PICTURE
-    python -m sweeps.report.figures validation STORE PICTURE
-    python -m sweeps.report.figures sensitivity STORE PICTURE
-    python -m sweeps.report.figures measured STORE PICTURE
-
-They need matplotlib, from the `plot` extra.
-"""
+"""Pictures of flights: flown once more for every stage of their corrections, and as stored."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+import trimesh
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.ndimage import label as connected
 
-from sweeps.report import stored
-from sweeps.report.axes import nominal, which
-from sweeps.report.flight_again import Place, draw_flight, flights_of
-from sweeps.report.flights import SISTERS, STERN, TITLED, flown_past, put_in
-from sweeps.report.panels import plain_percent
+import ncti.ships
+from ncti import irar
+from ncti.irar import Correction, Scan, Snapshot
+from sweeps.report.axes import nominal, shown, which
+from sweeps.report.flights import GAINS, SISTERS, STERN, TITLED, flown_past, put_in
+from sweeps.report.rows import setting
+from sweeps.stages.irar import FLOWN, RATES, RECORDED, scan_again, surface
+from sweeps.stages.views import hull, read_mesh, ship_name
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+STRIPES = 12.0  # m of range that run once through the colours, as in the source's images
+MARGIN = 12  # pixels around the ship in corrected images
+BRIGHTEST = 99.0  # percent of the ship's pixels that are not brighter than the scale
+# Of pixels that no sample fell into, and of those that were looked at and have no range.
+NO_LOOK, NO_RANGE = "#44566b", "0.62"
+UNSEEN = "slate blue: no sample fell there; black, and grey of ranges: looked at, no ship"
 
-KINDS = {
-    "flight": "every stage of the corrections of a flight, beside the truth",
-    "validation": "measured near-stern profiles beside noiseless and synthetic ones",
-    "sensitivity": "what wrong flight parameters cost, with and without autofocus",
-    "measured": "measured profiles named right by who learned synthetic ones",
-}
+SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
+TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
+
 OURS, THEIRS, TRUTH = "#1f4e79", "#c1440e", "0.75"
 MARKED = (  # m past the hangar, height, what is there
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
     *((45, 0.76, "main mast"), (61, 0.32, "bridge")),
 )
-UNITS = {
-    "aircraft_speed": "%",
-    "ship_speed": "m/s",
-    "aircraft_heading": "deg",
-    "ship_heading": "deg",
-    "pointing": "deg",
-}
+UNITS = {"aircraft_speed": "%", "ship_speed": "m/s"} | dict.fromkeys(
+    ("aircraft_heading", "ship_heading", "pointing"), "deg"
+)
 
 
-def draw(kind: str, path: Path) -> Figure:
-    """A picture of a store, of one of `KINDS`. Raises ValueError if it lacks what is drawn."""
-    if kind == "measured":
-        return draw_measured(stored.read(path, "tables/measured").load())
-    flights = stored.read(path, "validation")
-    if kind == "flight":
-        return draw_flight(stored.attributes(path), flights, flights_of(flights)[0])
-    return (draw_validation if kind == "validation" else draw_sensitivity)(flights)
+@dataclass(frozen=True)
+class Place:
+    """A flight of a store: its ship's label, aspect [deg] and range [km]; nominal on other axes."""
+
+    ship: str
+    aspect: float
+    range: float
+
+    @property
+    def title(self) -> str:
+        """For people."""
+        return f"{shown(self.ship).capitalize()} at {self.range:g} km, aspect {self.aspect:g}°"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """How a flight is corrected, and how its ship reflects.
+
+    By the source's own chain, as printed, `rate` being what it takes for f, `line` or `pulse`; or
+    by our `correction`. The threshold of segmentation is in noise powers.
+    """
+
+    rate: str | None = None
+    correction: Correction = field(default_factory=Correction)
+    autofocus: bool = False
+    threshold: float | None = None
+    surface: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Images after some of the corrections: (row, column) arrays.
+
+    Intensity in noise powers, range [m] from the ship's origin, infrared [K]; no sample fell into
+    unseen pixels. The extent is left, right, bottom and top [pixel or line].
+    """
+
+    title: str
+    intensity: NDArray[np.floating]
+    range: NDArray[np.floating]
+    infrared: NDArray[np.floating]
+    unseen: NDArray[np.bool_]
+    extent: tuple[float, float, float, float]
+    square: bool = True
+
+
+def flights_of(flights: xr.Dataset) -> list[Place]:
+    """Return every ship of `validation` flown past at every range and aspect, ships slowest."""
+    ranges, aspects = (np.atleast_1d(flights[name].values) for name in ("range", "aspect"))
+    return [
+        Place(ship, float(aspect), float(kilometres))
+        for ship in flown_past(flights)
+        for kilometres in ranges
+        for aspect in aspects
+    ]
+
+
+def one_flight(flights: xr.Dataset, place: Place) -> xr.Dataset:
+    """Return the flight at a place: the first draw of the nominal one on all other axes."""
+    return nominal(flights.sel(ship=place.ship, aspect=place.aspect, range=place.range))
+
+
+def scan_of(
+    attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
+) -> tuple[Scan, Way]:
+    """Return raw images of one flight of a store, noise and all, and how it corrects them."""
+    given = attributes["configuration"]
+    reflectance = setting(flight, given["ladar"], "reflectance")
+    values = {one.name: setting(flight, {}, one.name) for one in (*FLOWN, *RECORDED)}
+    place = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
+    place["seed"] = setting(flight, given, "seed")
+    methods = {name: flight[name].item() for name in ("azimuth", "mirror", "range_filter")}
+    return scan_again(values, mesh, **place, reflectance=reflectance), Way(
+        rate=RATES.get(flight.chain.item()),
+        correction=Correction(**methods),
+        autofocus=flight.autofocus.item(),
+        threshold=setting(flight, given["irar"], "segmentation_threshold"),
+        surface=surface(mesh, values, reflectance),
+    )
+
+
+def draw_flight(
+    attributes: Mapping[str, Any],
+    flights: xr.Dataset,
+    place: Place,
+    mesh: trimesh.Trimesh | None = None,
+) -> Figure:
+    """Draw stages of a flight of a store, by its attributes and group `validation`.
+
+    Raises ValueError if no mesh is given, and the known ship is not the one of the store.
+    """
+    mesh = known_ship(attributes, place.ship) if mesh is None else mesh
+    flight, draws = one_flight(flights, place), flights.sizes.get("replicate", 1)
+    scan, way = scan_of(attributes, flight, mesh)
+    title = place.title + which(flight, flights.looks, but=TITLED)
+    return draw_stages(mesh, scan, way, title=title + f", first of {draws} draws" * (draws > 1))
+
+
+def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
+    """Return the known ship of a name. Raises ValueError if the store was not made of it."""
+    if label not in ncti.ships.names():
+        raise ValueError(
+            f"{label} was read from a file that the store does not name, but ships drawn must be "
+            f"among {', '.join(ncti.ships.names())}"
+        )
+    known = hull.function(ship_name(label))
+    if known.digest != attributes["mesh_digests"][label]:
+        raise ValueError(f"{label} has changed since the store was made of it")
+    return read_mesh(known)
+
+
+def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[Stage]:
+    """Return every stage of the chain, as the source shows them in its Figures 10, 11 and 13.
+
+    Without those that are left out; of the source's own chain all corrections at once.
+    """
+    way = Way() if way is None else way
+    belief, (lines, samples) = scan.flight, scan.intensity.shape
+    if way.autofocus:
+        with suppress(ValueError):  # no ship in the image
+            belief = irar.autofocus(scan, scan.flight)
+    overscanned = Stage(
+        "overscanned",
+        scan.intensity,
+        scan.range - scan.flight.slant_range,
+        irar.time_delay_integrate(scan.infrared),
+        np.zeros(scan.intensity.shape, dtype=bool),
+        (0, samples, 0, lines),
+        square=False,
+    )
+    window = irar.ship_window(mesh, scan.flight, margin=MARGIN)
+    truth = irar.true_snapshot(mesh, scan.flight, window, **way.surface)
+    found = [overscanned]
+    for title, image in _corrected(scan, way, belief):
+        ship = irar.segmented(image, belief, threshold=way.threshold)
+        found.append(_stage(title, ship, belief.slant_range))
+    return [*found, _stage("the truth, noiseless", truth, scan.flight.slant_range)]
+
+
+def _corrected(scan: Scan, way: Way, belief: irar.Flight) -> Iterator[tuple[str, Snapshot]]:
+    """The image after each correction, with what was done last."""
+    if way.rate is not None:
+        title = f"all corrections as printed,\nf the {way.rate} rate"
+        yield title, irar.correct_as_printed(scan, belief=belief, rate=way.rate)
+        return
+    whole = way.correction
+    own = whole.range_filter != Correction().range_filter
+    title = f"averaged, range corrected{f' by {whole.range_filter}' * own}, segmented"
+    chain = {title: replace(whole, azimuth="none", mirror="none")}
+    if whole.azimuth != "none":
+        chain[f"shifted in azimuth{SHIFTS[whole.azimuth]}"] = replace(whole, mirror="none")
+    if whole.mirror != "none":
+        chain[TURNS[whole.mirror]] = whole
+    for title, how in chain.items():
+        last = ": all corrections" if how == whole else ""
+        yield title + last, irar.correct(scan, how, belief=belief)
+
+
+def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
+    """A stage, cut to its ship: the largest of what pulses find or what is warm."""
+    warm = np.nan_to_num(image.infrared)
+    found = (np.nan_to_num(image.intensity) > 0) | (warm > warm.max() / 4)
+    pieces, count = connected(found, structure=np.ones((3, 3)))
+    largest = 1 + np.bincount(pieces.ravel(), minlength=2)[1:].argmax()
+    seen = pieces == largest if count else np.ones(found.shape, dtype=bool)
+    part = tuple(
+        slice(max(0, lit[0] - MARGIN // 2), lit[-1] + 1 + MARGIN // 2)
+        for lit in (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+    )
+    row, column = image.row[part[0]], image.column[part[1]]
+    return Stage(
+        title,
+        image.intensity[part],
+        image.range[part] - slant_range,
+        image.infrared[part],
+        image.looks[part] == 0,
+        (column[0] - 0.5, column[-1] + 0.5, row[0] - 0.5, row[-1] + 0.5),
+    )
+
+
+def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, title: str) -> Figure:
+    """Draw images at every stage of the chain, each kind of the corrected ones on one scale."""
+    every = stages(mesh, scan, way)
+    left, right, bottom, top = every[-1].extent
+    wide = right - left > 1.5 * (top - bottom)
+    # A ship from abeam is wide: its stages go below one another.
+    size = (13.5, 2.2 * len(every)) if wide else (3.1 * len(every), 9.0)
+    figure = Figure(figsize=size, dpi=130, layout="constrained")
+    panels = figure.subplots(*((len(every), 3) if wide else (3, len(every))), squeeze=False)
+    top_intensity = brightest([stage.intensity for stage in every[1:]])
+    warmth = np.concatenate([stage.infrared[~stage.unseen] for stage in every[1:-1]])
+    ends = np.percentile(warmth, (100 - BRIGHTEST, BRIGHTEST)) if warmth.size else (0, 1)
+    for row, stage in zip(panels if wide else panels.T, every, strict=True):
+        warm: tuple[str, Any, str] = ("above the sea [K]", ends, "both")
+        if stage is every[0]:
+            warm = (warm[0], (None, None), "neither")
+        elif stage is every[-1]:
+            warm = ("share of ship", (0, 1), "neither")
+        lit = ("intensity [noise powers]", (0, top_intensity), "max")
+        far = (f"range, modulo {STRIPES:g} m", (0, STRIPES), "neither")
+        images = (stage.intensity, np.mod(stage.range, STRIPES), stage.infrared)
+        kinds = zip(row, images, ("gray", "twilight", "inferno"), (lit, far, warm), strict=True)
+        for axes, values, colours, (label, (low, high), extend) in kinds:
+            image = _show(axes, stage, values, colours, low=low, high=high)
+            axes.set_xlabel("column [pixel]" if stage.square else "sample", fontsize=7)
+            axes.set_ylabel("row [pixel]" if stage.square else "line", fontsize=7)
+            bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, extend=extend)
+            bar.set_label(label, fontsize=7)
+            bar.ax.tick_params(labelsize=6)
+        row[0].set_title(stage.title, fontsize=9, loc="left")
+    figure.suptitle(title, fontsize=11)
+    if any(stage.unseen.any() for stage in every):
+        figure.supxlabel(UNSEEN, fontsize=8, color="0.3")
+    return figure
+
+
+def brightest(images: Sequence[NDArray[np.floating]]) -> float:
+    """Return the upper end of a scale that images share, of the brightest; 1 where all are dark."""
+    lit = (image[np.nan_to_num(image) > 0] for image in images)
+    return max((float(np.percentile(one, BRIGHTEST)) for one in lit if one.size), default=1.0)
+
+
+def _show(
+    axes: Axes, stage: Stage, values: NDArray[np.floating], colours: str, *, low: Any, high: Any
+) -> Any:
+    where: dict[str, Any] = {"origin": "lower", "extent": stage.extent, "interpolation": "nearest"}
+    where["aspect"] = "equal" if stage.square else "auto"
+    axes.set_facecolor(NO_RANGE)
+    image = axes.imshow(values, cmap=colours, vmin=low, vmax=high, **where)
+    if stage.unseen.any():
+        nothing = np.ma.masked_where(~stage.unseen, stage.unseen)
+        axes.imshow(nothing, cmap=ListedColormap([NO_LOOK]), **where)
+    axes.tick_params(labelsize=7)
+    return image
 
 
 def draw_validation(flights: xr.Dataset) -> Figure:
-    """Near-stern profiles: measured over noiseless, and a ship over its synthetic sister.
+    """Draw near-stern profiles: measured over noiseless, and a ship over its synthetic sister.
 
-    The source's Figures 14 to 16; the first draw of the noise, of each ship at the range that suits
-    the source, unit the hangar's peak.
+    The source's Figures 14 to 16; the first draw, each ship at the range nearest to the source's.
     """
-    from matplotlib.figure import Figure
-
-    near = flights.sel(aspect=STERN, method="nearest")
-    near = near.isel(replicate=0, missing_dims="ignore")
-    draws = flights.sizes.get("replicate", 1)
-    ships = flown_past(flights)
-    shown = [(name, km) for name, km in (("connole", 3.0), SISTERS[2:]) if name in ships]
+    near = flights.sel(aspect=STERN, method="nearest").isel(replicate=0, missing_dims="ignore")
+    draws, ships = flights.sizes.get("replicate", 1), flown_past(flights)
+    drawn = [(name, km) for name, km in (("connole", 3.0), SISTERS[2:]) if name in ships]
     sisters = set(SISTERS[::2]) <= set(ships)
-    if not shown:
-        shown = [(ships[0], float(np.atleast_1d(near.range)[0]))]
-    count = len(shown) + sisters
+    if not drawn:
+        drawn = [(ships[0], float(np.atleast_1d(near.range)[0]))]
+    count = len(drawn) + sisters
     figure = Figure(figsize=(11.0, 2.7 * count), dpi=140, layout="constrained")
     panels = figure.subplots(count, 1, squeeze=False)[:, 0]
-    for axes, (name, km) in zip(panels, shown, strict=False):
+    for axes, (name, km) in zip(panels, drawn, strict=False):
         one = put_in(near.sel(ship=name).sel(range=km, method="nearest"))
         place, profile = one.down_range.values, one.profile
-        _filled(axes, place, profile.sel(source="noiseless"), "noiseless")
-        _line(axes, place, profile.sel(source="measured"), OURS, "flown past and corrected")
+        _profile(axes, place, profile.sel(source="noiseless"), "noiseless")
+        _profile(axes, place, profile.sel(source="measured"), "flown past and corrected", OURS)
         likeness = float(one.profile_correlation)
-        axes.set_title(
-            f"{_titled(one)}{which(one, flights, but=TITLED)}, "
-            + (f"first of {draws} draws, " if draws > 1 else "")
-            + ("nothing seen" if math.isnan(likeness) else f"correlation {likeness:.3f}"),
-            fontsize=9,
-        )
+        title = _titled(one) + which(one, flights, but=TITLED)
+        title += f", first of {draws} draws" * (draws > 1)
+        seen = "nothing seen" if math.isnan(likeness) else f"correlation {likeness:.3f}"
+        axes.set_title(f"{title}, {seen}", fontsize=9)
+        axes.set(xlim=(-80, 80), xlabel="down-range from the ship's origin [m]")
     if sisters:
         _sisters(panels[-1], near, flights)
     for axes in panels:
         axes.set(ylabel="over the highest peak", ylim=(0, 1.08))
         axes.legend(frameon=False, fontsize=8, loc="upper right")
         axes.spines[["right", "top"]].set_visible(False)
-    for axes in panels[: len(shown)]:
-        axes.set(xlim=(-80, 80), xlabel="down-range from the ship's origin [m]")
     return figure
 
 
@@ -109,8 +325,7 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
     """The source's Figure 16, with what it put its differences down to put in."""
     drawn = put_in(near.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest"))
     flown = near.sel(ship=SISTERS[2]).sel(range=SISTERS[3], method="nearest")
-    glint = float(np.max(np.atleast_1d(flown.mast_gain.values)))
-    dark = float(np.min(np.atleast_1d(flown.transom_gain.values)))
+    glint, dark = float(flown.mast_gain.max()), float(flown.transom_gain.min())
     lines = [
         (drawn, "point", TRUTH, "Duncan, synthetic, point sampled"),
         (put_in(flown), "measured", OURS, "Roberts, flown past"),
@@ -122,117 +337,55 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
     for one, source, colour, label in lines:
         profile = one.profile.sel(source=source).values
         place = one.down_range.values - one.down_range.values[profile.argmax()]
-        if source == "point":
-            _filled(axes, place, profile, label)
-        else:
-            _line(axes, place, profile, colour, label)
+        _profile(axes, place, profile, label, colour)
     for place, height, name in MARKED:
         axes.annotate(name, (place, height), fontsize=8, ha="center", color="0.3")
-    others = which(put_in(flown), flights, but=(*TITLED, "transom_gain", "mast_gain"))
+    others = which(put_in(flown), flights, but=(*TITLED, *GAINS))
     ranges = " and ".join(dict.fromkeys(f"{float(one.range):g}" for one in (drawn, flown)))
     axes.set_title(f"Sister ships near the stern, {ranges} km{others}", fontsize=9)
     axes.set(xlim=(-40, 100), xlabel="down-range from the hangar [m]")
 
 
+def _profile(axes: Axes, place: Any, profile: Any, label: str, colour: str = TRUTH) -> None:
+    """A profile with its peak as unit, flat where nothing returns: a line, or filled if true."""
+    values = np.asarray(profile, dtype=float)
+    values = values / values.max() if values.max() > 0 else np.zeros_like(values)
+    if colour == TRUTH:
+        axes.fill_between(place, 0, values, step="mid", color=colour, lw=0, label=label)
+    else:
+        axes.step(place, values, where="mid", color=colour, lw=1.1, label=label)
+
+
 def draw_sensitivity(flights: xr.Dataset) -> Figure:
-    """Correlation with the noiseless profile against the error of each flight parameter.
+    """Draw mean correlation with the noiseless profile against the error of each parameter.
 
-    Means over draws with their standard deviation; without error in every panel. Raises ValueError
-    if there are no errors.
+    Raises ValueError if there are no errors.
     """
-    from matplotlib.figure import Figure
-
     if flights.sizes.get("error", 1) < 2:
         raise ValueError("irar.errors is empty, but must name parameters and their errors")
     first = flights.sel(ship=flown_past(flights)[0]).isel(aspect=0, range=0)
-    one = nominal(first, keep=("error", "autofocus", "replicate"))
-    one = one[["profile_correlation", "closing_speed_error"]].load()
+    one = nominal(first, keep=("error", "autofocus", "replicate"))[["profile_correlation"]].load()
     names = one.error_parameter.values.tolist()
     parameters = [name for name in dict.fromkeys(names) if name in UNITS]
     figure = Figure(figsize=(2.6 * len(parameters) + 0.8, 3.2), dpi=140, layout="constrained")
     panels = figure.subplots(1, len(parameters), sharey=True, squeeze=False)[0]
-    ways = [(False, OURS, "as believed"), (True, THEIRS, "with autofocus")]
     for axes, name in zip(panels, parameters, strict=True):
         there = [named == name or named not in UNITS for named in names]
         part = one.isel(error=there).sortby("error_value")
-        for on, colour, label in ways:
-            if "autofocus" not in part.dims and bool(part.autofocus) != on:
-                continue
+        for on, colour, label in ((False, OURS, "as believed"), (True, THEIRS, "with autofocus")):
             here = part.sel(autofocus=on) if "autofocus" in part.dims else part
+            if bool(here.autofocus) != on:
+                continue
             values = here.profile_correlation
             over = [dim for dim in values.dims if dim == "replicate"]
-            scatter = values.std(over, ddof=1) if over else 0 * values
-            axes.errorbar(
-                here.error_value.values,
-                values.mean(over).values,
-                scatter.values,
-                color=colour,
-                fmt="o-",
-                ms=3,
-                label=label,
-            )
+            scatter = (values.std(over, ddof=1) if over else 0 * values).values
+            means, style = values.mean(over).values, {"fmt": "o-", "ms": 3, "label": label}
+            axes.errorbar(here.error_value.values, means, scatter, color=colour, **style)
         axes.set_xlabel(f"error of {name.replace('_', ' ')} [{UNITS[name]}]", fontsize=8)
         axes.grid(color="0.92")
         axes.spines[["right", "top"]].set_visible(False)
     panels[0].set_ylabel("correlation with the noiseless profile", fontsize=8)
     panels[0].legend(frameon=False, fontsize=8, loc="lower center")
-    figure.suptitle(
-        f"{_titled(one)}{which(one, flights.looks, but=(*TITLED, 'autofocus'))}", fontsize=10
-    )
+    title = _titled(one) + which(one, flights.looks, but=(*TITLED, "autofocus"))
+    figure.suptitle(title, fontsize=10)
     return figure
-
-
-def draw_measured(tables: xr.Dataset) -> Figure:
-    """Percent named right by aspect bin: measured profiles beside synthetic ones.
-
-    One panel a classifier and pulse width, the ship alone, with 95 % intervals; the nominal one of
-    several flights and vigilances, as the title says.
-    """
-    from matplotlib.figure import Figure
-
-    one = nominal(tables, keep=("pulse_width", "classifier", "kind", "aspect_bin"))
-    rows, columns = one.sizes["pulse_width"], one.sizes["classifier"]
-    figure = Figure(figsize=(3.0 * columns + 0.6, 2.5 * rows + 0.4), dpi=140, layout="constrained")
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    labels = one.aspect_bin.values.tolist()
-    for row, column in np.ndindex(rows, columns):
-        axes: Any = panels[row, column]
-        here = one.isel(pulse_width=row, classifier=column)
-        for shift, kind, colour in (
-            (-0.2, "learned", "0.7"),
-            (0.0, "test", "0.4"),
-            (0.2, "measured", OURS),
-        ):
-            part = 100 * here.sel(kind=kind)
-            middle = part.ship_accuracy.values
-            ends = [middle - part.ship_ci_low.values, part.ship_ci_high.values - middle]
-            place = np.arange(len(labels)) + shift
-            shown = {"learned": "synthetic, learned", "test": "synthetic, noisy"}.get(kind, kind)
-            axes.errorbar(place, middle, ends, fmt="o", color=colour, capsize=3, label=shown)
-        axes.set_xticks(np.arange(len(labels)), labels, fontsize=8)
-        plain_percent(axes)
-        axes.set_title(f"{here.classifier.item()}, {here.pulse_width.item():g} ns", fontsize=9)
-    for axes in panels[:, 0]:
-        axes.set_ylabel("ships right [%]", fontsize=8)
-    for axes in panels[-1]:
-        axes.set_xlabel("aspect [deg]", fontsize=8)
-    panels[0, 0].legend(frameon=False, fontsize=7, loc="lower left")
-    which_one = which(one, tables)
-    if which_one:
-        figure.suptitle(which_one.removeprefix(", "), fontsize=10)
-    return figure
-
-
-def _filled(axes: Axes, place: Any, profile: Any, label: str) -> None:
-    axes.fill_between(place, 0, _over_peak(profile), step="mid", color=TRUTH, lw=0, label=label)
-
-
-def _line(axes: Axes, place: Any, profile: Any, colour: str, label: str) -> None:
-    axes.step(place, _over_peak(profile), where="mid", color=colour, lw=1.1, label=label)
-
-
-def _over_peak(profile: Any) -> NDArray[np.float64]:
-    """A profile with its peak as unit; flat where nothing returns."""
-    values = np.asarray(profile, dtype=float)
-    peak = values.max()
-    return values / peak if peak > 0 else np.zeros_like(values)

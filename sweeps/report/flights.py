@@ -1,4 +1,4 @@
-"""Flights: images against the truth, landmarks of profiles, wrong parameters."""
+"""Tables of flights: images against the truth, landmarks, wrong parameters, profiles named."""
 
 from __future__ import annotations
 
@@ -9,9 +9,30 @@ import numpy as np
 import xarray as xr
 from rich.console import Console
 
-from sweeps.report.axes import DRAWS, NOTHING, OF_ARRAYS, SHORT, axes_of, nominal, shown, which
-from sweeps.report.rows import Row, cells, rounded, together
-from sweeps.report.screen import PUT_IN, note, sheet, show
+from sweeps.report.axes import (
+    DRAWS,
+    NOTHING,
+    OF_ARRAYS,
+    SHORT,
+    Axis,
+    axes_of,
+    nominal,
+    shown,
+    told,
+    which,
+)
+from sweeps.report.rows import (
+    BIN,
+    ENDS,
+    Row,
+    cells,
+    grouped,
+    rounded,
+    score_rows,
+    several,
+    together,
+)
+from sweeps.report.screen import PUT_IN, note, percent_text, sheet, show
 
 LANDMARKS = {  # heading, digits, what the source says of the synthetic and of the measured ship
     "stern_to_hangar": ("stern to hangar [m]", 1, "same"),
@@ -26,7 +47,6 @@ LANDMARKS = {  # heading, digits, what the source says of the synthetic and of t
     "forward_ratio": ("bridge / hangar", 2, ""),
 }
 FIGURES = {  # of corrected images and profiles: heading and digits
-    "looks": ("looks", 1),
     "profile_correlation": ("correlation", 3),
     "profile_correlation_without_hangar": ("no hangar", 3),
     "mast_tilt": ("mast [deg]", 2),
@@ -39,32 +59,25 @@ SISTERS = ("duncan", 4.0, "roberts", 3.9)
 STERN = 175.0  # deg: the source's aspect
 KEPT = ("replicate", "source", "pulse_width", "kind")  # of one flight
 TITLED = ("ship", "aspect", "range")  # told in every title
+GAINS = ("transom_gain", "mast_gain")
+INSIDE = ("error", "error_parameter", "error_value", "autofocus")  # a table of sensitivities
+NAMED = ("pulse_width_ns", "classifier", "kind")  # of measured profiles
 
 
 def flight_rows(flights: xr.Dataset) -> list[Row]:
-    """Every figure of every flight of the group `validation`, a row each.
-
-    Mean, standard deviation between draws of the noise, their number, units.
-    """
-    parts: list[Row] = []
+    """Return mean and scatter over draws of every figure of every flight, a row each."""
+    parts = []
     for name, values in flights.data_vars.items():
         if set(values.dims) & set(OF_ARRAYS):
             continue  # profiles and images are no figures
         over = [dim for dim in values.dims if dim in DRAWS]
         draws = math.prod(values.sizes[dim] for dim in over)
         spread = values.std(over, ddof=1 if draws > 1 else 0)
-        figures = xr.Dataset({"mean": values.mean(over), "spread": spread})
-        parts += [
-            {"figure": name}
-            | axes
-            | {
-                "value": rounded(cell["mean"], 5),
-                "standard_deviation": rounded(cell["spread"], 5) if draws > 1 else None,
-                "draws": draws,
-                "units": values.attrs.get("units", "1"),
-            }
-            for axes, cell in cells(figures)
-        ]
+        for axes, cell in cells(xr.Dataset({"mean": values.mean(over), "spread": spread})):
+            row = {"value": rounded(cell["mean"], 5)}
+            row["standard_deviation"] = rounded(cell["spread"], 5) if draws > 1 else None
+            said = {"draws": draws, "units": values.attrs.get("units", "1")}
+            parts.append({"figure": name} | axes | row | said)
     return together(parts)
 
 
@@ -79,26 +92,26 @@ def print_flights(flights: xr.Dataset, console: Console) -> None:
 
 
 def flown_past(flights: xr.Dataset) -> list[str]:
-    """Ships of a store that are flown past; the others are only learned."""
+    """Return the ships of a store that are flown past; the others are only learned."""
     there = np.isfinite(flights.looks).any([dim for dim in flights.looks.dims if dim != "ship"])
     names: list[str] = np.atleast_1d(flights.ship.values)[np.atleast_1d(there.values)].tolist()
     return names
 
 
 def _print_images(flights: xr.Dataset, console: Console) -> None:
-    several = [
+    shown_axes = [
         axis
         for axis, dim in axes_of(flights.looks).items()
         if axis == "ship" or (dim and flights.sizes[dim] > 1 and not axis.number)
     ]
-    headings = [text for text, _ in FIGURES.values()]
-    left, title = [axis.heading for axis in several], "Corrected images and profiles"
-    table = sheet(f"{title} against the noiseless truth", *headings, left=left)
+    headings = ["looks", *(text for text, _ in FIGURES.values())]
+    left = [axis.heading for axis in shown_axes]
+    title = "Corrected images and profiles against the noiseless truth"
+    table = sheet(title, *headings, left=left)
     for axes, flight in _flights(flights):
-        first = f"{float(flight.looks.mean()):.1f}"
-        others = list(FIGURES.items())[1:]
-        figures = (_mean(flight[name], digits) for name, (_, digits) in others)
-        table.add_row(*(shown(axes[axis]) for axis in several), first, *figures)
+        looks = f"{float(flight.looks.mean()):.1f}"
+        figures = (_mean(flight[name], digits) for name, (_, digits) in FIGURES.items())
+        table.add_row(*(shown(axes[axis]) for axis in shown_axes), looks, *figures)
     show(table, console)
     _print_worst(flights, console)
     note(
@@ -107,17 +120,14 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
         "the right and the waterline rises to it; by how far the hangar's peak is off.",
         console,
     )
-    if any(axis.name in SHORT for axis in several):
+    if any(axis.name in SHORT for axis in shown_axes):
         note(PUT_IN, console)
 
 
 def _print_worst(flights: xr.Dataset, console: Console) -> None:
     """Of all flights, every draw by itself."""
-    count = int(flights.looks.count())
-    likeness, beside = (
-        float(flights[name].min())
-        for name in ("profile_correlation", "profile_correlation_without_hangar")
-    )
+    count, likeness = int(flights.looks.count()), float(flights.profile_correlation.min())
+    beside = float(flights.profile_correlation_without_hangar.min())
     leans = [float(abs(flights[f"{name}_tilt"]).max()) for name in ("mast", "waterline")]
     if count and not any(map(math.isnan, leans)):
         note(
@@ -141,17 +151,13 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
         if sisters:
             drawn = put_in(near.sel(ship=synthetic).sel(range=SISTERS[1], method="nearest"))
             title = f"{synthetic.capitalize()}, synthetic, {float(drawn.range):g} km; {title}"
-            columns = {
-                f"{synthetic.capitalize()}\npoint": drawn.sel(source="point"),
-                "\nspread": drawn.sel(source="synthetic"),
-                f"{caption}\nmeasured": one.sel(source="measured"),
-            }
+            columns = {f"{synthetic.capitalize()}\npoint": drawn.sel(source="point")}
+            columns["\nspread"] = drawn.sel(source="synthetic")
+            columns[f"{caption}\nmeasured"] = one.sel(source="measured")
         else:
-            columns = {
-                f"{caption}\nnoiseless": one.sel(source="noiseless"),
-                "\nmeasured": one.sel(source="measured"),
-            }
-        gains = {axis: np.atleast_1d(flown[axis].values) for axis in ("transom_gain", "mast_gain")}
+            columns = {f"{caption}\nnoiseless": one.sel(source="noiseless")}
+            columns["\nmeasured"] = one.sel(source="measured")
+        gains = {axis: np.atleast_1d(flown[axis].values) for axis in GAINS}
         dark, glint = float(gains["transom_gain"].min()), float(gains["mast_gain"].max())
         if dark == 0 and 1.0 in gains["transom_gain"]:
             columns["dark\ntransom*"] = put_in(flown, transom_gain=dark).sel(source="measured")
@@ -162,7 +168,11 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
             if 1.0 not in values:  # put in everywhere
                 title += f", {SHORT[axis]} x {float(one[axis]):g}"
         starred = starred or any("*" in text for text in (title, *columns))
-        _print_marks(f"Near stern: {title}", columns, console)
+        table = sheet(f"Near stern: {title}", *columns, left=("", "source"))
+        table.columns[1].style = "dim"
+        for name, (text, digits, said) in LANDMARKS.items():
+            table.add_row(text, said, *(_mean(one[name], digits) for one in columns.values()))
+        show(table, console)
     if there:
         note(
             "* Put in on the source's word, which explains what it measured by a transom at 45 deg "
@@ -174,21 +184,13 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
         )
 
 
-def _print_marks(title: str, columns: dict[str, xr.Dataset], console: Console) -> None:
-    table = sheet(title, *columns, left=("", "source"))
-    table.columns[1].style = "dim"
-    for name, (text, digits, said) in LANDMARKS.items():
-        table.add_row(text, said, *(_mean(one[name], digits) for one in columns.values()))
-    show(table, console)
-
-
 def put_in(flights: xr.Dataset, **gains: float) -> xr.Dataset:
-    """The flight of nominal inputs but for some gains, all draws and sources of profiles."""
+    """Return the flight of nominal inputs but for some gains, all draws and sources of profiles."""
     return nominal(flights, keep=KEPT, **gains)
 
 
 def ships_with_masts(near: xr.Dataset) -> list[str]:
-    """Ships whose landmarks a store has, of near-stern flights, masts and bridge included."""
+    """Return ships whose landmarks are there, of near-stern flights, masts and bridge included."""
     there = np.isfinite(near.mast_position.sel(source="noiseless"))
     over = [dim for dim in there.dims if dim != "ship"]
     return [name for name in near.ship.values.tolist() if there.any(over).sel(ship=name)]
@@ -198,11 +200,10 @@ def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
     """Print what each wrong flight parameter costs, with and without autofocus."""
     focused = flights.sizes.get("autofocus", 1) > 1
     headings = ("correlation", *(("with autofocus", "closing speed then") if focused else ()))
-    inside = ("error", "error_parameter", "error_value", "autofocus")
-    for axes, flight in _flights(flights, but=inside):
+    for axes, flight in _flights(flights, but=INSIDE):
         table = sheet(
             f"Wrong flight parameters: {shown(axes['ship'])}, aspect {axes['aspect_deg']:g} deg, "
-            f"{axes['range_km']:g} km{which(flight, flights, but=(*TITLED, *inside))}",
+            f"{axes['range_km']:g} km{which(flight, flights, but=(*TITLED, *INSIDE))}",
             *("error", *headings),
             left=("parameter",),
         )
@@ -244,3 +245,64 @@ def _mean(values: xr.DataArray, digits: int, unit: str = "") -> str:
     text = f"{round(found.mean(), digits) + 0.0:.{digits}f}{unit}"
     scatter = found.std(ddof=1) if found.size > 1 else 0.0
     return f"{text} ±{scatter:.{digits}f}".replace("±0.", "±.") if scatter > 0 else text
+
+
+def measured_rows(tables: xr.Dataset) -> list[Row]:
+    """Return percent correct of measured profiles beside synthetic ones, all draws together.
+
+    `ship_` counts the ship alone, where a classifier names an aspect bin, too.
+    """
+    rows = score_rows(tables)
+    for row, ship in zip(rows, score_rows(tables, "ship_"), strict=True):
+        count = row.pop("n")
+        row |= {f"ship_{name}": ship[name] for name in ("percent_correct", *ENDS)} | {"n": count}
+    return rows
+
+
+def print_measured(rows: list[Row], console: Console) -> None:
+    """Print how many measured profiles are named right, beside synthetic ones.
+
+    A row for every value of an axis, or one where all of them give the same.
+    """
+    bins = list(dict.fromkeys(row[BIN] for row in rows))
+    axes = [
+        axis
+        for axis in several(rows, but=(*NAMED, BIN), none=True)
+        if axis.name != "error_value" and not axis.number
+    ]
+    table = sheet(
+        "Ships named right [%] by what synthetic profiles taught",
+        *bins,
+        left=(
+            *("pulse [ns]", "classifier"),
+            *("error" if axis.name == "error_parameter" else axis.heading for axis in axes),
+            "profiles",
+        ),
+    )
+    for (pulse, name, kind), group in grouped(rows, NAMED).items():
+        lines: dict[tuple[str, ...], dict[str, str]] = {}
+        for row in group:
+            of_ship = {name[5:]: figure for name, figure in row.items() if name[:5] == "ship_"}
+            setting = tuple(_setting(row, axis) for axis in axes)
+            lines.setdefault(setting, {})[row[BIN]] = percent_text(of_ship)
+        figures = list(lines.values())
+        if len(figures) > 1 and all(line == figures[0] for line in figures):
+            lines = {("all",) * len(axes): figures[0]}
+        word = str(name).upper() if len(str(name)) == 3 else shown(name)
+        for setting, line in lines.items():
+            texts = (line.get(label, "") for label in bins)
+            table.add_row(shown(pulse), word, *setting, shown(kind), *texts)
+    show(table, console)
+    if any(axis.name in SHORT for axis in axes):
+        note(PUT_IN, console)
+    note(
+        "Of the ships flown past, the ship alone, all draws of the noise together, with 95 % "
+        "intervals. learned: the synthetic profiles themselves, without noise; test: averages of "
+        "frames of them, with the range profiler's noise; measured: corrected images, gathered "
+        "into its beams, with that of the flight alone.",
+        console,
+    )
+
+
+def _setting(row: Row, axis: Axis) -> str:
+    return told(row, [axis])[0] if axis.name == "error_parameter" else shown(row[axis])

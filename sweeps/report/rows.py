@@ -1,36 +1,76 @@
-"""Data sets of a store as rows: a column an axis, and a column a figure."""
+"""A store as the report reads it: its groups as rows, a column an axis and a column a figure."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+import yaml
+import zarr
 
 from sweeps.report.axes import NOMINAL, Axis, axes_of
-from sweeps.report.source import source_percent
 
 Row = dict[str, Any]
+Column = tuple[str, Callable[[Any], Any]]  # of a table: its variable, and what makes a cell of it
 
 BIN = "aspect_bin_deg"
 RULES = ("label_rule", "score_rule")  # what the source leaves open of its network
+ENDS = ("ci_low", "ci_high")
+SUFFIX = ".zarr"
+
+# Tables of the source, by what named the ships, and columns whose value they are for.
+TABLES = {"acn": "table4", "mnn": "table2", "acn_infrared": "table5"}
+SAME = {"vigilance": "vigilance", "pulse_width": "pulse_width_ns", "frame_count": "frame_count"}
+
+
+def opened(path: Path) -> Any:
+    """Return a store, whose metadata are read once. Raises OSError if there is none."""
+    return zarr.open_group(path, mode="r")
+
+
+def groups(store: Any, under: str = "") -> list[str]:
+    """Return the names of groups of a store, or inside one of them."""
+    inside = store.get(under) if under else store
+    return sorted(inside.group_keys()) if inside is not None else []
+
+
+def read(store: Any, group: str) -> xr.Dataset:
+    """Return a group of a store, each variable read when it is used. Raises KeyError without it."""
+    return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
+
+
+def setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
+    """Return a setting: the coordinate of that name, else what the configuration says; or None."""
+    if name in dataset.coords and not dataset[name].dims:
+        return known(dataset[name].item())
+    value = configuration[name]
+    return value[0] if isinstance(value, list) else value
+
+
+def tables_folder(path: Path) -> Path:
+    """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
+    if path.name.endswith(SUFFIX):
+        return path.with_name(path.name.removesuffix(SUFFIX) + "-tables")
+    return path.with_name(path.name + ".tables")
 
 
 def cells(dataset: xr.Dataset, **which: Any) -> Iterator[tuple[Row, Row]]:
-    """Yield axes and values of every cell of a data set, by names of columns and of variables.
-
-    `which` dimensions are axes is as of `axes_of`.
-    """
+    """Yield axes and values of every cell, by column and variable; `which` is as of `axes_of`."""
     axes = axes_of(dataset, **which)
-    dims = list(dict.fromkeys(dim for dim in axes.values() if dim))
+    sizes = {dim: dataset.sizes[dim] for dim in axes.values() if dim}
     arrays = {
-        str(name): array.transpose(*dims).values.ravel().tolist()
-        for name, array in xr.broadcast(dataset)[0].data_vars.items()
+        str(name): array.variable.set_dims(sizes).transpose(*sizes).values.ravel().tolist()
+        for name, array in dataset.data_vars.items()
     }
     values = {axis: np.atleast_1d(dataset[axis.name].values).tolist() for axis in axes}
-    for number, place in enumerate(np.ndindex(*(dataset.sizes[dim] for dim in dims))):
+    dims = list(sizes)
+    for number, place in enumerate(np.ndindex(*sizes.values())):
         here: Row = {
             axis: known(values[axis][place[dims.index(dim)] if dim else 0])
             for axis, dim in axes.items()
@@ -43,55 +83,51 @@ def known(value: Any) -> Any:
     return None if value != value else value
 
 
-def score_rows(tables: xr.Dataset, prefix: str = "", *, label: Mapping[str, Any]) -> list[Row]:
-    """Percent correct with its interval, one row a cell and aspect bin, labels first.
-
-    Variables have a prefix: `training_` and `ship_` count something else.
-    """
-    columns = {prefix + name: name for name in ("accuracy", "ci_low", "ci_high", "spread")}
-    columns[prefix + "accuracy"] = "percent_correct"
-    if f"{prefix}spread" not in tables:
-        del columns[f"{prefix}spread"]
+def table_rows(
+    tables: xr.Dataset, columns: Mapping[str, Column], label: Mapping[str, Any]
+) -> list[Row]:
+    """Return a row a cell: labels, axes, and columns."""
+    named = tables[list(dict.fromkeys(name for name, _ in columns.values()))]
     return [
-        {**label, **axes}
-        | {column: percent(cell[name]) for name, column in columns.items()}
-        | {"n": cell[prefix + "n"]}
-        for axes, cell in cells(tables[[*columns, prefix + "n"]])
+        {**label, **axes} | {column: of(cell[name]) for column, (name, of) in columns.items()}
+        for axes, cell in cells(named)
     ]
 
 
-def beside_source(rows: list[Row], tables: xr.Dataset, table: str) -> list[Row]:
-    """The same rows with the source's figures, of one of its tables."""
-    lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
-    for row in rows:
-        there = {"receiver": tables.attrs.get("receiver")} | row
-        row["source_percent"] = source_percent(table, there, lowest[row[BIN]])
-    return rows
+def score_rows(tables: xr.Dataset, prefix: str = "", **label: Any) -> list[Row]:
+    """Return percent correct with its interval, a row a cell and aspect bin, labels first.
+
+    Variables have a prefix: `training_` and `ship_` count something else.
+    """
+    columns = {
+        column: (prefix + name, percent)
+        for column, name in (("percent_correct", "accuracy"), *zip(ENDS, ENDS, strict=True))
+    }
+    if f"{prefix}spread" in tables:
+        columns["spread"] = (f"{prefix}spread", percent)
+    return table_rows(tables, columns | {"n": (prefix + "n", known)}, label)
 
 
 def together(*parts: Iterable[Row]) -> list[Row]:
-    """Rows of several kinds with the same columns: labels, axes, figures; none where one lacks."""
+    """Return rows of several kinds with the same columns: labels, axes, figures, or none."""
     rows = [row for part in parts for row in part]
     axes = set(axes_in(rows))
-    labels = [key for row in rows[:1] for key in list(row)[: _first_axis(row)]]
+    first = list(rows[0]) if rows else []
+    labels = first[: next((k for k, key in enumerate(first) if key in axes), len(first))]
     others = dict.fromkeys(key for row in rows for key in row if key not in axes)
     figures = [key for key in others if key not in labels]
     keys = [*labels, *sorted(axes, key=lambda axis: axis.rank), *figures]
     return [{key: row.get(key) for key in keys} for row in rows]
 
 
-def _first_axis(row: Row) -> int:
-    return next((k for k, key in enumerate(row) if isinstance(key, Axis)), len(row))
-
-
 def axes_in(rows: Iterable[Row]) -> list[Axis]:
-    """Columns of rows that are axes."""
+    """Return the columns of rows that are axes."""
     keys = dict.fromkeys(key for row in rows for key in row)
     return [key for key in keys if isinstance(key, Axis)]
 
 
 def several(rows: Sequence[Row], *, but: Iterable[str] = (), none: bool = False) -> list[Axis]:
-    """Axes with several values among rows, of which none may be one, but those told elsewhere."""
+    """Return axes with several values among rows, of which none may be one, but some."""
     nothing = set() if none else {None}
     return [
         axis
@@ -101,15 +137,15 @@ def several(rows: Sequence[Row], *, but: Iterable[str] = (), none: bool = False)
 
 
 def grouped(rows: Iterable[Row], keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
-    """Rows by the values of some columns, in the order they come."""
-    groups: dict[tuple[Any, ...], list[Row]] = {}
+    """Return rows by the values of some columns, in the order they come."""
+    found: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(row.get(key) for key in keys), []).append(row)
-    return groups
+        found.setdefault(tuple(row.get(key) for key in keys), []).append(row)
+    return found
 
 
 def of_one(rows: Sequence[Row], names: Iterable[str] = RULES) -> list[Row]:
-    """Rows of the nominal value on some axes, or of the first, and those without any."""
+    """Return rows of the nominal value on some axes, or of the first, and those without any."""
     for name in names:
         there = dict.fromkeys(row[name] for row in rows if row.get(name) is not None)
         wanted = NOMINAL.get(name) if NOMINAL.get(name) in there else next(iter(there), None)
@@ -118,20 +154,75 @@ def of_one(rows: Sequence[Row], names: Iterable[str] = RULES) -> list[Row]:
 
 
 def nearest(wanted: float, there: Iterable[Any]) -> Any:
-    """The value that is nearest to another, the lesser of two."""
+    """Return the value that is nearest to another, the lesser of two."""
     return min(there, key=lambda value: (abs(value - wanted), value))
 
 
 def percent(fraction: float) -> float | None:
-    """A fraction in per cent, to a tenth; none of NaN."""
+    """Return a fraction in per cent, to a tenth; none of NaN."""
     return None if math.isnan(fraction) else round(100 * fraction, 1)
 
 
+def rounded(value: float, digits: int | None = None) -> float | None:
+    """Return a number to so many digits, or a whole one; none of NaN or infinity."""
+    return round(value, digits) if math.isfinite(value) else None
+
+
 def finite(value: float) -> float | None:
-    """A number; none of NaN or infinity."""
+    """Return a number; none of NaN or infinity."""
     return value if math.isfinite(value) else None
 
 
-def rounded(value: float, digits: int | None = None) -> float | None:
-    """A number to so many digits, or a whole one; none of NaN or infinity."""
-    return round(value, digits) if math.isfinite(value) else None
+@lru_cache
+def source_figures() -> dict[str, Any]:
+    """Return the figures of the article."""
+    text = files("sweeps.report").joinpath("source_figures.yaml").read_text(encoding="utf-8")
+    figures: dict[str, Any] = yaml.safe_load(text)
+    return figures
+
+
+def has_source_views(tables: xr.Dataset) -> bool:
+    """Return whether a sweep has as many views as the article's: four ships, 31 aspects."""
+    return bool((tables.view_count.values == source_figures()["experiment"]["views"]).all())
+
+
+def as_in_source(row: Mapping[str, Any]) -> bool:
+    """Return whether range and receiver are the article's."""
+    given = source_figures()["experiment"]
+    return (row.get("range_km"), row.get("receiver")) == (given["range"], given["receiver"])
+
+
+def beside_source(rows: list[Row], tables: xr.Dataset, table: str) -> list[Row]:
+    """Return the same rows with the source's figures, of one of its tables."""
+    lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
+    for row in rows:
+        there = {"receiver": tables.attrs.get("receiver")} | row
+        row["source_percent"] = source_percent(table, there, lowest[row[BIN]])
+    return rows
+
+
+def source_percent(classifier: str, row: Mapping[str, Any], lowest: float) -> int | None:
+    """Return the article's percent correct for a row with its `receiver`, if it has one.
+
+    Of the classifier that named the ships, and of the bin of a lowest aspect [deg], NaN for all.
+    """
+    if classifier not in TABLES:
+        return None
+    table = source_figures()[f"{TABLES[classifier]}_percent_correct"]
+    frames = row.get("frame_count")
+    if any(name in table and row.get(key) != table[name] for name, key in SAME.items()):
+        return None
+    if classifier == "acn_infrared":
+        way, slant_range = row["super_resolution"], row["range_km"]
+        if lowest != lowest:
+            whole: int | None = table["overall"].get(way, {}).get(slant_range)
+            return whole
+        figures = table.get(way, {}).get(slant_range)
+    elif not as_in_source(row):
+        return None
+    else:
+        figures = table["training"] if frames is None else table["frames"].get(frames)
+    if figures is None or not lowest <= 90:
+        return None
+    found: int = figures[sum(lowest >= start for start in table["bin_starts"]) - 1]
+    return found

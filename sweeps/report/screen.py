@@ -1,10 +1,18 @@
-"""Tables on the screen."""
+"""What the report writes: tables on any screen, and CSV files, whole or not at all."""
 
 from __future__ import annotations
 
+import csv
+import hashlib
+import io
 import math
+import os
+import sys
+import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any
 
 from rich.cells import cell_len
 from rich.console import Console
@@ -15,9 +23,148 @@ from sweeps.report.axes import NOTHING, Axis, Column, printable, shown, told
 from sweeps.report.rows import BIN, Row, axes_in, grouped, several
 
 SOURCE = "source"
+MISSING = "matplotlib is missing: install ncti-sweep[plot]"
 PUT_IN = "* Put in: what the transom and the masts reflect, over the rest of the ship."
 
+# Files that may be in any folder of tables, whatever a sweep has.
+FILES = (
+    *("categories", "accuracy", "classifiers", "fusion", "infrared_sensor", "infrared_categories"),
+    *("infrared_accuracy", "infrared_detection", "infrared_super_resolution", "rejection"),
+    *("rejection_curve", "flights", "measured"),
+)
+WRITTEN = ".written"  # digests and names of a folder's files, as of sha256sum
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # with which a spreadsheet takes a cell for a formula
+PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
+
 Lines = Iterable[tuple[Sequence[str], list[Row]]]
+
+
+def write_tables(folder: Path, tables: Mapping[str, list[Row]]) -> list[str]:
+    """Write rows as CSV by name; returns the names of the files. Raises OSError if it cannot.
+
+    Other files that an earlier run wrote, and nobody has changed since, are removed.
+    """
+    folder.mkdir(exist_ok=True)
+    contents = {f"{name}.csv": _csv(rows) for name, rows in tables.items() if rows}
+    stale = {name: digest for name, digest in _written(folder).items() if name not in contents}
+    ours = stale | {name: _digest(content) for name, content in contents.items()}
+    # Before the files: what is written is known, even if this ends early.
+    listed = "".join(f"{digest}  {name}\n" for name, digest in ours.items()).encode()
+    _put(folder / WRITTEN, listed)
+    for name, content in contents.items():
+        _put(folder / name, content)
+    for name in {*stale, *(f"{name}.csv" for name in FILES)} - set(contents):
+        (folder / name).unlink(missing_ok=True)
+    return list(contents)
+
+
+def _written(folder: Path) -> dict[str, str]:
+    """Files of an earlier run that are as it wrote them, with their digests."""
+    try:
+        listed = (folder / WRITTEN).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return {}
+    found = {}
+    for digest, _, name in (line.partition("  ") for line in listed):
+        path = folder / name
+        if path.name == name and path.is_file() and _digest(path.read_bytes()) == digest:
+            found[name] = digest
+    return found
+
+
+def _put(path: Path, content: bytes) -> None:
+    write_whole(path, lambda made: made.write_bytes(content))
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _csv(rows: list[Row]) -> bytes:
+    """Rows with their keys as header; an absent value is an empty field."""
+    text = io.StringIO(newline="")
+    lines = ([*map(neutral, line)] for line in (rows[0], *(row.values() for row in rows)))
+    csv.writer(text).writerows(lines)
+    return text.getvalue().encode("utf-8", "backslashreplace")
+
+
+def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
+    """Write a file under another name and then move it: what can be seen is whole."""
+    made = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    try:
+        write(made)
+        made.replace(path)
+    finally:
+        made.unlink(missing_ok=True)
+
+
+def neutral(value: Any) -> Any:
+    """Return a cell that no spreadsheet takes for a formula, by an apostrophe if need be."""
+    if not isinstance(value, str) or not value.startswith(FORMULA):
+        return value
+    with suppress(ValueError):
+        float(value)
+        return value
+    return f"'{value}"
+
+
+class _Page(io.StringIO):
+    """Text on its way to a screen, drawn with what the encoding of that has."""
+
+    encoding: str = "utf-8"
+
+
+@contextmanager
+def page(console: Console) -> Iterator[Console]:
+    """Yield a console whose text goes to another one in the end, as far as that can take it."""
+    text = _Page()
+    text.encoding = console.encoding
+    yield Console(
+        file=text,
+        width=console.width,
+        force_terminal=console.is_terminal,
+        color_system=console.color_system,  # type: ignore[arg-type]
+        no_color=console.no_color,
+        legacy_windows=False,
+    )
+    _say(text.getvalue(), console.file, console.encoding)
+
+
+def _say(text: str, file: IO[str], encoding: str) -> None:
+    """Write to a file that may be closed, full (a sentence on stderr), or of another encoding."""
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        text = text.translate(PLAINER).encode(encoding, "replace").decode(encoding)
+    try:
+        file.write(text)
+        file.flush()
+    except OSError as error:
+        # What is left of the text goes nowhere, so that closing the file does not fail.
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, file.fileno())
+            os.close(nowhere)
+        if not isinstance(error, BrokenPipeError):
+            complain(f"tables cannot be printed: {error.strerror or error}")
+    except ValueError:  # closed
+        return
+
+
+def complain(sentence: str) -> None:
+    """Say a sentence on stderr, if anybody listens."""
+    with suppress(OSError, ValueError, AttributeError):
+        print(f"ncti-report: {sentence}", file=sys.stderr, flush=True)
+
+
+def plain(text: str) -> Text:
+    """Return a text as it is, lines apart, its control characters escaped and no markup read."""
+    return Text("\n".join(map(printable, text.split("\n"))))
+
+
+def line(text: str, console: Console) -> None:
+    """Print one line, however long."""
+    console.print(plain(text), soft_wrap=True)
 
 
 class Sheet(Table):
@@ -28,15 +175,10 @@ class Sheet(Table):
         super().add_row(*(plain(cell) for cell in cells), style=style, end_section=end_section)
 
 
-def plain(text: str) -> Text:
-    """A text as it is, lines apart, its control characters escaped."""
-    return Text("\n".join(map(printable, text.split("\n"))))
-
-
 def sheet(
     title: str, *headings: str, left: Sequence[str] = (), dim: Sequence[str] = (), **how: Any
 ) -> Sheet:
-    """An empty table: words first, to the left, then figures, then what is less of interest."""
+    """Return an empty table: words first, to the left, then figures, then what interests less."""
     table = Sheet(title=plain(title), **how)
     for text in left:
         table.add_column(plain(text))
@@ -86,7 +228,7 @@ def unforeseen(rows: list[Row]) -> list[Axis]:
 def settings(
     rows: list[Row], always: Sequence[str], *, but: Iterable[str]
 ) -> Iterator[tuple[str, list[Row]]]:
-    """Rows by setting, each with its words for a title.
+    """Yield rows by setting, each with its words for a title.
 
     Axes that are `always` told come first, then others of several values, except the columns `but`,
     which have a place inside a table.
@@ -98,16 +240,15 @@ def settings(
     for place in grouped(whole, keys) or [()]:
         at = dict(zip(keys, place, strict=False))
         # A row that does not depend on an axis stands at all of its values.
-        yield ", ".join(told(at, at)), [row for row in rows if _stands_at(row, at)]
+        here = [row for row in rows if all(row.get(key) in (None, at[key]) for key in at)]
+        yield ", ".join(told(at, at)), here
 
 
-def _stands_at(row: Row, place: Row) -> bool:
-    return all(row.get(axis) in (None, value) for axis, value in place.items())
-
-
-def by_training(groups: Iterable[tuple[tuple[Any, ...], Any]]) -> list[tuple[tuple[Any, ...], Any]]:
-    """Groups by number of frames, the largest first: training comes before, as of endless ones."""
-    return sorted(groups, key=lambda item: item[0][0] or math.inf, reverse=True)
+def by_frames(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
+    """Return rows by number of frames, the largest first: training comes before, as of endless."""
+    found = grouped(rows, ("frame_count",))
+    places = sorted(found, key=lambda place: place[0] or math.inf, reverse=True)
+    return [(str(place[0] or "training"), found[place]) for place in places]
 
 
 def print_scores(
@@ -122,8 +263,8 @@ def print_scores(
 ) -> None:
     """Print percent correct: aspect bins across, and below a line the source's where it has some.
 
-    A line has texts for the columns before the bins (an empty first one goes on with the last one)
-    and rows; `dim` heads columns after the bins, which show `more` of its rows.
+    A line has texts for the columns before the bins, and rows; `dim` heads columns after the bins,
+    which show `more` of its rows.
     """
     lines = list(lines)
     bins = list(dict.fromkeys(row[BIN] for _, rows in lines for row in rows))
@@ -133,10 +274,9 @@ def print_scores(
         if number and names[0] and len(headings) > 1:
             table.add_section()
         found = {row[BIN]: row for row in rows}
-        after = more(rows) if more else ()
         figures = (percent_text(found.get(label)) for label in bins)
         style = "bold" if names[-1].startswith("both") else None
-        table.add_row(*names, *figures, *after, style=style)
+        table.add_row(*names, *figures, *(more(rows) if more else ()), style=style)
         theirs = [found.get(label, {}).get("source_percent") for label in bins]
         if any(figure is not None for figure in theirs):
             figures = ("" if figure is None else str(figure) for figure in theirs)
@@ -148,22 +288,24 @@ def print_grid(
     rows: list[Row],
     title: Callable[[str], str],
     down: Mapping[str, str],
-    across: Mapping[str, Mapping[Any, str]],
-    text: Callable[[Row | None], str],
+    across: tuple[str, Mapping[Any, str]],
+    figure: str,
+    text: Callable[[float], str],
     console: Console,
 ) -> None:
-    """Print rows down and across: the columns `down` by their headings, of one `across` values."""
-    ((column, headings),) = across.items()
+    """Print a figure down and across: columns `down` by their headings, of one `across` values."""
+    column, headings = across
     for words, group in settings(rows, (), but=(*down, column, BIN)):
         table = sheet(title(f", {words}" if words else ""), *down.values(), *headings.values())
         for place, line in grouped(group, tuple(down)).items():
-            found = {row[column]: row for row in line}
-            table.add_row(*map(shown, place), *(text(found.get(value)) for value in headings))
+            found = {row[column]: row[figure] for row in line if row[figure] is not None}
+            texts = (text(found[key]) if key in found else NOTHING for key in headings)
+            table.add_row(*map(shown, place), *texts)
         show(table, console)
 
 
 def percent_text(row: Row | None) -> str:
-    """Percent correct, its interval, and its spread where it has one."""
+    """Return percent correct, its interval, and its spread where it has one."""
     if row is None:
         return ""
     if row["percent_correct"] is None:

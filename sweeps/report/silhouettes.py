@@ -1,4 +1,4 @@
-"""Tables of the infrared channel, ours beside the source's."""
+"""Tables of the infrared channel beside the source's, and of both channels together."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import xarray as xr
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 
-from sweeps.report.axes import DRAWS, NOTHING, axes_of, shown
+from sweeps.report.axes import OF_ARRAYS, axes_of, printable, shown
 from sweeps.report.rows import (
     BIN,
     RULES,
@@ -22,12 +22,13 @@ from sweeps.report.rows import (
     of_one,
     rounded,
     score_rows,
+    setting,
     several,
+    source_figures,
+    table_rows,
     together,
 )
 from sweeps.report.screen import SOURCE, note, print_grid, print_scores, settings, sheet, show
-from sweeps.report.source import source_figures
-from sweeps.report.stored import setting
 
 POSITIONS = {"shifted": 4}  # places of the detector at each of which so many frames are taken
 SENSOR = {  # heading and digits
@@ -36,24 +37,25 @@ SENSOR = {  # heading and digits
     "snr": ("SNR", ".1f"),
 }
 OF_SENSOR = ("extinction", "contrast_at_zero", "nedt")
+TOLD = ("pulse_width", "target_free_ifovs", "gain_sigma")  # of both channels, in titles
+PLACED = ("range_km", "frame_count", "infrared_frame_count", "channel", "super_resolution", BIN)
+CHANNELS = {"range": "range profile", "infrared": "silhouette", "both": "both"}
 
 
 def positions(way: str) -> int:
-    """How many places of the detector an image is gathered at."""
+    """Return at how many places of the detector an image is gathered."""
     return POSITIONS.get(way, 1)
 
 
 def frames_in_all(row: Row, key: str = "frame_count") -> int | None:
-    """Frames taken for an image: shifted ones add up at each of four places."""
-    frames = row[key]
-    return None if frames is None else positions(row["super_resolution"]) * frames
+    """Return frames taken for an image: shifted ones add up at each of four places."""
+    return None if row[key] is None else positions(row["super_resolution"]) * row[key]
 
 
 def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Row]:
-    """What the air leaves of a ship's warmth (the article's Table 1), by range and frames.
+    """Return what the air leaves of a ship's warmth (the article's Table 1), by range and frames.
 
-    Of the ranges and numbers of frames of the store's infrared group, with the settings of the
-    sensor that it has as coordinates, or else the `infrared` part of the configuration.
+    Settings of the sensor are the images' coordinates, or else of the configuration's `infrared`.
     """
     # Here, since it takes longer to import than tables to print.
     from ncti.infrared import attenuation, contrast, snr
@@ -68,9 +70,9 @@ def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Ro
         scene = given | {axis.name: place[axis] for axis in axes_of(axes) if axis.name in own}
         frames, metres = place["frame_count"], place["range_km"] * 1e3
         scene["extinction"] *= 1e-3
-        nedt, extinction = scene.pop("nedt"), {"extinction": scene["extinction"]}
+        nedt, extinction = scene.pop("nedt"), scene["extinction"]
         figures = {
-            "attenuation_db": round(attenuation(metres, **extinction), 3),
+            "attenuation_db": round(attenuation(metres, extinction=extinction), 3),
             "contrast_k": round(contrast(metres, **scene), 4),
             "snr": round(snr(metres, frame_count=frames, nedt=nedt, **scene), 3),
         }
@@ -82,84 +84,14 @@ def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Ro
     return rows
 
 
-def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
-    """Categories formed from silhouettes, a row for all phases and orders of a training.
-
-    How many of these there are, mean, least and most categories, the first's, silhouettes,
-    whether categories settled in all, the source's count. Those that failed are left out.
-    """
-    source = source_figures()["table5_percent_correct"]
-    over = [dim for dim in DRAWS if dim in tables.category_count.dims]
-    done = tables.view_count > 0
-    counted = tables.category_count.where(done)
-    first = counted.isel(dict.fromkeys(over, 0)).drop_vars(over, errors="ignore")
-    summary = xr.Dataset(
-        {
-            "trainings": done.sum(over),
-            "categories": counted.mean(over),
-            "least": counted.min(over),
-            "most": counted.max(over),
-            "of_first_phase_and_order": first,
-            "training_silhouettes": tables.view_count.max(over),
-            "settled": (tables.settled.where(done, 1) == 1).all(over) & done.any(over),
-        }
-    ).drop_vars(RULES, errors="ignore")  # categories form before they are named
-    digits = {"categories": 2, "least": None, "most": None, "of_first_phase_and_order": None}
-    rows = []
-    for axes, cell in cells(summary):
-        asked = axes["vigilance"] == source["vigilance"]
-        counts = {name: rounded(cell[name], digits[name]) for name in digits}
-        theirs = {"source_categories": source["categories"] if asked else None}
-        rows.append(axes | cell | counts | theirs)
-    return rows
-
-
-def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
-    """Percent correct by aspect bin (the article's Table 5), training silhouettes first.
-
-    Over phases and orders: with its Wilson interval, its standard deviation over them, number of
-    views, frames at all places of the detector together, and the source's figure.
-    """
-    rows = together(
-        score_rows(tables, "training_", label={"silhouettes": "training"}),
-        score_rows(tables, label={"silhouettes": "cut out"}),
-    )
-    for row in rows:
-        row["frames_in_all"] = frames_in_all(row)
-    return beside_source(rows, tables, "acn_infrared")
-
-
-def detection_rows(tables: xr.Dataset) -> list[Row]:
-    """Probability that the detector finds the ship, by range, frames and aspect bin."""
-    columns = {"probability": "probability", "lowest_of_views": "lowest"}
-    return [
-        axes | {column: finite(cell[name]) for column, name in columns.items()}
-        for axes, cell in cells(tables[[*columns.values()]])
-    ]
-
-
-def reconstruction_rows(tables: xr.Dataset) -> list[Row]:
-    """Error of images against the noiseless image of half the pixel."""
-    return [
-        axes
-        | {
-            "frames_in_all": frames_in_all(axes),
-            "error": rounded(cell["error"], 4),
-            "spread": rounded(cell["error_spread"], 4),
-        }
-        for axes, cell in cells(tables[["error", "error_spread"]])
-    ]
-
-
 def print_sensor(rows: list[Row], console: Console) -> None:
     """Print what the air leaves of a ship's warmth: ranges down."""
     wanted = source_figures()["table1_sensor"]["frame_count"]
     frames = nearest(wanted, (row["frame_count"] for row in rows))
     here = [row for row in rows if row["frame_count"] == frames]
     for place, group in settings(here, (), but=("range_km",)):
-        words = f", {place}" if place else ""
         headings = [text for name, _ in SENSOR.values() for text in (name, SOURCE)]
-        title = f"Passive-infrared sensor, {frames} frames averaged{words}"
+        title = f"Passive-infrared sensor, {frames} frames averaged" + (place and f", {place}")
         table = sheet(title, "range [km]", *headings)
         for column in table.columns[2::2]:
             column.style = "dim"
@@ -169,6 +101,27 @@ def print_sensor(rows: list[Row], console: Console) -> None:
                 texts += [format(row[name], digits), row[f"source_{name}"] or ""]
             table.add_row(*texts)
         show(table, console)
+
+
+def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
+    """Return categories formed from silhouettes, a row for all phases and orders of a training."""
+    source, rows = source_figures()["table5_percent_correct"], []
+    formed = tables[["category_count", "view_count", "settled"]]
+    formed = formed.drop_vars(RULES, errors="ignore")  # categories form before they are named
+    axes = list(axes_of(formed))
+    every = (place | cell for place, cell in cells(formed, but=OF_ARRAYS))
+    for place, draws in grouped(every, axes).items():
+        done = [draw for draw in draws if draw["view_count"] > 0]
+        counts = [draw["category_count"] for draw in done]
+        row: Row = dict(zip(axes, place, strict=True)) | {"trainings": len(done)}
+        row["categories"] = round(sum(counts) / len(counts), 2) if counts else None
+        row |= {"least": min(counts, default=None), "most": max(counts, default=None)}
+        row["of_first_phase_and_order"] = counts[0] if draws[0] in done else None
+        row["training_silhouettes"] = max(draw["view_count"] for draw in draws)
+        row["settled"] = bool(done) and all(draw["settled"] == 1 for draw in done)
+        asked = row["vigilance"] == source["vigilance"]
+        rows.append(row | {"source_categories": source["categories"] if asked else None})
+    return rows
 
 
 def print_silhouette_categories(rows: list[Row], console: Console) -> None:
@@ -183,11 +136,9 @@ def print_silhouette_categories(rows: list[Row], console: Console) -> None:
     for row in rows:
         count = row["categories"]
         table.add_row(
-            *(shown(row[axis]) for axis in choices),
-            shown(row["vigilance"]),
-            str(row["training_silhouettes"]),
+            *(shown(row[axis]) for axis in (*choices, "vigilance", "training_silhouettes")),
             "failed" if count is None else f"{count:.1f}" + ("" if row["settled"] else "*"),
-            *(NOTHING if row[name] is None else str(row[name]) for name in ("least", "most")),
+            *(shown(row[name]) for name in ("least", "most")),
             str(row["source_categories"] or ""),
         )
     show(table, console)
@@ -195,22 +146,24 @@ def print_silhouette_categories(rows: list[Row], console: Console) -> None:
         note("* some categories still changed in the last pass", console)
 
 
-def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
-    """Print percent correct of silhouettes: ranges and resolutions down, aspect bins across.
+def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
+    """Return percent correct by aspect bin (the article's Table 5), training silhouettes first."""
+    training = score_rows(tables, "training_", silhouettes="training")
+    rows = together(training, score_rows(tables, silhouettes="cut out"))
+    for row in rows:
+        row["frames_in_all"] = frames_in_all(row)
+    return beside_source(rows, tables, "acn_infrared")
 
-    One vigilance and one number of frames are printed, the source's if they are there; the CSV
-    has them all.
-    """
+
+def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
+    """Print percent correct of silhouettes, of the source's vigilance and frames or the nearest."""
     figures = source_figures()["table5_percent_correct"]
     rows = of_one(rows)
     tested = [row for row in rows if row["frame_count"] is not None]
     frames = nearest(figures["frame_count"], (row["frame_count"] for row in tested))
     vigilance = nearest(figures["vigilance"], (row["vigilance"] for row in rows))
-    rows = [
-        row
-        for row in rows
-        if row["frame_count"] in (None, frames) and row["vigilance"] == vigilance
-    ]
+    rows = [row for row in rows if row["vigilance"] == vigilance]
+    rows = [row for row in rows if row["frame_count"] in (None, frames)]
     placed = ("range_km", "super_resolution", "frame_count", BIN)
     for place, group in settings(rows, ("vigilance",), but=placed):
         lines = [
@@ -222,10 +175,8 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
         if any(row["source_percent"] is not None for row in group):
             note(f"Source: {figures['note']}", console)
     for places in sorted({positions(row["super_resolution"]) for row in tested} - {1}):
-        note(
-            f"{places} x {frames}: {frames} frames at each of {places} places of the detector",
-            console,
-        )
+        words = f"{frames} frames at each of {places} places of the detector"
+        note(f"{places} x {frames}: {words}", console)
     note(
         "Means over phases and orders of presentation with 95 % Wilson intervals of one set of "
         "views; ±: standard deviation over them. Other frames and vigilances are in the CSV",
@@ -242,6 +193,12 @@ def _look(slant_range: float | None, way: str, frames: int) -> str:
     return f"{slant_range:g} km{finer}{more}"
 
 
+def detection_rows(tables: xr.Dataset) -> list[Row]:
+    """Return the probability that the detector finds the ship, by range, frames and aspect bin."""
+    columns = {"probability": ("probability", finite), "lowest_of_views": ("lowest", finite)}
+    return table_rows(tables, columns, {})
+
+
 def print_detection(rows: list[Row], false_alarm: float, console: Console) -> None:
     """Print how often ships are found: ranges down, numbers of frames across."""
     whole = [row for row in rows if row[BIN] == "overall"]
@@ -252,10 +209,20 @@ def print_detection(rows: list[Row], false_alarm: float, console: Console) -> No
         whole,
         lambda words: f"Ships detected{alarms}{words} [%]",
         {"range_km": "range [km]"},
-        {"frame_count": {n: "1 frame" if n == 1 else f"{n} frames" for n in counts}},
-        lambda row: _figure(row, "probability", 100, ".3g"),
+        ("frame_count", {n: "1 frame" if n == 1 else f"{n} frames" for n in counts}),
+        "probability",
+        lambda share: f"{100 * share:.3g}",
         console,
     )
+
+
+def reconstruction_rows(tables: xr.Dataset) -> list[Row]:
+    """Return the error of images against the noiseless image of half the pixel."""
+    rows = []
+    for axes, cell in cells(tables[["error", "error_spread"]]):
+        figures = {"error": rounded(cell["error"], 4), "spread": rounded(cell["error_spread"], 4)}
+        rows.append(axes | {"frames_in_all": frames_in_all(axes)} | figures)
+    return rows
 
 
 def print_reconstruction(rows: list[Row], console: Console) -> None:
@@ -269,12 +236,53 @@ def print_reconstruction(rows: list[Row], console: Console) -> None:
         rows,
         lambda words: title + words,
         {"range_km": "range [km]", "frame_count": "frames"},
-        {"super_resolution": ways},
-        lambda row: _figure(row, "error", 1, ".3f"),
+        ("super_resolution", ways),
+        "error",
+        lambda error: f"{error:.3f}",
         console,
     )
 
 
-def _figure(row: Row | None, name: str, scale: float, digits: str) -> str:
-    known = row is not None and row[name] is not None
-    return format(scale * row[name], digits) if row and known else NOTHING
+def fusion_rows(tables: xr.Dataset) -> list[Row]:
+    """Return percent correct by sensor and by both, a row a cell and aspect bin."""
+    rows = score_rows(tables)
+    for row in rows:
+        row["infrared_frames_in_all"] = frames_in_all(row, "infrared_frame_count")
+    return rows
+
+
+def print_fusion(rows: list[Row], console: Console) -> None:
+    """Print sensors and both: ranges, resolutions and frames down, aspect bins across."""
+    title = "Percent correct by maximum likelihood on profiles, similarity of silhouettes, both"
+    for place, group in settings(rows, TOLD, but=PLACED):
+        lines = []
+        for (slant_range, frames), cell in grouped(group, ("range_km", "frame_count")).items():
+            for number, (name, line) in enumerate(_lines(cell, frames).items()):
+                first = ("", "") if number else (shown(slant_range), str(frames))
+                lines.append(((*first, name), line))
+        headings = ("range [km]", "frames", "channel")
+        print_scores(f"{title} ({place})", headings, lines, console)
+    note(
+        "A profile's score is its log-likelihood; a silhouette's is given its weight on other "
+        "phases, against templates of other phases; both name one ship at one aspect. Infrared "
+        "frames as many as those of profiles, or the nearest number there. 95 % Wilson "
+        "intervals; n in the CSV counts answers, which intervals take as fewer (Kish's design "
+        "effect) where those to one view are alike.",
+        console,
+    )
+
+
+def _lines(cell: list[Row], frames: int) -> dict[str, list[Row]]:
+    """Rows of one range and number of frames by what to call them; the range channel once."""
+    near = nearest(frames, {row["infrared_frame_count"] for row in cell})
+    here = [row for row in cell if row["infrared_frame_count"] == near]
+    # Sensors first, then both.
+    here.sort(key=lambda row: [*CHANNELS, row["channel"]].index(row["channel"]))
+    lines: dict[str, list[Row]] = {}
+    for (channel, way), line in grouped(here, ("channel", "super_resolution")).items():
+        places, finer = positions(way), "" if way == "none" else f", {printable(way)}"
+        name = CHANNELS.get(channel, printable(channel)) + finer * (channel != "range")
+        if channel == "infrared":
+            name += f" ({places} x {near} images)" if places > 1 else f" ({near} images)"
+        lines.setdefault(name, line)
+    return lines

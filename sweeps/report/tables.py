@@ -1,75 +1,81 @@
-"""Tables of the Adaptive Clustering Network on range profiles, ours beside the source's."""
+"""Tables of classifiers of range profiles: the source's, all side by side, and unknown ships."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import xarray as xr
 from rich.console import Console
 
-from sweeps.report.axes import shown
+from sweeps.report.axes import NOTHING, Axis, printable, shown, told
 from sweeps.report.rows import (
     BIN,
+    ENDS,
     RULES,
+    Column,
     Row,
+    as_in_source,
+    axes_in,
     beside_source,
     cells,
+    finite,
     grouped,
+    has_source_views,
     of_one,
+    percent,
     score_rows,
+    several,
+    source_figures,
+    table_rows,
     together,
 )
-from sweeps.report.screen import by_training, note, print_scores, settings, sheet, show
-from sweeps.report.source import as_in_source, has_source_views, source_figures
+from sweeps.report.screen import by_frames, note, print_scores, settings, sheet, show
 
 __all__ = ["accuracy_rows", "category_rows", "has_source_views", "source_figures"]
 
-PLACE = ("range", "target_free_ifovs", "pulse_width", "vigilance")  # always told in titles
+CELL = ("range", "target_free_ifovs", "pulse_width")  # told in every title
+BOUND = "likelihood"
+TITLES = {
+    "acn": "ACN",
+    "mnn": "MNN, ship and aspect group",
+    "mnn_ship": "MNN, ship alone",
+    "correlation": "correlation",
+    "likelihood": "maximum likelihood",
+}
+REJECTING = {"acn": "ACN", "acn_infrared": "ACN on silhouettes"}
+COUNTS = ("n_known", "n_unknown")  # of answers
+REJECTED = ("rejected_unknown", "rejected_known", "correct_known")
+AT_LEAST = "correct_where_rejected"
 
 
 def category_rows(tables: xr.Dataset) -> list[Row]:
-    """Categories formed in each training (the article's Table 3), one row each.
-
-    Axes, categories, training profiles, their ratio, whether the categories settled, the source's
-    count where it has one.
-    """
+    """Return categories formed in each training (the article's Table 3), a row each."""
     source, rows = source_figures()["table3_categories"], []
     formed = tables[["category_count", "view_count", "settled"]]
     # Categories form before they are named.
     for axes, cell in cells(formed.drop_vars(RULES, errors="ignore")):
-        categories, views = cell["category_count"], cell["view_count"]
+        count, views = cell["category_count"], cell["view_count"]
         asked = as_in_source({"receiver": tables.attrs.get("receiver")} | axes)
         asked = asked and axes["vigilance"] == source["vigilance"]
-        rows.append(
-            axes
-            | {
-                "categories": categories,
-                "training_profiles": views,
-                "compression": round(views / categories, 2) if categories else None,
-                "settled": bool(cell["settled"]),
-                "source_categories": source["categories"].get(axes["pulse_width_ns"])
-                if asked
-                else None,
-            }
-        )
+        theirs = source["categories"].get(axes["pulse_width_ns"]) if asked else None
+        row = {"categories": count, "training_profiles": views}
+        row["compression"] = round(views / count, 2) if count else None
+        rows.append(axes | row | {"settled": bool(cell["settled"]), "source_categories": theirs})
     return rows
 
 
 def accuracy_rows(tables: xr.Dataset) -> list[Row]:
-    """Percent correct by aspect bin (the article's Table 4), one row each, training profiles first.
-
-    Which profiles, axes, percent correct with its Wilson interval, number, the source's figure.
-    """
-    rows = together(
-        score_rows(tables, "training_", label={"profiles": "training"}),
-        score_rows(tables, label={"profiles": "averaged"}),
-    )
-    return beside_source(rows, tables, "acn")
+    """Return percent correct by aspect bin (the article's Table 4), training profiles first."""
+    training = score_rows(tables, "training_", profiles="training")
+    averaged = score_rows(tables, profiles="averaged")
+    return beside_source(together(training, averaged), tables, "acn")
 
 
 def print_categories(rows: list[Row], console: Console) -> None:
     """Print how many categories formed: pulse widths down, vigilances across."""
     vigilances = sorted({row["vigilance"] for row in rows})
     theirs = source_figures()["table3_categories"]["vigilance"]
-    for place, group in settings(rows, PLACE[:2], but=("pulse_width_ns", "vigilance")):
+    for place, group in settings(rows, CELL[:2], but=("pulse_width_ns", "vigilance")):
         table = sheet(
             f"Categories formed by the ACN ({place})",
             *("pulse width [ns]", "profiles", *(f"vigilance {one:g}" for one in vigilances)),
@@ -79,8 +85,7 @@ def print_categories(rows: list[Row], console: Console) -> None:
             formed = {row["vigilance"]: row for row in line}
             beside = [row["source_categories"] for row in line if row["source_categories"]]
             table.add_row(
-                shown(width),
-                str(line[0]["training_profiles"]),
+                *(shown(width), str(line[0]["training_profiles"])),
                 *(_count(formed.get(vigilance)) for vigilance in vigilances),
                 str(beside[0]) if beside else "",
             )
@@ -89,28 +94,194 @@ def print_categories(rows: list[Row], console: Console) -> None:
             note("* categories still changed in the last pass", console)
 
 
-def print_accuracy(rows: list[Row], console: Console) -> None:
-    """Print percent correct with its interval: numbers of frames down, aspect bins across.
-
-    One vigilance is printed, the source's if it is there; the CSV has them all.
-    """
-    figures = source_figures()["table4_percent_correct"]
-    vigilances = {row["vigilance"] for row in rows}
-    chosen = figures["vigilance"] if figures["vigilance"] in vigilances else max(vigilances)
-    printed = [row for row in of_one(rows) if row["vigilance"] == chosen]
-    for place, group in settings(printed, PLACE, but=("frame_count", BIN)):
-        tests = by_training(grouped(group, ("frame_count",)).items())
-        lines = [((str(count or "training"),), line) for (count,), line in tests]
-        print_scores(f"Percent correct, ACN ({place})", ("frames",), lines, console)
-    if any(row["source_percent"] is not None for row in printed):
-        note(f"Source: {figures['note']}", console)
-    others = "; other vigilances are in the CSV" if len(vigilances) > 1 else ""
-    note(f"95 % Wilson intervals{others}", console)
-
-
 def _count(row: Row | None) -> str:
     if row is None:
         return ""
     if not row["categories"]:
         return "failed"
     return f"{row['categories']}" + ("" if row["settled"] else "*")
+
+
+def print_accuracy(rows: list[Row], console: Console) -> None:
+    """Print percent correct by numbers of frames and aspect bin, of the source's vigilance."""
+    chosen = shown_vigilance(rows)
+    printed = [row for row in of_one(rows) if row["vigilance"] == chosen]
+    for place, group in settings(printed, (*CELL, "vigilance"), but=("frame_count", BIN)):
+        lines = [((count,), line) for count, line in by_frames(group)]
+        print_scores(f"Percent correct, ACN ({place})", ("frames",), lines, console)
+    if any(row["source_percent"] is not None for row in printed):
+        note(f"Source: {source_figures()['table4_percent_correct']['note']}", console)
+    others = "; other vigilances are in the CSV" * (len({row["vigilance"] for row in rows}) > 1)
+    note(f"95 % Wilson intervals{others}", console)
+
+
+def shown_vigilance(rows: list[Row]) -> float | None:
+    """Return the source's vigilance if it is there, else the largest."""
+    there = {row["vigilance"] for row in rows if row.get("vigilance") is not None}
+    wanted: float = source_figures()["table4_percent_correct"]["vigilance"]
+    return wanted if wanted in there else max(there, default=None)
+
+
+def names_profiles(table: xr.Dataset) -> bool:
+    """Return whether a table scores a classifier of range profiles."""
+    figures, axes = {"accuracy", *ENDS, "n"}, {*CELL, "frame_count", "aspect_low"}
+    return figures <= set(table) and axes <= set(table.coords)
+
+
+def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
+    """Return percent correct of every classifier, given its tables by name, in every setting.
+
+    Of the profiles it was trained with, too, without a number of frames.
+
+    Notes
+    -----
+    The bound is maximum likelihood with the gain that is known least, the same for all rows and
+    named in them, and with the true aspect left out where the row's classifier leaves it out.
+    It names ships: what is right by category or aspect group, too, is another question. A
+    likelihood that knows more of the gain lies above it, at points below 0.
+    """
+    parts = []
+    for name, table in tables.items():
+        for prefix, label in (("", name), ("ship_", f"{name}_ship"), ("training_", name)):
+            if f"{prefix}accuracy" in table:
+                rows = score_rows(table, prefix, classifier=label)
+                parts.append(beside_source(rows, table, label))
+    rows = together(*parts)
+    likelihoods = [row for row in rows if row["classifier"] == BOUND]
+    gain = max((row["gain_sigma"] for row in likelihoods), default=None)
+    axes = several(likelihoods, but=("gain_sigma", "left_out"))
+
+    def place(row: Row) -> tuple[object, ...]:
+        """What a row shares with its bound; what learns every aspect has none left out."""
+        return (*(row.get(axis) for axis in axes), bool(row.get("left_out")))
+
+    bounds = {
+        place(row): row["percent_correct"] for row in likelihoods if row["gain_sigma"] == gain
+    }
+    for row in rows:
+        bound, ours = bounds.get(place(row)), row["percent_correct"]
+        of_ships = row["classifier"] != "mnn" and row.get("score_rule") in (None, "ship")
+        bounded = of_ships and None not in (bound, ours, row.get("frame_count"))
+        row["bound_gain_sigma"] = gain if bounded else None
+        row["points_below_bound"] = round(bound - ours, 1) if bounded else None
+    return rows
+
+
+def print_classifiers(rows: list[Row], console: Console) -> None:
+    """Print all classifiers by number of frames, one table a pulse width and range."""
+    vigilance = shown_vigilance(rows)
+    printed = [row for row in rows if row.get("vigilance") in (None, vigilance)]
+    tests = [row for row in printed if row["frame_count"] is not None]
+    own = [axis for axis in axes_in(rows) if any(row[axis] is None for row in tests)]
+    for place, group in settings(printed, CELL, but=(*own, "frame_count", BIN)):
+        bounded = any(row["points_below_bound"] is not None for row in group)
+        lines = []
+        for count, part in by_frames(group):
+            for number, line in enumerate(grouped(part, ("classifier", *own)).values()):
+                lines.append((("" if number else count, _title(line[0], group, own)), line))
+        print_scores(
+            f"Percent correct by classifier ({place})",
+            ("frames", "classifier"),
+            lines,
+            console,
+            dim=("below\nbound",) * bounded,
+            more=_below if bounded else None,
+        )
+    gains = [row["bound_gain_sigma"] for row in rows if row["bound_gain_sigma"] is not None]
+    if gains:
+        axis = next(axis for axis in axes_in(rows) if axis.name == "gain_sigma")
+        note(
+            "Below bound: points that maximum likelihood with exact mean and covariance of every "
+            f"view, {axis.told(max(gains))}, has more, overall, without the true aspect where that "
+            "is left out: the classifier's share of its errors. What it lacks to 100 is the "
+            "noise's. It is the best on average; in a few views another may do better by chance.",
+            console,
+        )
+
+
+def _below(line: list[Row]) -> tuple[str]:
+    """By how much a classifier is below the bound, overall."""
+    below = line[-1]["points_below_bound"]
+    return ("" if below is None or line[0]["classifier"] == BOUND else f"{below:.0f}",)
+
+
+def _title(row: Row, group: list[Row], own: list[Axis]) -> str:
+    """The classifier, and what tells this setting from its others."""
+    name = str(row["classifier"])
+    same = [other for other in group if other["classifier"] == name]
+    axes = [axis for axis in several(same) if axis in own]
+    return ", ".join((TITLES.get(name, printable(name)), *told(row, axes)))
+
+
+def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
+    """Return rejection and correct rate at every test vigilance, of tables by classifier."""
+    columns: dict[str, Column] = {
+        (f"{name}{end}" if end else f"percent_{name}"): (f"{name}{end}", percent)
+        for name in REJECTED
+        for end in ("", *(f"_{end}" for end in ENDS))
+    }
+    columns |= {name: (name, int) for name in COUNTS}
+    return together(
+        *(table_rows(table, columns, {"classifier": name}) for name, table in tables.items())
+    )
+
+
+def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
+    """Return what is still right where so many answers to unknown ships are rejected."""
+    columns: dict[str, Column] = {
+        "rejected_up_to": ("rejected_up_to", finite),
+        "percent_correct": (AT_LEAST, percent),
+        **{end: (f"{AT_LEAST}_{end}", percent) for end in ENDS},
+        "percent_area": ("area", percent),
+        **{name: (name, int) for name in COUNTS},
+    }
+    rows = []
+    for name, table in tables.items():
+        for row in table_rows(table, columns, {"classifier": name}):
+            least = {"least_percent_rejected": percent(row.pop("least_rejected"))}
+            axes = {key: row[key] for key in ("classifier", *axes_in([row]))}
+            rows.append(axes | least | row)
+    return together(rows)
+
+
+def print_rejection(rows: list[Row], console: Console) -> None:
+    """Print the share of known ships still named right when so many unknown ones are rejected."""
+    rows = of_one(rows)
+    more = several(rows, but=("aspects", "frame_count"))
+    leasts = list(dict.fromkeys(row["least_percent_rejected"] for row in rows))
+    table = sheet(
+        "Known ships named right [%] where so many unknown ships are rejected",
+        "answers,\nknown +\nunknown",
+        *(f"{least:g}%" if least else "none" for least in leasts),
+        "area",
+        left=("classifier", *(axis.words for axis in more), "aspects", "frames"),
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    for key, line in grouped(rows, ("classifier", *more, "aspects", "frame_count")).items():
+        found = {row["least_percent_rejected"]: row for row in line}
+        area = line[0]["percent_area"]
+        table.add_row(
+            REJECTING.get(key[0], printable(str(key[0]))),
+            *("" if value is None else shown(value) for value in key[1:]),
+            f"{line[0]['n_known']} +\n{line[0]['n_unknown']}",
+            *(_with_interval(found.get(least)) for least in leasts),
+            NOTHING if area is None else f"{area:.0f}",
+        )
+    show(table, console)
+    note(
+        "At the least test vigilance that rejects at least so many. Area: under the curve of known "
+        "ships right over unknown ships let through; 100 where every one is right before any "
+        "unknown one is let through. Below each figure its 95 % Wilson interval, for that test "
+        "vigilance. Answers to known and to unknown ships are counted; in the interval those of "
+        "several replicates count for less where they are alike for one view (Kish's design "
+        "effect), those of several phases and orders of presentation as one.",
+        console,
+    )
+
+
+def _with_interval(row: Row | None) -> str:
+    """Known ships named right, with the interval below."""
+    if row is None or row["percent_correct"] is None:
+        return NOTHING
+    return f"{row['percent_correct']:.0f}\n{row['ci_low']:.0f}-{row['ci_high']:.0f}"

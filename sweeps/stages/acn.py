@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.evaluate import wilson_interval
-from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Setting, Settings
+from sweeps.engine.settings import Choices, Run, Setting, Settings
 from sweeps.engine.stage import Output, Stage, in_memory, plain
 from sweeps.stages import categories, classifier
 from sweeps.stages.categories import Lessons, Network

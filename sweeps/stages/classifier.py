@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices, Settings, number, set_of, switch, word
-from sweeps.engine.stage import Condition, Output, Stage, in_memory, stage
+from sweeps.engine.stage import Condition, Output, Stage, Table, in_memory, stage
 from sweeps.stages.scores import VIEW, data_set, formed, scored_profiles, tabulate_rejection
 from sweeps.stages.views import Grid, looks, ships
 

@@ -19,8 +19,7 @@ from ncti.ladar import range_extent
 from ncti.render import range_image
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Value
-from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Setting
+from sweeps.engine.settings import Choices, Run, Setting
 from sweeps.engine.stage import Stage, in_memory, plain
 from sweeps.stages import irar
 from sweeps.stages.irar import CELLS, EXACT, FLOWN, NO_ERROR, Error, Irar, Pairs, flight_of

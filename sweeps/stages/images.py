@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from ncti import infrared as library
 from ncti.evaluate import aspect_bins
 from ncti.infrared import enlarge
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, plain, stage
+from sweeps.engine.stage import Output, Stage, Table, plain, stage
 from sweeps.stages.infrared import IMAGES, LOOK, VIEW, Infrared, looks_infrared
 from sweeps.stages.infrared_look import HALVES, Look, whole_window
 from sweeps.stages.scores import data_set

@@ -13,8 +13,7 @@ from ncti.features import SEGMENTATION_METHODS
 from ncti.features.log_polar import INTERPOLATIONS
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Value
-from sweeps.engine.run_settings import Run
-from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
+from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, stage
 from sweeps.stages import views
 from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at, pack_hits

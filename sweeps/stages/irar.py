@@ -14,7 +14,7 @@ from ncti.irar import Flight, Pass, Scan, Snapshot, Window, fly, reflectivity, s
 from ncti.irar.chain import MIRROR_METHODS, RANGE_FILTERS
 from ncti.irar.registration import MOTION_METHODS
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Number, Value
+from sweeps.engine.kinds import Kind, Number, Value
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Setting, Settings, count, number, set_of, switch, word
 from sweeps.stages.views import IRAR, MOST_FRAMES, Grid, quantity, ships
@@ -58,11 +58,15 @@ OF_NO_FLIGHT = ("transom_gain", "mast_gain", "replicate")  # of the ship, and of
 
 
 @dataclass(frozen=True)
-class Errors:
+class Errors(Kind):
     """Errors of what navigation believes, one at a time; no error is always among them."""
 
     fields: tuple[str, ...] = tuple(MOST_WRONG)  # keys that a configuration may give
-    allowed: str = f"a mapping that gives values to some of {', '.join(MOST_WRONG)}"
+
+    @property
+    def allowed(self) -> str:
+        """See `sweeps.engine.kinds.Kind.allowed`."""
+        return f"a mapping that gives values to some of {', '.join(self.fields)}"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """(parameter, error) pairs, `none` first; see `sweeps.engine.kinds.Kind.values`."""

@@ -7,10 +7,9 @@ from benchmarks.phases import timed
 from benchmarks.sweeping import WHOLE, choices_of
 from benchmarks.toy import Grid, choices
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.plan import Plan
 from sweeps.engine.run import Place
-from sweeps.engine.stage import Output, stage
+from sweeps.engine.stage import Experiment, Output, stage
 from sweeps.experiment import EXPERIMENT
 
 TINY = ("grid.ship=[duncan,spruance]", "grid.aspect=[0,45]", "grid.frame_count=4")

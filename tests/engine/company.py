@@ -8,14 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.execute import Watch, execute
-from sweeps.engine.experiment import Experiment
-from sweeps.engine.inputs import forget_all
 from sweeps.engine.plan import Plan
 from sweeps.engine.results import open_index, read_cells
-from sweeps.engine.schedule import Job, Schedule
+from sweeps.engine.schedule import Job, Schedule, Watch, execute
 from sweeps.engine.settings import Choices
-from sweeps.engine.tasks import run_calls
+from sweeps.engine.stage import Experiment
+from sweeps.engine.tasks import forget_all, run_calls
 
 
 def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> dict[str, int]:
@@ -49,8 +47,8 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
         with open_index(folder, quiet.say) as index:
             schedule.resolve(index.find)
             with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
-                outcome = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
-                assert not outcome.failures, outcome.failures[0]
+                _, failures = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
+                assert not failures, failures[0]
                 forget_all()  # a stage must not owe anything to what another has left in memory
                 for bound in plan.bound.values():
                     if not plan.together(bound):

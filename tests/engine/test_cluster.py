@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shlex
 import signal
 import socket
@@ -21,11 +22,15 @@ import numpy as np
 import psutil
 import pytest
 from distributed.security import Security
+from small_stores import files
 from threadpoolctl import threadpool_info, threadpool_limits
+from toys import go
 
 from sweeps.engine import workers
-from sweeps.engine.cluster import ONE_THREAD, ClusterChoice, executor
+from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.code import package_digest
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+from sweeps.engine.process import ONE_THREAD
 
 IMPORTS = f"{Path(__file__).parent}:{Path(__file__).parents[2]}"
 QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
@@ -415,7 +420,7 @@ from sweeps.engine.cluster import ClusterChoice, executor
 if __name__ == "__main__":
     with executor(ClusterChoice(workers=1), say=print) as run:
         run.submit(0, os.getpid)
-        print(run.finished()[0].result, flush=True)
+        print(run.finished()[0][1], flush=True)
         run.submit(1, time.sleep, 1000)
         run.finished()
 """
@@ -434,6 +439,57 @@ if __name__ == "__main__":
 
 def test_an_address_has_as_many_workers_as_processes(remote):
     assert remote.workers == 2
+
+
+def test_a_scheduler_makes_the_same_store_as_this_process(running, tmp_path):
+    asked = {"spring__limit": 1.5}  # the stiffest spring fails
+    stores = {kind: tmp_path / f"{kind}.zarr" for kind in ("inline", "remote")}
+    inline = go(stores["inline"], **asked)
+    remote = go(stores["remote"], kind=running, **asked)
+    assert inline.failures and sorted(inline.failures) == sorted(remote.failures)
+    assert files(stores["inline"]) == files(stores["remote"])
+    done = {name: one.done for name, one in remote.progress.items()}
+    assert done["noisy"] and done["answers"]  # which draws, and which gathers
+    assert done == {name: one.done for name, one in inline.progress.items()}
+
+
+def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "of_this_process.py").write_text("")
+    with (
+        pytest.raises(ConfigurationError) as refused,
+        executor(running, packages=("toys", "of_this_process"), say=silent),
+    ):
+        pass
+    assert re.fullmatch(
+        rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ has other code "
+        "of of_this_process; it must have that of this process",
+        str(refused.value),
+    )
+
+
+def test_a_worker_that_comes_later_with_other_code_gets_no_task(running, tmp_path):
+    with executor(running, say=silent) as run:
+        run._code = {**run._code, "toys": "another"}
+        run.submit(0, Path.touch, tmp_path / "ran")
+        with pytest.raises(ConfigurationError, match="a worker of the cluster has other code of"):
+            run.finished()
+    assert not (tmp_path / "ran").exists()
+
+
+def test_code_of_the_same_package_elsewhere_is_the_same(tmp_path, monkeypatch):
+    digests = set()
+    for place, text in (("one", "x = 1"), ("two", "x = 1"), ("three", "x = 2")):
+        folder = tmp_path / place / "pack"
+        folder.mkdir(parents=True)
+        (folder / "__init__.py").write_text("")
+        (folder / "inner.py").write_text(text)
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(folder.parent)
+            package_digest.cache_clear()
+            digests.add(package_digest("pack"))
+    package_digest.cache_clear()
+    assert len(digests) == 2 and "" not in digests and package_digest("no_such_pack") == ""
 
 
 @pytest.fixture
@@ -654,15 +710,15 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ({"workers": 0}, "workers is 0, but must be at least 1"),
         (
             {"kind": "inline", "workers": 2},
-            "workers is 2, but must be None where cluster.kind is inline",
+            "workers is 2, but must be null where cluster.kind is inline",
         ),
         (
             {"address": "tcp://127.0.0.1:1"},
-            "address is tcp://127.0.0.1:1, but must be None where cluster.kind is local",
+            "address is tcp://127.0.0.1:1, but must be null where cluster.kind is local",
         ),
         (
             {"kind": "address"},
-            "address is None, but must be the address of a dask scheduler "
+            "address is null, but must be the address of a dask scheduler "
             "where cluster.kind is address",
         ),
         (
@@ -671,7 +727,7 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ),
         (
             {"kind": "address", **TLS},
-            "ca_file is None, but must be a PEM file where cluster.address begins with tls://",
+            "ca_file is null, but must be a PEM file where cluster.address begins with tls://",
         ),
         (
             {"kind": "address", **TLS, "ca_file": "absent.pem"},
@@ -679,19 +735,19 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ),
         (
             {"kind": "address", "address": "tcp://10.0.0.1:1", "cert": "x.pem"},
-            "cert is x.pem, but must be None where cluster.address does not begin with tls://",
+            "cert is x.pem, but must be null where cluster.address does not begin with tls://",
         ),
         (
             {"kind": "address", "address": "tcp://10.0.0.1:1", "queue": "short"},
-            "queue is short, but must be None where cluster.kind is address",
+            "queue is short, but must be null where cluster.kind is address",
         ),
         (
             {"kind": "slurm", "memory": "1GB"},
-            "workers is None, but must be the number of jobs where cluster.kind is slurm",
+            "workers is null, but must be the number of jobs where cluster.kind is slurm",
         ),
         (
             {"kind": "slurm", "workers": 1},
-            "memory is None, but must be the memory of a job, such as 4GiB "
+            "memory is null, but must be the memory of a job, such as 4GiB "
             "where cluster.kind is slurm",
         ),
         (

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from toys import CALLS, SPRINGS, go
 
 from sweeps.engine import command as commands
 from sweeps.engine.command import Command
-from sweeps.engine.printing import show
+from sweeps.engine.process import show
 from sweeps.engine.results import CellIndex
 from sweeps.engine.watching import summary, watching
 
@@ -91,8 +92,18 @@ REFUSED = {
     "=3": "=3 has no key, but must be KEY=VALUE",
     "cluster=grid": "cluster is 'grid', but must be one of address, inline, local, slurm",
     "cluster=[inline,local]": "cluster is [inline,local], but must be one choice",
-    "cluster.workers=2": "cluster.workers is 2, but must be None where cluster.kind is inline",
-    "spring.mass=${nothing}": "nothing",
+    "cluster.workers=2": "cluster.workers is 2, but must be null where cluster.kind is inline",
+    "spring.mass=${spring.weight}": "spring.mass is ${spring.weight}, but must refer to keys that "
+    "have a value (spring.weight is no key of the configuration; spring has stiffness, mass, "
+    "limit, reference)",
+    "spring.mass=[1,${nothing}]": "spring.mass is [1, '${nothing}'], but must refer to keys that "
+    "have a value (nothing is no key of the configuration; it has spring, measured, ",
+    "store=${spring.mas}.zarr": "store is ${spring.mas}.zarr, but must refer to keys that have",
+    "spring.mass=${spring.mass}": "spring.mass is ${spring.mass}, but must refer to keys that have "
+    "a value (Recursive interpolation detected)",
+    "spring=null": "spring is null, but must hold stiffness, mass, limit, reference",
+    "spring.mass=null": "spring.mass has null, but every value must be",
+    "measured.draw=null": "measured.draw is null, but must be a whole number",
     "store=s3://bucket/s.zarr": "store is 's3://bucket/s.zarr', but must be a folder on a file "
     "system: URLs are not supported",
     "store=file:///tmp/s.zarr": "URLs are not supported",
@@ -102,6 +113,26 @@ REFUSED = {
     "store=[a,b]": "store has 2 values, but must have one: it says where or how to run",
     "dry_run=maybe": "dry_run has 'maybe', but every value must be one of true, false",
 }
+
+
+def test_a_check_that_takes_a_while_is_told_meanwhile(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(commands, "PATIENCE", 0.01)
+    told = threading.Event()
+    sentences = []
+
+    def say(name, sentence):
+        sentences.append(sentence)
+        told.set()
+
+    def slow(choices):
+        assert told.wait(10)
+        return choices
+
+    monkeypatch.setattr(commands, "say", say)
+    command = Command(replace(SPRINGS, check=slow, checking="building springs"))
+    assert command.main(["cluster=inline", "cache=cache", "store=s.zarr", "dry_run=true"]) == 0
+    assert sentences[0] == "building springs"
 
 
 @pytest.mark.parametrize("argument", REFUSED)
@@ -169,7 +200,9 @@ def test_words_about_it(start, capsys, monkeypatch):
         capsys.readouterr().out
     )
     assert start("--version") == 0
-    assert capsys.readouterr().out.startswith("springs ")
+    assert capsys.readouterr().out == "springs unknown\n"
+    assert Command(replace(SPRINGS, name="numpy")).main(["--version"]) == 0
+    assert capsys.readouterr().out == f"numpy {metadata.version('numpy')}\n"
     for words in (("--help",), ("--cfg", "job"), ("--cfg", "job", "spring.mass=7")):
         assert start(*words) == 0
         said = capsys.readouterr().out
@@ -212,9 +245,8 @@ def test_the_cache_is_kept_small(start, tmp_path):
 
 
 def test_a_setting_whose_name_begins_as_hydra_does_is_not_lost():
-    from sweeps.engine.experiment import Experiment
     from sweeps.engine.settings import Settings, count
-    from sweeps.engine.stage import Output, stage
+    from sweeps.engine.stage import Experiment, Output, stage
 
     class Hydraulics(Settings, key="hydraulics"):
         """Of pipes."""

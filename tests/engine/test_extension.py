@@ -11,11 +11,10 @@ from small_stores import files, opened
 from toys import CALLS, SPRINGS, go, run
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.folders import write_manifest
 from sweeps.engine.provenance import choices_of
 from sweeps.engine.settings import Joint, Settings, count, read_choices, set_of, text, word
-from sweeps.engine.stage import Output, plain, stage
+from sweeps.engine.stage import Experiment, Output, plain, stage
 
 CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
 GROWN = {

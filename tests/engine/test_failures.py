@@ -12,13 +12,12 @@ from toys import CALLS, Told, go, run
 
 from sweeps.engine import run as running
 from sweeps.engine import tasks
-from sweeps.engine.cluster import Finished, InlineExecutor
+from sweeps.engine.cluster import InlineExecutor
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Experiment
 from sweeps.engine.folders import MANIFEST
 from sweeps.engine.results import list_files
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Output, in_memory, stage
+from sweeps.engine.stage import Experiment, Output, in_memory, stage
 
 STIFF = "ValueError: too [stiff]"
 
@@ -306,8 +305,8 @@ class Mortal(InlineExecutor):
     def finished(self):
         """See `InlineExecutor.finished`."""
         _, _, (calls, *_) = self._waiting[0]
-        if any(call.recipe.sources["size"].value == 3 for call in calls):
-            return [Finished(self._waiting.popleft()[0], None, RuntimeError("the worker died"))]
+        if any(call.recipe.sources["size"] == (3,) for call in calls):
+            return [(self._waiting.popleft()[0], None, RuntimeError("the worker died"))]
         return super().finished()
 
 

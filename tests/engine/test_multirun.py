@@ -2,15 +2,16 @@
 
 from dataclasses import replace
 
-import hydra
 import numpy as np
 import pytest
 import xarray as xr
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from omegaconf import OmegaConf
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, Spring, go
 
 from sweeps.engine.command import Command
-from sweeps.engine.multirun import Job, crossed, fused, split
+from sweeps.engine.multirun import Job, crossed, fused, jobs_of
 from sweeps.engine.settings import read_choices
 
 CONF = {
@@ -70,12 +71,23 @@ def test_swept_settings_are_crossed_into_one_cube(command, tmp_path):
 
 def test_a_large_multirun_is_one_job(command, tmp_path, monkeypatch):
     composed = []
-    compose = hydra.compose
-    monkeypatch.setattr(hydra, "compose", lambda *a, **k: composed.append(a) or compose(*a, **k))
+    compose = ConfigLoaderImpl.load_configuration
+
+    def counted(*arguments, **how):
+        composed.append(how)
+        return compose(*arguments, **how)
+
+    monkeypatch.setattr(ConfigLoaderImpl, "load_configuration", counted)
     grid = ("spring.mass=range(1,61)", "spring.limit=range(51,101)", "dry_run=true")
     grid += ("measured.draw=1", "measured.length=2", "measured.rule=max", "spring.stiffness=1")
     assert command("-m", "store=m.zarr", *grid) == 0
-    assert len(composed) == 1 and not (tmp_path / "m.zarr").exists()
+    assert len(composed) == 2 and not (tmp_path / "m.zarr").exists()
+    # Without a list: once for each job, and once for what they have in common.
+    composed.clear()
+    jobs = ("store=m-${spring.mass}.zarr", "spring.mass=1,2", "spring.stiffness=1")
+    assert command("-m", *jobs, "measured.draw=1") == 0
+    assert len(composed) == 1 + 2 and len(list(tmp_path.glob("m-*.zarr"))) == 2
+    assert len(list(tmp_path.glob("multirun/*/multirun.yaml"))) == 1
 
 
 def test_the_choices_of_a_group_run_together_under_its_name(command, tmp_path):
@@ -188,9 +200,9 @@ def test_a_dry_run_of_hydras_own_jobs_writes_no_store(command, tmp_path):
 
 REFUSED = [
     (
-        ("-m", "store=m.zarr", "cluster.workers=1,2"),
-        "springs: cluster.workers is 1 and 2 in jobs of one store, but must be one: it says where "
-        "or how to run; put it into the store's path for a store each",
+        ("-m", "store=m.zarr", "cluster.workers=1,null"),
+        "springs: cluster.workers is 1 and null in jobs of one store, but must be one: it says "
+        "where or how to run; put it into the store's path for a store each",
     ),
     (
         ("-m", "store=m.zarr", "cache_limit=1,2"),
@@ -292,6 +304,15 @@ def test_what_becomes_a_list():
 
 
 def test_jobs_of_hydras_sweeper():
-    assert split(["a=1,2", "b=3"]) == [["a=1", "b=3"], ["a=2", "b=3"]]
-    assert split(["a=1", "hydra/sweeper=other"]) is None
-    assert split(["group=glob(*)"]) is None
+    def master(*overrides, sweeper="hydra.BasicSweeper"):
+        node = {"overrides": {"task": list(overrides)}, "sweeper": {"_target_": sweeper}}
+        return OmegaConf.create({"hydra": node})
+
+    assert jobs_of(None, master("a=1,2", "b=3")) == [["a=1", "b=3"], ["a=2", "b=3"]]
+    assert jobs_of(None, master("a=1", sweeper="some.Other")) is None
+
+
+def test_a_glob_is_all_choices_of_a_group(command, tmp_path):
+    assert command("-m", "store=m.zarr", "spring=glob(*)", "measured.draw=1") == 0
+    springs = opened(tmp_path / "m.zarr", "springs")
+    assert springs.spring.values.tolist() == ["hard", "soft", "stiff"]

@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 from toys import SPRINGS, noisy, period
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import DeclarationError, Experiment, bind
 from sweeps.engine.plan import Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import Joint, Settings, count, number, read_choices
-from sweeps.engine.stage import Output, in_memory, plain, stage
+from sweeps.engine.stage import DeclarationError, Experiment, Output, bind, in_memory, plain, stage
 
 
 def planned(**given):

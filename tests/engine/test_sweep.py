@@ -14,10 +14,9 @@ from company import company
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, Told, go, run
 
-from sweeps.engine.experiment import DeclarationError, Experiment
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Output, in_memory, stage
+from sweeps.engine.stage import DeclarationError, Experiment, Output, in_memory, stage
 
 STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
 
@@ -231,11 +230,11 @@ def test_an_object_in_memory_is_made_of_results_on_disk(tmp_path):
 
 
 def test_many_small_cells_are_read_with_few_openings_of_packs(tmp_path, monkeypatch):
-    from sweeps.engine import inputs
+    from sweeps.engine import tasks
 
-    read, requests = inputs.read_cells, []
+    read, requests = tasks.read_cells, []
     monkeypatch.setattr(
-        inputs, "read_cells", lambda folder, spots: requests.append(spots) or read(folder, spots)
+        tasks, "read_cells", lambda folder, spots: requests.append(spots) or read(folder, spots)
     )
     chain = Experiment("boxes", "Boxes", (Poor,), (part, box, from_box))
     many = {"poor.size": list(range(1, 2001))}

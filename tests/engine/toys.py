@@ -13,12 +13,11 @@ import xarray as xr
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.execute import Watch
-from sweeps.engine.experiment import Experiment, Status, Table
-from sweeps.engine.inputs import forget_all
 from sweeps.engine.run import Place, sweep
+from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Settings, count, draws, number, read_choices, switch, word
-from sweeps.engine.stage import Output, in_memory, plain, stage
+from sweeps.engine.stage import Experiment, Output, Status, Table, in_memory, plain, stage
+from sweeps.engine.tasks import forget_all
 
 CALLS: Counter[str] = Counter()
 """Cells that each stage computed in this process."""
@@ -188,7 +187,8 @@ def run(experiment, choices, store, cache=None, kind="inline", workers=None, wat
     """Run an experiment into a store."""
     forget_all()  # as a new process would
     cache = Path(cache or Path(store).with_suffix(".cache"))
-    place = Place(Path(store), cache, ClusterChoice(kind=kind, workers=workers))
+    cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
+    place = Place(Path(store), cache, cluster)
     return sweep(experiment, choices, place, watch or Watch(lambda sentence: None))
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sweeps.run import command
+from sweeps.app import command
 
 # Two ships of which the second is flown past, several values on two of the axes that the notebook
 # asks for and one on the third; few and coarse lines, in a tenth of a second a flight.

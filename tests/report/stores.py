@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import xarray as xr
+import zarr
 from rich.console import Console
 
+from sweeps.app import command
 from sweeps.report.command import main, report
-from sweeps.report.stored import tables_folder
-from sweeps.run import command
+from sweeps.report.rows import tables_folder
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]
 CLASSIFIERS = [
@@ -96,10 +97,15 @@ def opened(path: Path, group: str) -> xr.Dataset:
     return xr.open_zarr(path, group=group).load()
 
 
+def attributes_of(path: Path) -> dict[str, Any]:
+    """Attributes of a store itself."""
+    return dict(zarr.open_group(path, mode="r").attrs)
+
+
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder, by its relative path."""
+    """Every file below a folder that is to be seen, by its relative path."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))
-        if path.is_file()
+        if path.is_file() and not path.name.startswith(".")
     }

@@ -9,14 +9,23 @@ import pytest
 from made import scores
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from stores import FLIGHTS, SMALL, opened, reported, sweep
+from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, sweep
 
 import ncti.ships
 from ncti.irar import Correction, Flight, fly, ship_heading
-from sweeps.report.flight_again import Place, draw_flight, flights_of, known_ship, scan_of
-from sweeps.report.flight_pictures import write_pictures
-from sweeps.report.flight_stages import BRIGHTEST, Way, draw_stages, stages
-from sweeps.report.stored import attributes, tables_folder
+from sweeps.report.command import write_pictures
+from sweeps.report.flight_figures import (
+    BRIGHTEST,
+    Place,
+    Way,
+    draw_flight,
+    draw_stages,
+    flights_of,
+    known_ship,
+    scan_of,
+    stages,
+)
+from sweeps.report.rows import tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png", "validation.png"]
 
@@ -29,7 +38,7 @@ def store(sisters, tmp_path):
 
 
 def pictures(folder):
-    return sorted(path.name for path in folder.iterdir() if path.suffix != ".csv")
+    return sorted(name for name in contents(folder) if not name.endswith(".csv"))
 
 
 def test_the_report_draws_when_it_is_told_to(store, monkeypatch, capsys):
@@ -82,7 +91,7 @@ def test_a_picture_that_is_not_finished_is_not_there(store, monkeypatch):
 
 
 def test_a_ship_that_is_no_longer_the_same_is_not_drawn(sisters):
-    given = attributes(sisters)
+    given = attributes_of(sisters)
     other = given | {"mesh_digests": given["mesh_digests"] | {"roberts": "0"}}
     with pytest.raises(ValueError, match="roberts has changed since"):
         known_ship(other, "roberts")
@@ -94,7 +103,7 @@ def test_titles_say_which_of_several_flights_is_drawn(sisters):
     flights = opened(sisters, "validation")
     places = sorted(flights_of(flights), key=lambda place: place.ship)
     assert places == [Place("duncan", 175.0, 3.0), Place("roberts", 175.0, 3.0)]
-    title = draw_flight(attributes(sisters), flights, places[1]).get_suptitle()
+    title = draw_flight(attributes_of(sisters), flights, places[1]).get_suptitle()
     assert title == "Roberts at 3 km, aspect 175°, transom gain 1, first of 2 draws"
 
 
@@ -123,7 +132,7 @@ def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
     """Whatever the choices: the same pixels, in the same place."""
     one = [item for item in FLIGHTS if not item.startswith("grid.")]
     path = sweep(tmp_path, *one, "grid.ship=roberts", "grid.aspect=175", *chosen)
-    given, flights = attributes(path), opened(path, "validation").squeeze()
+    given, flights = attributes_of(path), opened(path, "validation").squeeze()
     mesh = ncti.ships.load("roberts")
     several = [name for name in flights.intensity.dims if name not in ("row", "column")]
     sizes = [flights.sizes[name] for name in several]

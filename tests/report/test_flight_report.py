@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from stores import opened, printed, rows_of
+from stores import attributes_of, opened, printed, rows_of
 
 from ncti.irar import Window, correct, segmented
-from sweeps.report import flight_figures
-from sweeps.report.flight_again import flights_of, known_ship, one_flight, scan_of
+from sweeps.report import figures
+from sweeps.report.flight_figures import flights_of, known_ship, one_flight, scan_of
 from sweeps.report.flights import LANDMARKS, flight_rows
-from sweeps.report.stored import attributes
 
 FLIGHTS = "validation"
 
@@ -69,7 +68,7 @@ def test_csv_files_hold_the_rows(sisters):
 
 def test_a_flight_drawn_is_the_flight_stored(sisters):
     """Flown again from the store's configuration: the very image."""
-    given, flights = attributes(sisters), opened(sisters, FLIGHTS)
+    given, flights = attributes_of(sisters), opened(sisters, FLIGHTS)
     place = next(one for one in flights_of(flights) if one.ship == "roberts")
     stored = one_flight(flights, place)
     assert (stored.transom_gain, stored.mast_gain, stored.replicate) == (1, 1, 0)
@@ -99,13 +98,13 @@ def test_wrong_parameters_are_listed_with_what_autofocus_gives_back(misled):
 
 @pytest.mark.parametrize("kind", ["flight", "validation", "measured"])
 def test_pictures_of_flights_are_drawn(kind, sisters, tmp_path):
-    figure = flight_figures.draw(kind, sisters)
+    figure = figures.draw(kind, sisters)
     figure.savefig(tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 10_000
 
 
 def test_profiles_drawn_are_those_stored(sisters):
-    figure = flight_figures.draw("validation", sisters)
+    figure = figures.draw("validation", sisters)
     flights = opened(sisters, FLIGHTS).isel(aspect=0, range=0, replicate=0).sel(transom_gain=1)
     profile = flights.profile.sel(ship="roberts", source="measured").values
     line = figure.axes[0].lines[0]
@@ -113,7 +112,7 @@ def test_profiles_drawn_are_those_stored(sisters):
 
 
 def test_curves_of_errors_pass_through_what_is_stored(misled):
-    figure = flight_figures.draw("sensitivity", misled)
+    figure = figures.draw("sensitivity", misled)
     assert [axes.get_xlabel() for axes in figure.axes] == [
         "error of aircraft speed [%]",
         "error of ship heading [deg]",
@@ -128,7 +127,7 @@ def test_curves_of_errors_pass_through_what_is_stored(misled):
 
 def test_no_errors_no_curves(sisters):
     with pytest.raises(ValueError, match="errors is empty"):
-        flight_figures.draw("sensitivity", sisters)
+        figures.draw("sensitivity", sisters)
 
 
 def test_the_worst_draw_is_told(sisters):

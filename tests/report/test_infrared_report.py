@@ -11,7 +11,7 @@ from made import formed, scores, with_units
 from rich.console import Console
 from stores import opened, printed, rows_of
 
-from sweeps.report.naming_figures import draw_table5
+from sweeps.report.score_figures import draw_table5
 from sweeps.report.silhouettes import (
     detection_rows,
     print_detection,

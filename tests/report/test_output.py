@@ -15,8 +15,8 @@ from stores import contents, reported, rows_of
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.report.command import report
-from sweeps.report.output import FILES, neutral, write_tables
-from sweeps.report.stored import tables_folder
+from sweeps.report.rows import tables_folder
+from sweeps.report.screen import FILES, WRITTEN, neutral, write_tables
 
 GROUP = "tables/acn"
 AXES = {"pulse_width": [30.0], "range": [100.0], "vigilance": [0.95], "frame_count": [4]}
@@ -188,6 +188,30 @@ def test_files_of_an_earlier_run_go_and_others_stay(store):
     report(store, Console(file=io.StringIO()))
     assert files(store) == {"accuracy.csv", "categories.csv", "mine.csv", "flight.png"}
     assert (folder / "accuracy.csv").read_text() != "old"
+
+
+def test_files_of_tables_that_a_new_sweep_lacks_go_and_what_others_wrote_stays(tmp_path):
+    rows = [{"a": 1}]
+    (tmp_path / "theirs.csv").write_text("kept")
+    write_tables(tmp_path, {"accuracy": rows, "pears": rows, "plums": rows, "figs": rows})
+    (tmp_path / "plums.csv").write_text("changed by hand")
+    for _ in range(2):  # whoever ran last
+        write_tables(tmp_path, {"accuracy": rows, "figs": rows})
+        assert set(contents(tmp_path)) == {"accuracy.csv", "figs.csv", "plums.csv", "theirs.csv"}
+    write_tables(tmp_path, {"plums": rows})
+    assert set(contents(tmp_path)) == {"plums.csv", "theirs.csv"}
+    assert (tmp_path / "theirs.csv").read_text() == "kept"
+
+
+@pytest.mark.parametrize("listed", [b"\xff", b"0  ../theirs.csv\n", b"x", b"0  theirs.csv\n"])
+def test_a_list_of_files_that_is_damaged_costs_no_file(listed, tmp_path):
+    folder = tmp_path / "tables"
+    folder.mkdir()
+    for path in (folder / "theirs.csv", tmp_path / "theirs.csv"):
+        path.write_text("kept")
+    (folder / WRITTEN).write_bytes(listed)
+    write_tables(folder, {"accuracy": [{"a": 1}]})
+    assert set(contents(tmp_path)) == {"theirs.csv", "tables/theirs.csv", "tables/accuracy.csv"}
 
 
 def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):

@@ -9,7 +9,8 @@ import xarray as xr
 from made import with_units
 from rich.console import Console
 
-from sweeps.report.rejection import FIGURES, curve_rows, print_rejection, rejection_rows
+from sweeps.report.tables import REJECTED as FIGURES
+from sweeps.report.tables import curve_rows, print_rejection, rejection_rows
 
 LEAST = [0.0, 0.5, 0.9]
 

@@ -12,16 +12,23 @@ from made import formed, scores, with_units
 from rich.console import Console
 
 from sweeps.report.axes import Axis, nominal, which
-from sweeps.report.classifiers import classifier_rows, print_classifiers
-from sweeps.report.fusion import fusion_rows, print_fusion
 from sweeps.report.rows import BIN, cells, of_one, several, together
 from sweeps.report.screen import explain, percent_text, unforeseen
 from sweeps.report.silhouettes import (
+    fusion_rows,
+    print_fusion,
     print_silhouette_accuracy,
     silhouette_accuracy_rows,
     silhouette_category_rows,
 )
-from sweeps.report.tables import accuracy_rows, category_rows, print_accuracy, print_categories
+from sweeps.report.tables import (
+    accuracy_rows,
+    category_rows,
+    classifier_rows,
+    print_accuracy,
+    print_categories,
+    print_classifiers,
+)
 
 PROFILES = {
     "pulse_width": [10.0, 30.0],

@@ -11,9 +11,15 @@ from made import scores, with_units
 from rich.console import Console
 
 from sweeps.report.axes import axes_of
-from sweeps.report.flight_figures import draw_measured, draw_sensitivity, draw_validation
-from sweeps.report.flights import LANDMARKS, flight_rows, print_flights
-from sweeps.report.measured import measured_rows, print_measured
+from sweeps.report.flight_figures import draw_sensitivity, draw_validation
+from sweeps.report.flights import (
+    LANDMARKS,
+    flight_rows,
+    measured_rows,
+    print_flights,
+    print_measured,
+)
+from sweeps.report.score_figures import draw_measured
 
 DOWN_RANGE = np.arange(-60.0, 61.0)
 SOURCES = ["measured", "noiseless", "synthetic", "point"]

@@ -1,6 +1,5 @@
 """Pictures of the infrared channel show what the store holds."""
 
-import sys
 import warnings
 from itertools import pairwise
 
@@ -10,12 +9,13 @@ import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
+from stores import attributes_of, opened
 
 from ncti.features import log_polar
-from sweeps.report import figures, naming_figures, silhouette_figures, stored
+from sweeps.report import figures, infrared_figures, rows
 from sweeps.report.axes import nominal
-from sweeps.report.naming_figures import COLOURS, WAYS, Run, draw_table5, runs_of, tints_of
-from sweeps.report.silhouette_figures import looks_of
+from sweeps.report.infrared_figures import Run, looks_of, runs_of, tints_of
+from sweeps.report.score_figures import COLOURS, WAYS, draw_table5
 
 ANGLES, RADII = 64, 32  # of a map
 STEPS = 255  # of which the store counts the cells of a map
@@ -23,8 +23,7 @@ KEPT = ("ship", "aspect", "phase", "order", "range", "super_resolution", "frame_
 
 
 def group(path, name):
-    found = stored.read(path, name).load()
-    return nominal(found, keep=(*KEPT, "vigilance", "aspect_bin"))
+    return nominal(opened(path, name), keep=(*KEPT, "vigilance", "aspect_bin"))
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,7 @@ def view(smoke_store):
 
 @pytest.fixture(scope="module")
 def infrared(smoke_store):
-    return stored.attributes(smoke_store)["configuration"]["infrared"]
+    return attributes_of(smoke_store)["configuration"]["infrared"]
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +41,7 @@ def drawn(smoke_store):
     """Figures of all kinds, with any warning as an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        made = {kind: silhouette_figures.draw(kind, smoke_store) for kind in PANELS}
+        made = {kind: figures.draw(kind, smoke_store) for kind in PANELS}
         for figure in made.values():
             figure.canvas.draw()
     return made
@@ -56,24 +55,9 @@ def panels_of(figure):
     return [axes for axes in figure.axes if not hasattr(axes, "_colorbar")]
 
 
-def test_every_kind_is_tested():
-    assert set(PANELS) == set(silhouette_figures.KINDS)
-
-
 @pytest.mark.parametrize(("kind", "count"), PANELS.items())
 def test_panels_are_as_many_as_there_is_data_for(kind, count, drawn):
     assert len(panels_of(drawn[kind])) == count
-
-
-@pytest.mark.parametrize("kind", PANELS)
-def test_command_writes_the_picture_small_enough_for_a_page(
-    kind, smoke_store, tmp_path, monkeypatch
-):
-    picture = tmp_path / f"{kind}.png"
-    monkeypatch.setattr(sys, "argv", ["figures", kind, str(smoke_store), str(picture)])
-    figures.main()
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert picture.stat().st_size < 250_000
 
 
 def test_silhouette_shown_is_the_one_that_was_mapped(view, infrared):
@@ -116,7 +100,7 @@ def test_pixels_are_the_detectors_or_half_as_wide(view, infrared):
 def test_centroid_of_a_mask_is_where_its_pixels_are():
     mask = np.zeros((4, 6), dtype=bool)
     mask[1:3, 2:6] = True
-    look = silhouette_figures.Look(
+    look = infrared_figures.Look(
         slant_range=25.0,
         way="none",
         across=np.arange(6) * 3.0 - 6.0,
@@ -285,9 +269,9 @@ def test_source_is_drawn_beside_its_own_views_only(drawn, smoke_store):
 
     assert diamonds(drawn["table5"]) == []
     tables = group(smoke_store, "tables/acn_infrared")
-    views = naming_figures.source_figures()["experiment"]["views"]
+    views = rows.source_figures()["experiment"]["views"]
     whole = tables.assign(view_count=xr.full_like(tables.view_count, views))
-    theirs = naming_figures.source_figures()["table5_percent_correct"]
+    theirs = rows.source_figures()["table5_percent_correct"]
     expected = [
         *theirs["none"][25],
         *theirs["none"][50],
@@ -299,14 +283,5 @@ def test_source_is_drawn_beside_its_own_views_only(drawn, smoke_store):
 
 def test_pictures_leave_the_settings_of_matplotlib_alone(smoke_store):
     before = dict(matplotlib.rcParams)
-    silhouette_figures.draw("formation", smoke_store)
+    figures.draw("formation", smoke_store)
     assert dict(matplotlib.rcParams) == before
-
-
-def test_store_without_the_channel_is_refused_in_one_sentence(tmp_path, monkeypatch, capsys):
-    absent = tmp_path / "absent.zarr"
-    monkeypatch.setattr(sys, "argv", ["figures", "silhouettes", str(absent), "picture.png"])
-    with pytest.raises(SystemExit) as caught:
-        figures.main()
-    assert caught.value.code == 2
-    assert "silhouettes cannot be drawn" in capsys.readouterr().err

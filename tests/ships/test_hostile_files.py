@@ -238,7 +238,7 @@ def test_any_text_is_read_as_yaml_does_or_refused(text) -> None:
     except ships.ShipError as error:
         sentence(error)
     else:
-        assert repr(ours) == repr(yaml.safe_load(text))
+        assert repr(ours) == repr(yaml.load(text, documents.LOADER))
 
 
 @given(yaml_values)

@@ -5,8 +5,8 @@ from pathlib import Path
 import xarray as xr
 
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.execute import Watch
 from sweeps.engine.run import Place, sweep
+from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import read_choices
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import flights, measured

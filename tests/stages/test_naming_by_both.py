@@ -24,9 +24,9 @@ from scipy.stats import multivariate_normal
 from ncti.classify import GaussianTemplates
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.execute import Watch
 from sweeps.engine.plan import Plan
 from sweeps.engine.run import Place, sweep
+from sweeps.engine.schedule import Watch
 from sweeps.stages import fusion
 from sweeps.stages.fusion import CHANNELS, calibrate, check, similarity
 from sweeps.stages.likelihood import profile_moments, profile_scores

@@ -11,10 +11,9 @@ from range_channel import EXPERIMENT, choose
 import ncti.ships
 from ncti.render import range_image
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Experiment, value_token
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Output, plain, stage
+from sweeps.engine.stage import Experiment, Output, plain, stage, value_token
 from sweeps.stages import views
 from sweeps.stages.views import Grid, Hull, Sweep, ship_name
 

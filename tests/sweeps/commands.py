@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from sweeps.app import main
+from sweeps.app import command, main
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.execute import Watch
-from sweeps.engine.front import read_configuration, register, replaceable
-from sweeps.engine.inputs import forget_all
-from sweeps.engine.launcher import register_launcher
+from sweeps.engine.front import register, replaceable
 from sweeps.engine.multirun import crossed
 from sweeps.engine.run import Finished, Place, sweep
+from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Choices
+from sweeps.engine.tasks import forget_all
 from sweeps.experiment import EXPERIMENT
-from sweeps.run import command
 
 COMMAND = command()
 register(EXPERIMENT)
-register_launcher(COMMAND.run_jobs, partial(read_configuration, EXPERIMENT))
 
 FAST = ("render.pixel=1", "render.samples=0", "render.engine=embree")
 """Coarse images: what a test does not look at need not be exact."""

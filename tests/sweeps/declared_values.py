@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sweeps.engine.kinds import Count, Draws, Groups, Kind, Number, SetOf, Switch, Text, Word
+from sweeps.engine.kinds import Count, Draws, Groups, Kind, Number, SetOf, Switch, Text, Word, shown
 from sweeps.engine.settings import Setting
 from sweeps.stages.irar import Errors
 from sweeps.stages.views import Ships
@@ -83,7 +83,7 @@ def wrong(setting: Setting) -> list[tuple[Any, str, str]]:
             refused = [
                 ([value], *said) for value, *said in listed if not isinstance(value, list | dict)
             ]
-            refused += [] if kind.null else [(None, "None", kind.kind.allowed)]
+            refused += [] if kind.null else [(None, "null", kind.kind.allowed)]
             return [*refused, *_lists(two(kind)[0])]
         case Errors():
             return [
@@ -96,13 +96,13 @@ def wrong(setting: Setting) -> list[tuple[Any, str, str]]:
             return [([["a"]], "[['a']]", kind.allowed), (3, "3", kind.allowed)]
         case Draws():
             odd = (0, -1, kind.high + 1, 2.5, True, math.nan, None, "many", [1], {})
-            return [(value, repr(value), kind.allowed) for value in odd]
+            return [(value, shown(value), kind.allowed) for value in odd]
         case Text():
             odd = (7, math.nan, True, {"a": 1}, *([] if kind.null else [None]))
             ships = isinstance(kind, Ships)
-            shown = [(value, repr(value), kind.allowed) for value in odd]
-            return [*shown, ("", "''" if ships else "empty", kind.allowed), *_lists(two(kind)[0])]
-    refused = [(value, repr(value), kind.allowed) for value in _odd(kind)]
+            found = [(value, shown(value), kind.allowed) for value in odd]
+            return [*found, ("", "''" if ships else "empty", kind.allowed), *_lists(two(kind)[0])]
+    refused = [(value, shown(value), kind.allowed) for value in _odd(kind)]
     if isinstance(kind, Number | Count):
         low, high = two(kind)
         ended = {"start": low, "stop": high}

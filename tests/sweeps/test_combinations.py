@@ -31,7 +31,13 @@ WRONG = {
     # keys and groups
     "grid.shp=duncan": "grid.shp is no key of the configuration; grid has ship, aspect",
     "+colour=red": "colour is no key of the configuration; it has sensor, grid",
-    "irar.errors.luck=1": "irar.errors.luck is no key of the configuration",
+    "irar.errors.luck=1": "irar.errors.luck is no key of the configuration; irar.errors has "
+    "aircraft_speed, ",
+    "irar.errors=null": "irar.errors is null, but must hold aircraft_speed, ship_speed",
+    "irar.errors=5": "irar.errors is 5, but must hold aircraft_speed, ship_speed",
+    "grid.aspect=${grid.rage}": "grid.aspect is ${grid.rage}, but must refer to keys that have a "
+    "value (grid.rage is no key of the configuration; grid has ship, aspect",
+    "grid.ship=null": "grid.ship is null, but must be a ship, or a list of ships",
     "classifier.mnn=5": "classifier.mnn is 5, but must hold epochs, grow_every",
     "grid=[1]": "grid is a list, but must hold ship, aspect",
     "+experiment=nope": "experiment is 'nope', but must be one of",
@@ -92,7 +98,7 @@ def test_a_wrong_combination_is_refused_in_one_sentence(overrides, folder):
     trimesh.Trimesh(box.vertices, box.faces[1:]).export(folder / "leak.stl")
     given = overrides.split(" ")
     ship = [] if "grid.ship" in overrides else ["grid.ship=duncan"]
-    assert len(WRONG) <= 40
+    assert len(WRONG) <= 45
     assert WRONG[overrides] in sentence(*ship, *given)
     assert [path.name for path in folder.iterdir()] == ["leak.stl"]
 

@@ -13,13 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import bind, nothing_to_check
 from sweeps.engine.front import composing, read_configuration, replaceable
 from sweeps.engine.kinds import Count, Draws, Number, SetOf
 from sweeps.engine.plan import axes_of
 from sweeps.engine.provenance import written
-from sweeps.engine.settings import Choices, read_choices
-from sweeps.engine.settings_table import settings_table
+from sweeps.engine.settings import Choices, read_choices, settings_table
+from sweeps.engine.stage import bind, nothing_to_check
 from sweeps.experiment import EXPERIMENT
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "settings.md"
@@ -134,7 +133,7 @@ def test_every_setting_is_read_by_a_stage_or_says_where_to_run():
 @pytest.fixture(scope="module")
 def rows():
     """Rows of the table of settings by key."""
-    lines = settings_table(EXPERIMENT).splitlines()[2:]
+    lines = settings_table(EXPERIMENT.declared).splitlines()[2:]
     found = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines]
     return {row[0].strip("`"): row for row in found}
 
@@ -151,7 +150,7 @@ def test_it_says_what_it_is_and_in_which_unit(setting, rows):
 
 def test_the_table_is_printed_and_in_the_docs(capsys):
     assert ran("--settings") == 0
-    table = settings_table(EXPERIMENT)
+    table = settings_table(EXPERIMENT.declared)
     assert capsys.readouterr().out == f"{table}\n"
     assert PAGE.read_text(encoding="utf-8") == f"# Settings\n\n{table}\n", (
         "not current: (echo '# Settings'; echo; ncti-sweep --settings) > docs/settings.md"

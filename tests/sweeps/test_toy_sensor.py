@@ -13,9 +13,8 @@ import xarray as xr
 from commands import opened, ran
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.experiment import Table
 from sweeps.engine.settings import Settings, count, number
-from sweeps.engine.stage import Output, stage
+from sweeps.engine.stage import Output, Table, stage
 from sweeps.stages.classifier import STATE, names_by
 from sweeps.stages.views import Grid, looks
 

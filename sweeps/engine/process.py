@@ -1,14 +1,23 @@
-"""Printing that never costs results: a full disk, a closed pipe or a poor terminal is no error."""
+"""This process: what it prints, the requests that end it, its environment and its threads."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from types import FrameType
 from typing import Any
 
 from rich.console import Console
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+# Environment of numerical libraries. Tasks are the parallelism, results must not depend on how a
+# product is split, and threads that wait for one another spin when a neighbour has the cores.
+ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR")}
+
+# what it prints: a full disk, a closed pipe or a poor terminal costs no results
 
 
 def say(name: str, sentence: str) -> None:
@@ -75,3 +84,56 @@ def _settle(stream: Any) -> None:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, stream.fileno())
             os.close(nowhere)
+
+
+# how it is ended
+
+
+class Stopped(BaseException):
+    """The process is asked to end; holds the signal's number."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+        self.name = signal.Signals(number).name
+
+
+@contextmanager
+def stopping() -> Iterator[None]:
+    """Turn requests to end into exceptions, so that workers end in order and something is said."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise Stopped(number)
+
+    before = {}
+    with suppress(ValueError):  # not in the main thread: they are somebody else's
+        before = {one: signal.signal(one, stop) for one in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+# what it runs in
+
+
+@contextmanager
+def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
+    """Set environment variables for a while; restore them, and those named as `changed`."""
+    before = {name: os.environ.get(name) for name in (*variables, *changed)}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Limit numerical libraries to one thread, those that are loaded meanwhile too."""
+    with environment(ONE_THREAD), threadpool_limits(1):
+        yield

@@ -1,0 +1,383 @@
+"""Pictures of silhouettes: images and log-polar maps by range, and the categories they form."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from ncti.features import log_polar, segment
+from ncti.infrared import contrast, pixel_sigma
+from sweeps.report.axes import nominal
+from sweeps.report.rows import setting, source_figures
+from sweeps.report.score_figures import WAYS
+
+# The source's examples: its Figures 6 to 8, and 20.
+SHIP, ASPECT, FRAMES, VIGILANCE = "spruance", 60.0, 16, 0.87
+
+INK, SEA, RING = "#1d3b53", "#e4ecf1", "#c1440e"
+OUTER_RADIUS: float = inspect.signature(log_polar).parameters["outer_radius"].default
+TITLES = ("image above the sea [K]", "silhouette, and the ring that is mapped", "log-polar map")
+LABELS = ("across [m]", "across [m]", "angle [°], 0 right, 90 up")
+
+# Of ships, as in the source's Figure 20: a category is a tint of its ship's.
+SHIP_COLOURS = ("#1f5fa8", "#c0392b", "#2a8c4a", "#d9a300", "#0e8a8a", "#7a5230")
+SHARED_COLOUR = "#54278f"
+
+Colour = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Look:
+    """One image, and what is made of it.
+
+    The centres of its pixels lie at across (col,) and up (row,) on the target [m]; image (row, col)
+    is above the mean of the sea [K], mask (row, col) the silhouette, cells (angle, radius) its map
+    as stored; slant_range [km], way how it got finer than the detector.
+    """
+
+    slant_range: float
+    way: str
+    across: NDArray[np.float64]
+    up: NDArray[np.float64]
+    image: NDArray[np.float64]
+    mask: NDArray[np.bool_]
+    cells: NDArray[np.float64]
+
+    @property
+    def pixel(self) -> float:
+        """Side of a pixel [m]."""
+        return float(self.across[1] - self.across[0])
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top edge [m]."""
+        half, across, up = self.pixel / 2, self.across, self.up
+        return across[0] - half, across[-1] + half, up[0] - half, up[-1] + half
+
+    @property
+    def centroid(self) -> tuple[float, float]:
+        """Of the silhouette [m]; NaN where there is none."""
+        if not self.mask.any():
+            return math.nan, math.nan
+        rows, columns = self.mask.nonzero()
+        return float(self.across[columns].mean()), float(self.up[rows].mean())
+
+    @property
+    def unit(self) -> float:
+        """Radius of the disc of the silhouette's area [m]."""
+        return self.pixel * math.sqrt(int(self.mask.sum()) / math.pi)
+
+    def show(self, axes: Axes, values: NDArray[Any], colours: Any, ends: Any) -> Any:
+        """Draw an image of its pixels, between the ends of a scale."""
+        how: Any = {"origin": "lower", "extent": self.extent, "interpolation": "nearest"}
+        return axes.imshow(values, cmap=colours, vmin=ends[0], vmax=ends[1], **how)
+
+
+def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
+    """Return images of a view, cut out as the sweep does it, the nearest in one resolution."""
+    given = {
+        name: setting(view, configuration, name)
+        for name in ("contrast_at_zero", "extinction", "nedt", "target_spread", "sea_spread")
+    }
+    frames = view.frame_count.item()
+    looks = []
+    for i, slant_range in enumerate(view.range.values.tolist()):
+        warmth = contrast(
+            slant_range * 1e3,
+            contrast_at_zero=given["contrast_at_zero"],
+            extinction=given["extinction"] * 1e-3,
+        )
+        ways = [str(way) for way in view.super_resolution.values]
+        for k, way in enumerate(ways if i else ways[:1]):
+            here = view.isel(range=i, super_resolution=k)
+            whole = here.image.transpose("row", "col").values.astype(np.float64)
+            rows, cols = (np.isfinite(whole).any(axis=axis) for axis in (1, 0))
+            image = whole[np.ix_(rows, cols)]
+            how = {"frame_count": frames, "nedt": given["nedt"], "super_resolution": way}
+            sigmas = {
+                f"{name}_sigma": pixel_sigma(given[f"{name}_spread"], **how)
+                for name in ("target", "sea")
+            }
+            method = str(view.segmentation.item())
+            looks.append(
+                Look(
+                    slant_range=slant_range,
+                    way=way,
+                    across=here.horizontal.values[cols],
+                    up=here.vertical.values[rows],
+                    image=image,
+                    mask=segment(image, method=method, contrast=warmth, **sigmas),
+                    cells=here.log_polar.isel(phase=0).transpose("angle", "radius").values,
+                )
+            )
+    return looks
+
+
+def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Figure:
+    """Draw image, silhouette and log-polar map of a ship, a row a range and super-resolution.
+
+    Values that the store lacks are replaced by their nearest neighbours, a ship by the first one.
+    """
+    kept = ("ship", "aspect", "range", "super_resolution", "frame_count", "phase")
+    here = nominal(images, keep=kept)
+    here = here.sel(aspect=ASPECT, frame_count=FRAMES, method="nearest")
+    ships = [str(name) for name in here.ship.values]
+    view = here.isel(ship=ships.index(SHIP) if SHIP in ships else 0).load()
+    looks, inner = looks_of(view, configuration), view.inner_radius.item()
+
+    # In inches: pixels are square on paper, so heights follow from what is shown [m].
+    length, depth = (setting(view, configuration, f"window_{k}") for k in ("length", "height"))
+    side, bottom, top = 0.475 * length, -0.07 * length, 0.9 * depth
+    wide = 3.5
+    high = wide * (top - bottom) / (2 * side)
+    gap, head, foot = 0.1, 0.6, 0.34
+    groups = [look.slant_range for look in looks]
+    apart = [0.22 * (len(set(groups[: place + 1])) - 1) for place in range(len(looks))]
+    width, height = 11.95, head + len(looks) * (high + gap) + apart[-1] + foot
+    figure = Figure(figsize=(width, height), dpi=130)
+    rows: list[list[Axes]] = []
+    for place, look in enumerate(looks):
+        base = height - head - (place + 1) * (high + gap) + gap - apart[place]
+        image, silhouette, polar = row = [
+            figure.add_axes((left / width, base / height, across / width, high / height))
+            for left, across in ((1.5, wide), (5.7, wide), (9.75, 2.0))
+        ]
+        rows.append(row)
+        _show_silhouette(silhouette, look, inner_radius=inner)
+        _show_map(polar, look.cells, inner_radius=inner)
+        for axes in (image, silhouette):
+            axes.set(xlim=(-side, side), ylim=(bottom, top))
+            axes.set_yticks([0, 20, 40])
+        silhouette.set_yticklabels([])
+        image.set_ylabel("up [m]", fontsize=8)
+        polar.set_ylabel("radius [√(area/π)]", fontsize=8)
+        how: Any = {"xycoords": "axes fraction", "color": INK}
+        slant_range = f"{look.slant_range:g} km"
+        image.annotate(slant_range, (-0.40, 0.72), fontsize=12, weight="bold", **how)
+        below = WAYS.get(look.way, look.way).replace("from ", "from\n")
+        pixel = f"{below}\n{look.pixel:.3g} m pixels"
+        image.annotate(pixel, (-0.40, 0.66), fontsize=8, va="top", **how)
+        for axes in row:
+            axes.tick_params(labelsize=7, length=2.5, labelbottom=look is looks[-1])
+    for one in dict.fromkeys(groups):
+        pairs = zip(rows, looks, strict=True)
+        _show_images([(row[0], look) for row, look in pairs if look.slant_range == one])
+    for axes, title in zip(rows[0], TITLES, strict=True):
+        axes.set_title(title, fontsize=10)
+    for axes, label in zip(rows[-1], LABELS, strict=True):
+        axes.set_xlabel(label, fontsize=8)
+    name, aspect, frames = view.ship.item(), view.aspect.item(), view.frame_count.item()
+    title = f"{str(name).capitalize()} at {aspect:g}° in the passive infrared, {frames} frames"
+    figure.suptitle(title, fontsize=12, y=1 - 0.09 / height)
+    return figure
+
+
+def _show_images(group: list[tuple[Axes, Look]]) -> None:
+    """Images of one range on one scale, with a colour bar beside them."""
+    every = np.concatenate([look.image.ravel() for _, look in group])
+    ends = np.percentile(every, [0.5, 99.5])
+    shown = [look.show(axes, look.image, "inferno", ends) for axes, look in group]
+    first, last = group[0][0].get_position(), group[-1][0].get_position()
+    figure = group[0][0].figure
+    key = figure.add_axes((first.x1 + 0.006, last.y0, 0.008, first.y1 - last.y0))
+    bar = figure.colorbar(shown[-1], cax=key)
+    bar.outline.set_visible(False)
+    bar.locator = MaxNLocator(5)
+    key.set_xlabel("K", fontsize=8, labelpad=1)
+    key.xaxis.set_label_position("top")
+    key.tick_params(labelsize=7, length=2.5)
+
+
+def _show_silhouette(axes: Axes, look: Look, *, inner_radius: float) -> None:
+    """A mask, with its centroid and the two circles between which it is mapped."""
+    look.show(axes, look.mask, ListedColormap([SEA, INK]), (0, 1))
+    axes.set_facecolor(SEA)
+    if look.mask.any():
+        for radius in (inner_radius, OUTER_RADIUS):
+            rim = Circle(look.centroid, radius * look.unit, fill=False, color=RING, lw=0.9, ls="--")
+            axes.add_patch(rim)
+        axes.plot(*look.centroid, "+", color=RING, ms=6)
+
+
+def _show_map(axes: Axes, cells: NDArray[np.float64], *, inner_radius: float) -> None:
+    """A log-polar map, from -90 to 270 degrees so that bow and stern stay whole."""
+    angles, radii = cells.shape
+    angle = np.linspace(-90, 270, angles + 1)
+    radius = inner_radius * (OUTER_RADIUS / inner_radius) ** np.linspace(0, 1, radii + 1)
+    turned = np.roll(cells, angles // 4, axis=0).T
+    axes.pcolormesh(angle, radius, turned, cmap="Blues", vmin=0, vmax=1, rasterized=True)
+    axes.set_yscale("log")
+    ticks = [value for value in (0.5, 1, 2, 3) if inner_radius <= value <= OUTER_RADIUS]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_yticks([], minor=True)
+    axes.set_xticks([-90, 0, 90, 180, 270])
+
+
+@dataclass(frozen=True)
+class Run:
+    """Neighbouring aspects of one ship that share a category.
+
+    The ship is its place on the axis; start and stop are half-way to the neighbours [deg]; category
+    -1 is no answer; confused says whether views of another ship share it.
+    """
+
+    ship: int
+    start: float
+    stop: float
+    category: int
+    confused: bool
+
+    @property
+    def family(self) -> str:
+        """Colour that its category is a tint of."""
+        return SHARED_COLOUR if self.confused else _ship_colour(self.ship)
+
+
+def runs_of(training: xr.Dataset) -> list[Run]:
+    """Return runs of aspects of one category, ship by ship, aspects ascending."""
+    ordered = training.transpose("ship", "aspect")
+    edges = _edges(ordered.aspect.values).tolist()
+    every = zip(ordered.training_category.values, ordered.training_confused.values, strict=True)
+    runs = []
+    for ship, (categories, confused) in enumerate(every):
+        begins = np.flatnonzero(np.diff(categories, prepend=categories[0] - 1))
+        for begin, end in zip(begins, [*begins[1:], categories.size], strict=True):
+            category, shared = int(categories[begin]), bool(confused[begin] == 1)
+            runs.append(Run(ship, edges[begin], edges[end], category, shared))
+    return runs
+
+
+def _edges(aspect: NDArray[Any]) -> NDArray[Any]:
+    """Half-way between aspects, and as far beyond the first and the last [deg]."""
+    if aspect.size == 1:
+        return np.array([aspect[0] - 1.0, aspect[0] + 1.0])
+    between = (aspect[1:] + aspect[:-1]) / 2
+    return np.array([2 * aspect[0] - between[0], *between, 2 * aspect[-1] - between[-1]])
+
+
+def draw_formation(classified: xr.Dataset) -> Figure:
+    """Draw which views share a category, from bow to beam, one strip a ship, and how often.
+
+    The first phase and order at the vigilance nearest to the source's.
+    """
+    kept = ("ship", "aspect", "vigilance", "phase", "order")
+    here = nominal(classified[["training_category", "training_confused"]], keep=kept)
+    here = here.sel(vigilance=VIGILANCE, method="nearest").sortby("aspect")
+    first = here.isel(phase=0, order=0)
+    ships = [str(name) for name in first.ship.values]
+    height = 0.6 * len(ships) + 0.35
+    figure = Figure(figsize=(10.0, 1.5 * height + 1.9), dpi=140, layout="constrained")
+    strips, share = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 0.5])
+    _show_runs(strips, runs_of(first))
+    _show_sharing(share, here)
+    for axes in (strips, share):
+        axes.set_yticks(range(len(ships)), [name.capitalize() for name in ships])
+        for k, label in enumerate(axes.get_yticklabels()):
+            label.set(color=_ship_colour(k), weight="bold")
+        axes.set_ylim(len(ships) - 0.5, -0.5)
+        axes.tick_params(axis="y", length=0)
+        axes.spines[["left", "right", "top", "bottom"]].set_visible(False)
+    strips.tick_params(axis="x", length=0)
+    counts = here.training_category.max(("ship", "aspect")).values + 1
+    answered = int((first.training_category >= 0).sum())
+    title = f"{counts.flat[0]} categories of {answered} silhouettes"
+    title += f", ACN at vigilance {first.vigilance.item():g}"
+    notes = []
+    counts = counts[counts > 0]  # a training that failed formed none
+    if counts.size > 1:
+        low, high = counts.min(), counts.max()
+        formed = f"{low}" if low == high else f"{low} to {high}"
+        notes.append(f"the first of {counts.size} trainings, which form {formed}")
+    source = source_figures()
+    theirs = source["table5_percent_correct"]
+    if (answered, first.vigilance.item()) == (source["experiment"]["views"], theirs["vigilance"]):
+        notes.append(f"the source forms {theirs['categories']}")
+    figure.suptitle("\n".join([title, *(["; ".join(notes)] if notes else [])]), fontsize=11.5)
+    return figure
+
+
+def _ship_colour(ship: int) -> str:
+    return SHIP_COLOURS[ship % len(SHIP_COLOURS)]
+
+
+def _tint(colour: str, share: float) -> Colour:
+    """So much of a colour, and white for the rest."""
+    red, green, blue = (1 - share * (1 - part) for part in to_rgb(colour))
+    return red, green, blue
+
+
+def tints_of(runs: list[Run]) -> dict[tuple[int, int], Colour]:
+    """Return colours of categories by ship and category; white where there was no answer."""
+    families: dict[str, list[int]] = {}
+    for run in runs:
+        family = families.setdefault(run.family, [])
+        if run.category not in family:
+            family.append(run.category)
+    tints = {}
+    for run in runs:
+        family = families[run.family]
+        # Neighbours are far apart: every other one is dark.
+        rank = family.index(run.category)
+        step = rank // 2 / max(1, (len(family) + 1) // 2)
+        share = (0.38 if rank % 2 else 0.74) + 0.26 * step
+        tints[run.ship, run.category] = _tint(run.family, share if run.category >= 0 else 0.0)
+    return tints
+
+
+def _show_runs(axes: Axes, runs: list[Run]) -> None:
+    """Strips of runs, each with the number of its category."""
+    tints = tints_of(runs)
+    for run in runs:
+        colour, width = tints[run.ship, run.category], run.stop - run.start
+        style: Any = {"color": colour, "edgecolor": "white", "linewidth": 1.4}
+        hatch = "////" if run.confused else None
+        axes.barh(run.ship, width, left=run.start, height=0.78, hatch=hatch, **style)
+        if run.category >= 0:
+            axes.text(
+                (run.start + run.stop) / 2,
+                run.ship,
+                str(run.category + 1),
+                ha="center",
+                va="center",
+                fontsize=10 if width > 4 else 8,
+                color="white" if sum(colour) < 1.75 else "black",
+                bbox={"fc": colour, "ec": "none", "boxstyle": "round,pad=0.15"} if hatch else None,
+            )
+    axes.set_xlim(min(run.start for run in runs), max(run.stop for run in runs))
+    shared = _tint(SHARED_COLOUR, 0.8)
+    keys = [
+        Patch(color="0.6", label="a ship's own category, a tint each"),
+        Patch(fc=shared, ec="white", hatch="////", label="a category that ships share"),
+    ]
+    place: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 0.99), "borderaxespad": 0.0}
+    axes.legend(handles=keys, ncols=2, frameon=False, fontsize=9, **place)
+
+
+def _show_sharing(axes: Axes, training: xr.Dataset) -> None:
+    """Share of all trainings in which a view's category is another ship's, too."""
+    draws = training.sizes["phase"] * training.sizes["order"]
+    known = training.training_confused.where(training.training_category >= 0)
+    share = 100 * known.mean(("phase", "order")).transpose("ship", "aspect")
+    colours = LinearSegmentedColormap.from_list("shared", ["#f1eef6", SHARED_COLOUR])
+    edges = _edges(share.aspect.values), np.arange(share.sizes["ship"] + 1) - 0.5
+    style: Any = {"vmin": 0, "vmax": 100, "edgecolor": "white", "linewidth": 0.8}
+    mesh = axes.pcolormesh(*edges, share.values, cmap=colours, **style)
+    axes.set_xlabel("aspect [°], 0 bow-on, 90 port beam")
+    axes.set_xticks(np.arange(0, float(share.aspect.max()) + 1, 15))
+    what = "one training" if draws == 1 else f"{draws} trainings"
+    axes.set_title(f"Share of {what} in which another ship has the view's category", fontsize=10)
+    bar = axes.figure.colorbar(mesh, ax=axes, pad=0.01, aspect=12)
+    bar.outline.set_visible(False)
+    bar.set_label("shared [%]", fontsize=9)
