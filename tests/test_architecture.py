@@ -38,7 +38,7 @@ OF_THE_EXPERIMENT = (
     r"frame_counts?|receivers?|classifiers?|ncti)(?![a-z])"
 )
 
-LONGEST_CHAIN = 15
+LONGEST_CHAIN = 9
 """Modules of `sweeps` on the longest way from the command down, each of which imports the next."""
 
 LONGEST_MODULE = 400

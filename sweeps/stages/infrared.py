@@ -187,7 +187,7 @@ def check(choices: Choices) -> Choices:
 
 def _check_window(choices: Choices, ship: Value) -> None:
     """Refuse a ship that images do not hold."""
-    vertices = views.read_mesh(views.hull(ship)).vertices
+    vertices = views.read_vertices(views.hull(ship))
     longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
     highest = float(vertices[:, 2].max())
     for setting, needed in ((Infrared.window_length, longest), (Infrared.window_height, highest)):

@@ -10,7 +10,8 @@ import numpy as np
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.plan import Plan
 from sweeps.engine.results import open_index, read_cells
-from sweeps.engine.schedule import Job, Schedule, Watch, execute
+from sweeps.engine.run import execute
+from sweeps.engine.schedule import Job, Schedule, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Experiment
 from sweeps.engine.tasks import forget_all, run_calls
