@@ -39,9 +39,10 @@ class RangeExtent:
         Side of an IFOV [rad].
     slant_range : float
         Sensor to ship origin [m].
-    difference : (ifov, bin) float64 ndarray or None
-        Fractions by the even lines of a line image less those by the odd ones, as parts of the
-        fraction; None from a range image.
+    difference : (bin,) float64 ndarray or None
+        What odd and even lines of a line image disagree in: the fractions of all IFOVs by the
+        ones less those by the others, which together are the sum of `fraction`. None of a range
+        image.
     """
 
     fraction: NDArray[np.float64]
@@ -53,11 +54,11 @@ class RangeExtent:
     difference: NDArray[np.float64] | None = None
 
     @property
-    def error(self) -> float | None:
-        """Estimated error of the ship's range extent, sum |p - q| / sum q; None of an image."""
+    def error(self) -> float:
+        """Estimated error of the ship's range extent, sum |p - q| / sum q; NaN of an image."""
         return self.error_after(np.ones((1, 1)))
 
-    def error_after(self, kernel: Floats) -> float | None:
+    def error_after(self, kernel: Floats) -> float:
         """Estimated error of the ship's range extent after a pulse.
 
         Parameters
@@ -67,9 +68,9 @@ class RangeExtent:
 
         Returns
         -------
-        float or None
+        float
             Estimate of sum |p - q| / sum q, p the extent after the pulse and q the exact one;
-            None of an image, which does not know its error.
+            NaN of an image, which does not know its error.
 
         Notes
         -----
@@ -79,8 +80,8 @@ class RangeExtent:
         a bound for nearly all views, and twice the error of most.
         """
         if self.difference is None:
-            return None
-        return estimated_error(self.difference.sum(axis=0), self.fraction.sum(axis=0), kernel)
+            return math.nan
+        return estimated_error(self.difference, self.fraction.sum(axis=0), kernel)
 
     @property
     def density(self) -> NDArray[np.float64]:
@@ -92,7 +93,7 @@ class RangeExtent:
 
 
 def estimated_error(difference: Floats, whole: Floats, kernel: Floats) -> float:
-    """Estimate of sum |p - q| / sum q, see `RangeExtent.error_after`, from (bin,) sums over IFOVs."""
+    """Estimated sum |p - q| / sum q, from (bin,) sums over IFOVs; see `RangeExtent.error_after`."""
     if kernel.shape != (1, 1):
         difference, whole = kernel @ difference, kernel @ whole
     total = float(whole.sum())
@@ -190,7 +191,7 @@ def range_extent(
         )
         cell, reach = parts.cell, parts.reach
         even, odd = parts.area[:, 0] / side**2, parts.area[:, 1] / side**2
-        fraction, difference = even + odd, even - odd
+        fraction, difference = even + odd, (even - odd).sum(axis=0)
     else:
         r, horizontal, vertical = _places(image, slant_range)
         reach = float(np.abs(r).max(initial=0.0))

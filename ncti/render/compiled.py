@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable
 from functools import cache
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event
 from platformdirs import user_cache_path
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -47,3 +49,24 @@ def _folder() -> str:
     except OSError:
         return ""
     return str(folder) if os.access(folder, os.W_OK | os.X_OK) else ""
+
+
+class _Announcer(event.Listener):
+    """Says once a process that functions of this project are being compiled."""
+
+    def on_start(self, event: Any) -> None:
+        function = event.data["dispatcher"].py_func
+        if function.__module__.startswith("ncti.") and not self.said:
+            self.said = True
+            kept = f", and kept in {_folder()}" if _folder() else ""
+            logging.getLogger("ncti").warning(
+                "the line engine is compiled, once: some seconds%s", kept
+            )
+
+    def on_end(self, event: Any) -> None:
+        """Do nothing."""
+
+    said = False
+
+
+event.register("numba:compile", _Announcer())

@@ -138,6 +138,8 @@ hits = stage(
     Output("bits", ("byte",), "u1"),
     Output("columns", dtype="i8"),
     Output("lattice", ("part",), "f8"),
+    Output("line", ("piece",), "i4"),
+    Output("span", ("piece", "end"), "f8"),
     reads={"image": "infrared_image"},
     name="hits",
 )(pack_hits)

@@ -9,8 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.infrared import Silhouette, coverage_of, pixel_sigma, shifted_images, thermal_images
-from ncti.render import Lattice, RangeImage
+from ncti.infrared import (
+    Silhouette,
+    coverage_of,
+    pixel_sigma,
+    shifted_images,
+    silhouette,
+    thermal_images,
+)
+from ncti.render import Lattice, LineImage, RangeImage
 from sweeps.engine.seeds import cell_rng
 
 MARGIN = 4  # pixels of sea around a ship
@@ -23,34 +30,53 @@ HALVES = {"none": 2, "perfect": 1, "shifted": 1}
 """By way of super-resolution: how many half pixels of the detector a pixel is wide."""
 
 
-def pack_hits(image: RangeImage) -> Bits:
-    """Return where a range image shows the ship.
+def pack_hits(image: RangeImage | LineImage) -> Bits:
+    """Return where a range image, or lines, show the ship.
 
     Returns
     -------
     dict of str to ndarray
-        bits : (byte,) uint8, a bit a pixel; columns : (), of the image; lattice : (4,) float64,
-        pixel, origin and roll.
+        lattice : (4,) float64, pixel, origin across and up, and roll; of lines their spacing, 0,
+        phase and roll. bits : (byte,) uint8, a bit a pixel; columns : (), of the image, 0 of lines.
+        line : (piece,) int32 and span : (piece, 2) float64, begin and end of what lines see.
     """
+    if isinstance(image, LineImage):
+        return {
+            "lattice": np.array([image.spacing, 0.0, image.phase, image.roll]),
+            "bits": np.zeros(0, np.uint8),
+            "columns": np.array(0),
+            "line": image.line,
+            "span": image.piece[:, :2],
+        }
     return {
+        "lattice": np.array([image.pixel, *image.origin, image.roll]),
         "bits": np.packbits(image.hit),
         "columns": np.array(image.hit.shape[1]),
-        "lattice": np.array([image.pixel, *image.origin, image.roll]),
+        "line": np.zeros(0, np.int32),
+        "span": np.zeros((0, 2)),
     }
 
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Patches of ship across the line of sight: (point,) cross-ranges [m], area of one [m^2]."""
+    """Patches of ship across the line of sight: (point,) cross-ranges [m], area of one [m^2].
+
+    Of lines, points are the ends of pieces, and `lines` has what lies between.
+    """
 
     horizontal: Floats
     vertical: Floats
     area: float
+    lines: LineImage | None = None
 
     @classmethod
     def of(cls, hits: Bits) -> Patches:
         """Patches of a stage `hits`."""
         pixel, left, bottom, roll = hits["lattice"].tolist()
+        if not hits["columns"]:
+            lines = _flat(hits["line"], hits["span"], spacing=pixel, phase=bottom, roll=roll)
+            horizontal, vertical = lines.cross_range()
+            return cls(horizontal, vertical, pixel**2, lines)
         # Of the flat image: np.nonzero of two axes takes several times as long.
         rows, cols = np.divmod(np.flatnonzero(np.unpackbits(hits["bits"])), int(hits["columns"]))
         return cls(*Lattice(pixel, (left, bottom), roll).cross_range_at(rows, cols), pixel**2)
@@ -65,16 +91,21 @@ class Patches:
 
     def covering(self, footprint: float, place: Place, *, subdivision: int) -> Silhouette:
         """Coverage of a detector's pixels with this footprint [m], or of parts of them."""
-        return coverage_of(
-            self.horizontal,
-            self.vertical,
-            area=self.area,
-            footprint=footprint,
-            phase=place,
-            margin=MARGIN,
-            extent=self.extent,
-            subdivision=subdivision,
-        )
+        window: dict[str, Any] = {"footprint": footprint, "phase": place, "margin": MARGIN}
+        window |= {"extent": self.extent, "subdivision": subdivision}
+        if self.lines is not None:
+            return silhouette(self.lines, **window)
+        return coverage_of(self.horizontal, self.vertical, area=self.area, **window)
+
+
+def _flat(
+    line: NDArray[np.int32], span: Floats, *, spacing: float, phase: float, roll: float
+) -> LineImage:
+    """Lines of which only the place across the line of sight counts."""
+    nothing = np.zeros_like(span)
+    surface = np.zeros(len(line), np.int32)
+    piece = np.concatenate([span, nothing], axis=1)
+    return LineImage(line, piece, surface, np.zeros((1, 3)), spacing, phase, 0.0, 0.0, roll)
 
 
 def footprint_at(slant_range: float, ifov: float) -> float:

@@ -14,12 +14,23 @@ from ncti import ladar as library
 from ncti.features.profile import EDGE
 from ncti.ladar import RECEIVERS, RangeExtent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
-from ncti.render import RangeImage
+from ncti.render import LineImage, RangeImage
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, count, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
 from sweeps.stages import views
-from sweeps.stages.views import INFRARED, RANGE, SHAPES, STATUS, Grid, Sweep, looks, quantity
+from sweeps.stages.views import (
+    INFRARED,
+    LINES,
+    RANGE,
+    SHAPES,
+    STATUS,
+    Grid,
+    Render,
+    Sweep,
+    looks,
+    quantity,
+)
 
 Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
@@ -73,6 +84,12 @@ def stores_moments(choices: Choices) -> bool:
     return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in names)
 
 
+def by_lines(choices: Choices) -> bool:
+    """Whether some of what is seen is seen along lines, which know their error."""
+    along = LINES in choices[Render.engine] or any(choices[Render.tolerance])
+    return looks(RANGE)(choices) and along
+
+
 _profile = partial(stage, uses=(Grid, Ladar), group=PROFILES, when=looks(RANGE), status=STATUS)
 _bins = partial(stage, uses=(Grid, Ladar), group=PROFILES, coordinates=True)
 
@@ -94,11 +111,12 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
     ),
     Output("down_range", ("down_range",), "f8", label="centres of the bins", unit="m"),
     Output("cell", ("ifov", "side"), "i8", label="column and row of each IFOV"),
+    Output("difference", ("down_range",), "f8", label="of odd and even lines; NaN without lines"),
     uses=(Grid, Ladar),
     status=STATUS,
 )
 def extent(
-    image: RangeImage,
+    image: RangeImage | LineImage,
     range: float,
     ifov: float,
     bin_width: float,
@@ -116,13 +134,44 @@ def extent(
         spread=spread,
         reflectance=reflectance,
     )
-    return {"fraction": found.fraction, "down_range": found.down_range, "cell": found.cell}
+    unknown = np.full(found.down_range.shape, np.nan)
+    return {
+        "fraction": found.fraction,
+        "down_range": found.down_range,
+        "cell": found.cell,
+        "difference": unknown if found.difference is None else found.difference,
+    }
 
 
 @in_memory(uses=(Grid, Ladar))
 def ifovs(extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeExtent:
     """Return the range extent as the library has it."""
     return RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
+
+
+@_profile(
+    Output(
+        "profile_error",
+        label="estimated error of the range extent after the pulse, sum |p - q| over sum q",
+    ),
+    Output("within_tolerance", dtype="i1", label="1 where that is within render.tolerance"),
+    dims=(*VIEW, "range"),
+    when=by_lines,
+)
+def profile_error(
+    ifovs: RangeExtent, pulse_width: float, bin_width: float, fineness: tuple[float, ...]
+) -> Arrays:
+    """Return what lines say of their error: NaN of other engines, -1 without a tolerance."""
+    kernel = library.target_kernel(
+        pulse_width=pulse_width * 1e-9,
+        bin_width=bin_width,
+        bin_count=ifovs.down_range.size,
+    )
+    error = ifovs.error_after(kernel**2)
+    return {
+        "profile_error": np.array(error),
+        "within_tolerance": np.array(error <= fineness[0] if fineness else -1),
+    }
 
 
 @plain(uses=(Ladar,))
@@ -296,6 +345,6 @@ def _check_window(choices: Choices) -> None:
 
 SETTINGS: tuple[type[Settings], ...] = (Ladar,)
 STAGES: tuple[Stage, ...] = (
-    *(cnr_at_range, signal, extent, ifovs, expected, averaged, covariance),
+    *(cnr_at_range, signal, extent, ifovs, profile_error, expected, averaged, covariance),
     *(profile_bins, lags),
 )

@@ -14,18 +14,30 @@ from typing import TYPE_CHECKING, Any
 from platformdirs import user_cache_path
 
 import ncti.ships
-from ncti.render import ROLL, EngineError, RangeImage, choose_engine, engines, range_image
+from ncti.ladar import lines_within
+from ncti.render import (
+    ROLL,
+    EngineError,
+    LineImage,
+    RangeImage,
+    choose_engine,
+    engines,
+    line_image,
+    range_image,
+    refined,
+)
 from ncti.render.flight import depression_angle
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Text, Value, ascending, shown
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
-from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
+from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain, stage
 
 if TYPE_CHECKING:
     import numpy as np
     import trimesh
     from numpy.typing import NDArray
 
+LINES = "lines"  # the engine without pixels
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 MOST_FRAMES = 10_000
 FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
@@ -156,11 +168,19 @@ class Render(Settings, key="render"):
 
     engine = word(
         "auto",
-        ("auto", *engines()),
+        ("auto", *engines(), LINES),
         label="what draws",
-        help="auto: osmesa, else egl, else embree",
+        help="lines: exact along lines a pixel apart; auto: osmesa, else egl, else embree, and "
+        "lines where there is a tolerance",
     )
     pixel = quantity(0.25, 0.01, 5, "m", "pixel on the target")
+    tolerance = number(
+        None,
+        1e-5,
+        0.5,
+        label="share by which a range extent may err after the shortest pulse of the grid",
+        help="by as many lines as that takes; null: render.pixel decides",
+    )
     samples = count(
         20_000,
         0,
@@ -196,12 +216,25 @@ def hull(ship: ShipName) -> Hull:
 
 
 @plain(uses=(Render,))
-def drawing_engine(engine: str) -> str:
+def drawing_engine(engine: str, tolerance: float | None) -> str:
     """Return the name of the engine that draws; `ConfigurationError` if it does not start here."""
+    if tolerance is not None and engine not in ("auto", LINES):
+        raise ConfigurationError(
+            f"render.tolerance is {tolerance:g}, but must be null where render.engine is {engine}, "
+            "which does not know its error"
+        )
+    if engine == LINES or tolerance is not None:
+        return LINES
     try:
         return choose_engine(engine)
     except EngineError as error:
         raise ConfigurationError(f"render.engine is {engine!r}: {error}") from error
+
+
+@stage(uses=(Grid, Render), gather=(Grid.pulse_width,), plain=True)
+def fineness(pulse_width: tuple[float, ...], tolerance: float | None) -> tuple[float, ...]:
+    """Return the tolerance and the shortest pulse [ns] after which it holds, or nothing."""
+    return () if tolerance is None else (tolerance, min(pulse_width))
 
 
 @plain(uses=(Grid, Scene))
@@ -220,22 +253,32 @@ def mesh(hull: Hull) -> trimesh.Trimesh:
     return read_mesh(hull)
 
 
-@in_memory(uses=(Grid, Render), also=("embreex", "PyOpenGL", "pyrender"))
+@in_memory(uses=(Grid, Render), also=("embreex", "numba", "PyOpenGL", "pyrender"))
 def image(
     mesh: trimesh.Trimesh,
     aspect: float,
     depression: float,
     drawing_engine: str,
+    fineness: tuple[float, ...],
     pixel: float,
     samples: int,
     roll: float,
-) -> RangeImage:
-    """Return the range image at the configured pixel, or a finer one where that has few samples.
+) -> RangeImage | LineImage:
+    """Return what is seen at the configured pixel, or at a finer one where that has few samples.
 
     Ends of ships are small: at one pixel for all, they would err several times more than
-    broadsides, and it is the ends that tell ships apart.
+    broadsides, and it is the ends that tell ships apart. With a tolerance, lines are as fine as it
+    takes.
     """
     view: dict[str, Any] = {"aspect": aspect, "depression": depression, "roll": roll}
+    if fineness:
+        tolerance, pulse_width = fineness
+        return lines_within(mesh, tolerance=tolerance, pulse_width=pulse_width * 1e-9, **view)
+    if drawing_engine == LINES:
+        lines = line_image(mesh, spacing=pixel, **view)
+        while 0 < lines.area.sum() < samples * lines.spacing**2 and lines.spacing > FINEST * pixel:
+            lines = refined(mesh, lines)
+        return lines
     drawn = range_image(mesh, pixel=pixel, engine=drawing_engine, **view)
     hits = int(drawn.hit.sum())
     if 0 < hits < samples:
@@ -319,6 +362,6 @@ def check_beam(
 
 
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
-STAGES: tuple[Stage, ...] = (hull, drawing_engine, depression, mesh, image)
+STAGES: tuple[Stage, ...] = (hull, drawing_engine, fineness, depression, mesh, image)
 STATUS = "status:view"
 STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of what the sensors see of a view"),)
