@@ -50,7 +50,7 @@ def test_light_from_above_makes_a_deck_brighter_than_a_side_as_steep(box):
 OF_FLIGHTS = {"flight", "validation", "sensitivity", "measured"}
 
 
-@pytest.mark.parametrize("kind", [*figures.KINDS.keys() - OF_FLIGHTS])
+@pytest.mark.parametrize("kind", sorted(figures.KINDS.keys() - OF_FLIGHTS))
 def test_pictures_of_a_store_are_small_enough_for_a_page(kind, smoke_store, tmp_path, monkeypatch):
     picture = tmp_path / f"{kind}.png"
     monkeypatch.setattr(sys, "argv", ["figures", kind, str(smoke_store), str(picture)])

@@ -27,46 +27,6 @@ from sweeps.stages.irar import (
 )
 from sweeps.stages.views import Grid
 
-# Least and most of a key.
-NUMBERS = {
-    "range": (0.1, 1000),
-    "depression": (0.1, 60),
-    "aircraft_speed": (1, 1000),
-    "ship_speed": (0, 50),
-    "aircraft_heading": (-360, 360),
-    "aircraft_track": (-360, 360),
-    "offset": (-360, 360),
-    "pointing": (-360, 360),
-    "mirror_angle": (1, 80),
-    "ifov": (1, 10_000),
-    "line_rate": (1, 100_000),
-    "samples": (2, 10_000),
-    "pulse_rate": (1, 1e9),
-    "range_gate": (10, 1e5),
-    "detectors": (1, 1000),
-    "jitter": (0, 10_000),
-    "jitter_time": (1e-6, 1000),
-    "transom_gain": (0, 1000),
-    "mast_gain": (0, 1000),
-    "cnr": (-100, 90),
-    "pulse_width": (2, 1000),
-    "range_sigma": (0, 100),
-    "threshold": (0, 1e9),
-    "nedt": (0, 1000),
-    "segmentation_threshold": (0, 1e9),
-    "profile_range": (1, 1000),
-    "profile_frames": (1, 10_000),
-}
-WHOLE = ("samples", "detectors", "profile_frames")
-WITH_NULL = ("aircraft_track", "pointing", "segmentation_threshold")
-WORDS = {
-    "chain": ("exact", "printed", "printed_pulse_rate"),
-    "azimuth": ("pixel", "line", "constant", "none"),
-    "mirror": ("exact", "printed", "rotation", "none"),
-    "range_filter": ("cluster", "median", "mean"),
-}
-SETS = ("errors", "autofocus", "flown", "pictures")
-
 
 def refused(**given):
     """The sentence for what is given."""
@@ -75,36 +35,6 @@ def refused(**given):
     said = str(caught.value)
     assert "\n" not in said
     return said
-
-
-def test_every_key_is_tried():
-    keys = {setting.key.removeprefix("irar.") for setting in Irar.declared}
-    assert keys == {*NUMBERS, *WORDS, *SETS}
-
-
-@pytest.mark.parametrize("key", NUMBERS)
-def test_numbers_are_axes_within_their_bounds(key):
-    setting, (low, high) = getattr(Irar, key), NUMBERS[key]
-    assert read(**{key: [high, low]})[setting] == (low, high)
-    for beyond in (low - 1e-7 - abs(low) * 1e-9, high * 1.001 + 1):
-        said = refused(**{key: [low, beyond]})
-        assert said.startswith(f"irar.{key} has") and f"at least {low:g}" in said
-    for wrong in ("3", True, float("nan"), [], [low, low]):
-        assert f"irar.{key} " in refused(**{key: wrong})
-    if key in WITH_NULL:
-        assert read(**{key: [low, None]})[setting] == (None, low)
-    else:
-        assert "null" not in refused(**{key: None}) and f"irar.{key}" in refused(**{key: None})
-    if key in WHOLE:
-        assert "a whole number" in refused(**{key: 2.5})
-        assert all(isinstance(value, int) for value in read(**{key: [high, low]})[setting])
-
-
-@pytest.mark.parametrize("key", WORDS)
-def test_words_are_axes(key):
-    setting = getattr(Irar, key)
-    assert read(**{key: list(WORDS[key])})[setting] == tuple(sorted(WORDS[key]))
-    assert f"irar.{key} has 'perhaps'" in refused(**{key: "perhaps"})
 
 
 def test_pictures_are_no_axis_and_change_no_number():
