@@ -41,7 +41,7 @@ from sweeps.stages.views import (
     Grid,
     Render,
     Sweep,
-    drawing_engine,
+    drawing_engines,
     hull,
     looks,
     read_mesh,
@@ -97,8 +97,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
             if hasattr(one, "check_meshes"):
                 one.check_meshes(choices, lambda ship: read_mesh(hull.function(ship)))
         # What drew is part of a store's name, not that something should.
-        engines = sorted({drawing_engine.function(word) for word in choices[Render.engine]})
-        return choices.having(Render.engine, tuple(engines))
+        return choices.having(Render.engine, drawing_engines(choices))
 
     def remarks(choices: Choices) -> list[str]:
         return [

@@ -22,8 +22,9 @@ COARSEST = 1.0
 FINEST = 1 / 64
 """Distance between the last lines [m], whose error is some 0.003 %."""
 
-BINS_A_PULSE = 8
-"""Bins in the length of the pulse, of the range extent that is judged."""
+SPARE = 0.98
+"""Part of the tolerance that is used: the wavefront, at a range that is not known here, bends the
+extent into other bins by a hair."""
 
 
 def lines_within(
@@ -35,6 +36,7 @@ def lines_within(
     pulse_width: float,
     roll: float = ROLL,
     slant_range: float | None = None,
+    bin_width: float = 1.0,
 ) -> LineImage:
     """The fewest lines whose range extent is within a tolerance.
 
@@ -46,6 +48,8 @@ def lines_within(
         Largest error of the ship's range extent after the pulse, sum |p - q| / sum q.
     pulse_width : float
         Full width of pulse and matched filter at 1/e^2 of the intensity [s].
+    bin_width : float
+        Range bins of the extent [m].
 
     Returns
     -------
@@ -74,14 +78,17 @@ def lines_within(
         slant_range=slant_range,
     )
     reach = float(np.abs(lines.down_range).max(initial=0.0)) + SPEED_OF_LIGHT * pulse_width
-    width = SPEED_OF_LIGHT * pulse_width / 2 / BINS_A_PULSE
-    count = 2 * math.ceil(reach / width)
-    kernel = target_kernel(pulse_width=pulse_width, bin_width=width, bin_count=count) ** 2
+    count = 2 * math.ceil(reach / bin_width)
+    kernel = target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=count) ** 2
     while lines.spacing > FINEST:
         (area,) = lines.bin(
-            side=1e9, shift=(0.5, 0.5), near=-count / 2 * width, bin_width=width, bin_count=count
+            side=1e9,
+            shift=(0.5, 0.5),
+            near=-count / 2 * bin_width,
+            bin_width=bin_width,
+            bin_count=count,
         ).area
-        if estimated_error(area[0] - area[1], area.sum(axis=0), kernel) <= tolerance:
+        if estimated_error(area[0] - area[1], area.sum(axis=0), kernel) <= SPARE * tolerance:
             break
         lines = refined(mesh, lines)
     return lines

@@ -231,6 +231,17 @@ def drawing_engine(engine: str, tolerance: float | None) -> str:
         raise ConfigurationError(f"render.engine is {engine!r}: {error}") from error
 
 
+def drawing_engines(choices: Choices) -> tuple[str, ...]:
+    """Return the names of all engines that draw; `ConfigurationError` if one cannot."""
+    tolerances = choices[Render.tolerance]
+    if None in tolerances and len(tolerances) > 1:
+        raise ConfigurationError(
+            "render.tolerance has null beside numbers, but must be all null or all numbers"
+        )
+    words = choices[Render.engine]
+    return tuple(sorted({drawing_engine.function(word, tolerances[0]) for word in words}))
+
+
 @stage(uses=(Grid, Render), gather=(Grid.pulse_width,), plain=True)
 def fineness(pulse_width: tuple[float, ...], tolerance: float | None) -> tuple[float, ...]:
     """Return the tolerance and the shortest pulse [ns] after which it holds, or nothing."""
@@ -259,10 +270,10 @@ def image(
     aspect: float,
     depression: float,
     drawing_engine: str,
-    fineness: tuple[float, ...],
     pixel: float,
     samples: int,
     roll: float,
+    fineness: tuple[float, ...],
 ) -> RangeImage | LineImage:
     """Return what is seen at the configured pixel, or at a finer one where that has few samples.
 

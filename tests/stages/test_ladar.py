@@ -26,7 +26,7 @@ def signal(cnr, receiver="full_profile"):
 @pytest.fixture(scope="module")
 def image():
     mesh = views.mesh(views.hull(views.ship_name("duncan")))
-    return views.image(mesh, 63.0, 3.84, "embree", 0.5, 0, views.ROLL)
+    return views.image(mesh, 63.0, 3.84, "embree", 0.5, 0, views.ROLL, ())
 
 
 @pytest.fixture(scope="module")

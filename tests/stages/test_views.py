@@ -146,7 +146,7 @@ def drawn(monkeypatch):
 
 def image_of(aspect, samples=20_000):
     hull = views.hull(ship_name("duncan"))
-    return views.image(views.mesh(hull), aspect, 3.84, "embree", 0.25, samples, views.ROLL)
+    return views.image(views.mesh(hull), aspect, 3.84, "embree", 0.25, samples, views.ROLL, ())
 
 
 def test_ends_are_drawn_finer_and_broadsides_once(drawn):
@@ -219,7 +219,7 @@ def test_an_engine_that_is_not_there_is_refused(monkeypatch):
 
     monkeypatch.setattr(views, "choose_engine", choose_none)
     with pytest.raises(ConfigurationError, match=r"^render\.engine is 'egl': it does not start$"):
-        views.drawing_engine("egl")
+        views.drawing_engine("egl", None)
 
 
 def test_ranges_beyond_the_scene_are_refused():
