@@ -25,25 +25,47 @@ nearly in order."""
 
 
 @compiled
-def project(vertices: Floats, axes: Floats, centre: Floats, curvature: float) -> Floats:
-    """Return (vertex, 4): x = h/w, y = v/w and q = r/w, w = 1 + r k, and room for one more.
+def project(
+    vertices: Floats, axes: Floats, centre: Floats, curvature: float
+) -> tuple[Floats, Floats]:
+    """Return (vertex, 3) x = h/w, y = v/w and q = r/w, w = 1 + r k, and their (3, 2) bounds.
 
     Straight edges stay straight and flat surfaces flat in (x, y, q), at any range.
     """
-    seen = np.empty((len(vertices), 4))
+    point = np.empty((len(vertices), 3))
+    left = bottom = near = np.inf
+    right = top = far = -np.inf
     for i in range(len(vertices)):
         a, b, c = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         h = axes[0, 0] * a + axes[0, 1] * b + axes[0, 2] * c + centre[0]
         v = axes[1, 0] * a + axes[1, 1] * b + axes[1, 2] * c + centre[1]
         r = axes[2, 0] * a + axes[2, 1] * b + axes[2, 2] * c + centre[2]
         scale = 1.0 / (1.0 + curvature * r)
-        seen[i, 0], seen[i, 1], seen[i, 2] = h * scale, v * scale, r * scale
+        x, y, q = h * scale, v * scale, r * scale
+        point[i, 0], point[i, 1], point[i, 2] = x, y, q
+        left, bottom, near = min(left, x), min(bottom, y), min(near, q)
+        right, top, far = max(right, x), max(top, y), max(far, q)
+    return point, np.array([[left, right], [bottom, top], [near, far]])
+
+
+@compiled
+def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Indices:
+    """Return (surface + 1,) the number of each surface that faces the sensor, else -1.
+
+    The last stands for no surface.
+    """
+    seen = np.empty(len(area) + 1, np.int32)
+    seen[-1] = -1
+    for s in range(len(area)):
+        facing = area[s, 0] * towards[0] + area[s, 1] * towards[1] + area[s, 2] * towards[2]
+        seen[s] = s if facing > moment[s] * curvature else -1
     return seen
 
 
 @compiled
 def cross(
     point: Floats,
+    bounds: Floats,
     edge: Indices,
     seen: Indices,
     spacing: float,
@@ -64,14 +86,11 @@ def cross(
     """
     # A line is crossed by an edge if it separates the levels of its vertices. Levels are of
     # vertices, not of edges: so every surface begins on a line as often as it ends.
-    highest, lowest = -np.inf, np.inf
-    left_most, right_most = np.inf, -np.inf
+    lowest = np.int64(np.ceil(bounds[1, 0] / spacing - phase))
+    lines = np.int64(np.ceil(bounds[1, 1] / spacing - phase)) - lowest
+    level = np.empty(len(point), np.int32)
     for i in range(len(point)):
-        level = np.ceil(point[i, 1] / spacing - phase)
-        point[i, 3] = level
-        lowest, highest = min(lowest, level), max(highest, level)
-        left_most, right_most = min(left_most, point[i, 0]), max(right_most, point[i, 0])
-    lines = np.int64(highest - lowest)
+        level[i] = np.int64(np.ceil(point[i, 1] / spacing - phase)) - lowest
 
     # Edges that count: they part levels, and a side of theirs is seen. No branch, for the
     # processor could not foresee it.
@@ -79,20 +98,19 @@ def cross(
     number = 0
     for e in range(len(edge)):
         used[number] = e
-        apart = point[edge[e, 0], 3] != point[edge[e, 1], 3]
+        apart = level[edge[e, 0]] != level[edge[e, 1]]
         number += apart & ((seen[edge[e, 2]] & seen[edge[e, 3]]) >= 0)
 
     # Number of crossings of each line; edges sorted by strips.
     start = np.zeros(lines + 1, np.int64)
     strip = np.empty(number, np.int32)
     strips = np.zeros(ORDERED + 1, np.int64)
-    narrow = (ORDERED - 1) / max(2 * (right_most - left_most), 1e-300)
+    narrow = (ORDERED - 1) / max(2 * (bounds[0, 1] - bounds[0, 0]), 1e-300)
     for n in range(number):
         i, j = edge[used[n], 0], edge[used[n], 1]
-        low, high = point[i, 3], point[j, 3]
-        start[np.int64(min(low, high) - lowest)] += 1
-        start[np.int64(max(low, high) - lowest)] -= 1
-        strip[n] = np.int32((point[i, 0] + point[j, 0] - 2 * left_most) * narrow)
+        start[min(level[i], level[j])] += 1
+        start[max(level[i], level[j])] -= 1
+        strip[n] = np.int32((point[i, 0] + point[j, 0] - 2 * bounds[0, 0]) * narrow)
         strips[strip[n] + 1] += 1
     for s in range(ORDERED):
         strips[s + 1] += strips[s]
@@ -113,18 +131,18 @@ def cross(
         e = order[n]
         i, j = edge[e, 0], edge[e, 1]
         left, right = seen[edge[e, 2]], seen[edge[e, 3]]
-        if point[i, 3] > point[j, 3]:
+        if level[i] > level[j]:
             i, j, left, right = j, i, right, left
         # Upwards, what lies left of the edge ends there.
         x, y, q = point[i, 0], point[i, 1], point[i, 2]
         run, per_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
-        for k in range(np.int64(point[i, 3]), np.int64(point[j, 3])):
-            share = min(max(((k + phase) * spacing - y) * per_rise, 0.0), 1.0)
-            at = free[k - np.int64(lowest)]
-            free[k - np.int64(lowest)] = at + 1
+        for k in range(level[i], level[j]):
+            share = min(max(((lowest + k + phase) * spacing - y) * per_rise, 0.0), 1.0)
+            at = free[k]
+            free[k] = at + 1
             t[at], depth[at] = x + run * share, q + deep * share
             ends[at], begins[at] = left, right
-    return np.int64(lowest), start, t, depth, ends, begins
+    return lowest, start, t, depth, ends, begins
 
 
 @compiled

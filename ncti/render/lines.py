@@ -53,7 +53,7 @@ class LineImage:
     surface : (piece,) int32 ndarray
         Flat surface of the ship that is seen.
     normal : (surface, 3) float64 ndarray
-        Outward unit normals along column, row and away; zero where there is no area.
+        Outward unit normals in the ship frame; zero where there is no area.
     spacing : float
         Distance between lines, at the range of the ship origin [m].
     phase : float
@@ -102,7 +102,7 @@ class LineImage:
     @property
     def cosine(self) -> Floats:
         """(piece,) float64 ndarray: cosine of incidence in the middle of each piece."""
-        n = self.normal[self.surface]
+        n = self.normal[self.surface] @ View(self.aspect, self.depression, self.roll).axes.T
         x, y, k = self.piece[:, :2].mean(axis=1), self._height, self.curvature
         sight = np.sqrt(1.0 + k**2 * (x**2 + y**2))
         cosine: Floats = np.maximum(-(n[:, 2] + k * (n[:, 0] * x + n[:, 1] * y)) / sight, 0.0)
@@ -275,28 +275,25 @@ def line_image(
     the lines, as many as OMP_NUM_THREADS says or the process has processors; the result is the
     same, bit for bit.
     """
-    from ncti.render.line_sweep import cross, project
+    from ncti.render.line_sweep import cross, face, project
 
     require("spacing", spacing, positive=True)
     require("phase", phase)
     view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
     surfaces = Surfaces.of(mesh)
     axes = view.axes
-    point = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
-    if view.slant_range is not None or np.ptp(point[:, 1]) > MAX_LINES * spacing:
-        _check(surfaces, view, spacing)
-    # As an edge, a surface has a number if it faces the sensor, and else -1.
-    facing = surfaces.area @ -axes[2] > surfaces.moment * view.curvature
-    seen = np.full(len(facing) + 1, -1, dtype=np.int32)
-    seen[:-1][facing] = np.flatnonzero(facing)
-    first, start, t, depth, ends, begins = cross(point, surfaces.edge, seen, spacing, phase)
-    line, piece, surface = _swept(start, (t, depth, ends, begins), surfaces=len(facing))
+    point, bounds = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
+    _check(bounds, view, spacing, surfaces)
+    seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
+    crossings = cross(point, bounds, surfaces.edge, seen, spacing, phase)
+    first, start, t, depth, ends, begins = crossings
+    line, piece, surface = _swept(start, (t, depth, ends, begins), surfaces=len(surfaces.area))
     line += first
     return LineImage(
         line,
         piece,
         surface,
-        surfaces.normals @ axes.T,
+        surfaces.normals,
         spacing=float(spacing),
         phase=float(phase),
         aspect=view.aspect,
@@ -343,12 +340,12 @@ def refined(mesh: trimesh.Trimesh, lines: LineImage) -> LineImage:
     )
 
 
-def _check(surfaces: Surfaces, view: View, spacing: float) -> None:
-    """Refuse a sensor within the ship, and more lines than memory holds."""
-    places = (surfaces.vertices + surfaces.centre) @ view.axes.T
-    view.check_clear(float(places[:, 2].min()))
-    height = places[:, 1] / (1.0 + view.curvature * places[:, 2])
-    lines = float(np.ptp(height)) / spacing
+def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
+    """Refuse a sensor within the ship, and more lines than there may be."""
+    if view.slant_range is not None:  # behind the sensor, w is negative, and bounds are of no use
+        away = (surfaces.vertices + surfaces.centre) @ view.axes[2]
+        view.check_clear(float(away.min()))
+    lines = (bounds[1, 1] - bounds[1, 0]) / spacing
     if lines > MAX_LINES:
         raise ValueError(
             f"spacing is {spacing:g} m, which makes {lines:.0f} lines: there may be {MAX_LINES}."
