@@ -25,6 +25,7 @@ from ncti.render import (
     line_image,
     range_image,
     refined,
+    start_lines,
 )
 from ncti.render.flight import depression_angle
 from sweeps.engine.errors import ConfigurationError
@@ -239,7 +240,10 @@ def drawing_engines(choices: Choices) -> tuple[str, ...]:
             "render.tolerance has null beside numbers, but must be all null or all numbers"
         )
     words = choices[Render.engine]
-    return tuple(sorted({drawing_engine.function(word, tolerances[0]) for word in words}))
+    found = tuple(sorted({drawing_engine.function(word, tolerances[0]) for word in words}))
+    if LINES in found:
+        start_lines()
+    return found
 
 
 @stage(uses=(Grid, Render), gather=(Grid.pulse_width,), plain=True)
