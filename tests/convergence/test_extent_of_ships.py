@@ -24,7 +24,7 @@ from metric import (
 from reference import reference_range_extent
 
 import ncti.ships
-from ncti.ladar import range_extent
+from ncti.ladar import lines_within, range_extent
 from ncti.ladar.pulse import target_kernel
 from ncti.render import line_image, range_image
 
@@ -192,6 +192,29 @@ def test_lines_know_their_error(spacing, pulse_width):
     bars = np.array([lined(*view, spacing=spacing).error_after(kernel) for view in views])
     assert np.mean(errors <= bars) >= 0.95
     assert np.median(bars / errors) <= 3
+
+
+@pytest.mark.parametrize(("tolerance", "pulse_width"), [(0.01, 10e-9), (0.002, PULSE)])
+def test_as_many_lines_as_a_tolerance_takes(tolerance, pulse_width):
+    """Stopping where the estimate is small enough does not make it a worse bound."""
+    errors, bars = [], []
+    kernel = target_kernel(pulse_width=pulse_width, bin_width=1.0, bin_count=250) ** 2
+    for name, aspect, depression in ANY:
+        lines = lines_within(
+            ship(name),
+            aspect=aspect,
+            depression=depression,
+            tolerance=tolerance,
+            pulse_width=pulse_width,
+        )
+        extent = range_extent(lines, slant_range=FAR, ifov=SIDE / FAR)
+        exact = truth(name, aspect, depression).area.sum(axis=0)
+        errors.append(error(areas(extent).sum(axis=0), exact, pulse_width))
+        bars.append(extent.error_after(kernel))
+    errors, bars = np.array(errors), np.array(bars)
+    assert np.all(bars <= tolerance)
+    assert np.mean(errors <= bars) >= 0.95
+    assert np.all(errors <= 1.2 * tolerance)
 
 
 def test_an_image_does_not_know_its_error():
