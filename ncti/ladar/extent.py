@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
+from ncti.ladar.pulse import target_response
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
 
@@ -56,21 +57,21 @@ class RangeExtent:
     @property
     def error(self) -> float:
         """Estimated error of the ship's range extent, sum |p - q| / sum q; NaN of an image."""
-        return self.error_after(np.ones((1, 1)))
+        return self.error_after(0.0)
 
-    def error_after(self, kernel: Floats) -> float:
-        """Estimated error of the ship's range extent after a pulse.
+    def error_after(self, pulse_width: float) -> float:
+        """Return the estimated error of the ship's range extent after a pulse.
 
         Parameters
         ----------
-        kernel : (bin, bin) or (1, 1) float64 ndarray
-            Response of every range bin to area in every range bin; (1, 1) for none.
+        pulse_width : float
+            Full width of pulse and matched filter at 1/e^2 of the intensity [s]; 0 for none.
 
         Returns
         -------
         float
-            Estimate of sum |p - q| / sum q, p the extent after the pulse and q the exact one;
-            NaN of an image, which does not know its error.
+            Estimate of sum |p - q| / sum q, p the extent after the pulse and q the exact one; NaN
+            of an image, which does not know its error, and where nothing is seen.
 
         Notes
         -----
@@ -81,7 +82,9 @@ class RangeExtent:
         """
         if self.difference is None:
             return math.nan
-        return estimated_error(self.difference, self.fraction.sum(axis=0), kernel)
+        return estimated_error(
+            self.difference, self.fraction.sum(axis=0), pulse_width, bin_width=self.bin_width
+        )
 
     @property
     def density(self) -> NDArray[np.float64]:
@@ -92,12 +95,15 @@ class RangeExtent:
         return self.fraction * (REFERENCE_BIN / self.bin_width)
 
 
-def estimated_error(difference: Floats, whole: Floats, kernel: Floats) -> float:
-    """Estimated sum |p - q| / sum q, from (bin,) sums over IFOVs; see `RangeExtent.error_after`."""
-    if kernel.shape != (1, 1):
-        difference, whole = kernel @ difference, kernel @ whole
+def estimated_error(
+    difference: Floats, whole: Floats, pulse_width: float, *, bin_width: float
+) -> float:
+    """Return the estimated sum |p - q| / sum q from (bin,) sums; see `RangeExtent.error_after`."""
+    if pulse_width > 0.0:
+        response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
+        difference, whole = np.convolve(difference, response), np.convolve(whole, response)
     total = float(whole.sum())
-    return ERROR * float(np.abs(difference).sum()) / total if total > 0 else 0.0
+    return ERROR * float(np.abs(difference).sum()) / total if total > 0 else math.nan
 
 
 def range_extent(

@@ -23,6 +23,25 @@ def shortest_pulse(bin_width: float) -> float:
     return MIN_BINS * math.sqrt(2) * bin_width / SPEED_OF_LIGHT
 
 
+def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float64]:
+    """Field response to one scatterer over the range bins around it, as far as it counts.
+
+    Parameters
+    ----------
+    pulse_width, bin_width
+        As in `target_kernel`.
+
+    Returns
+    -------
+    (bin,) float64 ndarray
+        A row of `target_kernel`, of an odd number of bins, down to exp(-16) of its peak.
+    """
+    n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
+    reach = math.ceil(2 * n_z)
+    response: NDArray[np.float64] = np.exp(-4 * np.arange(-reach, reach + 1) ** 2 / n_z**2)
+    return response / math.sqrt(n_z)
+
+
 @lru_cache(maxsize=32)
 def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
     """Field response of every range bin to a scatterer in every range bin.

@@ -9,22 +9,21 @@ import numpy as np
 
 from ncti.checks import require
 from ncti.ladar.extent import estimated_error
-from ncti.ladar.pulse import SPEED_OF_LIGHT, target_kernel
 from ncti.render.lines import LineImage, line_image, refined
 from ncti.render.view import ROLL
 
 if TYPE_CHECKING:
     import trimesh
 
-COARSEST = 1.0
-"""Distance between the first lines [m]: their error is estimated well from there on."""
-
 FINEST = 1 / 64
-"""Distance between the last lines [m], whose error is some 0.003 %."""
+"""Distance between lines [m] that are not refined further: the error of ships is some 0.003 %."""
+
+FEWEST = 32
+"""Lines across a ship below which odd and even ones may agree by chance."""
 
 SPARE = 0.98
-"""Part of the tolerance that is used: the wavefront, at a range that is not known here, bends the
-extent into other bins by a hair."""
+"""Part of the tolerance that is used: at the range of the sensor, not known in the far field, the
+wavefront moves some of the extent into the next bin, and the estimate with it."""
 
 
 def lines_within(
@@ -37,6 +36,7 @@ def lines_within(
     roll: float = ROLL,
     slant_range: float | None = None,
     bin_width: float = 1.0,
+    spacing: float = 1.0,
 ) -> LineImage:
     """The fewest lines whose range extent is within a tolerance.
 
@@ -50,12 +50,14 @@ def lines_within(
         Full width of pulse and matched filter at 1/e^2 of the intensity [s].
     bin_width : float
         Range bins of the extent [m].
+    spacing : float
+        Distance between the first lines [m].
 
     Returns
     -------
     LineImage
-        The first of ever finer lines, 1, 1/2, 1/4 ... 1/64 m apart, whose estimated error is
-        within the tolerance; the last of them if none is.
+        The first of ever finer lines, each half as far apart, whose estimated error is within the
+        tolerance, down to 1/64 m; the last of them if none is.
 
     Raises
     ------
@@ -73,22 +75,26 @@ def lines_within(
         mesh,
         aspect=aspect,
         depression=depression,
-        spacing=COARSEST,
+        spacing=spacing,
         roll=roll,
         slant_range=slant_range,
     )
-    reach = float(np.abs(lines.down_range).max(initial=0.0)) + SPEED_OF_LIGHT * pulse_width
-    count = 2 * math.ceil(reach / bin_width)
-    kernel = target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=count) ** 2
-    while lines.spacing > FINEST:
-        (area,) = lines.bin(
-            side=1e9,
-            shift=(0.5, 0.5),
-            near=-count / 2 * bin_width,
-            bin_width=bin_width,
-            bin_count=count,
-        ).area
-        if estimated_error(area[0] - area[1], area.sum(axis=0), kernel) <= SPARE * tolerance:
-            break
+    while lines.spacing > FINEST and not _within(lines, tolerance, pulse_width, bin_width):
         lines = refined(mesh, lines)
     return lines
+
+
+def _within(lines: LineImage, tolerance: float, pulse_width: float, bin_width: float) -> bool:
+    """Whether lines are known to err by no more than the tolerance."""
+    if not len(lines.line) or np.ptp(lines.line) < FEWEST:
+        return False
+    bins = math.ceil(float(np.abs(lines.down_range).max()) / bin_width)
+    ((even, odd),) = lines.bin(
+        side=1e9,
+        shift=(0.5, 0.5),
+        near=-bins * bin_width,
+        bin_width=bin_width,
+        bin_count=2 * bins,
+    ).area
+    error = estimated_error(even - odd, even + odd, pulse_width, bin_width=bin_width)
+    return error <= SPARE * tolerance

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import stat
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -24,13 +25,13 @@ def compiled(function: F) -> F:
 
     Notes
     -----
-    The folder is that of NUMBA_CACHE_DIR, of NCTI_CACHE, or the user's own, open to nobody else.
-    Where none can be written, code is compiled in each process. Division by zero gives infinity,
-    as with arrays, and other threads of Python run meanwhile.
+    The folder is that of NUMBA_CACHE_DIR, of NCTI_CACHE, or the user's own. Where it cannot be
+    written, or another user could write it, code is compiled in each process. Division by zero
+    gives infinity, as with arrays, and other threads of Python run meanwhile.
     """
     config: Any = numba.config  # its names are made when it is imported
     before = config.CACHE_DIR
-    config.CACHE_DIR = before or _folder()
+    config.CACHE_DIR = _folder()
     try:
         kept = bool(config.CACHE_DIR)
         dispatcher: Any = numba.njit(cache=kept, nogil=True, error_model="numpy")(function)
@@ -41,14 +42,21 @@ def compiled(function: F) -> F:
 
 @cache
 def _folder() -> str:
-    """Return the folder for machine code, or nothing where it cannot be made."""
-    given = os.environ.get(CACHE_VARIABLE)
-    folder = (Path(given) if given else user_cache_path("ncti-sweep")) / "compiled"
+    """Return the folder for machine code; nothing where it is not this user's to write alone."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    shared = os.environ.get(CACHE_VARIABLE)
+    own = (Path(shared) if shared else user_cache_path("ncti-sweep")) / "compiled"
+    folder = Path(given) if given else own
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.stat()
     except OSError:
         return ""
-    return str(folder) if os.access(folder, os.W_OK | os.X_OK) else ""
+    # What numba keeps there is run when it is read.
+    alone = not hasattr(os, "geteuid") or (
+        found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    )
+    return str(folder) if alone and os.access(folder, os.W_OK | os.X_OK) else ""
 
 
 class _Announcer(event.Listener):

@@ -188,7 +188,9 @@ def sweep(
     ending, beginning = np.empty(most, np.int32), np.empty(most, np.int32)
     # Of the surfaces that the line is over: crossing where it began, and depth = base + tilt t.
     over, base, tilt = np.empty(most, np.int32), np.empty(most), np.empty(most)
-    where = np.full(surfaces, -1, np.int32)  # of a surface: in the one list, then in the other
+    # Of a surface: its place in the one list, then in the other, and how often it has begun more
+    # than ended. Within a merged surface, seams may begin it again before it ends.
+    where, within = np.full(surfaces, -1, np.int32), np.zeros(surfaces, np.int32)
     number = 0
     for k in range(lines):
         first, n = start[k], start[k + 1] - start[k]
@@ -206,23 +208,30 @@ def sweep(
             z[m], ending[m], beginning[m] = depth[c], ends[c], begins[c]
             stop[m] = -np.inf
             if ending[m] >= 0:
+                within[ending[m]] -= 1
                 i = where[ending[m]]
-                if i >= 0:
+                if i >= 0 and within[ending[m]] == 0:
                     where[ending[m]] = -1
                     stop[i] = at[m]
                     if at[m] > at[i]:
                         slope[i] = (z[m] - z[i]) / (at[m] - at[i])
             if beginning[m] >= 0:
-                where[beginning[m]] = m
+                within[beginning[m]] += 1
+                if within[beginning[m]] == 1:
+                    where[beginning[m]] = m
         for m in range(n):
             if beginning[m] >= 0:
-                where[beginning[m]] = -1
+                where[beginning[m]], within[beginning[m]] = -1, 0
+            if ending[m] >= 0:
+                within[ending[m]] = 0
         # The sweep: `shown` began what is seen, from `since` on; it is at `front` in the list.
         active, front, shown, since = 0, -1, -1, 0.0
         for m in range(n):
             now = at[m]
             fresh = beginning[m] >= 0 and stop[m] > now
             slot = where[ending[m]] if ending[m] >= 0 else -1
+            if slot >= 0 and stop[over[slot]] > now:  # a seam
+                slot = -1
             if slot < 0 and not fresh:
                 continue
             # Surfaces that run through one another change places between crossings.

@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-PHASE = 21 / 64
-"""Place of the lines from the line of sight through the ship origin [spacing]. Hulls are mirrored
-about that line when seen from the bow, so lines should not be. Halvings of it are exact."""
+PHASE = 21845 / 2**16
+"""Place of the lines from the line of sight through the ship origin [spacing]: a third, since hulls
+seen from the bow are mirrored about that line and lines should not be; of sixteen binary digits, so
+that lines refined by halving lie where finer lines do, to the bit."""
 
 FEWEST = 64
 """Lines that are worth a thread of their own."""
@@ -173,14 +174,14 @@ class LineImage:
                 self.spacing,
                 self.phase,
                 (np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))),
-                side,
-                shift,
+                float(side),
+                (float(shift[0]), float(shift[1])),
                 self.curvature,
                 1.0 / reach if reach and curved else 0.0,
                 np.sqrt(8 * reach * bin_width / 50) if reach and curved else np.inf,
-                near,
-                bin_width,
-                bin_count,
+                float(near),
+                float(bin_width),
+                int(bin_count),
             )
         )
 
@@ -248,7 +249,7 @@ def line_image(
         Distance from the sensor to the ship origin [m]; the far field when not given. Perspective
         and the curvature of the wavefront are exact.
     phase : float
-        Place of the lines, from the line of sight through the ship origin [spacing].
+        Place of the lines, from the line of sight through the ship origin [spacing], -2 to 2.
 
     Returns
     -------
@@ -278,14 +279,14 @@ def line_image(
     from ncti.render.line_sweep import cross, face, project
 
     require("spacing", spacing, positive=True)
-    require("phase", phase)
+    require("phase", phase, minimum=-2.0, maximum=2.0)
     view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
     surfaces = Surfaces.of(mesh)
     axes = view.axes
     point, bounds = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
     _check(bounds, view, spacing, surfaces)
     seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
-    crossings = cross(point, bounds, surfaces.edge, seen, spacing, phase)
+    crossings = cross(point, bounds, surfaces.edge, seen, float(spacing), float(phase))
     first, start, t, depth, ends, begins = crossings
     line, piece, surface = _swept(start, (t, depth, ends, begins), surfaces=len(surfaces.area))
     line += first
@@ -380,7 +381,7 @@ def _swept(
                 return count, piece, surface
             room *= 4
 
-    swept = [part(0)] if parts == 1 else list(_pool(parts).map(part, range(parts)))
+    swept = [part(0)] if parts == 1 else list(_pool(parts, os.getpid()).map(part, range(parts)))
     counts, piece, surface = (
         found[0] if parts == 1 else np.concatenate(found) for found in zip(*swept, strict=True)
     )
@@ -389,9 +390,13 @@ def _swept(
 
 def _threads() -> int:
     given = os.environ.get("OMP_NUM_THREADS", "")
-    return int(given) if given.isdigit() and int(given) else len(os.sched_getaffinity(0))
+    if given.isdigit() and int(given):
+        return int(given)
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux has it
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 @cache
-def _pool(threads: int) -> ThreadPoolExecutor:
+def _pool(threads: int, process: int) -> ThreadPoolExecutor:
+    """Threads of this process: they do not survive a fork."""
     return ThreadPoolExecutor(threads, thread_name_prefix="lines")

@@ -12,6 +12,10 @@ from ncti.render.compiled import compiled
 Floats = NDArray[np.float64]
 
 
+NOTHING = 1e-8
+"""Area, in squares of the spacing, below which a cell sees nothing."""
+
+
 class Parts(NamedTuple):
     """What a grid of square cells sees of a ship.
 
@@ -102,16 +106,31 @@ def bin_pieces(
     left, bottom = np.floor(left), np.floor(bottom)
     from_left, from_bottom = shift[0] - left, shift[1] - bottom
     columns, rows = int(np.floor(right) - left) + 1, int(np.floor(top) - bottom) + 1
-    area = np.zeros((rows * columns, 2, bins))
-    touched = np.zeros(rows * columns, np.bool_)
+    # Numbers of the cells that pieces may reach, so that there is no room for others.
+    number = np.full((rows, columns), -1, np.int64)
+    for p in range(len(line)):
+        y = (line[p] + phase) * spacing
+        h, v = piece[p, 0] * cos - y * sin + from_left, piece[p, 0] * sin + y * cos + from_bottom
+        i, j = min(int(h), columns - 1), min(int(v), rows - 1)
+        h, v = piece[p, 1] * cos - y * sin + from_left, piece[p, 1] * sin + y * cos + from_bottom
+        last_i, last_j = min(int(h), columns - 1), min(int(v), rows - 1)
+        number[min(j, last_j) : max(j, last_j) + 1, min(i, last_i) : max(i, last_i) + 1] = 0
+    cells = 0
+    for j in range(rows):
+        for i in range(columns):
+            if number[j, i] == 0:
+                number[j, i] = cells
+                cells += 1
+    area = np.zeros((cells, 2, bins))
     reach = 0.0
     for p in range(len(line)):
         y = (line[p] + phase) * spacing
         begin, end = piece[p, 0], piece[p, 1]
         h, v = begin * cos - y * sin + from_left, begin * sin + y * cos + from_bottom
-        i, j = int(h), int(v)
+        # Rounding may put what is on a border past it.
+        i, j = min(int(h), columns - 1), min(int(v), rows - 1)
         h, v = end * cos - y * sin + from_left, end * sin + y * cos + from_bottom
-        last_i, last_j = int(h), int(v)
+        last_i, last_j = min(int(h), columns - 1), min(int(v), rows - 1)
         parity = line[p] & 1
         slope = (piece[p, 3] - piece[p, 2]) / (end - begin)
         low = begin
@@ -127,8 +146,7 @@ def bin_pieces(
                 if i == last_i or upper < high:
                     high, across = upper, False
             high = min(max(high, low), end)
-            into = j * columns + i
-            touched[into] = True
+            into = number[j, i]
             # A bent wavefront in pieces short enough to be straight.
             parts = 1 + int((high - low) / chord)
             step = (high - low) / parts
@@ -164,8 +182,12 @@ def bin_pieces(
                 i += 1 if last_i > i else -1
             else:
                 j += 1 if last_j > j else -1
-    seen = np.flatnonzero(touched)
-    cell = np.empty((len(seen), 2), np.int64)
-    cell[:, 0] = seen % columns + int(left)
-    cell[:, 1] = seen // columns + int(bottom)
-    return cell, area[seen], reach
+    # What rounding alone puts into a cell is not seen there.
+    seen = area.sum(axis=2).sum(axis=1) > NOTHING * spacing**2
+    cell = np.empty((cells, 2), np.int64)
+    for j in range(rows):
+        for i in range(columns):
+            if number[j, i] >= 0:
+                cell[number[j, i], 0] = i + int(left)
+                cell[number[j, i], 1] = j + int(bottom)
+    return cell[seen], area[seen], reach

@@ -74,6 +74,8 @@ class Surfaces:
     def _prepare(cls, solid: Solid) -> Surfaces:
         place, same = np.unique(solid.vertices, axis=0, return_inverse=True)
         faces, kept = _distinct(same.reshape(-1)[solid.faces])
+        if not len(faces):
+            raise ValueError("mesh has only facets without area: at least one must have some.")
         normals = solid.normals[kept]
         count = len(faces)
         corner = place[faces]

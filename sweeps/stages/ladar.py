@@ -149,6 +149,14 @@ def ifovs(extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeE
     return RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
 
 
+@stage(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width), plain=True)
+def fineness(
+    pulse_width: tuple[float, ...], bin_width: tuple[float, ...], tolerance: float | None
+) -> tuple[float, ...]:
+    """Return a tolerance, the shortest pulse [ns] and bin [m] in which it holds; or nothing."""
+    return () if tolerance is None else (tolerance, min(pulse_width), min(bin_width))
+
+
 @_profile(
     Output(
         "profile_error",
@@ -158,16 +166,9 @@ def ifovs(extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeE
     dims=(*VIEW, "range"),
     when=by_lines,
 )
-def profile_error(
-    ifovs: RangeExtent, pulse_width: float, bin_width: float, fineness: tuple[float, ...]
-) -> Arrays:
+def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float, ...]) -> Arrays:
     """Return what lines say of their error: NaN of other engines, -1 without a tolerance."""
-    kernel = library.target_kernel(
-        pulse_width=pulse_width * 1e-9,
-        bin_width=bin_width,
-        bin_count=ifovs.down_range.size,
-    )
-    error = ifovs.error_after(kernel**2)
+    error = ifovs.error_after(pulse_width * 1e-9)
     return {
         "profile_error": np.array(error),
         "within_tolerance": np.array(error <= fineness[0] if fineness else -1),
@@ -345,6 +346,6 @@ def _check_window(choices: Choices) -> None:
 
 SETTINGS: tuple[type[Settings], ...] = (Ladar,)
 STAGES: tuple[Stage, ...] = (
-    *(cnr_at_range, signal, extent, ifovs, profile_error, expected, averaged, covariance),
+    *(fineness, cnr_at_range, signal, extent, ifovs, profile_error, expected, averaged, covariance),
     *(profile_bins, lags),
 )

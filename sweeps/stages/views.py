@@ -31,7 +31,7 @@ from ncti.render.flight import depression_angle
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Text, Value, ascending, shown
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
-from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain, stage
+from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
 
 if TYPE_CHECKING:
     import numpy as np
@@ -180,7 +180,7 @@ class Render(Settings, key="render"):
         1e-5,
         0.5,
         label="share by which a range extent may err after the shortest pulse of the grid",
-        help="by as many lines as that takes; null: render.pixel decides",
+        help="by as many lines as that takes, from one a pixel on; null: as many as pixels",
     )
     samples = count(
         20_000,
@@ -246,10 +246,9 @@ def drawing_engines(choices: Choices) -> tuple[str, ...]:
     return found
 
 
-@stage(uses=(Grid, Render), gather=(Grid.pulse_width,), plain=True)
-def fineness(pulse_width: tuple[float, ...], tolerance: float | None) -> tuple[float, ...]:
-    """Return the tolerance and the shortest pulse [ns] after which it holds, or nothing."""
-    return () if tolerance is None else (tolerance, min(pulse_width))
+def with_pixels(engine: str) -> str:
+    """Return the engine, or another where that has no pixels."""
+    return "auto" if engine == LINES else engine
 
 
 @plain(uses=(Grid, Scene))
@@ -283,12 +282,13 @@ def image(
 
     Ends of ships are small: at one pixel for all, they would err several times more than
     broadsides, and it is the ends that tell ships apart. With a tolerance, lines are as fine as it
-    takes.
+    takes, from one a pixel on.
     """
     view: dict[str, Any] = {"aspect": aspect, "depression": depression, "roll": roll}
     if fineness:
-        tolerance, pulse_width = fineness
-        return lines_within(mesh, tolerance=tolerance, pulse_width=pulse_width * 1e-9, **view)
+        tolerance, pulse_width, bin_width = fineness
+        within = {"tolerance": tolerance, "pulse_width": pulse_width * 1e-9, "bin_width": bin_width}
+        return lines_within(mesh, spacing=pixel, **within, **view)
     if drawing_engine == LINES:
         lines = line_image(mesh, spacing=pixel, **view)
         while 0 < lines.area.sum() < samples * lines.spacing**2 and lines.spacing > FINEST * pixel:
@@ -377,6 +377,6 @@ def check_beam(
 
 
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
-STAGES: tuple[Stage, ...] = (hull, drawing_engine, fineness, depression, mesh, image)
+STAGES: tuple[Stage, ...] = (hull, drawing_engine, depression, mesh, image)
 STATUS = "status:view"
 STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of what the sensors see of a view"),)

@@ -14,7 +14,7 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Experiment, Output, plain, stage, value_token
-from sweeps.stages import views
+from sweeps.stages import ladar, views
 from sweeps.stages.views import Grid, Hull, Sweep, ship_name
 
 
@@ -188,10 +188,9 @@ def images_of(**given):
     experiment = Experiment(
         "images",
         "Images",
-        settings=views.SETTINGS,
+        settings=(*views.SETTINGS, *ladar.SETTINGS),
         stages=(
-            *views.STAGES,
-            own_depression,
+            *(*views.STAGES, ladar.fineness, own_depression),
             views.image_stage("own_image", depression="own_depression"),
             size,
         ),

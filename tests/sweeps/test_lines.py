@@ -57,6 +57,13 @@ def test_another_pulse_that_is_longer_changes_nothing(tmp_path, cache):
     assert first.identical(more.sel(pulse_width=[10, 30]))
 
 
+def test_a_tolerance_leaves_beams_resolved(tmp_path, cache):
+    """However loose, lines are at least as fine as pixels: 0.6 m beams at 4 km see the ship."""
+    overrides = ("render.tolerance=0.4", "grid.range=4", "grid.aspect=40")
+    found = profiles(tmp_path, cache, *overrides, "render.samples=0")
+    assert np.all(np.isfinite(found.expected))
+
+
 def test_images_have_no_error_in_the_store(tmp_path, cache):
     assert "profile_error" not in profiles(tmp_path, cache, *FAST)
 
