@@ -23,9 +23,9 @@ class EmbreeEngine:
         self._lock = Lock()
 
     def visible(
-        self, solid: Solid, view: View, lattice: Lattice
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The pixels that see the ship, and the facet that each sees."""
+        self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+    ) -> NDArray[np.int32]:
+        """The facet that each pixel sees, -1 for none."""
         column, row, away = view.axes
         k = view.curvature
         h = lattice.origin[0] + lattice.pixel * np.arange(lattice.columns)
@@ -34,13 +34,11 @@ class EmbreeEngine:
         # From the near plane, so that float32 sees distances of the size of the ship only.
         start = (1.0 + k * lattice.near) * across + (lattice.near * away - solid.centre)
         direction = k * across + away if k > 0.0 else away
-        facet = self.cast(
+        return self.cast(
             solid,
             start.astype(np.float32).reshape(-1, 3),
             direction.astype(np.float32).reshape(-1, 3),
         )
-        pixel = np.flatnonzero(facet >= 0)
-        return pixel, facet[pixel].astype(np.intp)
 
     def cast(
         self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]

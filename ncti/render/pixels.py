@@ -1,0 +1,182 @@
+"""What a view's pixels ask of the facets of a ship, as compiled loops.
+
+Most facets of a ship are smaller than a pixel or seen from behind, and no pixel centre is within
+them: an engine that is not shown them draws the same image.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.render.compiled import compiled
+from ncti.render.solid import STEEP, STEEPEST
+
+Floats = NDArray[np.float64]
+
+
+@compiled
+def place(points: Floats, curvature: float, pixel: float, column: float, row: float) -> Floats:
+    """Return (vertex, 2): where vertices are seen, in pixels from the centre of pixel [0, 0].
+
+    Parameters
+    ----------
+    points : (3, vertex) float64 ndarray
+        Coordinates along the axes of the view [m].
+    curvature : float
+        Of the wavefront [1/m].
+    pixel : float
+        Pixel side [m].
+    column, row : float
+        Coordinates of the centre of pixel [0, 0] [pixel].
+    """
+    seen = np.empty((points.shape[1], 2))
+    for i in range(len(seen)):
+        scale = 1.0 / (pixel * (1.0 + curvature * points[2, i]))
+        seen[i, 0] = points[0, i] * scale - column
+        seen[i, 1] = points[1, i] * scale - row
+    return seen
+
+
+@compiled
+def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
+    """Return the facets, ascending, that face the sensor and have a pixel centre within them.
+
+    Parameters
+    ----------
+    seen : (vertex, 2) float64 ndarray
+        Where vertices are seen [pixel].
+    faces : (facet, 3) int32 ndarray
+        Vertices of each facet, counter-clockwise from outside.
+    margin : float
+        How far an engine may take vertices to be from there along either axis [pixel]. No facet
+        is left out that has a centre within it then.
+
+    Notes
+    -----
+    Moved vertices leave a triangle within its Minkowski sum with a square: each side moves out by
+    `margin` (|dx| + |dy|) over its length, and every row of centres has an interval of that.
+    """
+    found = np.empty(len(faces), np.int32)
+    number = 0
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay = seen[i, 0], seen[i, 1]
+        bx, by = seen[j, 0], seen[j, 1]
+        cx, cy = seen[k, 0], seen[k, 1]
+        left, right = min(ax, min(bx, cx)) - margin, max(ax, max(bx, cx)) + margin
+        low, high = min(ay, min(by, cy)) - margin, max(ay, max(by, cy)) + margin
+        # Twice the area, and what moved vertices may add to it.
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        edge_on = 4.0 * margin * (right - left + high - low)
+        # No branch between them, for the processor could not foresee it.
+        found[number] = f
+        number += (area >= -edge_on) & (math.ceil(low) <= high) & (math.ceil(left) <= right)
+    candidates, number = number, 0
+    for n in range(candidates):
+        f = found[n]
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        found[number] = f
+        number += _covers(seen[i], seen[j], seen[k], margin)
+    return found[:number]
+
+
+@compiled
+def _covers(a: Floats, b: Floats, c: Floats, margin: float) -> bool:
+    """Return whether a triangle that faces the sensor has a pixel centre within the margin."""
+    left, right = min(a[0], min(b[0], c[0])) - margin, max(a[0], max(b[0], c[0])) + margin
+    low, high = min(a[1], min(b[1], c[1])) - margin, max(a[1], max(b[1], c[1])) + margin
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    if area <= 4.0 * margin * (right - left + high - low):
+        return True  # it may turn over when its vertices move, and its sides with it
+    row = math.ceil(low)
+    while row <= high:
+        first, last = _within(a, b, row, margin, left, right)
+        first, last = _within(b, c, row, margin, first, last)
+        first, last = _within(c, a, row, margin, first, last)
+        if math.ceil(first) <= last:
+            return True
+        row += 1
+    return False
+
+
+@compiled
+def _within(
+    a: Floats, b: Floats, row: float, margin: float, first: float, last: float
+) -> tuple[float, float]:
+    """Return the part of an interval of a row that is left of the side from a to b, or nearly."""
+    run, rise = b[0] - a[0], b[1] - a[1]
+    reach = run * (row - a[1]) + margin * (abs(run) + abs(rise))
+    if rise > 0.0:
+        last = min(last, a[0] + reach / rise)
+    elif rise < 0.0:
+        first = max(first, a[0] + reach / rise)
+    return first, last
+
+
+@compiled
+def surface(
+    facet: NDArray[np.float32],
+    shape: tuple[int, int],
+    first: tuple[float, float],
+    pixel: float,
+    axes: Floats,
+    curvature: float,
+    normals: Floats,
+    offsets: Floats,
+    faces: NDArray[np.int32],
+    away: Floats,
+) -> tuple[Floats, NDArray[np.float32]]:
+    """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
+
+    Parameters
+    ----------
+    facet : (row * col,) ndarray
+        The facet that each pixel sees, below 0 where there is none.
+    shape : (int, int)
+        Rows and columns.
+    first : (float, float)
+        Column and row of the first pixel's centre [pixel].
+    pixel : float
+        Pixel side [m].
+    axes : (3, 3) float64 ndarray
+        Of the view.
+    curvature : float
+        Of the wavefront [1/m].
+    normals, offsets, faces
+        Of the solid.
+    away : (vertex,) float64 ndarray
+        Down-range of vertices [m].
+    """
+    rows, columns = shape
+    down_range = np.empty((rows, columns))
+    gradient = np.empty((rows, columns, 2), np.float32)
+    for row in range(rows):
+        v = (row + first[1]) * pixel
+        for column in range(columns):
+            f = np.int64(facet[row * columns + column])
+            if f < 0:
+                down_range[row, column] = np.nan
+                gradient[row, column, 0] = gradient[row, column, 1] = np.nan
+                continue
+            h = (column + first[0]) * pixel
+            x, y, z = normals[f, 0], normals[f, 1], normals[f, 2]
+            n_h = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z
+            n_v = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z
+            n_r = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
+            s = n_h * h + n_v * v
+            a = max(-(n_r + curvature * s), STEEPEST)
+            r = (s - offsets[f]) / a
+            if a < STEEP:
+                one, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
+                r = min(max(r, min(one, two, three)), max(one, two, three))
+            w = 1.0 + curvature * r
+            square = h * h + v * v
+            t = math.sqrt(1.0 + curvature**2 * square)
+            down_range[row, column] = r + curvature * w * square / (1.0 + t)
+            slope, bend = t * w / a, curvature * w / t
+            gradient[row, column, 0] = slope * n_h + bend * h
+            gradient[row, column, 1] = slope * n_v + bend * v
+    return down_range, gradient
