@@ -56,10 +56,10 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
 
     Notes
     -----
-    Moved vertices leave a triangle within its Minkowski sum with a square: each side moves out by
-    `margin` (|dx| + |dy|) over its length, and every row of centres has an interval of that.
+    Moved vertices leave a triangle within its Minkowski sum with a square: its bounding box, wider
+    by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy x.
     """
-    found = np.empty(len(faces), np.int32)
+    found = np.empty(len(faces) + 1, np.int32)
     number = 0
     for f in range(len(faces)):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -70,50 +70,52 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
         low, high = min(ay, min(by, cy)) - margin, max(ay, max(by, cy)) + margin
         # Twice the area, and what moved vertices may add to it.
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        edge_on = 4.0 * margin * (right - left + high - low)
+        turned = 2.0 * margin * (right - left + high - low)
         # No branch between them, for the processor could not foresee it.
         found[number] = f
-        number += (area >= -edge_on) & (math.ceil(low) <= high) & (math.ceil(left) <= right)
+        number += (area >= -turned) & (math.floor(high) >= low) & (math.floor(right) >= left)
     candidates, number = number, 0
     for n in range(candidates):
         f = found[n]
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay = seen[i, 0], seen[i, 1]
+        bx, by = seen[j, 0], seen[j, 1]
+        cx, cy = seen[k, 0], seen[k, 1]
+        if (bx - ax) * (cy - ay) < (by - ay) * (cx - ax):
+            bx, by, cx, cy = cx, cy, bx, by
+        left, right = min(ax, min(bx, cx)) - margin, max(ax, max(bx, cx)) + margin
+        row, high = math.ceil(min(ay, min(by, cy)) - margin), max(ay, max(by, cy)) + margin
+        # A side that rises bounds a row on the right, at some column and so many more a row.
+        rise_a, rise_b, rise_c = by - ay, cy - by, ay - cy
+        more_a, at_a = _side(ax, ay, bx - ax, rise_a, margin)
+        more_b, at_b = _side(bx, by, cx - bx, rise_b, margin)
+        more_c, at_c = _side(cx, cy, ax - cx, rise_c, margin)
+        covers = False
+        while row <= high and not covers:
+            bound_a, bound_b, bound_c = at_a + more_a * row, at_b + more_b * row, at_c + more_c * row
+            first = max(left, bound_a if rise_a < 0.0 else left)
+            first = max(first, bound_b if rise_b < 0.0 else left)
+            first = max(first, bound_c if rise_c < 0.0 else left)
+            last = min(right, bound_a if rise_a > 0.0 else right)
+            last = min(last, bound_b if rise_b > 0.0 else right)
+            last = min(last, bound_c if rise_c > 0.0 else right)
+            covers = math.floor(last) >= first
+            row += 1
         found[number] = f
-        number += _covers(seen[i], seen[j], seen[k], margin)
+        number += covers
     return found[:number]
 
 
 @compiled
-def _covers(a: Floats, b: Floats, c: Floats, margin: float) -> bool:
-    """Return whether a triangle that faces the sensor has a pixel centre within the margin."""
-    left, right = min(a[0], min(b[0], c[0])) - margin, max(a[0], max(b[0], c[0])) + margin
-    low, high = min(a[1], min(b[1], c[1])) - margin, max(a[1], max(b[1], c[1])) + margin
-    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    if area <= 4.0 * margin * (right - left + high - low):
-        return True  # it may turn over when its vertices move, and its sides with it
-    row = math.ceil(low)
-    while row <= high:
-        first, last = _within(a, b, row, margin, left, right)
-        first, last = _within(b, c, row, margin, first, last)
-        first, last = _within(c, a, row, margin, first, last)
-        if math.ceil(first) <= last:
-            return True
-        row += 1
-    return False
+def _side(x: float, y: float, run: float, rise: float, margin: float) -> tuple[float, float]:
+    """Return columns a row of a side, and its column in row 0 when it is moved out by a margin.
 
-
-@compiled
-def _within(
-    a: Floats, b: Floats, row: float, margin: float, first: float, last: float
-) -> tuple[float, float]:
-    """Return the part of an interval of a row that is left of the side from a to b, or nearly."""
-    run, rise = b[0] - a[0], b[1] - a[1]
-    reach = run * (row - a[1]) + margin * (abs(run) + abs(rise))
-    if rise > 0.0:
-        last = min(last, a[0] + reach / rise)
-    elif rise < 0.0:
-        first = max(first, a[0] + reach / rise)
-    return first, last
+    A side along a row bounds nothing, and is far out.
+    """
+    if abs(rise) < 1e-9:
+        return 0.0, math.copysign(np.inf, rise)
+    per = 1.0 / rise
+    return run * per, x + (margin * (abs(run) + abs(rise)) - run * y) * per
 
 
 @compiled

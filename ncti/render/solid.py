@@ -158,7 +158,7 @@ def surface(
 
 
 SNAP = 1 / 256
-"""Grid of a rasteriser's vertices [pixel]."""
+"""Grid of a rasteriser's vertices [pixel], each of which goes to the nearest place on it."""
 
 ROUNDING = 2.0**-20
 """Of a vertex's place computed in float32, over the ship's size: sixteen of its roundings."""
@@ -169,9 +169,8 @@ def sampled(
 ) -> NDArray[np.int32]:
     """(facet,) int32 ndarray: facets that a pixel centre may see, if nothing is before them.
 
-    All others are seen from behind or lie between the centres, and drawing them changes nothing.
-    Vertices may be moved by half of `SNAP` and by what float32 rounds, for which twice as much is
-    allowed.
+    All others are seen from behind or lie between the centres, and drawing them changes nothing:
+    vertices may be moved by half of `SNAP` and by what float32 rounds.
 
     Parameters
     ----------
@@ -183,5 +182,5 @@ def sampled(
     column, row = lattice.first_column + 0.5, lattice.first_row + 0.5
     seen = pixels.place(points, view.curvature, lattice.pixel, column, row)
     size = lattice.rows + lattice.columns + (lattice.far - lattice.near) / lattice.pixel
-    margin = SNAP + ROUNDING * size / (1.0 + view.curvature * lattice.near)
+    margin = SNAP / 2 + ROUNDING * size / (1.0 + view.curvature * lattice.near)
     return pixels.sampled(seen, solid.faces, margin)
