@@ -16,6 +16,9 @@ from ncti.render.solid import STEEP, STEEPEST
 
 Floats = NDArray[np.float64]
 
+STRIP = 8
+"""Rows that share their first and last column on a ship: finding those of each row takes longer."""
+
 
 @compiled
 def place(points: Floats, curvature: float, pixel: float, column: float, row: float) -> Floats:
@@ -116,6 +119,129 @@ def _side(x: float, y: float, run: float, rise: float, margin: float) -> tuple[f
         return 0.0, math.copysign(np.inf, rise)
     per = 1.0 / rise
     return run * per, x + (margin * (abs(run) + abs(rise)) - run * y) * per
+
+
+@compiled
+def spans(
+    seen: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
+) -> NDArray[np.int64]:
+    """Return (row, 2): the first column of each row that may see the ship, and one past the last.
+
+    Parameters
+    ----------
+    seen, faces, margin
+        As of `sampled`; from whichever side facets are seen.
+    shape : (int, int)
+        Rows and columns of the image.
+    """
+    rows, columns = shape
+    strips = (rows - 1) // STRIP + 1
+    reach = np.empty((strips, 2))
+    reach[:, 0], reach[:, 1] = np.inf, -np.inf
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay = seen[i, 0], seen[i, 1]
+        bx, by = seen[j, 0], seen[j, 1]
+        cx, cy = seen[k, 0], seen[k, 1]
+        first, last = _strips(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
+        if first == last:  # of a facet so low, the whole width will do
+            reach[first, 0] = min(reach[first, 0], min(ax, min(bx, cx)) - margin)
+            reach[first, 1] = max(reach[first, 1], max(ax, max(bx, cx)) + margin)
+        elif first < last:
+            _widen(reach, ax, ay, bx, by, margin)
+            _widen(reach, bx, by, cx, cy, margin)
+            _widen(reach, cx, cy, ax, ay, margin)
+    found = np.zeros((rows, 2), np.int64)
+    for row in range(rows):
+        left, right = reach[row // STRIP]
+        if left <= right:
+            found[row, 0] = max(math.ceil(left), 0)
+            found[row, 1] = max(min(math.floor(right) + 1, columns), found[row, 0])
+    return found
+
+
+@compiled
+def _strips(low: float, high: float, strips: int, margin: float) -> tuple[int, int]:
+    """Return the first and the last strip with a row between two places, or nearly."""
+    first = max(math.ceil(low - margin), 0) // STRIP
+    return first, min(math.floor(high + margin) // STRIP, strips - 1)
+
+
+@compiled
+def _widen(reach: Floats, x: float, y: float, u: float, v: float, margin: float) -> None:
+    """Widen the reach of strips by a side from (x, y) to (u, v) that is moved by up to a margin."""
+    left, right = min(x, u) - margin, max(x, u) + margin
+    slope = (u - x) / (v - y) if abs(v - y) > 1e-9 else 0.0
+    broad = abs(slope) * ((STRIP - 1) / 2 + margin) + margin if slope != 0.0 else np.inf
+    first, last = _strips(min(y, v), max(y, v), len(reach), margin)
+    for strip in range(first, last + 1):
+        middle = x + (strip * STRIP + (STRIP - 1) / 2 - y) * slope
+        reach[strip, 0] = min(reach[strip, 0], max(left, middle - broad))
+        reach[strip, 1] = max(reach[strip, 1], min(right, middle + broad))
+
+
+@compiled
+def rays(
+    span: NDArray[np.int64],
+    columns: int,
+    origin: tuple[float, float],
+    pixel: float,
+    axes: Floats,
+    curvature: float,
+    near: float,
+    start: Floats,
+) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]:
+    """Return the rays of some pixels of each row.
+
+    Parameters
+    ----------
+    span : (row, 2) int64 ndarray
+        First column of each row, and one past the last.
+    columns : int
+        Columns of the image.
+    origin : (float, float)
+        Coordinates of the centre of pixel [0, 0] along column and row [m].
+    pixel : float
+        Pixel side [m].
+    axes : (3, 3) float64 ndarray
+        Of the view.
+    curvature : float
+        Of the wavefront [1/m].
+    near : float
+        Down-range that rays start at [m].
+    start : (3,) float64 ndarray
+        Where the line of sight through the ship origin does.
+
+    Returns
+    -------
+    index : (ray,) int64 ndarray
+        Flat index of the pixels, ascending.
+    start : (ray, 3) float32 ndarray
+        Where rays start [m].
+    direction : (ray, 3) float32 ndarray
+        Where they go; one for all in the far field.
+    """
+    number = np.int64(0)
+    for row in range(len(span)):
+        number += span[row, 1] - span[row, 0]
+    index = np.empty(number, np.int64)
+    begin = np.empty((number, 3), np.float32)
+    direction = np.empty((number if curvature > 0.0 else 1, 3), np.float32)
+    direction[0] = axes[2]
+    spread = 1.0 + curvature * near
+    number = 0
+    for row in range(len(span)):
+        v = origin[1] + pixel * row
+        for column in range(span[row, 0], span[row, 1]):
+            h = origin[0] + pixel * column
+            index[number] = row * columns + column
+            for axis in range(3):
+                across = h * axes[0, axis] + v * axes[1, axis]
+                begin[number, axis] = spread * across + start[axis]
+                if curvature > 0.0:
+                    direction[number, axis] = curvature * across + axes[2, axis]
+            number += 1
+    return index, begin, direction
 
 
 @compiled

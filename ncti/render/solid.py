@@ -169,8 +169,7 @@ def sampled(
 ) -> NDArray[np.int32]:
     """(facet,) int32 ndarray: facets that a pixel centre may see, if nothing is before them.
 
-    All others are seen from behind or lie between the centres, and drawing them changes nothing:
-    vertices may be moved by half of `SNAP` and by what float32 rounds.
+    All others are seen from behind or lie between the centres, and drawing them changes nothing.
 
     Parameters
     ----------
@@ -179,8 +178,33 @@ def sampled(
     """
     from ncti.render import pixels
 
+    return pixels.sampled(*_placed(solid, view, lattice, points))
+
+
+def covered(
+    solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """(row, 2) int64 ndarray: first column of each row that may see the ship, and past the last.
+
+    Parameters
+    ----------
+    solid, view, lattice, points
+        As of `surface`.
+    """
+    from ncti.render import pixels
+
+    seen, faces, margin = _placed(solid, view, lattice, points)
+    return pixels.spans(seen, faces, lattice.shape, margin)
+
+
+def _placed(
+    solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
+    """Where vertices are seen [pixel], facets, and how far engines may move vertices [pixel]."""
+    from ncti.render import pixels
+
     column, row = lattice.first_column + 0.5, lattice.first_row + 0.5
     seen = pixels.place(points, view.curvature, lattice.pixel, column, row)
     size = lattice.rows + lattice.columns + (lattice.far - lattice.near) / lattice.pixel
     margin = SNAP / 2 + ROUNDING * size / (1.0 + view.curvature * lattice.near)
-    return pixels.sampled(seen, solid.faces, margin)
+    return seen, solid.faces, margin
