@@ -111,9 +111,7 @@ class _Facets(pyrender.Primitive):
         self._bind()
         content = self._chosen
         if len(content):  # PyOpenGL makes no buffer of nothing
-            GL.glBufferData(
-                GL.GL_ELEMENT_ARRAY_BUFFER, content.nbytes, content, GL.GL_STREAM_DRAW
-            )
+            GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, content.nbytes, content, GL.GL_STREAM_DRAW)
             GL.glDrawElements(GL.GL_TRIANGLES, content.size, GL.GL_UNSIGNED_INT, None)
         self._unbind()
 

@@ -95,7 +95,11 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
         more_c, at_c = _side(cx, cy, ax - cx, rise_c, margin)
         covers = False
         while row <= high and not covers:
-            bound_a, bound_b, bound_c = at_a + more_a * row, at_b + more_b * row, at_c + more_c * row
+            bound_a, bound_b, bound_c = (
+                at_a + more_a * row,
+                at_b + more_b * row,
+                at_c + more_c * row,
+            )
             first = max(left, bound_a if rise_a < 0.0 else left)
             first = max(first, bound_b if rise_b < 0.0 else left)
             first = max(first, bound_c if rise_c < 0.0 else left)
@@ -221,9 +225,7 @@ def rays(
     direction : (ray, 3) float32 ndarray
         Where they go; one for all in the far field.
     """
-    number = np.int64(0)
-    for row in range(len(span)):
-        number += span[row, 1] - span[row, 0]
+    number = np.sum(span[:, 1] - span[:, 0])
     index = np.empty(number, np.int64)
     begin = np.empty((number, 3), np.float32)
     direction = np.empty((number if curvature > 0.0 else 1, 3), np.float32)
@@ -246,7 +248,7 @@ def rays(
 
 @compiled
 def surface(
-    facet: NDArray[np.float32],
+    facet: NDArray[np.float32] | NDArray[np.int32],
     shape: tuple[int, int],
     first: tuple[float, float],
     pixel: float,
