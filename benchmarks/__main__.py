@@ -28,7 +28,7 @@ from benchmarks.reports import Report, machine, show, write_json
 from sweeps.stages.views import cache_folder
 
 REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
-    "views": lambda asked: views.measure(asked.ship, repeats=asked.repeats),
+    "views": lambda asked: views.measure(ncti.ships.names(), repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
     "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
@@ -88,14 +88,14 @@ def main(arguments: list[str] | None = None) -> None:
         "--repeats", type=int, default=3, metavar="N", help="how often to measure everything (3)"
     )
     parser.add_argument(
-        "--ship", default="duncan", metavar="NAME", help="ship of views and accuracy (duncan)"
+        "--ship", default="duncan", metavar="NAME", help="ship of accuracy and images (duncan)"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     asked = parser.parse_args(arguments)
     if asked.repeats < 1:
         parser.error(f"--repeats is {asked.repeats}, but must be at least 1")
     try:
-        for ship in (asked.ship, *classifiers.SHIPS):
+        for ship in (asked.ship, *ncti.ships.names()):
             # built here, so that no report measures the building
             ncti.ships.load(ship, cache=cache_folder() / "meshes")
     except ncti.ships.ShipError as error:

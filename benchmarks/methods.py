@@ -1,13 +1,14 @@
 """Ways to get the depth image of a view: this library's engines, and what one would write instead.
 
-All draw the same lattice of pixels. Each has a part that is done once, for a mesh, and a part
-that is done anew for every view, which is what gets timed.
+All draw the same lattice of pixels. Each has a part that is done once, for a mesh, one that makes
+a view ready, and one that draws it, which is what gets timed.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import trimesh
@@ -17,17 +18,20 @@ from ncti.render import View, range_image
 from ncti.render.opengl import bind_platform
 from ncti.render.view import Lattice
 
-Draw = Callable[[View], int]
+Draw = Callable[[], int]
 """Draws a view, and tells how many pixels of it see the ship."""
 
-Method = Callable[[trimesh.Trimesh, float], Draw]
+Ready = Callable[[View], Draw]
+"""Makes a view ready."""
+
+Method = Callable[[trimesh.Trimesh, float], Ready]
 """Prepares for views of a mesh with pixels of some size [m]."""
 
 
 def range_images(engine: str) -> Method:
     """This library: range and slope of every pixel, in float64."""
 
-    def prepare(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+    def prepare(mesh: trimesh.Trimesh, pixel: float) -> Ready:
         def draw(view: View) -> int:
             image = range_image(
                 mesh,
@@ -37,55 +41,60 @@ def range_images(engine: str) -> Method:
                 pixel=pixel,
                 engine=engine,
             )
-            return int(image.hit.sum())
+            return int(np.isfinite(image.down_range).sum())
 
-        return draw
+        return lambda view: partial(draw, view)
 
     return prepare
 
 
-def embree_directly(mesh: trimesh.Trimesh, pixel: float) -> Draw:
-    """Embree through embreex, its scene kept: float32 distances, no slopes."""
+def embree_directly(mesh: trimesh.Trimesh, pixel: float) -> Ready:
+    """Embree through embreex, its scene kept and its rays ready: float32 distances, no slopes."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
+    # A copy: trimesh takes a mesh whose vertices were looked at for one that may have changed.
+    vertices = np.array(mesh.vertices)
     scene = EmbreeScene()
-    TriangleMesh(scene, mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+    TriangleMesh(scene, vertices.astype(np.float32), mesh.faces.astype(np.int32))
 
-    def draw(view: View) -> int:
-        origins, direction = rays(view, lattice_of(mesh, view, pixel))
-        directions = np.broadcast_to(direction.astype(np.float32), origins.shape)
-        distance = scene.run(
-            origins.astype(np.float32), np.ascontiguousarray(directions), query="DISTANCE"
-        )
-        return int((distance < 1e30).sum())
+    def ready(view: View) -> Draw:
+        origins, direction = rays(view, lattice_of(vertices, view, pixel))
+        starts = origins.astype(np.float32)
+        directions = np.array(np.broadcast_to(direction, origins.shape), dtype=np.float32)
 
-    return draw
+        def draw() -> int:
+            distance = scene.run(starts, directions, query="DISTANCE")
+            return int((distance < 1e30).sum())
+
+        return draw
+
+    return ready
 
 
-def trimesh_rays(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+def trimesh_rays(mesh: trimesh.Trimesh, pixel: float) -> Ready:
     """`trimesh.ray`, which has Embree underneath: places of first hits."""
 
     def draw(view: View) -> int:
-        origins, direction = rays(view, lattice_of(mesh, view, pixel))
+        origins, direction = rays(view, lattice_of(mesh.vertices, view, pixel))
         places, _, _ = mesh.ray.intersects_location(
             origins, np.broadcast_to(direction, origins.shape), multiple_hits=False
         )
         return len(places)
 
-    return draw
+    return lambda view: partial(draw, view)
 
 
 def pyrender_anew(platform: str) -> Method:
     """pyrender as a newcomer writes it: a scene and a renderer for every view."""
 
-    def prepare(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+    def prepare(mesh: trimesh.Trimesh, pixel: float) -> Ready:
         bind_platform(platform)
         os.environ.setdefault("EGL_DEVICE_ID", "0")
         import pyrender
 
         def draw(view: View) -> int:
-            lattice = lattice_of(mesh, view, pixel)
+            lattice = lattice_of(mesh.vertices, view, pixel)
             height, width = lattice.rows * pixel, lattice.columns * pixel
             pose = np.eye(4)
             pose[:3, :3] = (view.axes * [[1.0], [1.0], [-1.0]]).T
@@ -105,14 +114,14 @@ def pyrender_anew(platform: str) -> Method:
             renderer.delete()
             return int((depth > 0).sum())
 
-        return draw
+        return lambda view: partial(draw, view)
 
     return prepare
 
 
-def lattice_of(mesh: trimesh.Trimesh, view: View, pixel: float) -> Lattice:
+def lattice_of(vertices: NDArray[np.float64], view: View, pixel: float) -> Lattice:
     """The pixels that this library would draw."""
-    return Lattice.around(view.axes @ mesh.vertices.T, view, pixel)
+    return Lattice.around(view.axes @ vertices.T, view, pixel)
 
 
 def rays(view: View, lattice: Lattice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -7,12 +7,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import product
 from multiprocessing import get_context
 
 import ncti.ships
 from benchmarks.methods import (
-    Draw,
     Method,
+    Ready,
     embree_directly,
     pyrender_anew,
     range_images,
@@ -22,7 +23,8 @@ from benchmarks.reports import Column, Report, Sample
 from ncti.render import View, available_engines
 
 DEPRESSION = 3.84  # of the source's experiment [deg]
-ASPECTS = tuple(range(0, 91, 6))  # [deg]
+ASPECTS = tuple(range(0, 181, 15))  # [deg]
+END_ON, BROADSIDE = 10, 60  # [deg] from the keel at most, and at least
 YARDSTICK = "embree called directly"
 
 METHODS: dict[str, tuple[str, Method]] = {
@@ -41,6 +43,8 @@ COLUMNS = (
     Column("wall_ms", "ms a view", ".3g"),
     Column("cpu_ms", "of processor", ".3g"),
     Column("ratio", "x embree", ".3g"),
+    Column("end_on", "end-on", ".3g"),
+    Column("broadside", "broadside", ".3g"),
     Column("pixels", "pixels", "d"),
     Column("absent", "absent because"),
 )
@@ -52,6 +56,8 @@ class Timed:
 
     Attributes
     ----------
+    aspect : float
+        Of the view [deg].
     wall, cpu : float
         Time that passed, and that all threads of the process computed [s].
     yardstick : float
@@ -60,25 +66,31 @@ class Timed:
         Pixels on the ship.
     """
 
+    aspect: float
     wall: float
     cpu: float
     yardstick: float
     pixels: int
 
+    @property
+    def off_keel(self) -> float:
+        """Angle between the line of sight and the keel [deg]."""
+        return min(self.aspect % 180, -self.aspect % 180)
+
 
 def measure(
-    ship: str,
+    names: Sequence[str],
     *,
     repeats: int,
     aspects: Sequence[float] = ASPECTS,
     pixel: float = 0.25,
 ) -> Report:
-    """Time views of a ship by every method.
+    """Time views of some ships by every method.
 
     Parameters
     ----------
-    ship : str
-        Name or path.
+    names : sequence of str
+        Names or paths of the ships.
     repeats : int
         How often every view is drawn.
     aspects : sequence of float
@@ -108,7 +120,7 @@ def measure(
                 continue
             pool = running.enter_context(ProcessPoolExecutor(1, mp_context=get_context("spawn")))
             pools[name] = pool
-            ready[name] = pool.submit(_prepare, name, ship, pixel, aspects[0])
+            ready[name] = pool.submit(_prepare, name, names, pixel, aspects[0])
         for name, prepared in ready.items():
             try:
                 prepared.result()
@@ -117,24 +129,26 @@ def measure(
                 absent[name] = f"{type(error).__name__}: {error}"
                 del pools[name]
         for turn in range(repeats):
-            for place, aspect in enumerate(aspects):
+            for place, (ship, aspect) in enumerate(product(names, aspects)):
                 for name, pool in pools.items():
                     first = (turn + place) % 2 == 0
-                    found[name].append(pool.submit(_time, aspect, yardstick_first=first).result())
+                    timing = pool.submit(_time, ship, aspect, yardstick_first=first)
+                    found[name].append(timing.result())
     rows = [
         _row(name, found[name]) if name in found else {"method": name, "absent": absent[name]}
         for name in METHODS
     ]
     columns = COLUMNS if absent else COLUMNS[:-1]
-    mesh = ncti.ships.load(ship)
+    facets = ", ".join(f"{name} {len(ncti.ships.load(name).faces)}" for name in names)
     return Report(
-        f"Time of a view: {ship}, {len(mesh.faces)} facets, {pixel:g} m pixels, "
-        f"{len(aspects)} aspects, {repeats} times",
+        f"Time of a view: {pixel:g} m pixels, {len(aspects)} aspects, {repeats} times; "
+        f"facets: {facets}",
         columns,
         rows,
         [
             "Median (lowest–highest) over views, after one that is not counted; x embree: over "
-            f"{YARDSTICK!r}, drawn next to it in the same process.",
+            f"{YARDSTICK!r}, its rays ready, drawn next to it in the same process. End-on: within "
+            f"{END_ON}° of the keel; broadside: {BROADSIDE}° from it or more.",
             "osmesa, egl and embree give range and slope in float64; embree called directly gives "
             "float32 distance. Anew is as a newcomer writes it, a scene and a renderer for every "
             "view; the depth that pyrender then returns for an orthographic camera is wrong.",
@@ -147,31 +161,41 @@ def _row(name: str, views: list[Timed]) -> dict[str, object]:
         "method": name,
         "wall_ms": Sample.of(1e3 * view.wall for view in views),
         "cpu_ms": Sample.of(1e3 * view.cpu for view in views),
-        "ratio": Sample.of(view.wall / view.yardstick for view in views),
+        **{
+            key: Sample.of(view.wall / view.yardstick for view in seen)
+            for key, seen in (
+                ("ratio", views),
+                ("end_on", [view for view in views if view.off_keel <= END_ON]),
+                ("broadside", [view for view in views if view.off_keel >= BROADSIDE]),
+            )
+            if seen
+        },
         "pixels": round(Sample.of(view.pixels for view in views).median),
     }
 
 
-_draws: dict[str, Draw] = {}
-"""What this process measures: the method and the yardstick."""
+_ready: dict[tuple[str, str], Ready] = {}
+"""What this process measures, by ship: the method and the yardstick."""
 
 
-def _prepare(name: str, ship: str, pixel: float, aspect: float) -> None:
+def _prepare(name: str, ships: Sequence[str], pixel: float, aspect: float) -> None:
     """Set up this process for a method, and draw once without timing."""
-    mesh = ncti.ships.load(ship)
-    for role, method in (("method", name), ("yardstick", YARDSTICK)):
-        _, prepare = METHODS[method]
-        _draws[role] = prepare(mesh, pixel)
-        _draws[role](View(aspect, DEPRESSION))
+    for ship in ships:
+        mesh = ncti.ships.load(ship)
+        for role, method in (("method", name), ("yardstick", YARDSTICK)):
+            _, prepare = METHODS[method]
+            _ready[ship, role] = prepare(mesh, pixel)
+            _ready[ship, role](View(aspect, DEPRESSION))()
 
 
-def _time(aspect: float, *, yardstick_first: bool) -> Timed:
+def _time(ship: str, aspect: float, *, yardstick_first: bool) -> Timed:
     """Time one view in this process."""
     view = View(aspect, DEPRESSION)
-    before = _stopwatch(lambda: _draws["yardstick"](view)) if yardstick_first else None
-    wall, cpu, pixels = _stopwatch(lambda: _draws["method"](view))
-    yardstick = before or _stopwatch(lambda: _draws["yardstick"](view))
-    return Timed(wall, cpu, yardstick[0], pixels)
+    method, yardstick = (_ready[ship, role](view) for role in ("method", "yardstick"))
+    before = _stopwatch(yardstick) if yardstick_first else None
+    wall, cpu, pixels = _stopwatch(method)
+    beside = before or _stopwatch(yardstick)
+    return Timed(aspect, wall, cpu, beside[0], pixels)
 
 
 def _stopwatch(work: Callable[[], int]) -> tuple[float, float, int]:

@@ -31,20 +31,26 @@ class Canvas:
     def __init__(self, platform: str) -> None:
         self._context = _make_context(platform)
         self._camera = _MatrixCamera()
-        self._scene = pyrender.Scene(bg_color=np.zeros(4))
+        self._scene = pyrender.Scene(bg_color=-np.ones(4))
         self._scene.add(self._camera)
         self._renderer = _FacetRenderer()
         self._nodes: OrderedDict[Solid, pyrender.Node] = OrderedDict()
 
     def draw(
-        self, solid: Solid, clip: NDArray[np.float64], shape: tuple[int, int]
+        self,
+        solid: Solid,
+        facets: NDArray[np.int32],
+        clip: NDArray[np.float64],
+        shape: tuple[int, int],
     ) -> NDArray[np.float32]:
-        """The number of the facet behind each pixel, counted from 1; 0 where there is none.
+        """The number of the facet behind each pixel, -1 where there is none.
 
         Parameters
         ----------
         solid : Solid
             The ship.
+        facets : (facet,) int32 ndarray
+            Those of its facets that are drawn, in their order.
         clip : (4, 4) float64 ndarray
             From its vertices to clip coordinates.
         shape : (int, int)
@@ -55,41 +61,59 @@ class Canvas:
         (row * col,) float32 ndarray
             Facet numbers, row 0 the lowest.
         """
-        self._show(solid)
+        self._show(solid).choose(facets)
         self._camera.matrix = clip
         self._renderer.viewport_height, self._renderer.viewport_width = shape
         flags = pyrender.RenderFlags.DEPTH_ONLY | pyrender.RenderFlags.OFFSCREEN
         return self._renderer.render(self._scene, flags)
 
-    def _show(self, solid: Solid) -> None:
+    def _show(self, solid: Solid) -> _Facets:
         node = self._nodes.pop(solid, None)
         if node is None:
-            node = self._scene.add(pyrender.Mesh([_numbered(solid)]))
+            node = self._scene.add(pyrender.Mesh([_Facets(solid)]))
         self._nodes[solid] = node
         if len(self._nodes) > KEPT:
             _, oldest = self._nodes.popitem(last=False)
             self._scene.remove_node(oldest)
         for other in self._nodes.values():
             other.mesh.is_visible = other is node
+        facets: _Facets = node.mesh.primitives[0]
+        return facets
 
 
-def _numbered(solid: Solid) -> pyrender.Primitive:
-    """The facets, with vertices in such an order that vertex i is the last of facet i.
+class _Facets(pyrender.Primitive):
+    """Facets, with vertices in such an order that vertex i is the last of facet i.
 
     A `flat` output of the vertex shader is that of a facet's last vertex, so the number of that
     vertex tells the facet; `gl_PrimitiveID` would too, and is slower in Mesa by a third.
     Other corners use any copy of their vertex, and vertices that are nowhere last come at the end.
     """
-    facets, last = len(solid.faces), solid.faces[:, 2]
-    copy = np.full(len(solid.vertices), -1)
-    copy[last] = np.arange(facets)
-    rest = np.flatnonzero(copy < 0)
-    copy[rest] = facets + np.arange(len(rest))
-    indices = copy[solid.faces]
-    indices[:, 2] = np.arange(facets)
-    return pyrender.Primitive(
-        positions=solid.vertices[np.concatenate([last, rest])], indices=indices
-    )
+
+    def __init__(self, solid: Solid) -> None:
+        facets, last = len(solid.faces), solid.faces[:, 2]
+        copy = np.full(len(solid.vertices), -1)
+        copy[last] = np.arange(facets)
+        rest = np.flatnonzero(copy < 0)
+        copy[rest] = facets + np.arange(len(rest))
+        self._numbers = copy[solid.faces].astype(np.uint32)
+        self._numbers[:, 2] = np.arange(facets)
+        # Which facets are drawn is said anew for each image; pyrender makes the buffer for it.
+        super().__init__(
+            positions=solid.vertices[np.concatenate([last, rest])], indices=self._numbers[:1]
+        )
+
+    def choose(self, facets: NDArray[np.int32]) -> None:
+        """Draw some of the facets, next time."""
+        self._chosen = self._numbers.take(facets, axis=0)
+
+    def draw(self) -> None:
+        """Draw them, in the current context."""
+        self._bind()
+        content = self._chosen
+        if len(content):  # PyOpenGL makes no buffer of nothing
+            GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, content.nbytes, content, GL.GL_STREAM_DRAW)
+            GL.glDrawElements(GL.GL_TRIANGLES, content.size, GL.GL_UNSIGNED_INT, None)
+        self._unbind()
 
 
 class _MatrixCamera(pyrender.Camera):
@@ -129,6 +153,13 @@ class _FacetRenderer(pyrender.Renderer):
         if self._program is None:
             self._program = super()._get_primitive_program(primitive, flags, program_flags)
         return self._program
+
+    def _bind_and_draw_primitive(
+        self, primitive: _Facets, pose: Any, program: Any, flags: int
+    ) -> None:
+        GL.glEnable(GL.GL_CULL_FACE)
+        GL.glCullFace(GL.GL_BACK)
+        primitive.draw()
 
     def _configure_main_framebuffer(self) -> None:
         size = self.viewport_width, self.viewport_height

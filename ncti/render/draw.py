@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ncti.checks import require
 from ncti.render.choice import start_engine
 from ncti.render.image import RangeImage
@@ -69,13 +67,8 @@ def range_image(
     points = solid.along(view)
     lattice = Lattice.around(points, view, float(pixel))
 
-    hit, facet = start_engine(engine).visible(solid, view, lattice)
-
-    down_range = np.full(lattice.shape, np.nan)
-    gradient = np.full((*lattice.shape, 2), np.nan, dtype=np.float32)
-    down_range.reshape(-1)[hit], gradient.reshape(-1, 2)[hit] = surface(
-        solid, view, lattice, points, hit, facet
-    )
+    facet = start_engine(engine).visible(solid, view, lattice, points)
+    down_range, gradient = surface(solid, view, lattice, points, facet)
     return RangeImage(
         down_range,
         gradient,

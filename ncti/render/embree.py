@@ -10,12 +10,12 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ncti.render.solid import Solid
+from ncti.render.solid import Solid, covered
 from ncti.render.view import Lattice, View
 
 
 class EmbreeEngine:
-    """Embree, one ray through each pixel centre."""
+    """Embree, one ray through each pixel centre between the first and the last on the ship."""
 
     def __init__(self) -> None:
         # A scene lasts as long as its solid is kept.
@@ -23,24 +23,25 @@ class EmbreeEngine:
         self._lock = Lock()
 
     def visible(
-        self, solid: Solid, view: View, lattice: Lattice
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The pixels that see the ship, and the facet that each sees."""
-        column, row, away = view.axes
-        k = view.curvature
-        h = lattice.origin[0] + lattice.pixel * np.arange(lattice.columns)
-        v = lattice.origin[1] + lattice.pixel * np.arange(lattice.rows)
-        across = h[:, None] * column + (v[:, None] * row)[:, None, :]
+        self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+    ) -> NDArray[np.int32]:
+        """The facet that each pixel sees, -1 for none."""
+        from ncti.render.pixels import rays  # numba takes long to import
+
         # From the near plane, so that float32 sees distances of the size of the ship only.
-        start = (1.0 + k * lattice.near) * across + (lattice.near * away - solid.centre)
-        direction = k * across + away if k > 0.0 else away
-        facet = self.cast(
-            solid,
-            start.astype(np.float32).reshape(-1, 3),
-            direction.astype(np.float32).reshape(-1, 3),
+        pixel, start, direction = rays(
+            covered(solid, view, lattice, points),
+            lattice.columns,
+            lattice.origin,
+            lattice.pixel,
+            view.axes,
+            view.curvature,
+            lattice.near,
+            lattice.near * view.axes[2] - solid.centre,
         )
-        pixel = np.flatnonzero(facet >= 0)
-        return pixel, facet[pixel].astype(np.intp)
+        facet = np.full(lattice.rows * lattice.columns, -1, dtype=np.int32)
+        facet[pixel] = self.cast(solid, start, direction)
+        return facet
 
     def cast(
         self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]

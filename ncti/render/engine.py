@@ -24,15 +24,20 @@ class Engine(Protocol):
     """
 
     def visible(
-        self, solid: Solid, view: View, lattice: Lattice
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The pixels that see the ship, and the facet that each sees.
+        self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+    ) -> NDArray[np.float32] | NDArray[np.int32]:
+        """The facet that each pixel sees.
+
+        Parameters
+        ----------
+        solid, view, lattice
+            What is seen, from where, and by which pixels.
+        points : (3, vertex) float64 ndarray
+            Vertices along the axes of the view, from the ship origin [m].
 
         Returns
         -------
-        pixel : (hit,) intp ndarray
-            Flat indices of pixels, ascending.
-        facet : (hit,) intp ndarray
-            Index into `solid.faces` of the facet nearest to the sensor there.
+        (row * col,) float32 or int32 ndarray
+            Index into `solid.faces` of the facet nearest to the sensor; -1 where there is none.
         """
         ...

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ncti.render.engine import EngineError
 from ncti.render.opengl import bind_platform
-from ncti.render.solid import Solid
+from ncti.render.solid import Solid, sampled
 from ncti.render.view import Lattice, View, clip_matrix
 
 MAX_FACETS = 2**24
@@ -43,14 +43,15 @@ class PyrenderEngine:
             ) from error
 
     def visible(
-        self, solid: Solid, view: View, lattice: Lattice
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The pixels that see the ship, and the facet that each sees."""
+        self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
+        """The facet that each pixel sees, -1 for none."""
         if len(solid.faces) > MAX_FACETS:
             raise ValueError(
                 f"mesh has {len(solid.faces)} facets: OpenGL engines take at most {MAX_FACETS}."
             )
         clip = clip_matrix(view, lattice, centre=solid.centre)
-        drawn = self._thread.submit(self._canvas.draw, solid, clip, lattice.shape).result()
-        pixel = np.flatnonzero(drawn > 0)
-        return pixel, drawn[pixel].astype(np.intp) - 1
+        facets = sampled(solid, view, lattice, points)
+        drawing = self._thread.submit(self._canvas.draw, solid, facets, clip, lattice.shape)
+        image: NDArray[np.float32] = drawing.result()
+        return image

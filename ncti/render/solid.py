@@ -100,8 +100,7 @@ def surface(
     view: View,
     lattice: Lattice,
     points: NDArray[np.float64],
-    pixel: NDArray[np.intp],
-    facet: NDArray[np.intp],
+    facet: NDArray[np.float32] | NDArray[np.int32],
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Down-range and its gradient where lines of sight meet facets, exactly.
 
@@ -115,16 +114,15 @@ def surface(
         The image.
     points : (3, vertex) float64 ndarray
         Coordinates of the solid's vertices along the axes of the view [m].
-    pixel : (hit,) intp ndarray
-        Flat index of each pixel that sees the ship.
-    facet : (hit,) intp ndarray
-        Which facet it sees.
+    facet : (row * col,) float32 or int32 ndarray
+        Which facet each pixel sees, -1 for none.
 
     Returns
     -------
-    down_range : (hit,) float64 ndarray
+    down_range : (row, col) float64 ndarray
         Distance to the sensor less slant range [m]; in the far field, the coordinate along `away`.
-    gradient : (hit, 2) float32 ndarray
+        NaN where there is no facet.
+    gradient : (row, col, 2) float32 ndarray
         Its derivative along column and row [m/m].
 
     Notes
@@ -143,29 +141,70 @@ def surface(
     the facet it was given (a rasteriser's vertices are on a grid of 1/256 pixel); r is kept
     within the facet's own extent, which on a steep facet matters.
     """
-    k = view.curvature
-    away = points[2]
-    n_h, n_v, n_r = view.axes @ solid.normals.take(facet, axis=0).T
-    h, v = lattice.centres(pixel)
+    from ncti.render import pixels  # numba takes long to import
 
-    s = n_h * h + n_v * v
-    a = np.maximum(-(n_r + k * s), STEEPEST)
-    r = (s - solid.offsets.take(facet)) / a
-    steep = np.flatnonzero(a < STEEP)
-    first, second, third = away[solid.faces.take(facet[steep], axis=0).T]
-    r[steep] = np.clip(
-        r[steep],
-        np.minimum(np.minimum(first, second), third),
-        np.maximum(np.maximum(first, second), third),
+    return pixels.surface(
+        facet,
+        lattice.shape,
+        (lattice.first_column + 0.5, lattice.first_row + 0.5),
+        lattice.pixel,
+        view.axes,
+        view.curvature,
+        solid.normals,
+        solid.offsets,
+        solid.faces,
+        points[2],
     )
 
-    w = 1.0 + k * r
-    square = h * h + v * v
-    t = np.sqrt(1.0 + k**2 * square)
-    down_range = r + k * w * square / (1.0 + t)
-    slope = t * w / a
-    bend = k * w / t
-    gradient = np.empty((len(pixel), 2), dtype=np.float32)
-    gradient[:, 0] = slope * n_h + bend * h
-    gradient[:, 1] = slope * n_v + bend * v
-    return down_range, gradient
+
+SNAP = 1 / 256
+"""Grid of a rasteriser's vertices [pixel], each of which goes to the nearest place on it."""
+
+ROUNDING = 2.0**-20
+"""Of a vertex's place computed in float32, over the ship's size: sixteen of its roundings."""
+
+
+def sampled(
+    solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """(facet,) int32 ndarray: facets that a pixel centre may see, if nothing is before them.
+
+    All others are seen from behind or lie between the centres, and drawing them changes nothing.
+
+    Parameters
+    ----------
+    solid, view, lattice, points
+        As of `surface`.
+    """
+    from ncti.render import pixels
+
+    return pixels.sampled(*_placed(solid, view, lattice, points))
+
+
+def covered(
+    solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """(row, 2) int64 ndarray: first column of each row that may see the ship, and past the last.
+
+    Parameters
+    ----------
+    solid, view, lattice, points
+        As of `surface`.
+    """
+    from ncti.render import pixels
+
+    seen, faces, margin = _placed(solid, view, lattice, points)
+    return pixels.spans(seen, faces, lattice.shape, margin)
+
+
+def _placed(
+    solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
+    """Where vertices are seen [pixel], facets, and how far engines may move vertices [pixel]."""
+    from ncti.render import pixels
+
+    column, row = lattice.first_column + 0.5, lattice.first_row + 0.5
+    seen = pixels.place(points, view.curvature, lattice.pixel, column, row)
+    size = lattice.rows + lattice.columns + (lattice.far - lattice.near) / lattice.pixel
+    margin = SNAP / 2 + ROUNDING * size / (1.0 + view.curvature * lattice.near)
+    return seen, solid.faces, margin

@@ -1,0 +1,312 @@
+"""What a view's pixels ask of the facets of a ship, as compiled loops.
+
+Most facets of a ship are smaller than a pixel or seen from behind, and no pixel centre is within
+them: an engine that is not shown them draws the same image.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.render.compiled import compiled
+from ncti.render.solid import STEEP, STEEPEST
+
+Floats = NDArray[np.float64]
+
+STRIP = 8
+"""Rows that share their first and last column on a ship: finding those of each row takes longer."""
+
+
+@compiled
+def place(points: Floats, curvature: float, pixel: float, column: float, row: float) -> Floats:
+    """Return (vertex, 2): where vertices are seen, in pixels from the centre of pixel [0, 0].
+
+    Parameters
+    ----------
+    points : (3, vertex) float64 ndarray
+        Coordinates along the axes of the view [m].
+    curvature : float
+        Of the wavefront [1/m].
+    pixel : float
+        Pixel side [m].
+    column, row : float
+        Coordinates of the centre of pixel [0, 0] [pixel].
+    """
+    seen = np.empty((points.shape[1], 2))
+    for i in range(len(seen)):
+        scale = 1.0 / (pixel * (1.0 + curvature * points[2, i]))
+        seen[i, 0] = points[0, i] * scale - column
+        seen[i, 1] = points[1, i] * scale - row
+    return seen
+
+
+@compiled
+def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
+    """Return the facets, ascending, that face the sensor and have a pixel centre within them.
+
+    Parameters
+    ----------
+    seen : (vertex, 2) float64 ndarray
+        Where vertices are seen [pixel].
+    faces : (facet, 3) int32 ndarray
+        Vertices of each facet, counter-clockwise from outside.
+    margin : float
+        How far an engine may take vertices to be from there along either axis [pixel]. No facet
+        is left out that has a centre within it then.
+
+    Notes
+    -----
+    Moved vertices leave a triangle within its Minkowski sum with a square: its bounding box, wider
+    by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy x.
+    """
+    found = np.empty(len(faces) + 1, np.int32)
+    number = 0
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay = seen[i, 0], seen[i, 1]
+        bx, by = seen[j, 0], seen[j, 1]
+        cx, cy = seen[k, 0], seen[k, 1]
+        left, right = min(ax, min(bx, cx)) - margin, max(ax, max(bx, cx)) + margin
+        low, high = min(ay, min(by, cy)) - margin, max(ay, max(by, cy)) + margin
+        # Twice the area, and what moved vertices may add to it.
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        turned = 2.0 * margin * (right - left + high - low)
+        # No branch between them, for the processor could not foresee it.
+        found[number] = f
+        number += (area >= -turned) & (math.floor(high) >= low) & (math.floor(right) >= left)
+    candidates, number = number, 0
+    for n in range(candidates):
+        f = found[n]
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay = seen[i, 0], seen[i, 1]
+        bx, by = seen[j, 0], seen[j, 1]
+        cx, cy = seen[k, 0], seen[k, 1]
+        if (bx - ax) * (cy - ay) < (by - ay) * (cx - ax):
+            bx, by, cx, cy = cx, cy, bx, by
+        left, right = min(ax, min(bx, cx)) - margin, max(ax, max(bx, cx)) + margin
+        row, high = math.ceil(min(ay, min(by, cy)) - margin), max(ay, max(by, cy)) + margin
+        # A side that rises bounds a row on the right, at some column and so many more a row.
+        rise_a, rise_b, rise_c = by - ay, cy - by, ay - cy
+        more_a, at_a = _side(ax, ay, bx - ax, rise_a, margin)
+        more_b, at_b = _side(bx, by, cx - bx, rise_b, margin)
+        more_c, at_c = _side(cx, cy, ax - cx, rise_c, margin)
+        covers = False
+        while row <= high and not covers:
+            bound_a, bound_b, bound_c = (
+                at_a + more_a * row,
+                at_b + more_b * row,
+                at_c + more_c * row,
+            )
+            first = max(left, bound_a if rise_a < 0.0 else left)
+            first = max(first, bound_b if rise_b < 0.0 else left)
+            first = max(first, bound_c if rise_c < 0.0 else left)
+            last = min(right, bound_a if rise_a > 0.0 else right)
+            last = min(last, bound_b if rise_b > 0.0 else right)
+            last = min(last, bound_c if rise_c > 0.0 else right)
+            covers = math.floor(last) >= first
+            row += 1
+        found[number] = f
+        number += covers
+    return found[:number]
+
+
+@compiled
+def _side(x: float, y: float, run: float, rise: float, margin: float) -> tuple[float, float]:
+    """Return columns a row of a side, and its column in row 0 when it is moved out by a margin.
+
+    A side along a row bounds nothing, and is far out.
+    """
+    if abs(rise) < 1e-9:
+        return 0.0, math.copysign(np.inf, rise)
+    per = 1.0 / rise
+    return run * per, x + (margin * (abs(run) + abs(rise)) - run * y) * per
+
+
+@compiled
+def spans(
+    seen: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
+) -> NDArray[np.int64]:
+    """Return (row, 2): the first column of each row that may see the ship, and one past the last.
+
+    Parameters
+    ----------
+    seen, faces, margin
+        As of `sampled`; from whichever side facets are seen.
+    shape : (int, int)
+        Rows and columns of the image.
+    """
+    rows, columns = shape
+    strips = (rows - 1) // STRIP + 1
+    reach = np.empty((strips, 2))
+    reach[:, 0], reach[:, 1] = np.inf, -np.inf
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay = seen[i, 0], seen[i, 1]
+        bx, by = seen[j, 0], seen[j, 1]
+        cx, cy = seen[k, 0], seen[k, 1]
+        first, last = _strips(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
+        if first == last:  # of a facet so low, the whole width will do
+            reach[first, 0] = min(reach[first, 0], min(ax, min(bx, cx)) - margin)
+            reach[first, 1] = max(reach[first, 1], max(ax, max(bx, cx)) + margin)
+        elif first < last:
+            _widen(reach, ax, ay, bx, by, margin)
+            _widen(reach, bx, by, cx, cy, margin)
+            _widen(reach, cx, cy, ax, ay, margin)
+    found = np.zeros((rows, 2), np.int64)
+    for row in range(rows):
+        left, right = reach[row // STRIP]
+        if left <= right:
+            found[row, 0] = max(math.ceil(left), 0)
+            found[row, 1] = max(min(math.floor(right) + 1, columns), found[row, 0])
+    return found
+
+
+@compiled
+def _strips(low: float, high: float, strips: int, margin: float) -> tuple[int, int]:
+    """Return the first and the last strip with a row between two places, or nearly."""
+    first = max(math.ceil(low - margin), 0) // STRIP
+    return first, min(math.floor(high + margin) // STRIP, strips - 1)
+
+
+@compiled
+def _widen(reach: Floats, x: float, y: float, u: float, v: float, margin: float) -> None:
+    """Widen the reach of strips by a side from (x, y) to (u, v) that is moved by up to a margin."""
+    left, right = min(x, u) - margin, max(x, u) + margin
+    slope = (u - x) / (v - y) if abs(v - y) > 1e-9 else 0.0
+    broad = abs(slope) * ((STRIP - 1) / 2 + margin) + margin if slope != 0.0 else np.inf
+    first, last = _strips(min(y, v), max(y, v), len(reach), margin)
+    for strip in range(first, last + 1):
+        middle = x + (strip * STRIP + (STRIP - 1) / 2 - y) * slope
+        reach[strip, 0] = min(reach[strip, 0], max(left, middle - broad))
+        reach[strip, 1] = max(reach[strip, 1], min(right, middle + broad))
+
+
+@compiled
+def rays(
+    span: NDArray[np.int64],
+    columns: int,
+    origin: tuple[float, float],
+    pixel: float,
+    axes: Floats,
+    curvature: float,
+    near: float,
+    start: Floats,
+) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]:
+    """Return the rays of some pixels of each row.
+
+    Parameters
+    ----------
+    span : (row, 2) int64 ndarray
+        First column of each row, and one past the last.
+    columns : int
+        Columns of the image.
+    origin : (float, float)
+        Coordinates of the centre of pixel [0, 0] along column and row [m].
+    pixel : float
+        Pixel side [m].
+    axes : (3, 3) float64 ndarray
+        Of the view.
+    curvature : float
+        Of the wavefront [1/m].
+    near : float
+        Down-range that rays start at [m].
+    start : (3,) float64 ndarray
+        Where the line of sight through the ship origin does.
+
+    Returns
+    -------
+    index : (ray,) int64 ndarray
+        Flat index of the pixels, ascending.
+    start : (ray, 3) float32 ndarray
+        Where rays start [m].
+    direction : (ray, 3) float32 ndarray
+        Where they go; one for all in the far field.
+    """
+    number = np.sum(span[:, 1] - span[:, 0])
+    index = np.empty(number, np.int64)
+    begin = np.empty((number, 3), np.float32)
+    direction = np.empty((number if curvature > 0.0 else 1, 3), np.float32)
+    direction[0] = axes[2]
+    spread = 1.0 + curvature * near
+    number = 0
+    for row in range(len(span)):
+        v = origin[1] + pixel * row
+        for column in range(span[row, 0], span[row, 1]):
+            h = origin[0] + pixel * column
+            index[number] = row * columns + column
+            for axis in range(3):
+                across = h * axes[0, axis] + v * axes[1, axis]
+                begin[number, axis] = spread * across + start[axis]
+                if curvature > 0.0:
+                    direction[number, axis] = curvature * across + axes[2, axis]
+            number += 1
+    return index, begin, direction
+
+
+@compiled
+def surface(
+    facet: NDArray[np.float32] | NDArray[np.int32],
+    shape: tuple[int, int],
+    first: tuple[float, float],
+    pixel: float,
+    axes: Floats,
+    curvature: float,
+    normals: Floats,
+    offsets: Floats,
+    faces: NDArray[np.int32],
+    away: Floats,
+) -> tuple[Floats, NDArray[np.float32]]:
+    """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
+
+    Parameters
+    ----------
+    facet : (row * col,) ndarray
+        The facet that each pixel sees, below 0 where there is none.
+    shape : (int, int)
+        Rows and columns.
+    first : (float, float)
+        Column and row of the first pixel's centre [pixel].
+    pixel : float
+        Pixel side [m].
+    axes : (3, 3) float64 ndarray
+        Of the view.
+    curvature : float
+        Of the wavefront [1/m].
+    normals, offsets, faces
+        Of the solid.
+    away : (vertex,) float64 ndarray
+        Down-range of vertices [m].
+    """
+    rows, columns = shape
+    down_range = np.empty((rows, columns))
+    gradient = np.empty((rows, columns, 2), np.float32)
+    for row in range(rows):
+        v = (row + first[1]) * pixel
+        for column in range(columns):
+            f = np.int64(facet[row * columns + column])
+            if f < 0:
+                down_range[row, column] = np.nan
+                gradient[row, column, 0] = gradient[row, column, 1] = np.nan
+                continue
+            h = (column + first[0]) * pixel
+            x, y, z = normals[f, 0], normals[f, 1], normals[f, 2]
+            n_h = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z
+            n_v = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z
+            n_r = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
+            s = n_h * h + n_v * v
+            a = max(-(n_r + curvature * s), STEEPEST)
+            r = (s - offsets[f]) / a
+            if a < STEEP:
+                one, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
+                r = min(max(r, min(one, two, three)), max(one, two, three))
+            w = 1.0 + curvature * r
+            square = h * h + v * v
+            t = math.sqrt(1.0 + curvature**2 * square)
+            down_range[row, column] = r + curvature * w * square / (1.0 + t)
+            slope, bend = t * w / a, curvature * w / t
+            gradient[row, column, 0] = slope * n_h + bend * h
+            gradient[row, column, 1] = slope * n_v + bend * v
+    return down_range, gradient

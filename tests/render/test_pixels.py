@@ -1,0 +1,168 @@
+"""What is left out before a view is drawn, and the loop over its pixels, against plain arrays."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ncti import ships
+from ncti.render import View, available_engines, pixels, start_engine
+from ncti.render.solid import STEEP, STEEPEST, Solid, covered, sampled, surface
+from ncti.render.view import Lattice, clip_matrix
+
+VIEWS = [(0.0, 3.84, None, 0.25), (33.3, 11.0, 4e3, 0.6), (90.0, 0.0, None, 0.25)]
+Long = np.longdouble
+
+
+def looked_at(mesh, aspect, depression, slant_range, pixel):
+    solid, view = Solid.of(mesh), View(aspect, depression, slant_range=slant_range)
+    points = solid.along(view)
+    return solid, view, Lattice.around(points, view, pixel), points
+
+
+def corners(seen, faces):
+    """(2, facet, 3) arrays, of x and of y."""
+    return np.moveaxis(seen[faces], 2, 0)
+
+
+def sides(x, y):
+    return np.roll(x, -1, axis=1) - x, np.roll(y, -1, axis=1) - y
+
+
+def triangles(seed, size):
+    """Facets of all shapes and orientations, some without width, of corners on the grid or not."""
+    rng = np.random.default_rng(seed)
+    seen = rng.normal(size=(60, 2)) * size
+    seen[:20] = np.round(4 * seen[:20]) / 4
+    seen[20:30, 1] = seen[20, 1]
+    seen[30] = seen[31] + [0.0, 1e-12]
+    return seen, rng.integers(0, 60, (80, 3)).astype(np.int32)
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32), st.floats(-1.5, 1.2), st.floats(-4, -1))
+def test_facets_left_out_have_no_centre_however_vertices_move(seed, size, margin):
+    """Moved by the margin or less, none of them is counter-clockwise about a pixel centre.
+
+    And those that are kept may be: a square about a centre meets them, by separating axes.
+    """
+    seen, faces = triangles(seed, 10**size)
+    margin = 10**margin
+    kept = pixels.sampled(seen, faces, margin)
+    assert (np.diff(kept) > 0).all()
+    out = np.setdiff1d(np.arange(len(faces)), kept)
+    reach = int(np.abs(seen).max() + 2)
+    centre = np.arange(-reach, reach + 1.0)
+    at_x, at_y = (axis.ravel() for axis in np.meshgrid(centre, centre))
+    rng = np.random.default_rng(seed)
+    for _ in range(8):
+        # Corners of the square are the worst.
+        off = rng.choice([-1.0, 1.0, rng.uniform(-1, 1)], seen.shape) * margin * (1 - 1e-9)
+        x, y = corners(seen + off, faces[out])
+        run, rise = sides(x, y)
+        inside = [
+            run[:, i, None] * (at_y - y[:, i, None]) > rise[:, i, None] * (at_x - x[:, i, None])
+            for i in range(3)
+        ]
+        assert not np.all(inside, axis=0).any()
+
+    x, y = corners(seen, faces[kept])
+    run, rise = sides(x, y)
+    slack = margin * (1 + 1e-6) + 1e-9
+    meets = np.ones((len(kept), len(at_x)), dtype=bool)
+    for axis_x, axis_y in [(1.0, 0.0), (0.0, 1.0), *zip(rise.T, -run.T, strict=True)]:
+        n_x, n_y = (np.broadcast_to(n, len(kept))[:, None] for n in (axis_x, axis_y))
+        along = n_x * x + n_y * y
+        place = n_x * at_x + n_y * at_y
+        wide = slack * (np.abs(n_x) + np.abs(n_y)) + 1e-12 * reach
+        meets &= (place >= along.min(axis=1)[:, None] - wide) & (
+            place <= along.max(axis=1)[:, None] + wide
+        )
+    assert meets.any(axis=1).all()
+
+
+@pytest.mark.skipif("osmesa" not in available_engines(), reason="no osmesa library here")
+@pytest.mark.parametrize("view", VIEWS, ids=str)
+@pytest.mark.parametrize("name", ships.names())
+def test_what_is_left_out_would_not_be_seen(name, view):
+    """All facets drawn, and those with a centre: the same image bit for bit, from a third."""
+    solid, view, lattice, points = looked_at(ships.load(name), *view)
+    engine = start_engine("osmesa")
+    clip = clip_matrix(view, lattice, centre=solid.centre)
+    every = np.arange(len(solid.faces), dtype=np.int32)
+    few = sampled(solid, view, lattice, points)
+    images = [
+        engine._thread.submit(engine._canvas.draw, solid, facets, clip, lattice.shape).result()
+        for facets in (every, few)
+    ]
+    assert np.array_equal(*images)
+    assert (images[0] >= 0).sum() > 1000
+    assert len(few) < len(every) / 3
+
+
+def every_ray(solid, view, lattice):
+    """First facet behind every pixel, by a ray each."""
+    column, row, away = view.axes
+    h = lattice.origin[0] + lattice.pixel * np.arange(lattice.columns)
+    v = lattice.origin[1] + lattice.pixel * np.arange(lattice.rows)
+    across = h[:, None] * column + (v[:, None] * row)[:, None, :]
+    start = (1.0 + view.curvature * lattice.near) * across
+    start += lattice.near * away - solid.centre
+    direction = view.curvature * across + away
+    return start_engine("embree").cast(
+        solid,
+        start.astype(np.float32).reshape(-1, 3),
+        direction.astype(np.float32).reshape(-1, 3),
+    )
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=str)
+@pytest.mark.parametrize("name", ships.names()[:3])
+def test_rays_left_out_would_miss(name, view):
+    """A ray for every pixel, and those within each row's span: the same image, from half of them.
+
+    Also of a ship that is open, so that facets are seen from behind.
+    """
+    mesh = ships.load(name)
+    broken = trimesh.Trimesh(mesh.vertices, mesh.faces[::3], process=False)
+    for ship in (mesh, broken):
+        solid, seen_from, lattice, points = looked_at(ship, *view)
+        expected = every_ray(solid, seen_from, lattice)
+        found = start_engine("embree").visible(solid, seen_from, lattice, points)
+        assert np.array_equal(found, expected)
+        first, stop = covered(solid, seen_from, lattice, points).T
+        assert (stop - first).sum() < 0.65 * lattice.rows * lattice.columns
+
+
+@pytest.mark.parametrize("slant_range", [None, 900.0, 1e5, 1e9])
+@pytest.mark.parametrize("kind", [np.float32, np.int32])
+def test_surface_is_that_of_plain_arrays(slant_range, kind):
+    """Range and slope of every hit, with the formulae in long doubles: within rounding.
+
+    Of r = (s - c) / a the numerator is rounded some eight times at the size of the ship, and the
+    curvature moves it as the ship's size over the slant range: 16 roundings of 100 m over a.
+    """
+    solid, view, lattice, points = looked_at(ships.load("duncan"), 17.0, 6.0, slant_range, 0.5)
+    facet = start_engine("embree").visible(solid, view, lattice, points)
+    down_range, gradient = surface(solid, view, lattice, points, facet.astype(kind))
+    hit = np.flatnonzero(facet >= 0)
+    assert np.array_equal(np.flatnonzero(~np.isnan(down_range)), hit)
+    assert np.array_equal(~np.isnan(gradient).any(axis=2), facet.reshape(lattice.shape) >= 0)
+
+    k, chosen = Long(view.curvature), facet[hit]
+    n_h, n_v, n_r = view.axes.astype(Long) @ solid.normals[chosen].astype(Long).T
+    h, v = (centre.astype(Long) for centre in lattice.centres(hit))
+    s = n_h * h + n_v * v
+    a = np.maximum(-(n_r + k * s), Long(STEEPEST))
+    r = (s - solid.offsets[chosen]) / a
+    away = points[2, solid.faces[chosen]]
+    r = np.where(a < STEEP, np.clip(r, away.min(axis=1), away.max(axis=1)), r)
+    w, t = 1 + k * r, np.sqrt(1 + k**2 * (h**2 + v**2))
+    expected = r + k * w * (h**2 + v**2) / (1 + t)
+    slope = np.stack([t * w * n_h / a + k * w * h / t, t * w * n_v / a + k * w * v / t], axis=1)
+    assert (a < STEEP).sum() > 10 and len(hit) > 1000
+    rounding = 16 * np.finfo(float).eps * 100 / a
+    assert (np.abs(down_range.ravel()[hit] - expected) <= rounding).all()
+    error = np.abs(gradient.reshape(-1, 2)[hit] - slope)
+    assert (error <= np.finfo(np.float32).eps * np.abs(slope) + (rounding / a)[:, None]).all()
