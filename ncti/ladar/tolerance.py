@@ -77,17 +77,20 @@ def lines_within(
         roll=roll,
         slant_range=slant_range,
     )
-    reach = float(np.abs(lines.down_range).max(initial=0.0)) + SPEED_OF_LIGHT * pulse_width
+    ends = np.abs(lines.down_range)
+    if not ends.size:  # a ship so small that these lines miss it
+        ends = np.linalg.norm(mesh.bounds, axis=1)
+    reach = float(ends.max()) + SPEED_OF_LIGHT * pulse_width
     count = 2 * math.ceil(reach / bin_width)
     kernel = target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=count) ** 2
     while lines.spacing > FINEST:
-        (area,) = lines.bin(
+        area = lines.bin(
             side=1e9,
             shift=(0.5, 0.5),
             near=-count / 2 * bin_width,
             bin_width=bin_width,
             bin_count=count,
-        ).area
+        ).area.sum(axis=0)  # of one cell, or of none where all lines miss the ship
         if estimated_error(area[0] - area[1], area.sum(axis=0), kernel) <= SPARE * tolerance:
             break
         lines = refined(mesh, lines)

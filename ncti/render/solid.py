@@ -59,7 +59,7 @@ class Solid:
         Raises
         ------
         ValueError
-            When the mesh has no facets, or a vertex that is not finite.
+            When the mesh has no facets, none with an area, or a vertex that is not finite.
         """
         key = hash(mesh)
         with _lock:
@@ -82,6 +82,8 @@ class Solid:
         corner = vertices[faces]
         normals = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         length = np.linalg.norm(normals, axis=1, keepdims=True)
+        if not length.any():
+            raise ValueError("mesh has no facets with an area: at least one is needed.")
         np.divide(normals, length, out=normals, where=length > 0)
         offsets = np.einsum("ij,ij->i", normals, corner[:, 0] + centre)
         return cls(centre, vertices, faces, normals, offsets)
@@ -93,6 +95,11 @@ class Solid:
 
 _kept: OrderedDict[int, Solid] = OrderedDict()
 _lock = Lock()
+
+
+def towards(cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cosines of incidence kept off zero: as they are on facets seen from behind, below 0."""
+    return np.where(cosine < -STEEPEST, cosine, np.maximum(cosine, STEEPEST))
 
 
 def surface(
@@ -134,7 +141,8 @@ def surface(
         r = (s - c) / a,   s = n_h H + n_v V,   a = -(n_r + k s),   grad r = w (n_h, n_v) / a,
 
     where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that
-    faces the sensor. With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t,
+    faces the sensor. (Rays meet facets from behind, too, where two of opposite winding coincide:
+    both signs of n and c are the same plane.) With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t,
     so that
 
         down-range = r + k w S / (1 + t),   gradient = t grad r + k w (H, V) / t,
@@ -149,9 +157,9 @@ def surface(
     h, v = lattice.centres(pixel)
 
     s = n_h * h + n_v * v
-    a = np.maximum(-(n_r + k * s), STEEPEST)
+    a = towards(-(n_r + k * s))
     r = (s - solid.offsets.take(facet)) / a
-    steep = np.flatnonzero(a < STEEP)
+    steep = np.flatnonzero(np.abs(a) < STEEP)
     first, second, third = away[solid.faces.take(facet[steep], axis=0).T]
     r[steep] = np.clip(
         r[steep],
