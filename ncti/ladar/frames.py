@@ -156,7 +156,9 @@ def cumulative_average(
     """
     for count in frame_counts:
         require("frame_count", count, minimum=1, maximum=len(frames), whole=True)
-    return np.stack([np.mean(frames[: int(count)], axis=0, dtype=np.float64) for count in frame_counts])
+    return np.stack(
+        [np.mean(frames[: int(count)], axis=0, dtype=np.float64) for count in frame_counts]
+    )
 
 
 def _field_factors(

@@ -100,7 +100,9 @@ def test_a_thousand_kilometres_from_the_origin(engine, offset):
 def test_views_that_are_none_are_refused(engine, name, value):
     view = {"aspect": 37.0, "depression": 3.84} | {name: value}
     said = "spacing" if name == "pixel" and engine == "lines" else name
-    with pytest.raises(ValueError, match=f"^{said} is .*: neither|^{said} is .*: there|^{said} is "):
+    with pytest.raises(
+        ValueError, match=f"^{said} is .*: neither|^{said} is .*: there|^{said} is "
+    ):
         see(engine, box(), **view)
 
 

@@ -63,7 +63,9 @@ def double_precision(seen, target_free, count, seed):
     parts = []
     for beta in seen.density:
         on = np.flatnonzero(beta)
-        parts.append(np.concatenate([np.sqrt(SIGNAL["cnr"] * beta[on])[:, None] * kernel[on], noise]))
+        parts.append(
+            np.concatenate([np.sqrt(SIGNAL["cnr"] * beta[on])[:, None] * kernel[on], noise])
+        )
     per_frame = len(floor) + 2 * sum(map(len, parts))
     normals = np.random.default_rng(seed).standard_normal((count, per_frame), dtype=np.float32)
     normals = normals.astype(np.float64)
