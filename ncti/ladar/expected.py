@@ -12,7 +12,6 @@ from ncti.ladar.extent import RangeExtent
 from ncti.ladar.pulse import noise_floor, target_kernel
 from ncti.ladar.receivers import FALSE_ALARM, detect
 
-
 STRONGEST = 1e20
 """Largest carrier-to-noise ratio, 200 dB: powers of frames stay numbers in float32."""
 

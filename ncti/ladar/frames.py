@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_generator
+from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import RangeExtent
 from ncti.ladar.moments import magnitude_covariance
-from ncti.ladar.expected import STRONGEST
 from ncti.ladar.pulse import (
     low_rank_factor,
     noise_covariance,

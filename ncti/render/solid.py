@@ -142,8 +142,8 @@ def surface(
 
     where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that
     faces the sensor. (Rays meet facets from behind, too, where two of opposite winding coincide:
-    both signs of n and c are the same plane.) With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t,
-    so that
+    both signs of n and c are the same plane.) With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the
+    distance there is (R0 + r) t, so that
 
         down-range = r + k w S / (1 + t),   gradient = t grad r + k w (H, V) / t,
 

@@ -135,7 +135,7 @@ def test_profiles_of_nothing_have_a_posterior(gain_sigma):
         assert posterior.sum() == pytest.approx(1.0, abs=8 * EPS)
         assert posterior.min() >= 0.0
     for value in (np.nan, np.inf):
-        with pytest.raises(ValueError, match="^X is (nan|inf), but must be a finite number"):
+        with pytest.raises(ValueError, match=r"^X is (nan|inf), but must be a finite number"):
             fitted.posterior(np.full((1, 30), value), 16)
     with pytest.raises(ValueError, match=r"^X reaches 1e\+200, but its squared distance"):
         fitted.posterior(np.full((1, 30), 1e200), 16)

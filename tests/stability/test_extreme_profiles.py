@@ -186,14 +186,16 @@ def test_signals_that_are_none_are_refused(function, name, value):
 def test_counts_and_generators_that_are_none_are_refused():
     signal = {"pulse_width": 30e-9, "cnr": 1e3, "rng": np.random.default_rng(0)}
     for count in (0, 1.5, math.nan):
-        with pytest.raises(ValueError, match="^frame_count is .*, but must be a whole number at"):
+        with pytest.raises(ValueError, match=r"^frame_count is .*, but must be a whole number at"):
             sample_frames(filled(1.0), frame_count=count, **signal)
-        with pytest.raises(ValueError, match="^frame_count is .*, but must be a whole number at"):
+        with pytest.raises(ValueError, match=r"^frame_count is .*, but must be a whole number at"):
             cumulative_average(np.ones((3, 5)), [count])
-    with pytest.raises(ValueError, match="^rng is None, but must be a numpy.random.Generator"):
+    with pytest.raises(ValueError, match=r"^rng is None, but must be a numpy.random.Generator"):
         sample_frames(filled(1.0), frame_count=1, **signal | {"rng": None})
     for receiver in ("peak_pulse", "first_pulse"):
-        with pytest.raises(ValueError, match="^target_free_ifovs is 10000000, but must be at most"):
+        with pytest.raises(
+            ValueError, match=r"^target_free_ifovs is 10000000, but must be at most"
+        ):
             sample_frames(
                 filled(1.0), frame_count=1, target_free_ifovs=10**7, receiver=receiver, **signal
             )
@@ -201,7 +203,7 @@ def test_counts_and_generators_that_are_none_are_refused():
 
 @pytest.mark.parametrize("slant_range", [0.5, 2e9, math.nan])
 def test_ranges_without_a_ratio_are_refused(slant_range):
-    with pytest.raises(ValueError, match="^slant_range is .* at least 1 and at most 1e"):
+    with pytest.raises(ValueError, match=r"^slant_range is .* at least 1 and at most 1e"):
         carrier_to_noise(slant_range)
 
 
@@ -217,7 +219,7 @@ def test_more_bins_than_memory_holds_are_refused(engine):
     with pytest.raises(ValueError, match=r"^bin_width is 1e-05 m, but must be at least 5.96e-05 m"):
         range_extent(image, slant_range=1e5, bin_width=1e-5)
     fine = range_extent(image, slant_range=1e5, bin_width=1e-3)
-    with pytest.raises(ValueError, match="^bin_width is 0.001 m, which makes 250000 range bins"):
+    with pytest.raises(ValueError, match=r"^bin_width is 0.001 m, which makes 250000 range bins"):
         expected_profile(fine, pulse_width=30e-9, cnr=1.0)
 
 
@@ -264,9 +266,9 @@ def test_lines_within_a_tolerance_are_refined_until_they_meet_the_ship(pulse_wid
 def test_profiles_that_are_none_are_refused(value):
     profile = np.ones(250)
     profile[7] = value
-    with pytest.raises(ValueError, match="^profile (holds|is) .*, but must be"):
+    with pytest.raises(ValueError, match=r"^profile (holds|is) .*, but must be"):
         profile_vector(profile)
-    with pytest.raises(ValueError, match="^floor is .*, but must be a finite number at least"):
+    with pytest.raises(ValueError, match=r"^floor is .*, but must be a finite number at least"):
         profile_vector(np.ones(250), floor=value)
     with pytest.raises(ValueError, match=r"^profile has shape \(3, 0\), but must have bins"):
         profile_vector(np.ones((3, 0)))

@@ -99,7 +99,7 @@ def test_one_pixel_has_no_shape(mask, interpolation):
 
 def test_what_is_no_image_is_refused():
     for value in (np.nan, np.inf):
-        with pytest.raises(ValueError, match="^image holds a value that is not finite"):
+        with pytest.raises(ValueError, match=r"^image holds a value that is not finite"):
             segment(np.full((1, 1), value), method="otsu")
         with pytest.raises(ValueError, match=r"^mask holds a value outside \[0, 1\]"):
             log_polar(np.full((1, 1), value))
