@@ -300,7 +300,7 @@ def _measure(views: Views) -> Report:
             "plane waves",
             against_truth(_flat),
             templates(_flat),
-            "the same, to show what the correction is worth",
+            "the same; no default, but what the correction is worth",
         ),
         row(
             "float",
@@ -321,8 +321,8 @@ def _measure(views: Views) -> Report:
                 between=True,
                 aspects=tuple(sorted((*views.aspects, *views.between))),
             ),
-            "1.5° off the nearest template against the view itself; names: against templates "
-            "at every 1.5°",
+            f"{STEP / 2:g}° off, nearest template against the view itself; names: of views "
+            "between templates, against these learned, too",
         ),
     ]
     percent = ", ".join(
@@ -341,7 +341,7 @@ def _measure(views: Views) -> Report:
         [
             "Profile error: sum of absolute differences over the sum of the exact profile, of all "
             "the ship in power after the pulse, in bins of 1 m; median (lowest–highest) of "
-            f"{len(views.each(views.references))} views against the reference and in bins, "
+            f"{len(views.each(views.references))} views against the reference, "
             f"{len(views.each(views.aspects))} otherwise.",
             "Points: change of the percent named right by the likelihood classifier that knows "
             "neither gain nor floor, templates made so, and averages drawn from the truth, which "
