@@ -69,12 +69,13 @@ def range_image(
     points = solid.along(view)
     lattice = Lattice.around(points, view, float(pixel))
 
-    hit, facet = start_engine(engine).visible(solid, view, lattice)
+    drawing = start_engine(engine)
+    hit, facet = drawing.visible(solid, view, lattice)
 
     down_range = np.full(lattice.shape, np.nan)
     gradient = np.full((*lattice.shape, 2), np.nan, dtype=np.float32)
     down_range.reshape(-1)[hit], gradient.reshape(-1, 2)[hit] = surface(
-        solid, view, lattice, points, hit, facet
+        solid, view, lattice, points, hit, facet, from_behind=drawing.from_behind
     )
     return RangeImage(
         down_range,

@@ -109,6 +109,8 @@ def surface(
     points: NDArray[np.float64],
     pixel: NDArray[np.intp],
     facet: NDArray[np.intp],
+    *,
+    from_behind: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Down-range and its gradient where lines of sight meet facets, exactly.
 
@@ -126,6 +128,8 @@ def surface(
         Flat index of each pixel that sees the ship.
     facet : (hit,) intp ndarray
         Which facet it sees.
+    from_behind : bool
+        Whether facets that face away are seen; otherwise they count as edge-on.
 
     Returns
     -------
@@ -141,8 +145,7 @@ def surface(
         r = (s - c) / a,   s = n_h H + n_v V,   a = -(n_r + k s),   grad r = w (n_h, n_v) / a,
 
     where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that
-    faces the sensor. (Rays meet facets from behind, too, where two of opposite winding coincide:
-    both signs of n and c are the same plane.) With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the
+    faces the sensor; from behind, both signs of n and c are the same plane. With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the
     distance there is (R0 + r) t, so that
 
         down-range = r + k w S / (1 + t),   gradient = t grad r + k w (H, V) / t,
@@ -157,7 +160,8 @@ def surface(
     h, v = lattice.centres(pixel)
 
     s = n_h * h + n_v * v
-    a = towards(-(n_r + k * s))
+    a = -(n_r + k * s)
+    a = towards(a) if from_behind else np.maximum(a, STEEPEST)
     r = (s - solid.offsets.take(facet)) / a
     steep = np.flatnonzero(np.abs(a) < STEEP)
     first, second, third = away[solid.faces.take(facet[steep], axis=0).T]
