@@ -145,8 +145,8 @@ def surface(
         r = (s - c) / a,   s = n_h H + n_v V,   a = -(n_r + k s),   grad r = w (n_h, n_v) / a,
 
     where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that
-    faces the sensor; from behind, both signs of n and c are the same plane. With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the
-    distance there is (R0 + r) t, so that
+    faces the sensor; from behind, both signs of n and c are the same plane. With S = H^2 + V^2
+    and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t, so that
 
         down-range = r + k w S / (1 + t),   gradient = t grad r + k w (H, V) / t,
 
