@@ -12,6 +12,7 @@ from rich.console import Console
 import ncti.ships
 from benchmarks import (
     accuracy,
+    budget,
     classification,
     classifiers,
     convergence,
@@ -30,6 +31,7 @@ from sweeps.stages.views import cache_folder
 REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "views": lambda asked: views.measure(ncti.ships.names(), repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
+    "budget": lambda asked: budget.measure(),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
     "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
     "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
@@ -55,6 +57,7 @@ SETS = {
 MEANINGS = {
     "views": "time of a view by engine",
     "accuracy": "error of a range extent against its time",
+    "budget": "what each approximation does to profiles and to names",
     "invariance": "what of a silhouette's map outlives shift, scale and rotation",
     "images": "infrared images a second",
     "infrared": "the infrared part of the experiment",
@@ -91,6 +94,9 @@ def main(arguments: list[str] | None = None) -> None:
         "--ship", default="duncan", metavar="NAME", help="ship of accuracy and images (duncan)"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
+    parser.add_argument(
+        "--write", action="store_true", help=f"write the budget into docs/{budget.PAGE.name} too"
+    )
     asked = parser.parse_args(arguments)
     if asked.repeats < 1:
         parser.error(f"--repeats is {asked.repeats}, but must be at least 1")
@@ -113,6 +119,8 @@ def main(arguments: list[str] | None = None) -> None:
                 print(f"benchmark: {name} failed: {error}", file=sys.stderr)
                 sys.exit(1)
             show(reports[name], console)
+    if asked.write and "budget" in reports:
+        budget.write(reports["budget"])
     if asked.json:
         write_json(asked.json, here, reports)
 

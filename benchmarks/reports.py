@@ -92,6 +92,21 @@ def show(report: Report, console: Console) -> None:
         console.print(note, style="dim", highlight=False, markup=False)
 
 
+def to_markdown(report: Report) -> str:
+    """Return a report as a table of Markdown, its notes below."""
+
+    def line(cells: Iterable[str]) -> str:
+        return "| " + " | ".join(cells) + " |\n"
+
+    heads = line(column.heading for column in report.columns)
+    rules = line("---" if column.spec == "s" else "--:" for column in report.columns)
+    rows = (
+        line(_text(row.get(column.key), column.spec) for column in report.columns)
+        for row in report.rows
+    )
+    return heads + rules + "".join(rows) + "".join(f"\n{note}\n" for note in report.notes)
+
+
 def write_json(path: Path, where: Mapping[str, str], reports: Mapping[str, Report]) -> None:
     """Write reports with the machine that they are from."""
     content = {"machine": dict(where)} | {name: asdict(report) for name, report in reports.items()}

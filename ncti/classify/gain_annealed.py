@@ -315,4 +315,5 @@ def _centre_and_scale(vectors: Floats, scaling: str) -> tuple[Floats, Floats]:
     flat = peak <= 1e-12 * np.abs(vectors).max(axis=axis)
     peak = np.where(flat, 1.0, peak)
     scale = np.where(flat, 1.0, peak * np.sqrt(np.mean((spread / peak) ** 2, axis=axis)))
+    scale = np.maximum(scale, np.finfo(np.float64).tiny)  # of subnormal features it may round to 0
     return centre, np.broadcast_to(scale, n_features).copy()

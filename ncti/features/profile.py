@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_all
 
+LARGEST = 1e300  # either way: sums over an edge stay numbers
 EDGE = 0.08  # of the window at each end, for the noise alone
 
 
@@ -38,7 +39,8 @@ def profile_vector(
     Raises
     ------
     ValueError
-        If a profile is not finite or the share is out of range.
+        If a profile has no bins, a profile or a floor is not finite or beyond 1e300 either way,
+        or the share is out of range.
 
     Notes
     -----
@@ -50,6 +52,10 @@ def profile_vector(
     values = np.asarray(profile, dtype=np.float64)
     if not np.isfinite(values).all():
         raise ValueError("profile holds a value that is not finite, but must be all numbers")
+    moderate = {"minimum": -LARGEST, "maximum": LARGEST}
+    require_all("profile", values, **moderate)
+    if values.ndim == 0 or values.shape[-1] == 0:
+        raise ValueError(f"profile has shape {values.shape}, but must have bins")
     if floor is None:
         require("edge", edge, positive=True, maximum=0.5)
         bins = values.shape[-1]
@@ -57,7 +63,7 @@ def profile_vector(
         outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
         level = outer.mean(axis=-1, keepdims=True)
     else:
-        level = np.asarray(floor, dtype=np.float64)[..., None]
+        level = require_all("floor", floor, **moderate)[..., None]
     above = values - level
     peak = above.max(axis=-1, keepdims=True)
     # Rounding leaves a flat profile a few ulp above its own floor: that is no peak.

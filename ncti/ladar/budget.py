@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ncti.checks import require
+from ncti.ladar.expected import STRONGEST
 
 
 def carrier_to_noise(
@@ -33,7 +34,7 @@ def carrier_to_noise(
     Raises
     ------
     ValueError
-        If a range or the reference is not positive and finite, or the extinction is negative.
+        If a parameter is out of range; ranges are from 1 m to 1e9 m.
 
     Notes
     -----
@@ -41,9 +42,9 @@ def carrier_to_noise(
     the 32 dB at 100 km; the scaling is the standard one for a resolved target), and the light
     crosses the atmosphere twice. `reference` contains the extinction over `reference_range`.
     """
-    require("slant_range", slant_range, positive=True)
-    require("reference", reference, positive=True)
-    require("reference_range", reference_range, positive=True)
+    require("slant_range", slant_range, minimum=1.0, maximum=1e9)
+    require("reference", reference, positive=True, maximum=STRONGEST)
+    require("reference_range", reference_range, minimum=1.0, maximum=1e9)
     require("extinction", extinction, minimum=0.0)
     two_way_db = 2 * extinction * (slant_range - reference_range)
     return float(reference * (reference_range / slant_range) ** 2 * 10 ** (-two_way_db / 10))

@@ -12,6 +12,9 @@ from ncti.ladar.extent import RangeExtent
 from ncti.ladar.pulse import noise_floor, target_kernel
 from ncti.ladar.receivers import FALSE_ALARM, detect
 
+STRONGEST = 1e20
+"""Largest carrier-to-noise ratio, 200 dB: powers of frames stay numbers in float32."""
+
 
 def expected_profile(
     extent: RangeExtent,
@@ -48,7 +51,7 @@ def expected_profile(
     Raises
     ------
     ValueError
-        If the pulse width is not positive, or the ratio or the count is negative.
+        If a parameter is out of range.
 
     Notes
     -----
@@ -61,8 +64,8 @@ def expected_profile(
     The printed normalisation <w w*> = 1 of the speckle disagrees with it by sqrt(2); it holds
     for unit variance in each quadrature, which `sample_frames` therefore draws.
     """
-    require("cnr", cnr, minimum=0.0)
-    require("target_free_ifovs", target_free_ifovs, minimum=0)
+    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
     kernel = target_kernel(
         pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=extent.down_range.size
     )

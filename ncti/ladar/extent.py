@@ -12,11 +12,14 @@ from ncti.checks import require
 from ncti.ladar.pulse import target_response
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
+from ncti.render.view import View
 
 Floats = NDArray[np.float64]
 
 REFERENCE_BIN = 1.0  # m; the bin of the article, in which its beta-hat is stated
 ERROR = 0.75  # of the difference of odd and even lines; see `RangeExtent.error`
+FARTHEST = 1e15  # m; the squares of longer slant ranges would leave float64
+MOST_BINS = 2**22  # of a range window: 4 km in bins of 1 mm
 _POINT = 1e-3  # bins; a narrower spread is a point
 _ROUNDING = 1e-8  # of a pixel; slopes of 1/_POINT over hundreds of bins leave some 1e-9
 
@@ -147,7 +150,7 @@ def range_extent(
     ------
     ValueError
         If a parameter is out of range, the image was made at another slant range, or the ship
-        does not fit into the window.
+        reaches the sensor or does not fit into the window.
 
     Notes
     -----
@@ -162,10 +165,15 @@ def range_extent(
     Boxes are binned exactly at a cost free of their width: the cumulative area at a bin edge is
     a sum of clipped ramps, each of which starts and stops a slope (two sums over each IFOV).
     """
-    require("slant_range", slant_range, positive=True)
-    require("ifov", ifov, positive=True)
+    require("slant_range", slant_range, positive=True, maximum=FARTHEST)
+    require("ifov", ifov, positive=True, maximum=1.0)
     require("bin_width", bin_width, positive=True)
     require("window", window, positive=True)
+    if window > MOST_BINS * bin_width:
+        raise ValueError(
+            f"bin_width is {bin_width!r} m, but must be at least {window / MOST_BINS:.3g} m in a "
+            f"window of {window:g} m, which may have {MOST_BINS} bins"
+        )
     require("spread", spread, minimum=0.0)
     if reflectance not in ("projected_area", "lambertian"):
         raise ValueError(
@@ -175,6 +183,11 @@ def range_extent(
         raise ValueError(
             f"slant_range is {slant_range!r}, but must be the {image.slant_range!r} m at which "
             "the range image was made"
+        )
+    if image.slant_range is None:
+        seen = image.piece[:, 2:] if isinstance(image, LineImage) else image.down_range[image.hit]
+        View(image.aspect, image.depression, slant_range=slant_range).check_clear(
+            float(seen.min(initial=0.0))
         )
     side = ifov * slant_range
     if side < image.resolution:
@@ -195,12 +208,13 @@ def range_extent(
             bin_count=bin_count,
             weight=image.cosine if lambertian else None,
         )
-        cell, reach = parts.cell, parts.reach
+        _check_reach(parts.reach, half_window)
+        cell = parts.cell
         even, odd = parts.area[:, 0] / side**2, parts.area[:, 1] / side**2
         fraction, difference = even + odd, (even - odd).sum(axis=0)
     else:
         r, horizontal, vertical = _places(image, slant_range)
-        reach = float(np.abs(r).max(initial=0.0))
+        _check_reach(float(np.abs(r).max(initial=0.0)), half_window)
         area, half_width = _boxes(image, side=side, spread=spread, lambertian=lambertian)
         cell, index = _tile(horizontal / side, vertical / side)
         fraction = _bin_boxes(
@@ -211,10 +225,6 @@ def range_extent(
             group_count=len(cell),
             bin_count=bin_count,
         )
-    if reach > half_window:
-        raise ValueError(
-            f"window is {window:g} m, but must be at least {2 * reach:.1f} m to hold this ship"
-        )
     return RangeExtent(
         fraction=fraction,
         down_range=bin_width * (np.arange(bin_count, dtype=np.float64) + 0.5) - half_window,
@@ -224,6 +234,15 @@ def range_extent(
         slant_range=slant_range,
         difference=difference,
     )
+
+
+def _check_reach(reach: float, half_window: float) -> None:
+    """Refuse a window that the ship leaves."""
+    if reach > half_window:
+        raise ValueError(
+            f"window is {2 * half_window:g} m, but must be at least {2 * reach:.1f} m to hold "
+            "this ship"
+        )
 
 
 def _places(image: RangeImage, slant_range: float) -> tuple[Floats, Floats, Floats]:
@@ -261,8 +280,9 @@ def _tile(
     """Occupied unit cells of the view (cell, 2), and the cell of each point (point,)."""
     column = np.floor(horizontal).astype(np.int64)
     row = np.floor(vertical).astype(np.int64)
-    left, bottom = column.min(initial=0), row.min(initial=0)
-    columns = column.max(initial=0) - left + 1
+    # From the ship's own first cell: it may be far from the line of sight through the origin.
+    left, bottom = (int(some.min()) if some.size else 0 for some in (column, row))
+    columns = int(column.max()) - left + 1 if column.size else 1
     flat = (row - bottom) * columns + (column - left)
     seen = np.bincount(flat) > 0  # a few hundred cells: far quicker than sorting the pixels
     occupied = np.flatnonzero(seen)

@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_generator
+from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import RangeExtent
 from ncti.ladar.moments import magnitude_covariance
 from ncti.ladar.pulse import (
@@ -27,6 +28,7 @@ GAUSSIAN_FROM = 100
 # Frames are computed in blocks of one size, whatever their number: the last bit of a matrix product
 # depends on how many rows it has, and a frame must not depend on how many follow it.
 FRAMES_AT_ONCE = 32
+MOST_DRAWN = 2**17  # target-free IFOVs drawn one by one: normals of one frame then have 0.2 GB
 NORMALS_AT_ONCE = 4_000_000  # 16 MB, for fewer frames at once when there are many IFOVs
 
 
@@ -84,11 +86,18 @@ def sample_frames(
     frame by frame, and a frame's place in its block of `FRAMES_AT_ONCE` does not depend on their
     number. Only the products of matrices are computed for whole blocks.
     """
-    require("cnr", cnr, minimum=0.0)
-    require("frame_count", frame_count, minimum=1)
-    require("target_free_ifovs", target_free_ifovs, minimum=0)
+    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("frame_count", frame_count, minimum=1, whole=True)
+    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
+    require_generator("rng", rng)
+    frame_count, target_free_ifovs = int(frame_count), int(target_free_ifovs)
     bins = extent.down_range.size
     as_sum = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
+    if not as_sum and target_free_ifovs > MOST_DRAWN:
+        raise ValueError(
+            f"target_free_ifovs is {target_free_ifovs}, but must be at most {MOST_DRAWN} for the "
+            f"receiver {receiver}, which sees each of them"
+        )
     factors = _field_factors(
         extent,
         pulse_width=pulse_width,
@@ -146,8 +155,10 @@ def cumulative_average(
     Article, 'Laser Radar Range Signatures' and Figure 5 (cumulative averaging).
     """
     for count in frame_counts:
-        require("frame_count", count, minimum=1, maximum=len(frames))
-    return np.stack([np.mean(frames[:count], axis=0, dtype=np.float64) for count in frame_counts])
+        require("frame_count", count, minimum=1, maximum=len(frames), whole=True)
+    return np.stack(
+        [np.mean(frames[: int(count)], axis=0, dtype=np.float64) for count in frame_counts]
+    )
 
 
 def _field_factors(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
+from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import REFERENCE_BIN, RangeExtent
 from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel
 
@@ -146,9 +147,9 @@ def banded_frame_moments(
     target-free IFOV, and bins that one IFOV's target reaches with less than NEGLIGIBLE of its
     noise, where the covariance is the noise's own.
     """
-    require("cnr", cnr, minimum=0.0)
-    require("target_free_ifovs", target_free_ifovs, minimum=0)
-    require("frame_count", frame_count, minimum=1)
+    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
+    require("frame_count", frame_count, minimum=1, whole=True)
     bins = extent.down_range.size
     pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
     noise = noise_covariance(**pulse, bin_count=bins)[0]  # by lag

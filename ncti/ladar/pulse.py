@@ -17,6 +17,9 @@ SPEED_OF_LIGHT = 299_792_458.0  # m/s, exact
 # they do within 1.5 %, at 1 within 60 %), and the amplitude would depend on the bin.
 MIN_BINS = 2.0
 
+SHORTEST, LONGEST = 1e-15, 1.0  # s; beyond them squares of N_z leave float64
+MOST_BINS = 2**14  # of a profile: its response to itself, bin by bin, then has 2 GB
+
 
 def shortest_pulse(bin_width: float) -> float:
     """Shortest pulse [s] that range bins of a width [m] can sample: N_z = 2."""
@@ -42,6 +45,17 @@ def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float
     return response / math.sqrt(n_z)
 
 
+def _check(pulse_width: float, bin_width: float, bin_count: int) -> None:
+    """Refuse pulses and bins that no arithmetic or memory holds."""
+    require("pulse_width", pulse_width, minimum=SHORTEST, maximum=LONGEST)
+    require("bin_width", bin_width, positive=True)
+    if bin_count > MOST_BINS:
+        raise ValueError(
+            f"bin_width is {bin_width!r} m, which makes {bin_count} range bins, but must be so "
+            f"wide that there are at most {MOST_BINS}"
+        )
+
+
 @lru_cache(maxsize=32)
 def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
     """Field response of every range bin to a scatterer in every range bin.
@@ -63,7 +77,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     Raises
     ------
     ValueError
-        If a width is not positive and finite.
+        If a width is out of range, or there are too many bins.
 
     Warns
     -----
@@ -75,8 +89,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     Article, Appendix 1, Equation B, with N_z = c T / (sqrt(2) dR): pulse and matched filter
     are the same Gaussian, so the filtered pulse is sqrt(2) wider in time.
     """
-    require("pulse_width", pulse_width, positive=True)
-    require("bin_width", bin_width, positive=True)
+    _check(pulse_width, bin_width, bin_count)
     if pulse_width < shortest_pulse(bin_width) * (1 - 1e-12):
         warnings.warn(
             f"pulse_width is {pulse_width!r} s, but range bins of {bin_width:g} m sample only "
@@ -114,8 +127,7 @@ def noise_covariance(
     the integral here (noise sampled as finely as it takes), so samples agree with the printed
     B, and nothing depends on the bin width.
     """
-    require("pulse_width", pulse_width, positive=True)
-    require("bin_width", bin_width, positive=True)
+    _check(pulse_width, bin_width, bin_count)
     n_t = SPEED_OF_LIGHT * pulse_width / (2 * bin_width)
     lag = np.subtract.outer(np.arange(bin_count), np.arange(bin_count))
     return math.sqrt(math.pi / 8) * np.exp(-2 * lag**2 / n_t**2)

@@ -67,8 +67,11 @@ def range_image(
     points = solid.along(view)
     lattice = Lattice.around(points, view, float(pixel))
 
-    facet = start_engine(engine).visible(solid, view, lattice, points)
-    down_range, gradient = surface(solid, view, lattice, points, facet)
+    drawing = start_engine(engine)
+    facet = drawing.visible(solid, view, lattice, points)
+    down_range, gradient = surface(
+        solid, view, lattice, points, facet, from_behind=drawing.from_behind
+    )
     return RangeImage(
         down_range,
         gradient,

@@ -17,6 +17,8 @@ from ncti.render.view import Lattice, View
 class EmbreeEngine:
     """Embree, one ray through each pixel centre between the first and the last on the ship."""
 
+    from_behind = True
+
     def __init__(self) -> None:
         # A scene lasts as long as its solid is kept.
         self._scenes: WeakKeyDictionary[Solid, EmbreeScene] = WeakKeyDictionary()

@@ -21,7 +21,14 @@ class Engine(Protocol):
     That is all an engine is asked: the range and the slope of what is seen follow from the
     facets in float64, once for all engines (`ncti.render.solid.surface`), so that no engine's
     arithmetic is in them.
+
+    Attributes
+    ----------
+    from_behind : bool
+        Whether it also sees facets from behind: as rays do, where two of opposite winding coincide.
     """
+
+    from_behind: bool
 
     def visible(
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]

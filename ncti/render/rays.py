@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.embree import EmbreeEngine
-from ncti.render.solid import STEEP, STEEPEST, Solid
+from ncti.render.solid import STEEP, Solid, towards
 
 if TYPE_CHECKING:
     import trimesh
@@ -96,15 +96,15 @@ def _meet(
 ) -> tuple[Floats, NDArray[np.intp], Floats]:
     """Distance, facet and cosine of incidence of rays that meet the planes of facets."""
     normal = solid.normals.take(facet, axis=0)
-    cosine = np.maximum(-np.einsum("ij,ij->i", normal, direction), STEEPEST)
+    cosine = towards(-np.einsum("ij,ij->i", normal, direction))
     distance = (np.einsum("ij,ij->i", normal, origin) - solid.offsets.take(facet)) / cosine
     # A steep facet's plane leaves it quickly: distance is kept within the facet's own.
-    steep = np.flatnonzero(cosine < STEEP)
+    steep = np.flatnonzero(np.abs(cosine) < STEEP)
     corners = solid.vertices[solid.faces.take(facet[steep], axis=0)]
     corners -= (origin[steep] - solid.centre)[:, None]
     reach = np.einsum("ijk,ik->ij", corners, direction[steep])
     distance[steep] = np.clip(distance[steep], reach.min(axis=1), reach.max(axis=1))
-    return distance, facet, cosine
+    return distance, facet, np.abs(cosine)
 
 
 _embree = EmbreeEngine()

@@ -59,7 +59,7 @@ class Solid:
         Raises
         ------
         ValueError
-            When the mesh has no facets, or a vertex that is not finite.
+            When the mesh has no facets, none with an area, or a vertex that is not finite.
         """
         key = hash(mesh)
         with _lock:
@@ -82,6 +82,8 @@ class Solid:
         corner = vertices[faces]
         normals = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         length = np.linalg.norm(normals, axis=1, keepdims=True)
+        if not length.any():
+            raise ValueError("mesh has no facets with an area: at least one is needed.")
         np.divide(normals, length, out=normals, where=length > 0)
         offsets = np.einsum("ij,ij->i", normals, corner[:, 0] + centre)
         return cls(centre, vertices, faces, normals, offsets)
@@ -95,12 +97,19 @@ _kept: OrderedDict[int, Solid] = OrderedDict()
 _lock = Lock()
 
 
+def towards(cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cosines of incidence kept off zero: as they are on facets seen from behind, below 0."""
+    return np.where(cosine < -STEEPEST, cosine, np.maximum(cosine, STEEPEST))
+
+
 def surface(
     solid: Solid,
     view: View,
     lattice: Lattice,
     points: NDArray[np.float64],
     facet: NDArray[np.float32] | NDArray[np.int32],
+    *,
+    from_behind: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Down-range and its gradient where lines of sight meet facets, exactly.
 
@@ -116,6 +125,8 @@ def surface(
         Coordinates of the solid's vertices along the axes of the view [m].
     facet : (row * col,) float32 or int32 ndarray
         Which facet each pixel sees, -1 for none.
+    from_behind : bool
+        Whether facets that face away are seen; otherwise they count as edge-on.
 
     Returns
     -------
@@ -132,8 +143,8 @@ def surface(
         r = (s - c) / a,   s = n_h H + n_v V,   a = -(n_r + k s),   grad r = w (n_h, n_v) / a,
 
     where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that
-    faces the sensor. With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t,
-    so that
+    faces the sensor; from behind, both signs of n and c are the same plane. With S = H^2 + V^2
+    and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t, so that
 
         down-range = r + k w S / (1 + t),   gradient = t grad r + k w (H, V) / t,
 
@@ -154,6 +165,7 @@ def surface(
         solid.offsets,
         solid.faces,
         points[2],
+        from_behind,
     )
 
 

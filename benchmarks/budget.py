@@ -1,0 +1,391 @@
+"""The error budget: what each approximation does to profiles, and to the names of ships."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # of scikit-learn
+
+import ncti.ships
+from benchmarks.classifiers import FRAMES, SHIPS, SIGNAL, SLANT_RANGE
+from benchmarks.reports import Column, Report, Sample, to_markdown
+from benchmarks.views import DEPRESSION
+from ncti.classify import GaussianTemplates
+from ncti.evaluate import aspect_bins
+from ncti.ladar import (
+    RangeExtent,
+    banded_frame_moments,
+    cumulative_average,
+    range_extent,
+    sample_frames,
+)
+from ncti.ladar.pulse import target_kernel
+from ncti.render import ROLL, choose_engine, line_image
+from sweeps.stages.views import Render, image
+from tests.reference import reference_range_extent
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "error_budget.md"
+BEGIN, END = "<!-- begin: python -m benchmarks budget --write -->", "<!-- end -->"
+
+STEP = 3.0  # between templates [deg]
+ASPECTS = tuple(np.arange(0.0, 90.1, STEP).tolist())
+BETWEEN = tuple(np.arange(STEP / 2, 90.0, STEP).tolist())
+REFERENCES = tuple(np.arange(0.0, 90.1, 15.0).tolist())  # views of the polygon clipper [deg]
+FINE = 1 / 16  # distance of the lines that stand for the truth [m]
+FINER_BINS = 9  # for one of 1 m; odd, so that one of them has the same centre
+REPLICATES = 8
+GROUPS = ("0-27", "30-57", "60-90")
+
+Floats = NDArray[np.float64]
+Seen = Callable[[str, float], RangeExtent]
+"""How a view of a ship by name, at an aspect [deg], becomes a range extent."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """Which views the budget is measured on.
+
+    Attributes
+    ----------
+    ships : tuple of str
+        Names.
+    aspects, between : tuple of float
+        Learned, and between those learned [deg].
+    references : tuple of float
+        Aspects at which the sampling-free reference is made [deg].
+    replicates : int
+        Independent averages of every view.
+    """
+
+    ships: tuple[str, ...] = SHIPS
+    aspects: tuple[float, ...] = ASPECTS
+    between: tuple[float, ...] = BETWEEN
+    references: tuple[float, ...] = REFERENCES
+    replicates: int = REPLICATES
+    _kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    def each(self, aspects: Sequence[float]) -> list[tuple[str, float]]:
+        """Return ship and aspect of all views, ship by ship."""
+        return [(ship, aspect) for ship in self.ships for aspect in aspects]
+
+    def kept(self, seen: Seen, ship: str, aspect: float) -> RangeExtent:
+        """Return a view's extent, made once."""
+        key = seen, ship, aspect
+        if key not in self._kept:
+            self._kept[key] = seen(ship, aspect)
+        extent: RangeExtent = self._kept[key]
+        return extent
+
+    @cached_property
+    def averages(self) -> Floats:
+        """(view, replicate, bin) float64 ndarray: averages of views at the aspects learned."""
+        return self._drawn(self.aspects, 0)
+
+    @cached_property
+    def averages_between(self) -> Floats:
+        """(view, replicate, bin) float64 ndarray: averages of views between them."""
+        return self._drawn(self.between, 1)
+
+    def _drawn(self, aspects: Sequence[float], stream: int) -> Floats:
+        drawn = []
+        for number, view in enumerate(self.each(aspects)):
+            rng = np.random.default_rng([stream, number])
+            frames = sample_frames(
+                self.kept(truth, *view), frame_count=FRAMES * self.replicates, rng=rng, **SIGNAL
+            )
+            runs = frames.reshape(self.replicates, FRAMES, -1)
+            drawn.append([cumulative_average(run, [FRAMES])[0] for run in runs])
+        return np.array(drawn)
+
+    def right(self, seen: Seen, averages: Floats, *, between: bool = False, **learn: Any) -> Floats:
+        """(replicate, group) float64 ndarray: percent named right by templates made so."""
+        named = self.each(learn.get("aspects", self.aspects))
+        extents = [self.kept(seen, *view) for view in named]
+        moments = [
+            _at_metres(extent, *banded_frame_moments(extent, **SIGNAL)) for extent in extents
+        ]
+        means, bands = (np.array(part) for part in zip(*moments, strict=True))
+        templates = GaussianTemplates().fit(
+            means, bands, [ship for ship, _ in named], floor=means[:, :1]
+        )
+        tested = self.each(self.between if between else self.aspects)
+        names = templates.predict(averages.reshape(-1, averages.shape[-1]), FRAMES)
+        right = names.reshape(averages.shape[:2]) == np.array([ship for ship, _ in tested])[:, None]
+        labels, group = aspect_bins(np.array([aspect for _, aspect in tested]))
+        return np.array([100 * right[group == k].mean(axis=0) for k in range(len(labels))]).T
+
+
+def truth(ship: str, aspect: float) -> RangeExtent:
+    """Return the extent by lines of 1/16 m, seen from the slant range itself."""
+    return _lines(ncti.ships.load(ship), aspect)
+
+
+def _lines(
+    mesh: trimesh.Trimesh,
+    aspect: float,
+    *,
+    view_range: float | None = SLANT_RANGE,
+    slant_range: float = SLANT_RANGE,
+    bin_width: float = 1.0,
+) -> RangeExtent:
+    """Return the extent by fine lines of a view from some range."""
+    lines = line_image(
+        mesh, aspect=aspect, depression=DEPRESSION, spacing=FINE, slant_range=view_range
+    )
+    return range_extent(
+        lines, slant_range=slant_range, ifov=15.0 / slant_range, bin_width=bin_width
+    )
+
+
+def _far(ship: str, aspect: float) -> RangeExtent:
+    """Return the extent by fine lines in the far field, the wavefront put in afterwards."""
+    return _lines(ncti.ships.load(ship), aspect, view_range=None)
+
+
+def _fine_bins(ship: str, aspect: float) -> RangeExtent:
+    """Return the truth in fine bins."""
+    return _lines(ncti.ships.load(ship), aspect, bin_width=1 / FINER_BINS)
+
+
+def _drawn(ship: str, aspect: float, *, engine: str, slant_range: float = SLANT_RANGE) -> Any:
+    """Return the extent of a sweep by default, of an engine."""
+    seen = image.function(
+        ncti.ships.load(ship),
+        aspect=aspect,
+        depression=DEPRESSION,
+        drawing_engine=engine,
+        pixel=Render.pixel.default,
+        samples=Render.samples.default,
+        roll=ROLL,
+        fineness=(),
+    )
+    return range_extent(seen, slant_range=slant_range, ifov=15.0 / slant_range)
+
+
+def _single(ship: str, aspect: float) -> RangeExtent:
+    """Return the extent by fine lines of the mesh rounded to float32, itself rounded to float32."""
+    mesh = ncti.ships.load(ship)
+    vertices = np.asarray(mesh.vertices).astype(np.float32)
+    extent = _lines(trimesh.Trimesh(vertices, mesh.faces, process=False), aspect)
+    return replace(extent, fraction=extent.fraction.astype(np.float32).astype(np.float64))
+
+
+def _flat(ship: str, aspect: float) -> RangeExtent:
+    """Return the extent by fine lines of plane waves: as from a sensor beyond all distance."""
+    return _lines(ncti.ships.load(ship), aspect, view_range=None, slant_range=1e12)
+
+
+def _pulse(extent: RangeExtent) -> Floats:
+    """(bin,) float64 ndarray: power of all the ship after the pulse, in bins of 1 m.
+
+    Of finer bins, those that have the centres of bins of 1 m.
+    """
+    kernel = target_kernel(
+        pulse_width=SIGNAL["pulse_width"],
+        bin_width=extent.bin_width,
+        bin_count=extent.down_range.size,
+    )
+    power: Floats = kernel**2 @ extent.density.sum(axis=0)
+    return power if extent.bin_width == 1.0 else power[FINER_BINS // 2 :: FINER_BINS]
+
+
+def _at_metres(extent: RangeExtent, mean: Floats, band: Floats) -> tuple[Floats, Floats]:
+    """Moments of a frame in bins of 1 m: of finer ones, those that have the same centres."""
+    if extent.bin_width == 1.0:
+        return mean, band
+    centres = slice(FINER_BINS // 2, None, FINER_BINS)
+    return mean[centres], band[::FINER_BINS, centres]
+
+
+def _errors(found: Sequence[Floats], exact: Sequence[Floats]) -> Sample:
+    """Sum of absolute differences over the sum, view by view [%]."""
+    return Sample.of(
+        float(100 * np.abs(p - q).sum() / q.sum()) for p, q in zip(found, exact, strict=True)
+    )
+
+
+def _against_reference(views: Views, seen: Callable[[str, float], RangeExtent]) -> Sample:
+    """Error of far-field extents against the sampling-free reference."""
+    edges = np.arange(-125.0, 126.0)
+    found, exact = [], []
+    power = target_kernel(pulse_width=SIGNAL["pulse_width"], bin_width=1.0, bin_count=250) ** 2
+    for ship, aspect in views.each(views.references):
+        area = reference_range_extent(
+            ncti.ships.load(ship), aspect=aspect, depression=DEPRESSION, bin_edges=edges
+        ).area[0]
+        exact.append(power @ area / 15.0**2)
+        found.append(power @ seen(ship, aspect).fraction.sum(axis=0))
+    return _errors(found, exact)
+
+
+def measure(views: Views | None = None) -> Report:
+    """Profile error and change of the percent named right, by source of error.
+
+    Parameters
+    ----------
+    views : Views, optional
+        What it is measured on; the source's four ships by default.
+
+    Returns
+    -------
+    Report
+        One row a source of error.
+    """
+    with threadpool_limits(1):
+        return _measure(views or Views())
+
+
+def _measure(views: Views) -> Report:
+    engine = choose_engine("auto")
+    pixels, lines = partial(_drawn, engine=engine), partial(_drawn, engine="lines")
+    truths = [_pulse(views.kept(truth, *view)) for view in views.each(views.aspects)]
+    best = views.right(truth, views.averages)
+
+    def against_truth(seen: Seen) -> Sample:
+        return _errors([_pulse(views.kept(seen, *v)) for v in views.each(views.aspects)], truths)
+
+    def row(name: str, setting: str, error: Sample, change: Floats, how: str) -> dict[str, Any]:
+        spread = change.std(axis=0, ddof=1) / math.sqrt(len(change))
+        points = {
+            group: f"{mean:+.1f} ± {2 * sigma:.1f}"
+            for group, mean, sigma in zip(GROUPS, change.mean(axis=0), spread, strict=False)
+        }
+        return {"source": name, "setting": setting, "error": error, "how": how} | points
+
+    def templates(seen: Seen) -> Floats:
+        return views.right(seen, views.averages) - best
+
+    rounded = views.averages.astype(np.float32).astype(np.float64)
+    rows = [
+        row(
+            "pixel",
+            f"{engine}, {Render.pixel.default:g} m, {Render.samples.default:g} samples",
+            _against_reference(views, partial(_drawn, engine=engine, slant_range=1e12)),
+            templates(pixels),
+            "against the sampling-free reference",
+        ),
+        row(
+            "line",
+            f"lines, {Render.pixel.default:g} m, {Render.samples.default:g} samples",
+            _against_reference(views, partial(_drawn, engine="lines", slant_range=1e12)),
+            templates(lines),
+            "against the sampling-free reference",
+        ),
+        row(
+            "bin",
+            "1 m",
+            _errors(
+                truths, [_pulse(views.kept(_fine_bins, *v)) for v in views.each(views.aspects)]
+            ),
+            templates(_fine_bins),
+            f"against bins of 1/{FINER_BINS} m at the same ranges; names: templates of those",
+        ),
+        row(
+            "curvature",
+            "far-field view, s²/2R added",
+            against_truth(_far),
+            templates(_far),
+            "against the view from 100 km, lines of 1/16 m",
+        ),
+        row(
+            "curvature, left out",
+            "plane waves",
+            against_truth(_flat),
+            templates(_flat),
+            "the same; no default, but what the correction is worth",
+        ),
+        row(
+            "float",
+            "float32 mesh, extent, averages",
+            against_truth(_single),
+            views.right(_single, rounded) - best,
+            "against float64, lines of 1/16 m",
+        ),
+        _draws(views, best),
+        row(
+            "template spacing",
+            f"{STEP:g}°",
+            _between(views),
+            views.right(truth, views.averages_between, between=True)
+            - views.right(
+                truth,
+                views.averages_between,
+                between=True,
+                aspects=tuple(sorted((*views.aspects, *views.between))),
+            ),
+            f"{STEP / 2:g}° off, nearest template against the view itself; names: of views "
+            "between templates, against these learned, too",
+        ),
+    ]
+    percent = ", ".join(
+        f"{group}°: {mean:.1f}" for group, mean in zip(GROUPS, best.mean(axis=0), strict=False)
+    )
+    return Report(
+        f"Error budget: {', '.join(views.ships)}; 100 km, 30 ns, {FRAMES} frames",
+        (
+            Column("source", "source"),
+            Column("setting", "default"),
+            Column("error", "profile error [%]", ".3g"),
+            *(Column(group, f"{group}° [points]") for group in GROUPS),
+            Column("how", "measured"),
+        ),
+        rows,
+        [
+            "Profile error: sum of absolute differences over the sum of the exact profile, of all "
+            "the ship in power after the pulse, in bins of 1 m; median (lowest–highest) of "
+            f"{len(views.each(views.references))} views against the reference, "
+            f"{len(views.each(views.aspects))} otherwise.",
+            "Points: change of the percent named right by the likelihood classifier that knows "
+            "neither gain nor floor, templates made so, and averages drawn from the truth, which "
+            f"are the same in all rows; mean ± two standard errors of {views.replicates} draws. "
+            f"With templates of the truth it names {percent} % right.",
+        ],
+    )
+
+
+def _draws(views: Views, best: Floats) -> dict[str, Any]:
+    """The row of the noise itself, that one draw is."""
+    errors = []
+    for view in views.each(views.aspects):
+        extent = views.kept(truth, *view)
+        mean, band = banded_frame_moments(extent, frame_count=FRAMES, **SIGNAL)
+        above = mean - mean[0]
+        errors.append(100 * math.sqrt(2 / math.pi) * np.sqrt(band[0]).sum() / above.sum())
+    deviation = best.std(axis=0, ddof=1)
+    return {
+        "source": "draws",
+        "setting": f"{FRAMES} frames, one replicate",
+        "error": Sample.of(errors),
+        "how": "noise of an average, of amplitudes above the floor, in closed form (mean "
+        "deviation); names: standard deviation of one draw",
+    } | {group: f"± {sigma:.1f}" for group, sigma in zip(GROUPS, deviation, strict=False)}
+
+
+def _between(views: Views) -> Sample:
+    """Distance of profiles between two templates to the nearer of these."""
+    found, exact = [], []
+    for ship, aspect in views.each(views.between):
+        here = _pulse(views.kept(truth, ship, aspect))
+        near = min(
+            (_pulse(views.kept(truth, ship, learned)) for learned in views.aspects),
+            key=lambda profile: float(np.abs(profile - here).sum()),
+        )
+        found.append(near)
+        exact.append(here)
+    return _errors(found, exact)
+
+
+def write(report: Report, page: Path = PAGE) -> None:
+    """Put a report's table into its page, between the lines that mark its place."""
+    text = page.read_text(encoding="utf-8")
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    page.write_text(f"{before}{BEGIN}\n\n{to_markdown(report)}\n{END}{after}", encoding="utf-8")

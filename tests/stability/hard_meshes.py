@@ -1,0 +1,114 @@
+"""Boxes and what makes them hard, seen by every engine, with the outlines that they must show."""
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull
+
+from ncti.render import View, available_engines, line_image, range_image
+
+LOW, HIGH = np.array([-60.0, -7.0, -2.0]), np.array([70.0, 9.0, 12.0])
+ENGINES = ("lines", *(name for name in ("embree", "osmesa") if name in available_engines()))
+
+
+def box(scale=1.0, offset=0.0):
+    """A box of a ship's size, its waterline origin off the middle."""
+    return trimesh.creation.box(bounds=np.array([LOW, HIGH]) * scale + offset)
+
+
+def mesh(vertices, faces):
+    return trimesh.Trimesh(np.asarray(vertices, dtype=np.float64), faces, process=False)
+
+
+def flat_subdivided(count):
+    """The box with `count` x `count` x 2 facets a side, all of them flat."""
+    k = np.arange(count + 1) / count
+    across, along = (part.ravel() for part in np.meshgrid(k, k, indexing="ij"))
+    first = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).ravel()
+    halves = ([0, count + 1, count + 2], [0, count + 2, 1])
+    side = np.concatenate([first[:, None] + np.array(half) for half in halves])
+    vertices, faces = [], []
+    for axis in range(3):
+        for end, level in enumerate((LOW, HIGH)):
+            place = np.empty((len(across), 3))
+            b, c = (axis + 1) % 3, (axis + 2) % 3
+            place[:, axis] = level[axis]
+            place[:, b] = LOW[b] + (HIGH - LOW)[b] * across
+            place[:, c] = LOW[c] + (HIGH - LOW)[c] * along
+            faces.append((side if end else side[:, ::-1]) + len(across) * len(vertices))
+            vertices.append(place)
+    return mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def with_slivers(share):
+    """The box, each facet split at a point this share of its height above its longest edge."""
+    corners = np.asarray(box().triangles)
+    vertices, faces = [], []
+    for a, b, c in corners:
+        foot = (a + b) / 2
+        n = len(vertices)
+        vertices += [a, b, c, foot + (c - foot) * share]
+        faces += [[n, n + 1, n + 3], [n + 1, n + 2, n + 3], [n + 2, n, n + 3]]
+    return mesh(vertices, faces)
+
+
+def with_needle(width):
+    """The box with a mast 28 m high, as thick as `width`."""
+    mast = trimesh.creation.box(bounds=[[0.0, 0.0, 11.999], [width, width, 40.0]])
+    return trimesh.util.concatenate([box(), mast])
+
+
+def with_facets_without_area():
+    v, f = np.asarray(box().vertices), np.asarray(box().faces)
+    middle = (v[f[0, 0]] + v[f[0, 1]]) / 2
+    more = [[f[0, 0], len(v), f[0, 1]], [0, 0, 0], [1, 1, 2]]
+    return mesh([*v, middle], np.vstack([f, more]))
+
+
+def with_coincident_facets(*, turned=False):
+    """Every facet twice, the second time wound the other way if `turned`."""
+    v, f = np.asarray(box().vertices), np.asarray(box().faces)
+    return mesh(v, np.vstack([f, f[:, ::-1] if turned else f]))
+
+
+def see(engine, solid, *, pixel=0.5, **view):
+    """A range image, or lines."""
+    if engine == "lines":
+        return line_image(solid, spacing=pixel, **view)
+    return range_image(solid, pixel=pixel, engine=engine, **view)
+
+
+def area(image):
+    """Visible area [m^2] at the range of the ship origin."""
+    if hasattr(image, "hit"):
+        return np.count_nonzero(image.hit) * image.pixel**2
+    return image.area.sum()
+
+
+def ranges(image):
+    """Down-range [m] of all that is seen."""
+    return image.down_range[image.hit] if hasattr(image, "hit") else image.down_range.ravel()
+
+
+def outline(points, *, aspect, depression, slant_range=None):
+    """Area and perimeter of the outline of a convex solid, and where down-range lies.
+
+    The view is that of the points' convex hull, by the definition of the axes and of h/w, v/w.
+    """
+    column, row, away = View(aspect, depression).axes @ np.asarray(points, dtype=np.float64).T
+    k = 0.0 if slant_range is None else 1.0 / slant_range
+    w = 1.0 + k * away
+    hull = ConvexHull(np.stack([column / w, row / w], axis=1), qhull_options="QJ Pp")
+    # |q| - R0 of the corners bounds what is farthest; nothing is nearer than its coordinate away.
+    square = column**2 + row**2
+    distance = away + k * square / (w + np.sqrt(w**2 + k**2 * square))
+    return hull.volume, hull.area, (away.min(), distance.max())
+
+
+def sampling_error(perimeter, pixel):
+    """Bound on the area [m^2] that squares or lines err by on a convex outline.
+
+    Squares that the outline cuts lie in a strip of a pixel's half diagonal on either side of it:
+    perimeter x p / sqrt 2 + pi p^2 / 2. A chord grows to the longest one and falls again, so that
+    lines err by twice that times their distance, and it is at most half the perimeter.
+    """
+    return perimeter * pixel + np.pi * pixel**2 / 2

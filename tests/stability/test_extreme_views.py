@@ -1,0 +1,136 @@
+"""Every engine at the ends of range, aspect, depression, size and place."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from hard_meshes import ENGINES, area, box, outline, ranges, sampling_error, see
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ncti.ladar import range_extent
+from ncti.render import View
+
+EPS = np.finfo(np.float64).eps
+DEPRESSIONS = (0.0, 1e-6, 89.999, math.nextafter(90.0, 0.0), 90.0)
+ASPECTS = tuple(
+    beside
+    for aspect in (0.0, 90.0, 180.0, 360.0)
+    for beside in (math.nextafter(aspect, -1.0), aspect, math.nextafter(aspect, 361.0))
+    if beside <= 360.0
+)
+
+
+def check(engine, solid, *, pixel, size=130.0, **view):
+    """Area within what sampling allows, ranges within the solid's own but for rounding.
+
+    A range is a plane's distance over a cosine, which keeps the digits of a coordinate but for
+    1 / cosine; where that is over 10, it is held within the facet. So 64 ulp of the farthest
+    coordinate, and of an image's plane of the box at the outline, which a pixel may overshoot by
+    a rasteriser's 1/256 pixel at slope 10.
+    """
+    image = see(engine, solid, pixel=pixel, **view)
+    exact, perimeter, (near, far) = outline(solid.vertices, **view)
+    assert area(image) == pytest.approx(exact, abs=sampling_error(perimeter, pixel))
+    seen = ranges(image)
+    far_away = np.abs(solid.vertices).max()
+    slack = 64 * EPS * (far_away + size)
+    if engine != "lines":
+        slack += 10 * pixel / 256
+    assert np.all((seen >= near - slack) & (seen <= far + slack))
+    return image
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("slant_range", [100.0, 1e3, 100e3, 1e6, None])
+def test_any_aspect_and_depression_at_any_range(engine, slant_range):
+    solid = box()
+    for aspect, depression in product(ASPECTS, DEPRESSIONS):
+        check(
+            engine, solid, pixel=1.0, aspect=aspect, depression=depression, slant_range=slant_range
+        )
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("length", [1.0, 10e3])
+@pytest.mark.parametrize("slant_range", [None, 100e3, 1e6])
+def test_a_ship_of_a_metre_and_one_of_ten_kilometres(engine, length, slant_range):
+    scale = length / 130.0
+    view = {"aspect": 37.0, "depression": 3.84, "slant_range": slant_range}
+    check(engine, box(scale), pixel=0.5 * scale, size=length, **view)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_ship_around_the_sensor_is_refused(engine):
+    view = {"aspect": 37.0, "depression": 3.84}
+    with pytest.raises(ValueError, match=r"slant_range is 100 m, and the ship reaches 4768"):
+        see(engine, box(1e4 / 130), pixel=40.0, slant_range=100.0, **view)
+    far = see(engine, box(1e4 / 130), pixel=40.0, **view)
+    with pytest.raises(ValueError, match=r"slant_range is 100 m, and the ship reaches 47"):
+        range_extent(far, slant_range=100.0, ifov=0.5, window=20e3)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("offset", [(1e6, 0, 0), (0, -1e6, 0), (0, 0, 1e6), (1e6, 1e6, 1e6)])
+def test_a_thousand_kilometres_from_the_origin(engine, offset):
+    """Area is conserved through the range extent, in cells far from the line of sight."""
+    view = {"aspect": 37.0, "depression": 3.84}
+    image = check(engine, box(offset=offset), pixel=0.5, size=1e6, **view)
+    with pytest.raises(ValueError, match="window is 250 m, but must be at least"):
+        range_extent(image, slant_range=1e12, ifov=15e-12)
+    extent = range_extent(image, slant_range=1e12, ifov=15e-12, window=4e6, bin_width=1e4)
+    assert extent.fraction.sum() * 15.0**2 == pytest.approx(area(image), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *product(("aspect", "depression", "slant_range"), (math.nan, math.inf, -math.inf)),
+        ("aspect", math.nextafter(360.0, 361.0)),
+        ("depression", math.nextafter(90.0, 91.0)),
+        ("depression", -5e-324),
+        ("slant_range", 0.0),
+        ("pixel", 0.0),
+        ("pixel", 1e-9),
+        ("pixel", math.nan),
+    ],
+)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_views_that_are_none_are_refused(engine, name, value):
+    view = {"aspect": 37.0, "depression": 3.84} | {name: value}
+    said = "spacing" if name == "pixel" and engine == "lines" else name
+    with pytest.raises(
+        ValueError, match=f"^{said} is .*: neither|^{said} is .*: there|^{said} is "
+    ):
+        see(engine, box(), **view)
+
+
+@settings(max_examples=30)
+@given(
+    engine=st.sampled_from([name for name in ENGINES if name != "osmesa"]),
+    size=st.floats(0.0, 4.0),
+    away=st.floats(1.7, 6.0) | st.none(),
+    aspect=st.floats(-360.0, 360.0),
+    depression=st.floats(0.0, 90.0),
+    roll=st.floats(-360.0, 360.0),
+    data=st.data(),
+)
+def test_any_convex_solid_has_its_outline(engine, size, away, aspect, depression, roll, data):
+    """Of any size from 1 m to 10 km, seen from 50 half sizes to a million of them."""
+    import trimesh
+
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
+    scale = 10.0**size
+    solid = trimesh.convex.convex_hull(rng.uniform(-0.5, 0.5, (12, 3)) * scale)
+    view = {"aspect": aspect, "depression": depression}
+    view["slant_range"] = None if away is None else scale * 10.0**away
+    image = see(engine, solid, pixel=scale / 64, roll=roll, **view)
+    exact, perimeter, _ = outline(solid.vertices, **view)
+    assert area(image) == pytest.approx(exact, abs=sampling_error(perimeter, scale / 64))
+
+
+def test_axes_are_orthonormal_an_ulp_beside_every_quarter():
+    for aspect, depression in product(ASPECTS, DEPRESSIONS):
+        axes = View(aspect, depression).axes
+        assert np.abs(axes @ axes.T - np.eye(3)).max() <= 8 * EPS
