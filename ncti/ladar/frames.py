@@ -16,6 +16,7 @@ from ncti.ladar.extent import RangeExtent
 from ncti.ladar.moments import magnitude_covariance
 from ncti.ladar.pulse import (
     low_rank_factor,
+    noise_by_lag,
     noise_covariance,
     noise_factor,
     noise_floor,
@@ -148,7 +149,7 @@ def frame_blocks(
     if as_sum:
         floor = _floor_factor(**pulse, bin_count=bins)
     else:
-        speckles += [_Speckle(0, 0, floor)] * target_free_ifovs
+        speckles += [NO_SPECKLE] * target_free_ifovs
     detected = partial(detect, receiver=receiver, false_alarm=false_alarm)
     detected(floor)  # its checks
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
@@ -226,26 +227,37 @@ class _Speckle(NamedTuple):
     factor: NDArray[np.float32]  # (occupied bin, end - begin)
 
 
+NO_SPECKLE = _Speckle(0, 0, np.zeros((0, 0), dtype=np.float32))
+
+
 def _speckles(extent: RangeExtent, *, pulse_width: float, cnr: float) -> list[_Speckle]:
     """Return the target's part of each IFOV, out to where it is lost in the noise's rounding."""
     pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
     bins = extent.down_range.size
-    kernel = target_kernel(**pulse, bin_count=bins)
-    lost = UNFELT * math.sqrt(noise_covariance(**pulse, bin_count=1)[0, 0])
+    kernel = _short_kernel(**pulse, bin_count=bins)
+    amplitude = np.sqrt(cnr * extent.density).astype(np.float32)
+    # Beyond so many bins no scatterer of this view is felt.
+    felt = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
+    reach = int(np.count_nonzero(amplitude.max(initial=0.0) * kernel[0] > felt))
     parts = []
-    for beta in extent.density:
-        occupied = np.flatnonzero(beta)
-        amplitude = np.sqrt(cnr * beta[occupied])
-        begin = end = 0
-        if occupied.size:
-            response = amplitude.max() * kernel[0]  # by lag
-            reach = int(np.count_nonzero(response > lost))
-            if reach:
-                begin = max(0, int(occupied[0]) - reach + 1)
-                end = min(bins, int(occupied[-1]) + reach)
-        factor = amplitude[:, None] * kernel[occupied, begin:end]
-        parts.append(_Speckle(begin, end, factor.astype(np.float32)))
+    for fill, beta in zip(amplitude, extent.density, strict=True):
+        (occupied,) = beta.nonzero()
+        if not occupied.size:
+            parts.append(NO_SPECKLE)
+            continue
+        begin = max(0, int(occupied[0]) - reach + 1)
+        end = min(bins, int(occupied[-1]) + reach)
+        response = kernel.take(occupied, axis=0)[:, begin:end]
+        parts.append(_Speckle(begin, end, fill.take(occupied)[:, None] * response))
     return parts
+
+
+@lru_cache(maxsize=32)
+def _short_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
+    """Return `target_kernel` without its farthest tails."""
+    kernel = target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
+    # Numbers below the least normal float32 are a hundred times slower to multiply.
+    return np.where(kernel > 1e-20, kernel, 0.0).astype(np.float32)
 
 
 class _Noise(NamedTuple):
@@ -307,7 +319,7 @@ def _waveforms(
         _product(odd_normals, noise.odd, odd)
         np.subtract(even, odd, out=upper)
         np.add(even, odd, out=lower)
-        if end > begin:
+        if occupied:
             field[..., begin:end] += drawn[..., :occupied] @ factor
         np.square(field, out=field)
         amplitude = np.add(field[0], field[1], out=field[0])
@@ -318,7 +330,8 @@ def _product(
     normals: NDArray[np.float32], factor: NDArray[np.float32], out: NDArray[np.float32]
 ) -> None:
     """Put normals @ factor into `out`: one product of all rows, not one a quadrature."""
-    np.matmul(normals.reshape(-1, len(factor)), factor, out=out.reshape(-1, factor.shape[1]))
+    rows = math.prod(out.shape[:-1])
+    np.matmul(normals.reshape(rows, len(factor)), factor, out=out.reshape(rows, -1))
 
 
 @lru_cache(maxsize=32)
