@@ -167,7 +167,7 @@ def banded_frame_moments(
     covariance = np.zeros((lags, bins))
     covariance[0] = (2 - math.pi / 2) * (variance.sum(axis=0) + target_free_ifovs * noise[0])
     floor = noise[0] * _bracket(np.square(noise[:lags] / noise[0]))  # of one target-free IFOV
-    decay = np.array([math.exp(-2 * lag**2 / n_z**2) for lag in range(lags)])
+    decay = np.array([math.exp(-2 * apart**2 / n_z**2) for apart in range(lags)])
     at_once = max(1, PLACES_AT_ONCE // max(1, live.size))
     for first in range(1, lags, at_once):
         last = min(first + at_once, lags)
@@ -179,20 +179,22 @@ def banded_frame_moments(
         place = (lag - first) * bins + n
         band = np.bincount(place, weights=excess, minlength=(last - first) * bins)
         covariance[first:last] = band.reshape(-1, bins) + everywhere * floor[first:last, None]
-    for lag in range(1, lags):
-        covariance[lag, bins - lag :] = 0.0
+    for apart in range(1, lags):
+        covariance[apart, bins - apart :] = 0.0
     return mean * math.sqrt(math.pi / 2), covariance / frame_count
 
 
-def _reached(live: NDArray[np.bool_], first: int, last: int) -> tuple[NDArray[np.int64], ...]:
+def _reached(
+    live: NDArray[np.bool_], first: int, last: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Lag, IFOV and bin n of pairs of bins n and n + lag one of which a target reaches.
 
     For lags from `first` to before `last`, in the order of these three.
     """
     ifovs, bins = live.shape
     either = np.zeros((last - first, ifovs, bins), dtype=bool)
-    for lag, pairs in enumerate(either, start=first):
-        np.logical_or(live[:, :-lag], live[:, lag:], out=pairs[:, :-lag])
+    for apart, pairs in enumerate(either, start=first):
+        np.logical_or(live[:, :-apart], live[:, apart:], out=pairs[:, :-apart])
     pair, n = np.divmod(np.flatnonzero(either), bins)
     lag, ifov = np.divmod(pair, ifovs)
     return lag + first, ifov, n
