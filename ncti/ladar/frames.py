@@ -265,14 +265,15 @@ class _Noise(NamedTuple):
 
     The covariance is symmetric about it, and strictly totally positive as every Gaussian kernel,
     so that the eigenvector of the n-th largest eigenvalue has n - 1 changes of sign (Gantmacher
-    and Krein, Oscillation Matrices and Kernels, 1950, chapter II.5): the parities alternate.
+    and Krein, Oscillation Matrices and Kernels, 1950, chapter II): the parities alternate.
     Products with the halves take half the multiplications of one with the whole.
     """
 
     bins: int
     even: NDArray[np.float32]  # (rank, half) of the lower half, the middle of an odd number in it
     odd: NDArray[np.float32]
-    first_even: int  # row of the whole factor
+    of_even: slice  # normals of a quadrature that are those of even rows
+    of_odd: slice
 
     @property
     def rank(self) -> int:
@@ -283,13 +284,27 @@ class _Noise(NamedTuple):
     @lru_cache(maxsize=32)
     def of(cls, *, pulse_width: float, bin_width: float, bin_count: int) -> _Noise:
         """Return the halves of the noise of a pulse."""
-        factor = noise_factor(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
+        pulse = {"pulse_width": pulse_width, "bin_width": bin_width, "bin_count": bin_count}
         half = (bin_count + 1) // 2
+        factor = noise_factor(**pulse)
         # Eigenvalues ascend: the last row is that of the largest, which is even.
-        first_even = (len(factor) - 1) % 2
-        even = np.ascontiguousarray(factor[first_even::2, :half])
-        odd = np.ascontiguousarray(factor[1 - first_even :: 2, :half])
-        return cls(bin_count, even, odd, first_even)
+        last = len(factor) - 1
+        of_even, of_odd = slice(last % 2, None, 2), slice(1 - last % 2, None, 2)
+        even, odd = factor[of_even], factor[of_odd]
+        mixed = max(
+            np.abs(even - even[:, ::-1]).max(initial=0.0),
+            np.abs(odd + odd[:, ::-1]).max(initial=0.0),
+        )
+        if mixed > 1e-6 * np.abs(factor).max():
+            # Pulses so short that bins are independent: eigenvalues are equal, and any mixture of
+            # their eigenvectors is one. Those of both parities are then sought apart.
+            covariance = noise_covariance(**pulse)
+            direct, across = covariance[:half, :half], covariance[:half, ::-1][:, :half]
+            even = low_rank_factor((direct + across) / 2, tolerance=1e-6)
+            odd = low_rank_factor((direct - across) / 2, tolerance=1e-6)
+            of_even, of_odd = slice(0, len(even)), slice(len(even), None)
+        halves = (np.ascontiguousarray(part[:, :half]) for part in (even, odd))
+        return cls(bin_count, *halves, of_even, of_odd)
 
 
 def _waveforms(
@@ -313,8 +328,8 @@ def _waveforms(
         drawn = normals[:, start:stop].reshape(count, 2, -1).swapaxes(0, 1)
         start = stop
         of_noise = drawn[..., occupied:]
-        even_normals[:] = of_noise[..., noise.first_even :: 2]
-        odd_normals[:] = of_noise[..., 1 - noise.first_even :: 2]
+        even_normals[:] = of_noise[..., noise.of_even]
+        odd_normals[:] = of_noise[..., noise.of_odd]
         _product(even_normals, noise.even, even)
         _product(odd_normals, noise.odd, odd)
         np.subtract(even, odd, out=upper)
