@@ -22,6 +22,7 @@ from benchmarks import (
     invariance,
     memory,
     paper,
+    synthesis,
     views,
 )
 from benchmarks.reports import Report, machine, show, write_json
@@ -31,6 +32,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "views": lambda asked: views.measure(asked.ship, repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
+    "synthesis": lambda asked: synthesis.measure(asked.ship, repeats=asked.repeats),
     "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
     "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
     "classifier_times": lambda asked: classifiers.measure(repeats=asked.repeats),
@@ -56,6 +58,7 @@ MEANINGS = {
     "views": "time of a view by engine",
     "accuracy": "error of a range extent against its time",
     "invariance": "what of a silhouette's map outlives shift, scale and rotation",
+    "synthesis": "frames and images over their normals, covariances of frames",
     "images": "infrared images a second",
     "infrared": "the infrared part of the experiment",
     "classifier_times": "classifiers beside scikit-learn's",

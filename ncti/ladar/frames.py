@@ -86,6 +86,9 @@ def sample_frames(
     band that the filter passes, and the full-profile sum of `target_free_ifovs` IFOVs, from
     GAUSSIAN_FROM on, as one Gaussian process with their exact mean and covariance.
 
+    Nor is a product computed twice: filtered noise is even or odd about the window's middle (see
+    `_Noise`), and the target reaches some pulse lengths only.
+
     Fewer frames from an equal generator are the first of more, bit for bit: normals are drawn
     frame by frame, and a frame's place in its block of `FRAMES_AT_ONCE` does not depend on their
     number. Only the products of matrices are computed for whole blocks.
@@ -284,9 +287,9 @@ class _Noise(NamedTuple):
     @lru_cache(maxsize=32)
     def of(cls, *, pulse_width: float, bin_width: float, bin_count: int) -> _Noise:
         """Return the halves of the noise of a pulse."""
-        pulse = {"pulse_width": pulse_width, "bin_width": bin_width, "bin_count": bin_count}
+        pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
         half = (bin_count + 1) // 2
-        factor = noise_factor(**pulse)
+        factor = noise_factor(**pulse, bin_count=bin_count)
         # Eigenvalues ascend: the last row is that of the largest, which is even.
         last = len(factor) - 1
         of_even, of_odd = slice(last % 2, None, 2), slice(1 - last % 2, None, 2)
@@ -298,13 +301,13 @@ class _Noise(NamedTuple):
         if mixed > 1e-6 * np.abs(factor).max():
             # Pulses so short that bins are independent: eigenvalues are equal, and any mixture of
             # their eigenvectors is one. Those of both parities are then sought apart.
-            covariance = noise_covariance(**pulse)
+            covariance = noise_covariance(**pulse, bin_count=bin_count)
             direct, across = covariance[:half, :half], covariance[:half, ::-1][:, :half]
             even = low_rank_factor((direct + across) / 2, tolerance=1e-6)
             odd = low_rank_factor((direct - across) / 2, tolerance=1e-6)
             of_even, of_odd = slice(0, len(even)), slice(len(even), None)
-        halves = (np.ascontiguousarray(part[:, :half]) for part in (even, odd))
-        return cls(bin_count, *halves, of_even, of_odd)
+        even, odd = (np.ascontiguousarray(part[:, :half]) for part in (even, odd))
+        return cls(bin_count, even, odd, of_even, of_odd)
 
 
 def _waveforms(
