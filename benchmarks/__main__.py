@@ -23,6 +23,7 @@ from benchmarks import (
     invariance,
     memory,
     paper,
+    synthesis,
     views,
 )
 from benchmarks.reports import Report, machine, show, write_json
@@ -33,6 +34,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
     "budget": lambda asked: budget.measure(),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
+    "synthesis": lambda asked: synthesis.measure(asked.ship, repeats=asked.repeats),
     "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
     "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
     "classifier_times": lambda asked: classifiers.measure(repeats=asked.repeats),
@@ -59,6 +61,7 @@ MEANINGS = {
     "accuracy": "error of a range extent against its time",
     "budget": "what each approximation does to profiles and to names",
     "invariance": "what of a silhouette's map outlives shift, scale and rotation",
+    "synthesis": "frames and images over their normals, covariances of frames",
     "images": "infrared images a second",
     "infrared": "the infrared part of the experiment",
     "classifier_times": "classifiers beside scikit-learn's",

@@ -110,8 +110,7 @@ def silhouette(
     """
     require("footprint", footprint, minimum=image.resolution)
     if isinstance(image, LineImage):
-        horizontal, vertical = image.cross_range()
-        window = _window(horizontal, vertical, footprint, phase, margin, extent, subdivision)
+        window = _window(*image.bounds, footprint, phase, margin, extent, subdivision)
         cells = int(subdivision)
         parts = image.bin(side=footprint / cells, shift=(phase[0] * cells, phase[1] * cells))
         # Rounding may put a hair of the outermost piece past the border of its bounding box.

@@ -3,7 +3,7 @@
 from ncti.ladar.budget import carrier_to_noise
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, range_extent
-from ncti.ladar.frames import cumulative_average, sample_frames
+from ncti.ladar.frames import cumulative_average, frame_blocks, sample_frames
 from ncti.ladar.moments import banded_frame_moments, frame_moments, magnitude_covariance
 from ncti.ladar.pulse import noise_covariance, noise_floor, shortest_pulse, target_kernel
 from ncti.ladar.receivers import RECEIVERS
@@ -16,6 +16,7 @@ __all__ = [
     "carrier_to_noise",
     "cumulative_average",
     "expected_profile",
+    "frame_blocks",
     "frame_moments",
     "lines_within",
     "magnitude_covariance",

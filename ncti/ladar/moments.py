@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from ncti.checks import require
 from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import REFERENCE_BIN, RangeExtent
-from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel
+from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_by_lag, target_kernel
 
 # Share of the variance of one target-free IFOV: field powers and covariances below it are not
 # worth computing. A view of 30 IFOVs then errs by some 1e-12 of its variance.
 NEGLIGIBLE = 1e-12
+PLACES_AT_ONCE = 500_000  # pairs of bins that are looked through at once, in some megabytes
 
 Floats = NDArray[np.float64]
 
@@ -152,29 +153,52 @@ def banded_frame_moments(
     require("frame_count", frame_count, minimum=1, whole=True)
     bins = extent.down_range.size
     pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
-    noise = noise_covariance(**pulse, bin_count=bins)[0]  # by lag
+    noise = noise_by_lag(**pulse, bin_count=bins)
     # T, from bin 0 in steps of half a bin
     power = cnr * extent.density @ _half_bin_kernel(**pulse, bin_count=bins)
     variance = power[:, ::2] + noise[0]
-    sigma = np.sqrt(variance)
     live = power[:, ::2] > NEGLIGIBLE * noise[0]
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * extent.bin_width)
     everywhere = len(power) + target_free_ifovs
 
+    sigma = np.sqrt(variance)
     mean = sigma.sum(axis=0) + target_free_ifovs * math.sqrt(noise[0])
     filled = cnr * REFERENCE_BIN / extent.bin_width / n_z  # most that T can be
     lags = _reach(filled / noise[0], n_z=n_z, bin_count=bins)
     covariance = np.zeros((lags, bins))
     covariance[0] = (2 - math.pi / 2) * (variance.sum(axis=0) + target_free_ifovs * noise[0])
     floor = noise[0] * _bracket(np.square(noise[:lags] / noise[0]))  # of one target-free IFOV
-    for lag in range(1, lags):
-        ifov, n = np.nonzero(live[:, :-lag] | live[:, lag:])
-        scale = sigma[ifov, n] * sigma[ifov, n + lag]
-        field = math.exp(-2 * lag**2 / n_z**2) * power[ifov, 2 * n + lag] + noise[lag]
-        excess = scale * _bracket(np.square(field / scale)) - floor[lag]
-        band = np.bincount(n, weights=excess, minlength=bins - lag)
-        covariance[lag, : bins - lag] = band + everywhere * floor[lag]
+    decay = np.array([math.exp(-2 * apart**2 / n_z**2) for apart in range(lags)])
+    at_once = max(1, PLACES_AT_ONCE // max(1, live.size))
+    for first in range(1, lags, at_once):
+        last = min(first + at_once, lags)
+        lag, ifov, n = _reached(live, first, last)
+        here = ifov * bins + n
+        scale = sigma.take(here) * sigma.take(here + lag)
+        field = decay.take(lag) * power.take(2 * here - ifov + lag) + noise.take(lag)
+        excess = scale * _bracket(np.square(field / scale)) - floor.take(lag)
+        place = (lag - first) * bins + n
+        band = np.bincount(place, weights=excess, minlength=(last - first) * bins)
+        covariance[first:last] = band.reshape(-1, bins) + everywhere * floor[first:last, None]
+    for apart in range(1, lags):
+        covariance[apart, bins - apart :] = 0.0
     return mean * math.sqrt(math.pi / 2), covariance / frame_count
+
+
+def _reached(
+    live: NDArray[np.bool_], first: int, last: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Lag, IFOV and bin n of pairs of bins n and n + lag one of which a target reaches.
+
+    For lags from `first` to before `last`, in the order of these three.
+    """
+    ifovs, bins = live.shape
+    either = np.zeros((last - first, ifovs, bins), dtype=bool)
+    for apart, pairs in enumerate(either, start=first):
+        np.logical_or(live[:, :-apart], live[:, apart:], out=pairs[:, :-apart])
+    pair, n = np.divmod(np.flatnonzero(either), bins)
+    lag, ifov = np.divmod(pair, ifovs)
+    return lag + first, ifov, n
 
 
 def _bracket(m: Floats) -> Floats:
@@ -211,5 +235,6 @@ def _half_bin_kernel(*, pulse_width: float, bin_width: float, bin_count: int) ->
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
     lag = np.subtract.outer(np.arange(bin_count), np.arange(2 * bin_count - 1) / 2)
     kernel = np.exp(-8 * lag**2 / n_z**2) / n_z
+    kernel[kernel < 1e-300] = 0.0  # what is near underflow takes a hundred times as long
     kernel.setflags(write=False)  # it is kept for the next caller
     return kernel

@@ -127,10 +127,26 @@ def noise_covariance(
     the integral here (noise sampled as finely as it takes), so samples agree with the printed
     B, and nothing depends on the bin width.
     """
+    by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
+    return by_lag[np.abs(np.subtract.outer(np.arange(bin_count), np.arange(bin_count)))]
+
+
+def noise_by_lag(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
+    """First row of `noise_covariance`: what two bins share that are so many bins apart.
+
+    Parameters
+    ----------
+    pulse_width, bin_width, bin_count
+        As in `target_kernel`.
+
+    Returns
+    -------
+    (bin,) float64 ndarray
+        sqrt(pi/8) exp(-2 l^2 / N_t^2).
+    """
     _check(pulse_width, bin_width, bin_count)
     n_t = SPEED_OF_LIGHT * pulse_width / (2 * bin_width)
-    lag = np.subtract.outer(np.arange(bin_count), np.arange(bin_count))
-    return math.sqrt(math.pi / 8) * np.exp(-2 * lag**2 / n_t**2)
+    return math.sqrt(math.pi / 8) * np.exp(-2 * np.arange(bin_count) ** 2 / n_t**2)
 
 
 def noise_floor() -> float:

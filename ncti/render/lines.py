@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -119,6 +119,14 @@ class LineImage:
         y = self._height[:, None]
         cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
         return self.piece[:, :2] * cos - y * sin, self.piece[:, :2] * sin + y * cos
+
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Least and greatest horizontal, and vertical, coordinate of pieces [m]; none, of none."""
+        if not self.line.size:
+            return np.zeros(0), np.zeros(0)
+        horizontal, vertical = (np.array([ends.min(), ends.max()]) for ends in self.cross_range())
+        return horizontal, vertical
 
     def bin(
         self,

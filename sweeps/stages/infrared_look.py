@@ -61,7 +61,7 @@ def pack_hits(image: RangeImage | LineImage) -> Bits:
 class Patches:
     """Patches of ship across the line of sight: (point,) cross-ranges [m], area of one [m^2].
 
-    Of lines, points are the ends of pieces, and `lines` has what lies between.
+    Of lines, points are the corners of their bounding box, and `lines` has what lies between.
     """
 
     horizontal: Floats
@@ -75,8 +75,7 @@ class Patches:
         pixel, left, bottom, roll = hits["lattice"].tolist()
         if not hits["columns"]:
             lines = _flat(hits["line"], hits["span"], spacing=pixel, phase=bottom, roll=roll)
-            horizontal, vertical = lines.cross_range()
-            return cls(horizontal, vertical, pixel**2, lines)
+            return cls(*lines.bounds, pixel**2, lines)
         # Of the flat image: np.nonzero of two axes takes several times as long.
         rows, cols = np.divmod(np.flatnonzero(np.unpackbits(hits["bits"])), int(hits["columns"]))
         return cls(*Lattice(pixel, (left, bottom), roll).cross_range_at(rows, cols), pixel**2)
@@ -130,17 +129,21 @@ class Look:
     sea_spread: float
     seed: int
     name: dict[str, Any]  # ship, aspect and range, which name the noise
+    _places: dict[int, Place] = field(default_factory=dict)
     _covered: dict[int, Silhouette] = field(default_factory=dict)
+    _shown: dict[tuple[int, int], NDArray[np.bool_]] = field(default_factory=dict)
     _drawn: dict[tuple[str, tuple[int, ...]], tuple[np.random.Generator, list[Floats]]] = field(
         default_factory=dict
     )
 
     def place(self, phase: int) -> Place:
         """Where in a pixel the ship origin lies, of a number of its place on the detector."""
-        # One stream for all places, one after the other.
-        rng = cell_rng(self.seed, stage="infrared_place", **self.name)
-        across, up = rng.random((phase + 1, 2))[phase].tolist()
-        return across, up
+        if phase not in self._places:
+            # One stream for all places, one after the other.
+            rng = cell_rng(self.seed, stage="infrared_place", **self.name)
+            across, up = rng.random((phase + 1, 2))[phase].tolist()
+            self._places[phase] = across, up
+        return self._places[phase]
 
     def covered(self, phase: int) -> Silhouette:
         """Coverage of half pixels by the ship at one of its places on the detector."""
@@ -151,10 +154,13 @@ class Look:
 
     def shown(self, phase: int, halves: int) -> NDArray[np.bool_]:
         """(row, col): pixels of 1 or 2 half pixels' width that show the ship."""
-        covered = self.covered(phase).coverage
-        rows, cols = (size // halves for size in covered.shape)
-        pixels = covered.reshape(rows, halves, cols, halves).mean(axis=(1, 3))
-        return np.asarray(pixels >= self.coverage_rule)
+        if (phase, halves) not in self._shown:
+            pixels = self.covered(phase).coverage
+            if halves > 1:
+                rows, cols = (size // halves for size in pixels.shape)
+                pixels = pixels.reshape(rows, halves, cols, halves).mean(axis=(1, 3))
+            self._shown[phase, halves] = pixels >= self.coverage_rule
+        return self._shown[phase, halves]
 
     def images(self, way: str, phases: tuple[int, ...], frame_counts: tuple[int, ...]) -> Floats:
         """(phase, frame_count, row, col): images made finer by one way of super-resolution [K].

@@ -219,7 +219,7 @@ def averaged(
 ) -> Profiles:
     """Return averages over the first frames of a run, for several lengths of the run."""
     run: dict[str, Any] = {"frame_count": max(frame_count), "rng": rng, **dict(signal)}
-    frames = library.sample_frames(ifovs, pulse_width=pulse_width * 1e-9, **run)
+    frames = library.frame_blocks(ifovs, pulse_width=pulse_width * 1e-9, **run)
     return library.cumulative_average(frames, frame_count).astype(np.float32)
 
 

@@ -1,11 +1,25 @@
-"""A frame does not depend on how many frames are drawn with it: equality bit for bit."""
+"""Frames do not depend on how many are drawn with them, and are those of the plain computation."""
+
+import gc
+import tracemalloc
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
-from ncti.ladar import RangeExtent, frames, sample_frames
+from ncti.ladar import (
+    RangeExtent,
+    cumulative_average,
+    frame_blocks,
+    frame_moments,
+    frames,
+    noise_covariance,
+    sample_frames,
+    target_kernel,
+)
+from ncti.ladar.pulse import noise_factor
 
 COUNTS = st.integers(1, 100)
 
@@ -93,3 +107,162 @@ def test_a_generator_goes_on_where_the_last_frame_ended(first, then):
     apart = [drawn(seen, count, rng=rng, target_free_ifovs=200) for count in (first, then)]
     together = drawn(seen, first + then, target_free_ifovs=200)
     np.testing.assert_array_equal(np.concatenate(apart), together)
+
+
+@settings(max_examples=20, deadline=None)
+@given(count=COUNTS, target_free_ifovs=st.sampled_from([0, 3, 4000]))
+def test_blocks_are_the_frames(count, target_free_ifovs):
+    seen = extent(bins=64, ifovs=2)
+    parameters = {"pulse_width": 30e-9, "cnr": 1e3, "frame_count": count}
+    parameters["target_free_ifovs"] = target_free_ifovs
+    blocks = list(frame_blocks(seen, rng=np.random.default_rng(5), **parameters))
+    assert all(len(block) <= frames.FRAMES_AT_ONCE for block in blocks)
+    whole = sample_frames(seen, rng=np.random.default_rng(5), **parameters)
+    np.testing.assert_array_equal(np.concatenate(blocks), whole)
+
+
+def test_a_bad_parameter_is_refused_before_the_first_block():
+    with pytest.raises(ValueError, match="frame_count is 0"):
+        blocks_of(0)
+
+
+def blocks_of(count, *, bins=32, rng=None):
+    seen = extent(bins=bins, ifovs=1)
+    rng = np.random.default_rng(2) if rng is None else rng
+    return frame_blocks(seen, pulse_width=30e-9, cnr=1e3, frame_count=count, rng=rng)
+
+
+@settings(max_examples=30, deadline=None)
+@given(counts=st.lists(COUNTS, min_size=1, max_size=5), bins=st.sampled_from([1, 7, 250]))
+def test_averages_of_blocks_are_those_of_the_frames(counts, bins):
+    most = max(counts)
+    whole = np.concatenate(list(blocks_of(most, bins=bins)))
+    streamed = cumulative_average(blocks_of(most, bins=bins), counts)
+    np.testing.assert_array_equal(streamed, cumulative_average(whole, counts))
+    plain = [whole[:count].mean(axis=0) for count in counts]
+    # Sums of `most` terms, in whatever order: as many roundings, of float64, at most.
+    np.testing.assert_allclose(streamed, plain, rtol=most * np.finfo(float).eps)
+
+
+def test_an_average_takes_no_more_blocks_than_it_needs():
+    blocks = blocks_of(10**9)  # would take days
+    cumulative_average(blocks, [3, frames.FRAMES_AT_ONCE])
+    assert next(blocks).shape == (frames.FRAMES_AT_ONCE, 32)
+
+
+@pytest.mark.parametrize(
+    ("counts", "message"),
+    [([3, 41], "frame_count is 41, but must be .* 40"), ([0], "frame_count is 0"), ([], "empty")],
+)
+def test_averages_that_cannot_be_are_refused(counts, message):
+    with pytest.raises(ValueError, match=message):
+        cumulative_average(blocks_of(40), counts)
+
+
+def test_memory_does_not_grow_with_the_number_of_frames():
+    """Bytes a frame, as the slope of the peak from 2,048 to 8,192 frames: of a frame's 256, none.
+
+    What little it grows by at first are small objects that Python keeps for reuse.
+    """
+
+    def peak(count):
+        gc.collect()
+        tracemalloc.start()
+        try:
+            cumulative_average(blocks_of(count), [1, count])
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak(64)  # what is kept for the next call
+    few, many = 2048, 8192
+    assert (peak(many) - peak(few)) / (many - few) < 1.0
+
+
+def plain_frames(seen, count, *, pulse_width, cnr, target_free_ifovs, rng):
+    """Equations A and B in float64: every bin of every IFOV, by one product with whole factors."""
+    bins = seen.down_range.size
+    pulse = {"pulse_width": pulse_width, "bin_width": seen.bin_width, "bin_count": bins}
+    noise = noise_factor(**pulse).astype(float)
+    factors = [noise] * target_free_ifovs
+    for beta in seen.density[::-1]:
+        occupied = beta > 0
+        speckle = np.sqrt(cnr * beta[occupied])[:, None] * target_kernel(**pulse)[occupied]
+        factors.insert(0, np.concatenate([speckle, noise]))
+    drawn = np.zeros((count, bins))
+    for frame in drawn:
+        for factor in factors:
+            quadratures = rng.standard_normal((2, len(factor)), dtype=np.float32) @ factor
+            frame += np.hypot(*quadratures)
+    return drawn
+
+
+@pytest.mark.parametrize("bins", [1, 7, 120, 251])
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+@pytest.mark.parametrize("cnr", [0.0, 1e3, 1e10])
+def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
+    """Of equal normals: the plain computation, but for the rounding of float32.
+
+    A field is a sum of some hundred terms: some ten units in the last place of the largest.
+    """
+    seen = extent(bins=bins, ifovs=3)
+    parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": 2}
+    ours = sample_frames(seen, frame_count=5, rng=np.random.default_rng(8), **parameters)
+    plain = plain_frames(seen, 5, rng=np.random.default_rng(8), **parameters)
+    assert np.abs(ours - plain).max() < 16 * np.finfo(np.float32).eps * plain.max()
+
+
+@pytest.mark.parametrize("pulse_width", [1e-9, 1.8e-9, 2e-9, 3e-9, 10e-9, 30e-9, 50e-9, 1e-6])
+@pytest.mark.parametrize("bins", [1, 2, 7, 250, 501])
+def test_noise_is_even_and_odd_in_turn(pulse_width, bins):
+    """Halves make the whole covariance, up to the eigenvalues left out and the rounding."""
+    pulse = {"pulse_width": pulse_width, "bin_width": 1.0, "bin_count": bins}
+    noise = frames._Noise.of(**pulse)
+    even, odd = noise.even.astype(float), noise.odd.astype(float)
+    lower = even.T @ even + odd.T @ odd
+    upper = (even.T @ even - odd.T @ odd)[:, ::-1]
+    wanted = noise_covariance(**pulse)
+    half = (bins + 1) // 2
+    largest = np.linalg.eigvalsh(wanted)[-1]
+    tolerance = 1e-6 * largest + 8 * np.finfo(np.float32).eps * wanted[0, 0]
+    assert np.abs(lower - wanted[:half, :half]).max() < tolerance
+    assert np.abs(upper - wanted[:half, bins - half :]).max() < tolerance
+
+
+@pytest.mark.parametrize("cnr", [1e-6, 1e3, 1e10])
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+def test_no_factor_is_subnormal(pulse_width, cnr):
+    """Products with subnormal numbers take a hundred times as long as others."""
+    seen = extent(bins=250, ifovs=4)
+    noise = frames._Noise.of(pulse_width=pulse_width, bin_width=1.0, bin_count=250)
+    speckles = frames._speckles(seen, pulse_width=pulse_width, cnr=cnr)
+    for factor in (noise.even, noise.odd, *(speckle.factor for speckle in speckles)):
+        size = np.abs(factor[factor != 0])
+        assert (size >= np.finfo(np.float32).tiny).all()
+
+
+@pytest.mark.parametrize("target_free_ifovs", [0, 4000])
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+def test_covariance_of_what_is_drawn(pulse_width, target_free_ifovs):
+    """All of it, of 120 bins, by the variances along 200 directions of 10,000 frames at 1e-3.
+
+    Directions are 100 random ones and 100 eigenvectors of the exact covariance, from those that
+    the band limit leaves whole to those that it all but cuts off.
+    """
+    level, count, bins = 1e-3, 10_000, 120
+    seen = extent(bins=bins, ifovs=3)
+    parameters = {"pulse_width": pulse_width, "cnr": 1e3, "target_free_ifovs": target_free_ifovs}
+    mean, covariance = frame_moments(seen, **parameters)
+    drawn = sample_frames(seen, frame_count=count, rng=np.random.default_rng(20), **parameters)
+    rng = np.random.default_rng(21)
+    directions = np.concatenate(
+        [rng.standard_normal((100, bins)), np.linalg.eigh(covariance)[1].T[-100:]]
+    )
+    along = (drawn - mean) @ directions.T
+    # Standard errors are the samples' own: no normality is assumed.
+    z_mean = along.mean(axis=0) / (along.std(axis=0) / np.sqrt(count))
+    square = along**2
+    wanted = np.einsum("db,bc,dc->d", directions, covariance, directions)
+    z_variance = (square.mean(axis=0) - wanted) / (square.std(axis=0) / np.sqrt(count))
+    z = np.concatenate([z_mean, z_variance])
+    assert np.abs(z).max() < stats.norm.isf(level / 2 / z.size)

@@ -1,5 +1,7 @@
 """The banded covariance of a frame against the matrices of Equations A and B, written plainly."""
 
+import math
+
 import numpy as np
 import pytest
 from plates import plane
@@ -10,6 +12,7 @@ from ncti.ladar import (
     banded_frame_moments,
     frame_moments,
     magnitude_covariance,
+    moments,
     range_extent,
     sample_frames,
 )
@@ -72,6 +75,39 @@ def test_the_band_leaves_out_nothing_that_counts(name, pulse_width, cnr, target_
     ifovs = len(extent.cell) + target_free_ifovs
     tolerance = ifovs * NEGLIGIBLE * noise + 200 * np.finfo(float).eps * plain.max()
     assert np.abs(covariance - plain).max() < tolerance
+
+
+def lag_by_lag(extent, *, pulse_width, cnr, target_free_ifovs):
+    """The band, a diagonal after the other: the same sums in the same order."""
+    pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+    bins = extent.down_range.size
+    n_z = SPEED_OF_LIGHT * pulse_width / (np.sqrt(2) * extent.bin_width)
+    noise = noise_covariance(**pulse, bin_count=bins)[0]
+    power = cnr * extent.density @ moments._half_bin_kernel(**pulse, bin_count=bins)
+    live = power[:, ::2] > NEGLIGIBLE * noise[0]
+    sigma = np.sqrt(power[:, ::2] + noise[0])
+    floor = noise[0] * moments._bracket(np.square(noise / noise[0]))
+    band = np.zeros((bins, bins))
+    for lag in range(1, bins):
+        ifov, n = np.nonzero(live[:, :-lag] | live[:, lag:])
+        scale = sigma[ifov, n] * sigma[ifov, n + lag]
+        field = math.exp(-2 * lag**2 / n_z**2) * power[ifov, 2 * n + lag] + noise[lag]
+        excess = scale * moments._bracket(np.square(field / scale)) - floor[lag]
+        diagonal = np.bincount(n, weights=excess, minlength=bins - lag)
+        band[lag, : bins - lag] = diagonal + (len(power) + target_free_ifovs) * floor[lag]
+    return band
+
+
+@pytest.mark.parametrize("at_once", [1, 1000, 10**9])
+@pytest.mark.parametrize("pulse_width", PULSES)
+@pytest.mark.parametrize("name", ["slope", "edge", "empty", "spikes"])
+def test_lags_together_are_lags_one_by_one(name, pulse_width, at_once, monkeypatch):
+    """Bit for bit, however many are computed at once."""
+    monkeypatch.setattr(moments, "PLACES_AT_ONCE", at_once)
+    parameters = {"pulse_width": pulse_width, "cnr": CNR, "target_free_ifovs": 4000}
+    _, band = banded_frame_moments(view(name), **parameters)
+    plain = lag_by_lag(view(name), **parameters)
+    np.testing.assert_array_equal(band[1:], plain[1 : len(band)])
 
 
 @pytest.mark.parametrize("bin_width", [0.5, 1.0])
@@ -161,9 +197,9 @@ def test_whitened_frames_have_unit_moments(target_free_ifovs):
     ],
 )
 def test_bad_parameters_are_named(parameters, named):
-    for moments in (frame_moments, banded_frame_moments):
+    for function in (frame_moments, banded_frame_moments):
         with pytest.raises(ValueError, match=named):
-            moments(view("edge"), **({"pulse_width": 30e-9, "cnr": CNR} | parameters))
+            function(view("edge"), **({"pulse_width": 30e-9, "cnr": CNR} | parameters))
 
 
 @pytest.mark.parametrize("correlation", [1e-6, 1e-3, 0.03, 0.0999, 0.1001, 0.3, 0.7, 0.95])

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -384,3 +385,12 @@ def test_machine_code_is_kept_outside_the_package(tmp_path):
         )
         assert any(folder.glob("**/*.nbi")) == kept
     assert not list(tmp_path.glob("__pycache__"))
+
+
+@pytest.mark.parametrize("aspect", [0.0, 30.0, 90.0])
+def test_bounds_are_those_of_all_ends(aspect):
+    lines = line_image(box(), aspect=aspect, depression=3.84)
+    for bound, ends in zip(lines.bounds, lines.cross_range(), strict=True):
+        np.testing.assert_array_equal(bound, [ends.min(), ends.max()])
+    nothing = replace(lines, line=lines.line[:0], piece=lines.piece[:0], surface=lines.surface[:0])
+    assert [bound.size for bound in nothing.bounds] == [0, 0]

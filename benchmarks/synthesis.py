@@ -1,0 +1,193 @@
+"""Time of sampled frames and infrared images over that of their normals, and of covariances.
+
+Beside each stands the same computation written plainly, in turn with it in one run.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+import ncti.ships
+from benchmarks.reports import Column, Report, Sample
+from ncti.infrared import IFOV, SUPER_RESOLUTIONS, shifted_images, silhouette, thermal_images
+from ncti.ladar import (
+    RangeExtent,
+    banded_frame_moments,
+    magnitude_covariance,
+    noise_covariance,
+    noise_floor,
+    range_extent,
+    sample_frames,
+    target_kernel,
+)
+from ncti.ladar.pulse import low_rank_factor, noise_factor
+from ncti.render import range_image
+
+Floats = NDArray[Any]
+
+CNR, TARGET_FREE = 10**3.2, 4000
+SLANT_RANGE = 1e5  # [m]
+PULSES = (10e-9, 30e-9, 50e-9)  # [s]
+FRAME_COUNTS = (4, 32, 320)
+ASPECTS = (0.0, 45.0, 90.0)  # [deg]
+RANGES = (25e3, 50e3, 100e3)  # [m] of infrared images
+
+COLUMNS = (
+    Column("part", "part"),
+    Column("pulse_ns", "ns", "g"),
+    Column("frames", "frames", "d"),
+    Column("ms", "time [ms]", ".2f"),
+    Column("normals_ms", "normals [ms]", ".2f"),
+    Column("over_normals", "x normals", ".2f"),
+    Column("plain_ms", "plain [ms]", ".2f"),
+    Column("over_plain", "x plain", ".2f"),
+)
+
+
+@threadpool_limits.wrap(1)  # as in a worker
+def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> Report:
+    """Time frames, covariances and infrared images of some views of a ship.
+
+    Parameters
+    ----------
+    ship : str
+        Name or path.
+    repeats : int
+        How often everything is computed, after once that does not count.
+    aspects : sequence of float
+        Views [deg].
+
+    Returns
+    -------
+    Report
+        A row for every pulse width and number of frames, every pulse width's covariance, and every
+        range and way of super-resolution; ratios are of times of one view, next to each other.
+    """
+    mesh = ncti.ships.load(ship)
+    images = [range_image(mesh, aspect=a, depression=3.84, engine="auto") for a in aspects]
+    extents = [range_extent(image, slant_range=SLANT_RANGE) for image in images]
+    rows: list[dict[str, Any]] = []
+    for pulse, count in product(PULSES, FRAME_COUNTS):
+        calls = [frame_calls(extent, pulse, count) for extent in extents]
+        of = {"part": "frames", "pulse_ns": pulse * 1e9, "frames": count}
+        rows.append(of | _timed(calls, repeats))
+    for pulse in PULSES:
+        calls = [covariance_calls(extent, pulse) for extent in extents]
+        rows.append({"part": "covariance", "pulse_ns": pulse * 1e9} | _timed(calls, repeats))
+    for where, way in product(RANGES, SUPER_RESOLUTIONS):
+        footprint = IFOV * where / (1 if way == "none" else 2)
+        targets = [silhouette(image, footprint=footprint).target(0.25) for image in images]
+        calls = [image_calls(target, way) for target in targets]
+        rows.append({"part": f"image, {where / 1e3:g} km, {way}"} | _timed(calls, repeats))
+    return Report(
+        f"Synthesis, {len(extents)} views of {ship}, {repeats} times each, one thread",
+        COLUMNS,
+        rows,
+        [
+            "Median (lowest-highest). Frames accumulate 4,000 target-free IFOVs; their normals are "
+            "as many float32 ones of numpy. Plain: one product with the whole factor of each "
+            "IFOV, tails and all, and a covariance matrix an IFOV.",
+        ],
+    )
+
+
+Calls = dict[str, Callable[[], object]]
+
+
+def frame_calls(extent: RangeExtent, pulse_width: float, frame_count: int) -> Calls:
+    """Return what samples frames: `ours`, `plain`, and only their `normals`."""
+    rng = np.random.default_rng(0)
+    signal: dict[str, Any] = {"pulse_width": pulse_width, "frame_count": frame_count, "rng": rng}
+    pulse: dict[str, Any] = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+    bins = extent.down_range.size
+    noise, kernel = noise_factor(**pulse, bin_count=bins), target_kernel(**pulse, bin_count=bins)
+    exact = magnitude_covariance(noise_covariance(**pulse, bin_count=bins))
+    floor = low_rank_factor(exact, tolerance=1e-6)
+    taken = len(floor) + 2 * sum(len(noise) + np.count_nonzero(f) for f in extent.fraction)
+    buffer = np.empty((min(frame_count, 32), taken), dtype=np.float32)
+
+    def normals() -> None:
+        for first in range(0, frame_count, len(buffer)):
+            rng.standard_normal(out=buffer[: frame_count - first], dtype=np.float32)
+
+    def plain() -> Floats:
+        factors = []
+        for beta in extent.density:
+            speckle = np.sqrt(CNR * beta[beta > 0])[:, None] * kernel[beta > 0]
+            factors.append(np.concatenate([speckle.astype(np.float32), noise]))
+        frames = np.full((frame_count, bins), TARGET_FREE * noise_floor())
+        for block in (frames[first : first + 32] for first in range(0, frame_count, 32)):
+            drawn = rng.standard_normal((len(block), taken), dtype=np.float32)
+            block += math.sqrt(TARGET_FREE) * (drawn[:, : len(floor)] @ floor)
+            start = len(floor)
+            for factor in factors:
+                stop = start + 2 * len(factor)
+                both = drawn[:, start:stop].reshape(2 * len(block), -1) @ factor
+                block += np.sqrt(both[0::2] ** 2 + both[1::2] ** 2)
+                start = stop
+        return frames
+
+    def ours() -> Floats:
+        return sample_frames(extent, cnr=CNR, target_free_ifovs=TARGET_FREE, **signal)
+
+    return {"ours": ours, "plain": plain, "normals": normals}
+
+
+def covariance_calls(extent: RangeExtent, pulse_width: float) -> Calls:
+    """Return what computes the covariance of a frame: `ours`, and `plain`, a matrix an IFOV."""
+    pulse: dict[str, Any] = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+    bins = extent.down_range.size
+    kernel, noise = (
+        target_kernel(**pulse, bin_count=bins),
+        noise_covariance(**pulse, bin_count=bins),
+    )
+
+    def plain() -> Floats:
+        whole = TARGET_FREE * magnitude_covariance(noise)
+        for beta in extent.density:
+            whole += magnitude_covariance(CNR * (kernel * beta) @ kernel.T + noise)
+        return whole
+
+    def ours() -> object:
+        return banded_frame_moments(
+            extent, pulse_width=pulse_width, cnr=CNR, target_free_ifovs=TARGET_FREE
+        )
+
+    return {"ours": ours, "plain": plain}
+
+
+def image_calls(target: NDArray[np.bool_], way: str) -> Calls:
+    """Return what draws an infrared image of 16 frames: `ours`, and only its `normals`."""
+    rng = np.random.default_rng(0)
+    draw = shifted_images if way == "shifted" else thermal_images
+    rim = 2 if way == "shifted" else 0
+    shape = (2, target.shape[0] + rim, target.shape[1] + rim)
+    return {
+        "ours": lambda: draw(target, contrast=0.7, frame_counts=[16], rng=rng),
+        "normals": lambda: rng.standard_normal(shape),
+    }
+
+
+def _timed(views: Sequence[Calls], repeats: int) -> dict[str, Any]:
+    """Times [ms] of every call of every view, in turn, and those of ours over the others."""
+    rounds: list[dict[str, float]] = []
+    for _, calls in product(range(repeats + 1), views):
+        rounds.append({})
+        for name, call in calls.items():
+            start = time.perf_counter()
+            call()
+            rounds[-1][name] = (time.perf_counter() - start) * 1e3
+    rounds = rounds[len(views) :]
+    found = {"ms": Sample.of(each["ours"] for each in rounds)}
+    for name in set(rounds[0]) - {"ours"}:
+        found[f"{name}_ms"] = Sample.of(each[name] for each in rounds)
+        found[f"over_{name}"] = Sample.of(each["ours"] / each[name] for each in rounds)
+    return found
