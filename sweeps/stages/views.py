@@ -189,7 +189,14 @@ class Render(Settings, key="render"):
     )
     roll = quantity(
         *(ROLL, -180, 180, "degree", "roll of the pixels about the line of sight"),
-        help="by default atan of the golden section, so that no ship edge lies along the lattice",
+        help="by default atan of the golden section, so that no ship edge lies along the lattice; "
+        "the other way round for aspects above 180",
+    )
+    skip = word(
+        "all",
+        ("all", "none"),
+        label="views that are not drawn",
+        help="all: from aspects above 180 of a symmetric ship, whose other side is taken mirrored",
     )
 
 
@@ -264,10 +271,18 @@ def mesh(hull: Hull) -> trimesh.Trimesh:
     return read_mesh(hull)
 
 
+@plain(uses=(Grid, Render))
+def drawn_aspect(hull: Hull, aspect: float, skip: str) -> float:
+    """Return the aspect [deg] of what is drawn: on the port side where both sides look alike."""
+    if aspect <= 180 or skip == "none" or not _is_symmetric(hull):
+        return aspect
+    return round(360 - aspect, 9)  # so that it is the value that the grid has on that side
+
+
 @in_memory(uses=(Grid, Render), also=("embreex", "numba", "PyOpenGL", "pyrender"))
 def image(
     mesh: trimesh.Trimesh,
-    aspect: float,
+    drawn_aspect: float,
     depression: float,
     drawing_engine: str,
     pixel: float,
@@ -279,9 +294,11 @@ def image(
 
     Ends of ships are small: at one pixel for all, they would err several times more than
     broadsides, and it is the ends that tell ships apart. With a tolerance, lines are as fine as it
-    takes.
+    takes. From starboard the lattice is mirrored, so that samples are those of the mirrored ship
+    from port.
     """
-    view: dict[str, Any] = {"aspect": aspect, "depression": depression, "roll": roll}
+    turn = roll if drawn_aspect <= 180 else -roll
+    view: dict[str, Any] = {"aspect": drawn_aspect, "depression": depression, "roll": turn}
     if fineness:
         tolerance, pulse_width = fineness
         return lines_within(mesh, tolerance=tolerance, pulse_width=pulse_width * 1e-9, **view)
@@ -319,6 +336,11 @@ def read_mesh(hull: Hull) -> trimesh.Trimesh:
     if found.metadata["digest"] != hull.digest:
         raise ValueError(f"{hull.source} was changed while the sweep ran")
     return found
+
+
+@lru_cache(maxsize=16)
+def _is_symmetric(hull: Hull) -> bool:
+    return ncti.ships.is_symmetric(read_mesh(hull))
 
 
 @lru_cache(maxsize=16)
@@ -373,6 +395,6 @@ def check_beam(
 
 
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
-STAGES: tuple[Stage, ...] = (hull, drawing_engine, fineness, depression, mesh, image)
+STAGES: tuple[Stage, ...] = (hull, drawing_engine, fineness, depression, drawn_aspect, mesh, image)
 STATUS = "status:view"
 STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of what the sensors see of a view"),)
