@@ -22,6 +22,7 @@ from benchmarks import (
     invariance,
     memory,
     paper,
+    skips,
     views,
 )
 from benchmarks.reports import Report, machine, show, write_json
@@ -30,6 +31,7 @@ from sweeps.stages.views import cache_folder
 REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "views": lambda asked: views.measure(asked.ship, repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
+    "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
     "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
     "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
@@ -55,6 +57,7 @@ SETS = {
 MEANINGS = {
     "views": "time of a view by engine",
     "accuracy": "error of a range extent against its time",
+    "skips": "time saved by what a scene does not need",
     "invariance": "what of a silhouette's map outlives shift, scale and rotation",
     "images": "infrared images a second",
     "infrared": "the infrared part of the experiment",

@@ -148,8 +148,7 @@ def ifovs(
     extent: Arrays, aspect: float, drawn_aspect: float, range: float, ifov: float, bin_width: float
 ) -> RangeExtent:
     """Return the range extent as the library has it, mirrored where the other side was drawn."""
-    beam: dict[str, float] = {"ifov": ifov * 1e-6, "slant_range": range * 1e3}
-    found = RangeExtent(**extent, bin_width=bin_width, **beam)
+    found = RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
     return found if aspect == drawn_aspect else found.mirrored()
 
 
