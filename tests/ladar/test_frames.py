@@ -1,5 +1,7 @@
 """A frame does not depend on how many frames are drawn with it: equality bit for bit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -93,3 +95,17 @@ def test_a_generator_goes_on_where_the_last_frame_ended(first, then):
     apart = [drawn(seen, count, rng=rng, target_free_ifovs=200) for count in (first, then)]
     together = drawn(seen, first + then, target_free_ifovs=200)
     np.testing.assert_array_equal(np.concatenate(apart), together)
+
+
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+def test_bins_outside_the_target_add_nothing(pulse_width):
+    """Speckle drawn in every bin has the covariance of that on occupied ones, up to rounding."""
+    seen = extent(bins=250, ifovs=4)
+    everywhere = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
+    signal = {"pulse_width": pulse_width, "cnr": 1e3, "target_free_ifovs": 0}
+    for few, all_ in zip(
+        *(frames._field_factors(one, **signal) for one in (seen, everywhere)), strict=True
+    ):
+        assert len(few) < len(all_)
+        plain = all_.astype(float).T @ all_
+        np.testing.assert_allclose(few.astype(float).T @ few, plain, atol=1e-12 * plain.max())
