@@ -235,7 +235,7 @@ def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
 
 def symmetric(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """The port half of a ship and its mirror image."""
-    solid = Manifold(Mesh64(np.asarray(mesh.vertices, "f8"), np.asarray(mesh.faces, "u8")))
+    solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
     port, _ = solid.split_by_plane((0.0, 1.0, 0.0), 0.0)
     whole = (port + port.mirror((0.0, 1.0, 0.0))).to_mesh64()
     return trimesh.Trimesh(whole.vert_properties[:, :3], whole.tri_verts.astype(int), process=False)

@@ -53,7 +53,8 @@ def is_symmetric(mesh: trimesh.Trimesh) -> bool:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    solid = Manifold(Mesh64(np.asarray(mesh.vertices, "f8"), np.asarray(mesh.faces, "u8")))
+    # Copies, for it takes no array that is read-only.
+    solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
     alone = (solid - solid.mirror((0.0, 1.0, 0.0))).to_mesh64()
     faces = np.asarray(alone.tri_verts, dtype=np.intp)
     place = np.asarray(alone.vert_properties)[:, :3]
