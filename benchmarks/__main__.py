@@ -23,6 +23,7 @@ from benchmarks import (
     invariance,
     memory,
     paper,
+    skips,
     synthesis,
     views,
 )
@@ -33,6 +34,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "views": lambda asked: views.measure(ncti.ships.names(), repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
     "budget": lambda asked: budget.measure(),
+    "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
     "synthesis": lambda asked: synthesis.measure(asked.ship, repeats=asked.repeats),
     "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
@@ -60,6 +62,7 @@ MEANINGS = {
     "views": "time of a view by engine",
     "accuracy": "error of a range extent against its time",
     "budget": "what each approximation does to profiles and to names",
+    "skips": "time saved by what a scene does not need",
     "invariance": "what of a silhouette's map outlives shift, scale and rotation",
     "synthesis": "frames and images over their normals, covariances of frames",
     "images": "infrared images a second",

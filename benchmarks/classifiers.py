@@ -311,7 +311,7 @@ def measure_vigilances(
         for asked in vigilances:
             taken: list[tuple[float, float]] = []
             for turn in range(repeats + 1):
-                ways = (_name_one_by_one, _name_together)
+                ways = (name_one_by_one, name_together)
                 found = {way: clocked(way, task, asked) for way in ways[:: (-1) ** turn]}
                 if turn:
                     taken.append((found[ways[0]][0], found[ways[1]][0]))
@@ -345,7 +345,7 @@ def measure_vigilances(
     )
 
 
-def _name_one_by_one(task: Task, vigilances: Sequence[float]) -> Array:
+def name_one_by_one(task: Task, vigilances: Sequence[float]) -> Array:
     """(vigilance, test): ships that a network for each vigilance names."""
     return np.array(
         [
@@ -357,7 +357,7 @@ def _name_one_by_one(task: Task, vigilances: Sequence[float]) -> Array:
     )
 
 
-def _name_together(task: Task, vigilances: Sequence[float]) -> Array:
+def name_together(task: Task, vigilances: Sequence[float]) -> Array:
     """(vigilance, test): the same from shared cosines."""
     similarities = Similarities.of(task.training, task.tests)
     named = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +96,12 @@ class RangeExtent:
         The article states it at its 1 m bins; as a density the profile is free of the bin.
         """
         return self.fraction * (REFERENCE_BIN / self.bin_width)
+
+    def mirrored(self) -> RangeExtent:
+        """The extent of the same ship with port and starboard swapped, seen from the other side."""
+        cell = np.stack([-1 - self.cell[:, 0], self.cell[:, 1]], axis=1)
+        order = np.lexsort(cell.T)  # by rows, as of `range_extent`: noise is drawn in that order
+        return replace(self, fraction=self.fraction[order], cell=cell[order])
 
 
 def estimated_error(

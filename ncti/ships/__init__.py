@@ -2,5 +2,6 @@
 
 from ncti.ships.errors import ShipError
 from ncti.ships.loading import digest, load, names, vertices
+from ncti.ships.symmetry import is_symmetric
 
-__all__ = ["ShipError", "digest", "load", "names", "vertices"]
+__all__ = ["ShipError", "digest", "is_symmetric", "load", "names", "vertices"]

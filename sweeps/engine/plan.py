@@ -90,7 +90,7 @@ class Plan:
         self._taken = cache(self._taken_from)
         self._where = cache(self._where_on)
         self._whole_key = cache(self._key_of_all)
-        for bound in self.bound.values():
+        for bound in (one for one in self.bound.values() if not one.stage.plain):
             for axis in (self.axes[number] for number in self.gathered(bound)):
                 if axis.several and axis.is_joint:
                     raise ConfigurationError(

@@ -24,7 +24,7 @@ from sweeps.engine.stage import Stage, in_memory, plain
 from sweeps.stages import irar
 from sweeps.stages.irar import CELLS, EXACT, FLOWN, NO_ERROR, Error, Irar, Pairs, flight_of
 from sweeps.stages.ladar import Ladar, profile_bins
-from sweeps.stages.views import IRAR, Grid, ShipName, check_beam, looks, with_pixels
+from sweeps.stages.views import IRAR, LINES, Grid, ShipName, check_beam, looks
 
 if TYPE_CHECKING:
     import trimesh
@@ -114,7 +114,8 @@ def models(
     flight = flight_of(aspect, dict(course))
     sight: dict[str, Any] = {"slant_range": flight.slant_range}
     view: dict[str, Any] = {"aspect": aspect, "depression": flight.depression, "roll": 0.0, **sight}
-    image = range_image(mesh, pixel=flight.pixel, engine=with_pixels(drawing_engine), **view)
+    engine = "auto" if drawing_engine == LINES else drawing_engine  # it needs pixels
+    image = range_image(mesh, pixel=flight.pixel, engine=engine, **view)
     # no less than the pixel, whatever the rounding
     sight |= {"ifov": flight.ifov * (1 + 1e-9), "bin_width": bin_width, "window": window}
     drawn = [

@@ -151,6 +151,7 @@ def look(
     hits: Bits,
     ship: str,
     aspect: float,
+    drawn_aspect: float,
     range: float,
     ifov: float,
     coverage_rule: float,
@@ -167,7 +168,8 @@ def look(
     )
     name = {"ship": str(ship), "aspect": aspect, "range": range}
     noise = (nedt, target_spread, sea_spread, seed)
-    return Look(Patches.of(hits), footprint_at(range, ifov), coverage_rule, contrast, *noise, name)
+    patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
+    return Look(patches, footprint_at(range, ifov), coverage_rule, contrast, *noise, name)
 
 
 def check(choices: Choices) -> Choices:

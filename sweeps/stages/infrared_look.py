@@ -70,15 +70,19 @@ class Patches:
     lines: LineImage | None = None
 
     @classmethod
-    def of(cls, hits: Bits) -> Patches:
-        """Patches of a stage `hits`."""
+    def of(cls, hits: Bits, *, mirrored: bool = False) -> Patches:
+        """Patches of a stage `hits`, with left and right swapped or not."""
         pixel, left, bottom, roll = hits["lattice"].tolist()
         if not hits["columns"]:
-            lines = _flat(hits["line"], hits["span"], spacing=pixel, phase=bottom, roll=roll)
+            span = hits["span"]
+            if mirrored:
+                span, roll = -span[:, ::-1], -roll
+            lines = _flat(hits["line"], span, spacing=pixel, phase=bottom, roll=roll)
             return cls(*lines.bounds, pixel**2, lines)
         # Of the flat image: np.nonzero of two axes takes several times as long.
         rows, cols = np.divmod(np.flatnonzero(np.unpackbits(hits["bits"])), int(hits["columns"]))
-        return cls(*Lattice(pixel, (left, bottom), roll).cross_range_at(rows, cols), pixel**2)
+        horizontal, vertical = Lattice(pixel, (left, bottom), roll).cross_range_at(rows, cols)
+        return cls(-horizontal if mirrored else horizontal, vertical, pixel**2)
 
     @cached_property
     def extent(self) -> tuple[float, float, float, float]:

@@ -144,9 +144,12 @@ def extent(
 
 
 @in_memory(uses=(Grid, Ladar))
-def ifovs(extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeExtent:
-    """Return the range extent as the library has it."""
-    return RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
+def ifovs(
+    extent: Arrays, aspect: float, drawn_aspect: float, range: float, ifov: float, bin_width: float
+) -> RangeExtent:
+    """Return the range extent as the library has it, mirrored where the other side was drawn."""
+    found = RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
+    return found if aspect == drawn_aspect else found.mirrored()
 
 
 @stage(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width), plain=True)

@@ -12,7 +12,7 @@ from ncti import features
 from sweeps.engine.stage import Output, Stage, stage
 from sweeps.stages.infrared import IMAGES, LOOK, VIEW, Infrared, looks_infrared
 from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at
-from sweeps.stages.views import STATUS
+from sweeps.stages.views import STATUS, Grid
 
 ANGLES, RADII = 64, 32  # cells of the log-polar map
 STEPS = 255  # of a cell between empty and full
@@ -93,6 +93,7 @@ def log_polar(
         "template_log_polar",
         label="log-polar map of the noiseless silhouette at the training range",
     ),
+    uses=(Infrared, Grid),
     reads={"hits": "training_hits"},
     along=(Infrared.inner_radius, Infrared.interpolation, Infrared.phases),
     dims=(*VIEW, *TEMPLATE),
@@ -100,6 +101,8 @@ def log_polar(
 )
 def template_log_polar(
     hits: Bits,
+    aspect: float,
+    drawn_aspect: float,
     training_range: float,
     ifov: float,
     coverage_rule: float,
@@ -108,7 +111,7 @@ def template_log_polar(
     phases: tuple[int, ...],
 ) -> Bytes:
     """(inner_radius, interpolation, phase, angle, radius): noiseless maps."""
-    patches = Patches.of(hits)
+    patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
     footprint = footprint_at(training_range, ifov)
     # Evenly spread places on the detector, the first with the ship origin on a corner.
     places = [(phase * PLASTIC[0] % 1, phase * PLASTIC[1] % 1) for phase in phases]

@@ -190,7 +190,14 @@ class Render(Settings, key="render"):
     )
     roll = quantity(
         *(ROLL, -180, 180, "degree", "roll of the pixels about the line of sight"),
-        help="by default atan of the golden section, so that no ship edge lies along the lattice",
+        help="by default atan of the golden section, so that no ship edge lies along the lattice; "
+        "the other way round for aspects above 180",
+    )
+    skip = word(
+        "all",
+        ("all", "none"),
+        label="views that are not drawn",
+        help="all: from aspects above 180 of a symmetric ship, whose other side is taken mirrored",
     )
 
 
@@ -246,11 +253,6 @@ def drawing_engines(choices: Choices) -> tuple[str, ...]:
     return found
 
 
-def with_pixels(engine: str) -> str:
-    """Return the engine, or another where that has no pixels."""
-    return "auto" if engine == LINES else engine
-
-
 @plain(uses=(Grid, Scene))
 def depression(
     range: float, geometry: str, depression: float, altitude: float, earth_radius: float
@@ -267,10 +269,18 @@ def mesh(hull: Hull) -> trimesh.Trimesh:
     return read_mesh(hull)
 
 
+@plain(uses=(Grid, Render))
+def drawn_aspect(hull: Hull, aspect: float, skip: str) -> float:
+    """Return the aspect [deg] of what is drawn: on the port side where both sides look alike."""
+    if aspect <= 180 or skip == "none" or not _is_symmetric(hull):
+        return aspect
+    return round(360 - aspect, 9)  # so that it is the value that the grid has on that side
+
+
 @in_memory(uses=(Grid, Render), also=("embreex", "numba", "PyOpenGL", "pyrender"))
 def image(
     mesh: trimesh.Trimesh,
-    aspect: float,
+    drawn_aspect: float,
     depression: float,
     drawing_engine: str,
     pixel: float,
@@ -282,9 +292,10 @@ def image(
 
     Ends of ships are small: at one pixel for all, they would err several times more than
     broadsides, and it is the ends that tell ships apart. With a tolerance, lines are as fine as it
-    takes, from one a pixel on.
+    takes, from one a pixel on. From starboard the lattice is mirrored, as the ship's twin is.
     """
-    view: dict[str, Any] = {"aspect": aspect, "depression": depression, "roll": roll}
+    turn = roll if drawn_aspect <= 180 else -roll
+    view: dict[str, Any] = {"aspect": drawn_aspect, "depression": depression, "roll": turn}
     if fineness:
         tolerance, pulse_width, bin_width = fineness
         within = {"tolerance": tolerance, "pulse_width": pulse_width * 1e-9, "bin_width": bin_width}
@@ -323,6 +334,11 @@ def read_mesh(hull: Hull) -> trimesh.Trimesh:
     if found.metadata["digest"] != hull.digest:
         raise ValueError(f"{hull.source} was changed while the sweep ran")
     return found
+
+
+@lru_cache(maxsize=16)
+def _is_symmetric(hull: Hull) -> bool:
+    return ncti.ships.is_symmetric(read_mesh(hull))
 
 
 @lru_cache(maxsize=16)
@@ -377,6 +393,6 @@ def check_beam(
 
 
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
-STAGES: tuple[Stage, ...] = (hull, drawing_engine, depression, mesh, image)
+STAGES: tuple[Stage, ...] = (hull, drawing_engine, depression, drawn_aspect, mesh, image)
 STATUS = "status:view"
 STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of what the sensors see of a view"),)

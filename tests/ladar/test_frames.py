@@ -2,6 +2,7 @@
 
 import gc
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -266,3 +267,17 @@ def test_covariance_of_what_is_drawn(pulse_width, target_free_ifovs):
     z_variance = (square.mean(axis=0) - wanted) / (square.std(axis=0) / np.sqrt(count))
     z = np.concatenate([z_mean, z_variance])
     assert np.abs(z).max() < stats.norm.isf(level / 2 / z.size)
+
+
+@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+def test_bins_outside_the_target_add_nothing(pulse_width):
+    """Speckle drawn in every bin has the covariance of that on occupied ones, up to rounding."""
+    seen = extent(bins=250, ifovs=4)
+    everywhere = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
+    signal = {"pulse_width": pulse_width, "cnr": 1e3, "target_free_ifovs": 0}
+    for few, all_ in zip(
+        *(frames._field_factors(one, **signal) for one in (seen, everywhere)), strict=True
+    ):
+        assert len(few) < len(all_)
+        plain = all_.astype(float).T @ all_
+        np.testing.assert_allclose(few.astype(float).T @ few, plain, atol=1e-12 * plain.max())

@@ -214,6 +214,38 @@ def test_missing_facets_leave_what_lies_behind():
     assert lines.area.sum() == pytest.approx(outline(torn, View(70, 5)), rel=1e-3)
 
 
+@pytest.mark.parametrize(("aspect", "depression"), [(0, 3.84), (70, 3.84), (140, 30), (20, 90)])
+def test_what_is_under_water_is_what_the_sea_hides(aspect, depression, tmp_path):
+    """A keel and a bulb, cut off as a ship is loaded, and left there below a sea that is drawn."""
+    parts = [
+        box((-50, -6, -5), (50, 6, 6)),
+        box((45, -3, -7), (60, 3, -1)),
+        box((0, -2, 6), (9, 4, 15)),
+    ]
+    united = trimesh.boolean.union(parts, engine="manifold")
+    united.export(tmp_path / "barge.stl")
+    view = {"aspect": aspect, "depression": depression, "spacing": 0.25}
+    dry = line_image(ncti.ships.load(tmp_path / "barge.stl"), **view)
+    sea = box((-1e3, -1e3, -20), (1e3, 1e3, 0))
+    deep = line_image(trimesh.util.concatenate([united, sea]), **view)
+    # Of what is seen, the ship is what has a height above the sea.
+    axes = View(aspect, depression).axes
+    middle = [
+        deep.piece[:, :2].mean(axis=1),
+        (deep.line + deep.phase) * deep.spacing,
+        deep.piece[:, 2:].mean(axis=1),
+    ]
+    above = axes[:, 2] @ middle > 1e-3
+    found, plain = (
+        [np.bincount(line - dry.line[0], part) for part in (area, area * r)]
+        for line, area, r in (
+            (dry.line, dry.area, dry.piece[:, 2:].mean(axis=1)),
+            (deep.line[above], deep.area[above], middle[2][above]),
+        )
+    )
+    np.testing.assert_allclose(found, plain, atol=1e-9 * np.abs(plain).max())
+
+
 @pytest.mark.parametrize("aspect", [0, 33, 90, 146])
 def test_solids_that_run_through_one_another_hide_as_if_united(aspect):
     rng = np.random.default_rng(5)

@@ -51,6 +51,5 @@ PATCHES = Patches.of(HITS)
 
 def look_from(slant_range, **changed):
     """The boxes before the detector at a range [km]."""
-    return infrared.look(
-        HITS, ship="boxes", aspect=60.0, range=slant_range, **{**SENSOR, **changed}
-    )
+    view = {"ship": "boxes", "aspect": 60.0, "drawn_aspect": 60.0, "range": slant_range}
+    return infrared.look(HITS, **view, **{**SENSOR, **changed})

@@ -31,7 +31,7 @@ def image():
 
 @pytest.fixture(scope="module")
 def ifovs(image):
-    return ladar.ifovs(ladar.extent(image, 100.0, *BEAM), 100.0, 150.0, 1.0)
+    return ladar.ifovs(ladar.extent(image, 100.0, *BEAM), 0.0, 0.0, 100.0, 150.0, 1.0)
 
 
 def test_an_extent_comes_back_from_its_arrays(image, ifovs):

@@ -20,6 +20,7 @@ from sweeps.stages.silhouettes import (
     template_log_polar,
 )
 
+HEAD_ON = (0.0, 0.0)  # aspect, and that of what is drawn
 METHODS = ("matched", "otsu")
 RADII, BETWEEN = (0.5, 0.75), ("bilinear", "nearest")
 FRAMES = (1, 16)
@@ -76,15 +77,15 @@ def test_a_value_does_not_depend_on_its_company(method, phase, frames, radius, b
     found = log_polar(alone, (method,), (radius,), (between,), (phase,), (frames,))
     at = (at[0], RADII.index(radius), BETWEEN.index(between), *at[1:])
     np.testing.assert_array_equal(found[0, 0, 0, 0, 0], mapped[at])
-    every = template_log_polar(HITS, 25.0, 150.0, 0.25, RADII, BETWEEN, phases)
-    one = template_log_polar(HITS, 25.0, 150.0, 0.25, (radius,), (between,), (phase,))
+    every = template_log_polar(HITS, *HEAD_ON, 25.0, 150.0, 0.25, RADII, BETWEEN, phases)
+    one = template_log_polar(HITS, *HEAD_ON, 25.0, 150.0, 0.25, (radius,), (between,), (phase,))
     np.testing.assert_array_equal(one[0, 0, 0], every[at[1], at[2], phase])
 
 
 def test_templates_are_the_pixels_that_the_ship_fills():
     """At places on the detector that spread evenly over a pixel, the first at its corner."""
     phases = tuple(range(64))
-    found = template_log_polar(HITS, 25.0, 150.0, 0.4, (0.5,), ("nearest",), phases)[0, 0]
+    found = template_log_polar(HITS, *HEAD_ON, 25.0, 150.0, 0.4, (0.5,), ("nearest",), phases)[0, 0]
     places = np.outer(phases, PLASTIC) % 1
     assert not places[0].any()
     for phase in (0, 1, 5):

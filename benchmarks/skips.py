@@ -1,0 +1,307 @@
+"""Time saved by what a scene does not need: each skip beside the plain way."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import trimesh
+from manifold3d import Manifold, Mesh64
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+import ncti.ships
+from benchmarks.classifiers import Task, name_one_by_one, name_together, source_task
+from benchmarks.reports import Column, Report, Sample
+from benchmarks.views import DEPRESSION
+from ncti.infrared import contrast, silhouette, thermal_images
+from ncti.ladar import RangeExtent, cumulative_average, frames, range_extent, sample_frames
+from ncti.render import ROLL, LineImage, View, line_image, lines, range_image, surfaces
+from ncti.render.line_sweep import cross, project
+from ncti.render.solid import Solid
+from ncti.render.surfaces import Surfaces
+
+SLANT_RANGE = 50e3  # [m]
+SIGNAL: dict[str, Any] = {"pulse_width": 30e-9, "cnr": 10**3.2}
+TURNS, LONG = 20, 10.0  # of the two ways; seconds after which there are no more
+PREFIXES = (4, 8, 16, 32)
+VIGILANCES = (0.80, 0.85, 0.90, 0.95, 0.99)
+ASPECT = 40.0
+VIEW: dict[str, Any] = {"aspect": ASPECT, "depression": DEPRESSION}
+LOOKS = 7  # the laser radar and the imager at three ranges, and the training silhouettes
+SEEN_FROM = tuple(product(range(0, 360, 15), (0, 2, 5, 10, 20, 35, 50, 70, 90)))
+FINE = 0.0625  # m; between lines that look for facets that are never seen
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Skip:
+    """A skip and the plain way, each giving arrays.
+
+    Attributes
+    ----------
+    name : str
+        In the table.
+    skipping, plain : callable
+        The two ways.
+    exact : bool
+        Whether results are equal: not where they are other random numbers of one distribution.
+    """
+
+    name: str
+    skipping: Callable[[], Array]
+    plain: Callable[[], Array]
+    exact: bool = True
+
+    def difference(self) -> float:
+        """Largest difference of the two results over the largest number in them."""
+        a, b = self.skipping(), self.plain()
+        return float(np.abs(a - b).max() / np.abs(b).max())
+
+
+def measure(ship: str, *, repeats: int) -> Report:
+    """Time every skip against the plain way.
+
+    Parameters
+    ----------
+    ship : str
+        Name or path.
+    repeats : int
+        How often, the two ways taking turns.
+
+    Returns
+    -------
+    Report
+        One row a skip.
+    """
+    rows = []
+    with threadpool_limits(1), patched(lines, "_threads", lambda: 1):
+        for skip in skips(ncti.ships.load(ship), source_task()):
+            with_, without = timed(skip, turns=TURNS * repeats)
+            rows.append(
+                {
+                    "skip": skip.name,
+                    "with_ms": Sample.of(1e3 * with_),
+                    "without_ms": Sample.of(1e3 * without),
+                    "ratio": Sample.of(without / with_),
+                    "difference": skip.difference() if skip.exact else None,
+                }
+            )
+    return Report(
+        f"Skips: {ship}, aspect {ASPECT:g}, up to {TURNS * repeats} times",
+        (
+            Column("skip", "skip"),
+            Column("with_ms", "ms with", ".3g"),
+            Column("without_ms", "ms without", ".3g"),
+            Column("ratio", "x as fast", ".3g"),
+            Column("difference", "difference", ".1g"),
+        ),
+        rows,
+        [
+            "Time of the processor, on one core, after one round that is not counted. Difference: "
+            "largest, over the largest number; blank where the two ways draw other noise of the "
+            "same law, and where the sea hides what the plain way has below it."
+        ],
+    )
+
+
+def timed(skip: Skip, *, turns: int) -> tuple[Array, Array]:
+    """Seconds of processor of a skip and the plain way, turn by turn, until it gets long."""
+    taken: list[list[float]] = []
+    while len(taken) <= turns and (len(taken) <= 3 or np.sum(taken) < LONG):
+        ways = (skip.skipping, skip.plain)[:: (-1) ** len(taken)]
+        taken.append([_seconds(way) for way in ways][:: (-1) ** len(taken)])
+    with_, without = np.array(taken[1:]).T
+    return with_, without
+
+
+def _seconds(way: Callable[[], Array]) -> float:
+    start = time.process_time()
+    way()
+    return time.process_time() - start
+
+
+def skips(mesh: trimesh.Trimesh, task: Task) -> Iterator[Skip]:
+    """Yield every skip on a ship, and on what classifiers learn and name."""
+    yield from of_facets(mesh)
+    yield from of_views(mesh)
+    seen = range_extent(line_image(mesh, **VIEW), slant_range=SLANT_RANGE)
+    yield from of_frames(seen)
+    yield sea_window(line_image(mesh, **VIEW))
+    yield Skip(
+        f"similarity shared by {len(VIGILANCES)} vigilances",
+        lambda: name_together(task, VIGILANCES),
+        lambda: name_one_by_one(task, VIGILANCES),
+    )
+
+
+def of_facets(mesh: trimesh.Trimesh) -> Iterator[Skip]:
+    """Yield skips of facets; areas and ranges are compared line by line."""
+    below = mesh.copy()
+    below.vertices[:, 2] *= -1
+    below.invert()
+    whole: Any = trimesh.util.concatenate([mesh, below])
+    flat, deep = (prepared(one, merged=True) for one in (mesh, whole))
+    yield Skip(
+        "facets under water, as many as above",
+        lambda: traced(flat, facing(flat)),
+        lambda: traced(deep, facing(deep)),
+        exact=False,  # what the sea hides is in the plain one
+    )
+    single = prepared(mesh, merged=False)  # a facet is convex, so that it ends but once on a line
+    everything = np.ones(len(single.area), dtype=bool)
+    yield Skip(
+        "facets facing away",
+        lambda: traced(single, facing(single)),
+        lambda: traced(single, everything),
+    )
+    shown = ever_seen(mesh)
+    yield Skip(
+        f"facets never seen ({1 - shown.mean():.1%}; not taken)",
+        lambda: traced(flat, facing(flat) & shown),
+        lambda: traced(flat, facing(flat)),
+    )
+
+
+def prepared(mesh: trimesh.Trimesh, *, merged: bool) -> Surfaces:
+    """Surfaces of a mesh, coplanar facets being one or not."""
+    with patched(surfaces, "ANGLE", surfaces.ANGLE if merged else -1.0):
+        return Surfaces._prepare(Solid.of(mesh))
+
+
+def facing(hull: Surfaces) -> NDArray[np.bool_]:
+    """Surfaces that face the sensor."""
+    towards: NDArray[np.bool_] = hull.area @ -View(**VIEW).axes[2] > 0
+    return towards
+
+
+def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
+    """(line, 2): area [m] and mean range of what lines see of some surfaces."""
+    seen = np.full(len(used) + 1, -1, dtype=np.int32)
+    seen[:-1][used] = np.flatnonzero(used)
+    axes = View(**VIEW).axes
+    point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
+    crossings = cross(point, bounds, hull.edge, seen, 0.25, lines.PHASE)
+    _, start, t, depth, ends, begins = crossings
+    line, piece, _ = lines._swept(start, (t, depth, ends, begins), surfaces=len(used))
+    length = piece[:, 1] - piece[:, 0]
+    sums = [np.bincount(line, part) for part in (length, length * piece[:, 2:].sum(axis=1) / 2)]
+    return np.stack(sums, axis=1)
+
+
+def ever_seen(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
+    """Surfaces that lines see from anywhere around and above."""
+    found = np.zeros(len(Surfaces.of(mesh).area), dtype=bool)
+    for aspect, depression in SEEN_FROM:
+        image = line_image(mesh, aspect=aspect, depression=depression, spacing=FINE)
+        found[image.surface] = True
+    return found
+
+
+def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
+    """Yield skips of whole views."""
+
+    def drawn(number: int) -> Array:
+        images = [range_image(mesh, **VIEW, engine="auto").down_range for _ in range(number)]
+        return np.nan_to_num(np.broadcast_to(images, (LOOKS, *images[0].shape)))
+
+    yield Skip(
+        f"views shared by ranges and sensors, 1 of {LOOKS}", lambda: drawn(1), lambda: drawn(LOOKS)
+    )
+
+    alike = symmetric(mesh)
+
+    def extents(sides: int, engine: str) -> Array:
+        found = [
+            range_extent(_image(alike, engine, aspect=aspect, roll=roll), slant_range=SLANT_RANGE)
+            for aspect, roll in ((ASPECT, ROLL), (360 - ASPECT, -ROLL))[:sides]
+        ]
+        return np.stack(
+            [found[0].fraction, (found[0].mirrored() if sides == 1 else found[1]).fraction]
+        )
+
+    for engine in ("lines", "auto"):
+        yield Skip(
+            f"twins to port and starboard, {engine}",
+            lambda engine=engine: extents(1, engine),  # type: ignore[misc]
+            lambda engine=engine: extents(2, engine),  # type: ignore[misc]
+        )
+
+
+def symmetric(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The port half of a ship and its mirror image."""
+    solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
+    port, _ = solid.split_by_plane((0.0, 1.0, 0.0), 0.0)
+    whole = (port + port.mirror((0.0, 1.0, 0.0))).to_mesh64()
+    return trimesh.Trimesh(whole.vert_properties[:, :3], whole.tri_verts.astype(int), process=False)
+
+
+def of_frames(seen: RangeExtent) -> Iterator[Skip]:
+    """Yield skips of noise."""
+
+    def sampled(target_free: int, extent: RangeExtent = seen) -> Array:
+        rng = np.random.default_rng(0)
+        noise: dict[str, Any] = {"target_free_ifovs": target_free, "rng": rng, **SIGNAL}
+        return sample_frames(extent, frame_count=PREFIXES[-1], **noise)
+
+    def one_by_one() -> Array:
+        with patched(frames, "GAUSSIAN_FROM", np.inf):
+            return sampled(4000)
+
+    yield Skip("IFOVs without target, 4000", lambda: sampled(4000), one_by_one, exact=False)
+    # so little in every bin that it changes no number
+    occupied = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
+    yield Skip(
+        "bins outside the target", lambda: sampled(0), lambda: sampled(0, occupied), exact=False
+    )
+
+    def prefixes(together: bool) -> Array:
+        signal = {"target_free_ifovs": 4000, **SIGNAL}
+        runs = [
+            sample_frames(seen, frame_count=count, rng=np.random.default_rng(0), **signal)
+            for count in (PREFIXES[-1:] if together else PREFIXES)
+        ]
+        if together:
+            return cumulative_average(runs[0], PREFIXES)
+        return np.stack([run.mean(axis=0) for run in runs])
+
+    yield Skip("prefixes of averages", lambda: prefixes(True), lambda: prefixes(False))
+
+
+def sea_window(image: LineImage) -> Skip:
+    """Return images of the ship and a margin, against those of the default window; on the ship."""
+
+    # Of half pixels at 25 km: what the ship touches, and 200 m by 50 m.
+    windows = (None, (-100.0, 100.0, -7.0, 43.0))
+    ours, whole = (silhouette(image, footprint=1.875, extent=one).target(0.25) for one in windows)
+
+    def drawn(target: NDArray[np.bool_]) -> Array:
+        rng = np.random.default_rng(0)
+        found = thermal_images(target, contrast=contrast(25e3), frame_counts=PREFIXES, rng=rng)
+        return found[:, target]
+
+    return Skip("sea outside the ship's window", lambda: drawn(ours), lambda: drawn(whole))
+
+
+def _image(mesh: trimesh.Trimesh, engine: str, **view: float) -> Any:
+    view["depression"] = DEPRESSION
+    if engine == "lines":
+        return line_image(mesh, **view)
+    return range_image(mesh, engine=engine, **view)
+
+
+@contextmanager
+def patched(module: Any, name: str, value: Any) -> Iterator[None]:
+    """Give a module's constant another value for a while."""
+    kept = getattr(module, name)
+    setattr(module, name, value)
+    try:
+        yield
+    finally:
+        setattr(module, name, kept)

@@ -1,0 +1,43 @@
+"""Skips give what the plain way gives, and are measured against it."""
+
+import pytest
+import trimesh
+
+from benchmarks import skips
+from benchmarks.classifiers import source_task
+from benchmarks.reports import Sample
+
+
+@pytest.fixture(scope="module")
+def task():
+    return source_task(("duncan", "spruance"), (0.0, 45.0), 2)
+
+
+@pytest.fixture(scope="module")
+def barge():
+    """A ship of few facets, which is not its own mirror image."""
+    bounds = ([-50, -6, 0], [50, 6, 6]), ([-5, -4, 6], [15, 3, 12]), ([0, 1, 12], [1, 2, 25])
+    boxes = [trimesh.creation.box(bounds=ends) for ends in bounds]
+    return trimesh.boolean.union(boxes, engine="manifold")
+
+
+def test_exact_skips_change_nothing(barge, task):
+    """Bit for bit, or up to the rounding of what is mirrored: 1e-12 of a range extent by lines.
+
+    By pixels, float32 may put a pixel of an outline on the other side, 1e-3 of an IFOV.
+    """
+    found = {skip.name: skip.difference() for skip in skips.skips(barge, task) if skip.exact}
+    assert len(found) == 8
+    mirrored = {name: found.pop(name) for name in list(found) if name.startswith("twins")}
+    assert set(found.values()) == {0}
+    by_lines, by_pixels = mirrored.values()
+    assert by_lines < 1e-12 and by_pixels < 1e-3
+
+
+def test_both_ways_are_timed(monkeypatch, task):
+    monkeypatch.setattr(skips, "skips", lambda mesh, task: [next(skips.of_views(mesh))])
+    monkeypatch.setattr(skips, "source_task", lambda: task)
+    monkeypatch.setattr(skips, "TURNS", 3)
+    (row,) = skips.measure("duncan", repeats=1).rows
+    assert row["difference"] == 0
+    assert isinstance(row["ratio"], Sample) and row["ratio"].n == 3

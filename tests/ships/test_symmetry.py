@@ -1,0 +1,73 @@
+"""Which ships are their own mirror image: found, not declared."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from trimesh.creation import box, cylinder
+
+import ncti.ships
+from benchmarks.skips import symmetric
+from ncti.ships import symmetry
+from ncti.ships.symmetry import THINNEST
+
+
+def placed(solid, *at, turn=0.0):
+    """A solid turned about its upright axis [deg] and moved."""
+    solid.apply_transform(trimesh.transformations.rotation_matrix(np.radians(turn), [0, 0, 1]))
+    return solid.apply_translation(at)
+
+
+def barge(*more):
+    """A hull with a house on it, and what else is given, united."""
+    hull, house = placed(box((100, 12, 6)), 0, 0, 3), placed(box((20, 8, 6)), 5, 0, 8)
+    return trimesh.boolean.union([hull, house, *more], engine="manifold")
+
+
+def test_what_stands_on_the_middle_or_on_both_sides():
+    mast = placed(cylinder(0.2, 20, sections=16), -20, 0, 14)
+    boats = (placed(box((6, 2, 2)), -30, side * 4, 6.5) for side in (1, -1))
+    assert ncti.ships.is_symmetric(barge(mast, *boats))
+
+
+def test_triangles_need_not_be_mirrored():
+    plain = barge()
+    port = np.flatnonzero(plain.triangles_center[:, 1] > 0)
+    finer = plain.subdivide(face_index=port)
+    sides = [(finer.triangles_center[:, 1] * side > 0).sum() for side in (1, -1)]
+    assert sides[0] > 2 * sides[1]
+    assert ncti.ships.is_symmetric(finer)
+
+
+def test_equal_moments_are_not_enough():
+    """A square to port and the same one turned to starboard: mass and its products agree."""
+    port, starboard = (
+        placed(box((2, 2, 2)), -30, 4, 6.5),
+        placed(box((2, 2, 2)), -30, -4, 6.5, turn=45),
+    )
+    found = barge(port, starboard)
+    assert abs(found.center_mass[1]) < 1e-9
+    assert not ncti.ships.is_symmetric(found)
+
+
+@settings(max_examples=20, deadline=None)
+@given(exponent=st.floats(-2, 2), length=st.floats(1, 30))
+def test_a_plate_counts_from_a_thickness_on(exponent, length):
+    """Twice its volume over its surface: its thickness, but for the rim."""
+    thick = THINNEST * 10**exponent
+    mean = thick / (1 + thick * (1 / length + 1 / 3))
+    plate = placed(box((length, thick, 3)), -20, 6 + thick / 2, 3)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(symmetry, "BALANCED", np.inf)
+        assert ncti.ships.is_symmetric(barge(plate)) == (mean <= THINNEST)
+
+
+@pytest.mark.parametrize("name", ncti.ships.names())
+def test_no_packaged_ship_is(name):
+    """Launchers, funnels and torpedo tubes stand to one side."""
+    assert not ncti.ships.is_symmetric(ncti.ships.load(name))
+
+
+def test_a_ship_of_two_port_halves_is():
+    assert ncti.ships.is_symmetric(symmetric(ncti.ships.load("duncan")))
