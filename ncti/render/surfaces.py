@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ncti.render.solid import KEPT, Solid
 
@@ -152,6 +150,10 @@ def _merged(
     right: NDArray[np.integer],
 ) -> NDArray[np.intp]:
     """Surface of each facet: coplanar neighbours are one, where all of it lies in a plane."""
+    # Imported where they are used: they take a third of a second.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     count = len(faces)
     turn = np.linalg.norm(n[left] - n[right], axis=1)
     flat = (turn < ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
