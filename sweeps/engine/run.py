@@ -177,7 +177,7 @@ def _sweep(
     failures: list[tuple[str, str]] = []
     for _ in range(ROUNDS):
         damaged: set[str] = set()
-        with _workers(place.cluster, plan.experiment.code, watch, thread) as start:
+        with _workers(place.cluster, plan, watch, thread) as start:
             if place.cluster.kind == "local" and old is None and not index.summary():
                 start(sum(plan.count(bound) for bound in plan.bound.values() if bound.stage.kept))
             schedule.resolve(find)
@@ -214,7 +214,7 @@ def _sweep(
 
 @contextmanager
 def _workers(
-    choice: ClusterChoice, packages: tuple[str, ...], watch: Watch, thread: ThreadPoolExecutor
+    choice: ClusterChoice, plan: Plan, watch: Watch, thread: ThreadPoolExecutor
 ) -> Iterator[Callable[..., Future[Executor]]]:
     """Function that has a thread start workers for some tasks, once; they end afterwards."""
     stack = ExitStack()
@@ -223,7 +223,13 @@ def _workers(
     def start(tasks: int, *, quick: bool = False) -> Future[Executor]:
         if not started:
             chosen = ClusterChoice("inline") if quick and choice.kind == "local" else choice
-            entered = executor(chosen, tasks=tasks, packages=packages, say=watch.say)
+            entered = executor(
+                chosen,
+                tasks=tasks,
+                packages=plan.experiment.code,
+                modules=plan.modules,
+                say=watch.say,
+            )
             started.append(thread.submit(stack.enter_context, entered))
         return started[0]
 
