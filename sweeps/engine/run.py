@@ -189,9 +189,11 @@ def _sweep(
             if schedule.ready:
                 measured = all(bound.name in schedule.costs for bound, _ in missing)
                 quick = measured and schedule.work_left() < QUICK
-                workers = start(len(missing), quick=quick).result()
+                workers = start(len(missing), quick=quick)
+                if plan.experiment.tables:  # while workers start
+                    _import_for_tables()
                 damaged, failed = execute(
-                    schedule, workers, index, folder=place.cache, spill=spill, watch=watch
+                    schedule, workers.result(), index, folder=place.cache, spill=spill, watch=watch
                 )
                 failures += failed
             elif old is not None and _is_whole(plan, place.store, old, watch):
@@ -314,6 +316,13 @@ def execute(
 # the store --------------------------------------------------------------------------------------
 
 
+def _import_for_tables() -> None:
+    """Import what makes tables; takes the better part of a second."""
+    import dask.array  # which xarray imports when it first makes a variable
+    import xarray
+    import zarr  # noqa: F401
+
+
 def _damaged(schedule: Schedule, place: Place) -> set[str]:
     """Keys of all cells that cannot be read back."""
     spots = sorted((spot, key) for key, spot in schedule.spots.items())
@@ -356,8 +365,7 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
     }
 
     def tabulate(path: Path) -> None:
-        # Imported where it is used: xarray takes a third of a second.
-        import xarray as xr
+        import xarray as xr  # where it is used, see `_import_for_tables`
 
         for table in plan.experiment.tables:
             there = all((path / group).is_dir() for group in table.of)

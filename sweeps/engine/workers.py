@@ -35,12 +35,16 @@ from sweeps.engine.process import environment, one_thread
 
 SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.tick.cycle": "5s",
+    "distributed.admin.tick.interval": "1s",
     "distributed.comm.timeouts.connect": "60s",
     "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
+    "distributed.worker.profile.enabled": False,
 }
 # Its HTTP server is not encrypted, and would otherwise listen on a fixed port of all interfaces.
 SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
