@@ -41,7 +41,7 @@ def fork_server(modules: Iterable[str]) -> Iterator[str]:
     Yields how processes are to be started meanwhile, as `multiprocessing` calls it. Where this
     process has such a server already, which may have older code, they are spawned instead.
     """
-    server: Any = forkserver._forkserver  # type: ignore[attr-defined]
+    server: Any = forkserver._forkserver
     if server._forkserver_pid is not None:
         yield "spawn"
         return

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import count
 from pathlib import Path
 
@@ -318,9 +319,8 @@ def execute(
 
 def _import_for_tables() -> None:
     """Import what makes tables; takes the better part of a second."""
-    import dask.array  # which xarray imports when it first makes a variable
-    import xarray
-    import zarr  # noqa: F401
+    for name in ("xarray", "zarr", "dask.array"):  # which xarray imports for its first variable
+        import_module(name)
 
 
 def _damaged(schedule: Schedule, place: Place) -> set[str]:
