@@ -19,11 +19,13 @@ from benchmarks import (
     engine,
     flights,
     grid,
+    growth,
     images,
     invariance,
     memory,
     paper,
     skips,
+    startup,
     synthesis,
     views,
 )
@@ -49,6 +51,8 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "engine_memory": lambda asked: engine.measure_memory(repeats=asked.repeats),
     "memory": lambda asked: memory.measure(repeats=asked.repeats),
     "paper": lambda asked: paper.measure(repeats=asked.repeats),
+    "startup": lambda asked: startup.measure(repeats=asked.repeats),
+    "growth": lambda asked: growth.measure(repeats=asked.repeats),
     "grid22320": lambda asked: grid.measure(repeats=asked.repeats),
 }
 SETS = {
@@ -79,6 +83,8 @@ MEANINGS = {
     "engine": "the last two together",
     "memory": "memory of a sweep, driver and workers, by number of aspects",
     "paper": "the whole experiment: cold, again, and with one more value on an axis",
+    "startup": "time of --help, of a sweep with nothing to do, and until the first words",
+    "growth": "time of a sweep by number of cells, and its slope",
     "grid22320": "the grid at three ranges as one job, as -m, and by Hydra's basic launcher",
     "all": "everything, which takes long",
 }

@@ -6,13 +6,14 @@ import re
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from sweeps.engine.code import ENGINE, package_digest
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.forking import fork_server, worth_importing
 from sweeps.engine.process import one_thread
 
 # Settings that each kind of cluster reads; all others must be null.
@@ -138,6 +139,7 @@ def executor(
     *,
     tasks: int = sys.maxsize,
     packages: Sequence[str] = (),
+    modules: Sequence[str] = (),
     say: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Start or reach the workers that a choice asks for, and end or leave them afterwards.
@@ -150,6 +152,8 @@ def executor(
         Upper bound of the number of tasks: no more workers than that are started.
     packages : sequence of str
         Packages of which workers elsewhere must have the same code, besides the engine.
+    modules : sequence of str
+        Modules of the functions that tasks call: imported once for all workers of this machine.
     say : callable
         Told, in one sentence each, what is waited for, and what the user should know.
 
@@ -166,12 +170,14 @@ def executor(
     if choice.kind == "inline":
         with one_thread():
             yield InlineExecutor()
-    else:
+        return
+    settings: dict[str, Any] = {name: getattr(choice, name) for name in READ[choice.kind]}
+    with ExitStack() as stack:
+        if choice.kind == "local":  # it imports while this process imports dask
+            settings["method"] = stack.enter_context(fork_server(worth_importing(modules)))
         from sweeps.engine import workers  # which imports dask
 
         elsewhere = (*ENGINE, *packages) if choice.kind != "local" else ()
         code = {name: package_digest(name) for name in elsewhere}
-        settings = {name: getattr(choice, name) for name in READ[choice.kind]}
         start = getattr(workers, choice.kind)
-        with start(**settings, tasks=tasks, code=code, say=say) as dask_executor:
-            yield dask_executor
+        yield stack.enter_context(start(**settings, tasks=tasks, code=code, say=say))

@@ -115,6 +115,11 @@ class Plan:
         }
         return sorted(key for key in keys if key in known and key not in read)
 
+    @property
+    def modules(self) -> list[str]:
+        """Names of the modules of its stages, sorted."""
+        return sorted({one.stage.function.__module__ for one in self.bound.values()})
+
     # axes -----------------------------------------------------------------------------------
 
     def _axes_on(self, bound: Bound) -> tuple[int, ...]:

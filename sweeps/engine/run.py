@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import count
 from pathlib import Path
 
@@ -177,7 +178,7 @@ def _sweep(
     failures: list[tuple[str, str]] = []
     for _ in range(ROUNDS):
         damaged: set[str] = set()
-        with _workers(place.cluster, plan.experiment.code, watch, thread) as start:
+        with _workers(place.cluster, plan, watch, thread) as start:
             if place.cluster.kind == "local" and old is None and not index.summary():
                 start(sum(plan.count(bound) for bound in plan.bound.values() if bound.stage.kept))
             schedule.resolve(find)
@@ -189,9 +190,11 @@ def _sweep(
             if schedule.ready:
                 measured = all(bound.name in schedule.costs for bound, _ in missing)
                 quick = measured and schedule.work_left() < QUICK
-                workers = start(len(missing), quick=quick).result()
+                workers = start(len(missing), quick=quick)
+                if plan.experiment.tables:  # while workers start
+                    _import_for_tables()
                 damaged, failed = execute(
-                    schedule, workers, index, folder=place.cache, spill=spill, watch=watch
+                    schedule, workers.result(), index, folder=place.cache, spill=spill, watch=watch
                 )
                 failures += failed
             elif old is not None and _is_whole(plan, place.store, old, watch):
@@ -214,7 +217,7 @@ def _sweep(
 
 @contextmanager
 def _workers(
-    choice: ClusterChoice, packages: tuple[str, ...], watch: Watch, thread: ThreadPoolExecutor
+    choice: ClusterChoice, plan: Plan, watch: Watch, thread: ThreadPoolExecutor
 ) -> Iterator[Callable[..., Future[Executor]]]:
     """Function that has a thread start workers for some tasks, once; they end afterwards."""
     stack = ExitStack()
@@ -223,7 +226,13 @@ def _workers(
     def start(tasks: int, *, quick: bool = False) -> Future[Executor]:
         if not started:
             chosen = ClusterChoice("inline") if quick and choice.kind == "local" else choice
-            entered = executor(chosen, tasks=tasks, packages=packages, say=watch.say)
+            entered = executor(
+                chosen,
+                tasks=tasks,
+                packages=plan.experiment.code,
+                modules=plan.modules,
+                say=watch.say,
+            )
             started.append(thread.submit(stack.enter_context, entered))
         return started[0]
 
@@ -308,6 +317,12 @@ def execute(
 # the store --------------------------------------------------------------------------------------
 
 
+def _import_for_tables() -> None:
+    """Import what makes tables; takes the better part of a second."""
+    for name in ("xarray", "zarr", "dask.array"):  # which xarray imports for its first variable
+        import_module(name)
+
+
 def _damaged(schedule: Schedule, place: Place) -> set[str]:
     """Keys of all cells that cannot be read back."""
     spots = sorted((spot, key) for key, spot in schedule.spots.items())
@@ -350,8 +365,7 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
     }
 
     def tabulate(path: Path) -> None:
-        # Imported where it is used: xarray takes a third of a second.
-        import xarray as xr
+        import xarray as xr  # where it is used, see `_import_for_tables`
 
         for table in plan.experiment.tables:
             there = all((path / group).is_dir() for group in table.of)

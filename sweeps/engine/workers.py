@@ -11,18 +11,16 @@ import asyncio
 import logging
 import os
 import shutil
-import signal
-import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from multiprocessing import resource_tracker
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import urlsplit
 
 import dask
+import distributed
 from dask.system import CPU_COUNT
 from distributed import Client, Future, KilledWorker, LocalCluster, Status, as_completed
 from distributed.core import rpc
@@ -32,23 +30,21 @@ from tornado.ioloop import PeriodicCallback
 
 from sweeps.engine.code import OtherCode, check_code
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
-from sweeps.engine.process import ONE_THREAD, environment, one_thread
+from sweeps.engine.forking import ENVIRONMENT, interrupts_held
+from sweeps.engine.process import environment, one_thread
 
-# Environment that a worker process must be started with, since libraries read it only then. It
-# keeps 256 MiB of freed memory, and maps arrays separately from 32 MiB on, the most that allocators
-# accept: with dask's 64 KiB, requests for memory take a quarter of the time of array-heavy tasks.
-KEPT, MAPPED = 2**28, 2**25
-ENVIRONMENT = ONE_THREAD | dict(
-    MALLOC_TRIM_THRESHOLD_=str(KEPT), MALLOC_MMAP_THRESHOLD_=str(MAPPED)
-)
 SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.tick.cycle": "5s",
+    "distributed.admin.tick.interval": "1s",
     "distributed.comm.timeouts.connect": "60s",
     "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
+    "distributed.worker.profile.enabled": False,
 }
 # Its HTTP server is not encrypted, and would otherwise listen on a fixed port of all interfaces.
 SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
@@ -150,15 +146,23 @@ class DaskExecutor:
 
 
 @contextmanager
-def local(*, workers: int | None, tasks: int, say: Say, code: Code) -> Iterator[DaskExecutor]:
-    """Start worker processes on this machine, which end with this process however it ends."""
+def local(
+    *, workers: int | None, tasks: int, say: Say, code: Code, method: str = "spawn"
+) -> Iterator[DaskExecutor]:
+    """Start worker processes on this machine, which end with this process however it ends.
+
+    `method` is that of `multiprocessing` by which they start; see `forking.fork_server`.
+    """
     count = max(1, min(workers or CPU_COUNT, tasks))
     say(f"starting {count} worker process{'es' if count > 1 else ''}")
     # Workers share the terminal, where one that dies would log its last steps.
     quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
     with ExitStack() as stack:
-        stack.enter_context(_started_with(SETTINGS, ENVIRONMENT | quiet))
-        with _interrupts_held():
+        # Else dask would import more into this process, for the fork server that is there already.
+        distributed.utils._forkserver_preload_set = True
+        settings = SETTINGS | {"distributed.worker.multiprocessing-method": method}
+        stack.enter_context(_started_with(settings, ENVIRONMENT | quiet))
+        with interrupts_held():
             cluster = stack.enter_context(
                 LocalCluster(
                     n_workers=count,
@@ -224,7 +228,7 @@ def slurm(
     settings = SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST}s"}
     with ExitStack() as stack:
         stack.enter_context(_started_with(settings, ENVIRONMENT))
-        with _interrupts_held():
+        with interrupts_held():
             folder = stack.enter_context(TemporaryDirectory(prefix=".sweep-", dir=os.getcwd()))
             cluster = stack.enter_context(_slurm_cluster(_certificate(Path(folder)), asked))
         _submit(cluster, jobs)
@@ -361,30 +365,3 @@ def _started_with(settings: Mapping[str, Any], variables: Mapping[str, str]) -> 
         finally:
             for logger, level in zip(loggers, levels, strict=True):
                 logger.setLevel(level)
-
-
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Keep Ctrl-C, which a terminal sends to all processes, from those that are started meanwhile.
-
-    This process hears it, at the end of this context at the earliest, and ends its workers in
-    order; they would add their tracebacks.
-    """
-    # Processes inherit the signals that the thread which starts them blocks, and threads those of
-    # their starter: so also a worker that is restarted later. Python 3.11 unblocks the signal where
-    # it first starts its resource tracker, so that must be there already.
-    resource_tracker.ensure_running()
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    arrived = []
-    # Other threads of this process may take the signal; its effect is left to the main one.
-    if in_main_thread:
-        before = signal.signal(signal.SIGINT, lambda *_: arrived.append(True))
-    try:
-        yield
-    finally:
-        if in_main_thread:
-            signal.signal(signal.SIGINT, before)
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        if arrived:
-            signal.raise_signal(signal.SIGINT)

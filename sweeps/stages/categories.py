@@ -20,6 +20,7 @@ from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Settings, count, number, switch, word
 from sweeps.stages.classifier import NONE, Arrays, Floats, Ships, Views, state
 
+IMPORTS = ("ncti.classify.adaptive_clustering",)  # by its stages, when they are called; takes long
 Places = NDArray[np.intp]
 
 

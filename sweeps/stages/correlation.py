@@ -11,6 +11,7 @@ from sweeps.stages import classifier
 from sweeps.stages.classifier import NONE, Arrays, Classifier, Floats, Naming, Profiles, Views
 from sweeps.stages.views import RANGE, Grid
 
+IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
 NAME = "correlation"
 NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
 EXPECTED, NOISY = "expected", "noisy"

@@ -25,6 +25,7 @@ from sweeps.stages.views import RANGE, Grid
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
+IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
 NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
 

@@ -20,6 +20,7 @@ from sweeps.stages.views import RANGE, Grid
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
+IMPORTS = ("ncti.classify.gain_annealed",)  # by its stages, when they are called; takes long
 NAME = "mnn"
 NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
 RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"

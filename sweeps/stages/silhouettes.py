@@ -15,6 +15,7 @@ from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at
 from sweeps.stages.views import STATUS, Grid
 
 ANGLES, RADII = 64, 32  # cells of the log-polar map
+IMPORTS = ("skimage.filters",)  # by its stages, when they are called; takes long
 STEPS = 255  # of a cell between empty and full
 
 # Steps of a sequence that fills the unit square evenly, however long it is: Roberts' R2.

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     import trimesh
     from numpy.typing import NDArray
 
+IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 LINES = "lines"  # the engine without pixels
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 MOST_FRAMES = 10_000

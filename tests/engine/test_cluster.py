@@ -248,10 +248,10 @@ assert "distributed" not in sys.modules
 
 
 def listening():
-    """Addresses on which this process and the workers that it spawned listen."""
-    children = psutil.Process().children()
-    spawned = [process for process in children if "spawn_main" in " ".join(process.cmdline())]
-    sockets = [s for p in (psutil.Process(), *spawned) for s in p.net_connections("inet")]
+    """Addresses on which this process and the workers that were forked for it listen."""
+    children = psutil.Process().children(recursive=True)
+    forked = [process for process in children if "forkserver" in " ".join(process.cmdline())]
+    sockets = [s for p in (psutil.Process(), *forked) for s in p.net_connections("inet")]
     return [s.laddr for s in sockets if s.status == psutil.CONN_LISTEN]
 
 

@@ -1,0 +1,58 @@
+"""Workers of this machine are forked from a process that has imported what they need, once."""
+
+import sys
+
+import psutil
+import pytest
+
+from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.forking import fork_server, worth_importing
+
+IMPORTS = ("wave",)  # which nothing else imports, nor `tabnanny`
+
+
+def answers(run, function, *arguments):
+    run.submit(0, function, *arguments)
+    ((_, result, error),) = run.finished()
+    assert error is None, error
+    return result
+
+
+def parent_and_modules():
+    """Threads of the process that a worker was forked from, and modules that the worker has."""
+    return psutil.Process().parent().num_threads(), set(sys.modules)
+
+
+def server_is_gone():
+    return not any("forkserver" in " ".join(one.cmdline()) for one in psutil.Process().children())
+
+
+def test_workers_have_the_modules_of_stages_and_what_these_list():
+    assert worth_importing([__name__, "nowhere", __name__]) == [__name__, "wave", "nowhere"]
+    asked = ["tabnanny", "no_such_module", *IMPORTS]
+    with executor(ClusterChoice(workers=1), modules=asked, say=lambda sentence: None) as run:
+        threads, modules = answers(run, parent_and_modules)
+    assert {"tabnanny", "wave"} <= modules
+    assert threads == 1  # or it would not be safe to fork
+    assert server_is_gone()
+
+
+def test_a_later_cluster_does_not_have_the_modules_of_an_earlier_one():
+    for asked, other in (("tabnanny", "wave"), ("wave", "tabnanny")):
+        with executor(ClusterChoice(workers=1), modules=[asked], say=lambda sentence: None) as run:
+            _, modules = answers(run, parent_and_modules)
+        assert asked in modules
+        assert other not in modules
+
+
+def test_workers_are_spawned_where_a_fork_server_runs_already():
+    with fork_server([]) as first, fork_server([]) as second:
+        assert (first, second) == ("forkserver", "spawn")
+        assert not server_is_gone()
+    assert server_is_gone()
+
+
+def test_the_server_ends_after_an_error():
+    with pytest.raises(KeyError), fork_server([]):
+        raise KeyError
+    assert server_is_gone()
