@@ -19,22 +19,23 @@ from ncti.ladar import RangeExtent
 from ncti.render import ROLL, available_engines, engines
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, Table, in_memory
+from sweeps.engine.stage import Output, Stage, in_memory
+from sweeps.stages import run_time_tables
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
 from sweeps.stages.exact import FAR, GROUP, SENSOR, RunTime, of_extents, signature_of
 from sweeps.stages.ladar import Ladar
+from sweeps.stages.run_time_tables import SPREAD
 from sweeps.stages.views import Grid, Render, image, looks
 
 if TYPE_CHECKING:
     import trimesh
-    import xarray as xr
 
 Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Sampling = tuple[float, float, float]  # pixel [m], roll [deg], and spread
 
-YARDSTICK, YARDSTICK_PIXEL, SPREAD = "embree", 0.25, 0.5
+YARDSTICK, YARDSTICK_PIXEL = "embree", 0.25
 VIEWS, VIEW_SETTINGS = ("ship", "aspect"), (Grid.ship, Grid.aspect)
 
 
@@ -266,44 +267,6 @@ def _named(signature: Floats, noise: Floats, there: NDArray[np.bool_]) -> NDArra
     return np.moveaxis(names.reshape(-1, *there.shape), 0, -1)
 
 
-# What is tabulated
-
-
-def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return median and worst of all views, for every engine and sampling."""
-    return summary(measured).assign_attrs(title="Run time against error, all samplings")
-
-
-def tabulate_nominal(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return the same by engine and pixel: rolled and spread as by default, or nearly so."""
-    wanted = {"roll": ROLL, "spread": SPREAD, "bin_width": 1.0}
-    at = {name: value for name, value in wanted.items() if name in measured.dims}
-    nominal = measured.sel(at, method="nearest")
-    return summary(nominal).assign_attrs(title="Run time against error")
-
-
-def summary(measured: xr.Dataset) -> xr.Dataset:
-    """Return median times, median and worst errors, and the share of answers that changed."""
-    import xarray as xr
-
-    found: dict[str, xr.DataArray] = {}
-
-    def add(name: str, array: xr.DataArray, label: str, unit: str = "1") -> None:
-        found[name] = array.assign_attrs(units=unit, long_name=label)
-
-    for name in ("run_time", "ratio"):
-        about = measured[name].attrs
-        label = f"{about['long_name']}; median of views"
-        add(name, measured[name].median(VIEWS), label, about["units"])
-    for name in ("extent_error", "ifov_error", "profile_error"):
-        array, label = measured[name].astype("f8"), measured[name].attrs["long_name"]
-        add(f"{name}_median", array.median(VIEWS), f"{label}, median of views")
-        add(f"{name}_worst", array.max(VIEWS), f"{label}, worst of views")
-    changed = measured.changed.astype("f8")
-    add("changed", changed.mean(VIEWS), f"{changed.attrs['long_name']}, mean of views")
-    return xr.Dataset(found)
-
-
 # What is refused
 
 
@@ -354,7 +317,4 @@ def remarks(choices: Choices) -> list[str]:
 
 
 STAGES: tuple[Stage, ...] = (sighting, sampled, timed, changed)
-TABLES = (
-    Table(f"tables/{GROUP}", (GROUP,), tabulate_nominal, looks(SENSOR)),
-    Table(f"tables/{GROUP}_samplings", (GROUP,), tabulate, looks(SENSOR)),
-)
+TABLES = run_time_tables.TABLES
