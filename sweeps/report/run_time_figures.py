@@ -10,19 +10,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
 
-from sweeps.stages.run_time_tables import BIN_WIDTH, TARGET
+from sweeps.stages.run_time_tables import BIN_WIDTH, TARGET, nominal
 
 COLOURS = {"osmesa": "#1f4e79", "egl": "#6aa5d8", "embree": "#c1440e", "lines": "#2a9d5c"}
 MARKERS = {"osmesa": "s", "egl": "x", "embree": "^", "lines": "o"}
-Points = list[tuple[float, float, float]]  # time [ms], error [%], pixel [m]
+LABELLED = {"lines": (-8, -10), "embree": (8, 5)}  # whose pixels are written, and where
+Floats = NDArray[np.float64]
 
 
 def draw_run_time(table: xr.Dataset) -> Figure:
     """Draw median error against run time, of the whole ship without a pulse and after each.
 
-    Every sampling is a faint mark. A curve joins those of an engine than which no other of its
-    samplings is both quicker and more exact; the worst views of these are dashed.
+    Every sampling is a faint mark. A curve joins the pixels of an engine, rolled and spread as by
+    default; the worst views of these are dashed.
     """
     here = table.sel(bin_width=BIN_WIDTH, method="nearest")
     widths = np.atleast_1d(here.pulse_width.values)
@@ -58,40 +60,25 @@ def draw_run_time(table: xr.Dataset) -> Figure:
 
 
 def _curve(axes: Axes, part: xr.Dataset, name: str, engine: str) -> None:
-    """Draw all samplings of an engine, and the best of them joined."""
-    median, worst = points_of(part, f"{name}_median"), points_of(part, f"{name}_worst")
-    colour, marker = _colour(engine), MARKERS.get(engine, "o")
-    milliseconds, percent, _ = np.array(median).T
-    axes.plot(milliseconds, percent, ".", color=colour, alpha=0.25, ms=4)
-    best = front(median)
-    x, y, pixels = np.array([median[place] for place in best]).T
-    axes.plot(x, y, "-", color=colour, marker=marker, ms=4, lw=1.5)
-    axes.plot(x, [worst[place][1] for place in best], "--", color=colour, lw=0.9, alpha=0.8)
-    if engine == "lines":
-        for at, error, pixel in zip(x, y, pixels, strict=True):
-            axes.annotate(
-                f"{pixel:g}", (at, error), (-4, -9), textcoords="offset points", fontsize=6.5,
-                ha="right", color=colour,
-            )  # fmt: skip
+    """Draw all samplings of an engine, and join those rolled and spread as by default."""
+    style: dict[str, Any] = {"color": _colour(engine)}
+    axes.plot(*points_of(part, f"{name}_median")[:2], ".", alpha=0.25, ms=4, **style)
+    here = nominal(part)
+    x, y, pixels = points_of(here, f"{name}_median")
+    axes.plot(x, y, "-", marker=MARKERS.get(engine, "o"), ms=4, lw=1.5, label=engine, **style)
+    axes.plot(*points_of(here, f"{name}_worst")[:2], "--", lw=0.9, alpha=0.8, **style)
+    for at, error, pixel in zip(x, y, pixels, strict=True):
+        if engine in LABELLED:
+            where: dict[str, Any] = {"xytext": LABELLED[engine], "textcoords": "offset points"}
+            axes.annotate(f"{pixel:g}", (at, error), fontsize=6.5, ha="center", **where, **style)
 
 
-def points_of(part: xr.Dataset, name: str) -> Points:
-    """Return run time [ms], error [%] and pixel [m] of every sampling, known ones only."""
-    error, run_time, pixel = (
-        array.values.ravel() for array in xr.broadcast(part[name], part.run_time, part.pixel)
-    )
-    known = np.isfinite(error) & np.isfinite(run_time)
-    columns = (1e3 * run_time[known], 100 * error[known], pixel[known])
-    return [(float(x), float(y), float(z)) for x, y, z in zip(*columns, strict=True)]
-
-
-def front(points: Points) -> list[int]:
-    """Return numbers of the points that no other is both quicker and more exact than, by time."""
-    found: list[int] = []
-    for place in sorted(range(len(points)), key=lambda one: points[one]):
-        if not found or points[place][1] < points[found[-1]][1]:
-            found.append(place)
-    return found
+def points_of(part: xr.Dataset, name: str) -> tuple[Floats, Floats, Floats]:
+    """Return run time [ms], error [%] and pixel [m] of every sampling, by pixel."""
+    arrays = xr.broadcast(part.run_time, part[name], part.pixel)
+    run_time, error, pixel = (array.values.ravel() for array in arrays)
+    order = np.argsort(pixel, kind="stable")
+    return 1e3 * run_time[order], 100 * error[order], pixel[order]
 
 
 def _colour(engine: str) -> str:

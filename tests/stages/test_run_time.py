@@ -18,19 +18,21 @@ from ncti.ladar.reference import reference_range_extent
 from ncti.render import EngineError, available_engines, line_image, range_image
 from sweeps.engine.errors import ConfigurationError
 from sweeps.experiment import EXPERIMENT
+from sweeps.report import figures
 from sweeps.stages import apart, run_time
 from sweeps.stages.run_time import Look, changed, ifov_error, relative_error
 from sweeps.stages.run_time_tables import at_error, costs, nominal
 from sweeps.stages.views import Render
 
 SMALL = (
-    *("sensor=run_time", "grid.ship=[duncan,texas]", "grid.aspect=[0,60]", "render.samples=0"),
+    *("sensor=run_time", "grid.ship=[duncan,texas]", "grid.aspect=60", "render.samples=0"),
     *("grid.pulse_width=[10,30]", "grid.frame_count=16", "render.engine=[embree,lines]"),
-    *("render.pixel=[1,2]", "render.roll=[0,31.7]", "ladar.spread=[0,0.5]", "run_time.repeats=2"),
+    *("render.pixel=[1,2]", "render.roll=31.7", "ladar.spread=[0,0.5]", "run_time.repeats=2"),
 )
+SINGLE = ("range", "frame_count", "bin_width")
 EDGES = np.arange(-125.0, 126.0)
 VIEW = {"aspect": 60.0, "depression": 3.84}
-PLACE = {"ship": "texas", "aspect": 60, "roll": 31.7, "pixel": 1}
+PLACE = {"ship": "texas", "pixel": 1}
 
 
 def empty(folder, cache):
@@ -52,7 +54,7 @@ def store(tmp_path_factory, cache):
 
 @pytest.fixture(scope="module")
 def measured(store):
-    return opened(store, "run_time").squeeze()
+    return opened(store, "run_time").squeeze(SINGLE)
 
 
 def areas(extent):
@@ -146,7 +148,7 @@ def test_a_view_is_timed_on_one_thread(tmp_path, cache, monkeypatch):
 
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     monkeypatch.setattr(run_time, "_times", times)
-    few = ("grid.aspect=60", "render.pixel=2", "render.roll=0", "ladar.spread=0")
+    few = ("render.pixel=2", "ladar.spread=0")
     few = (*few, "grid.ship=duncan", "grid.pulse_width=30", "render.engine=lines")
     swept(tmp_path / "s.zarr", empty(tmp_path, cache), *SMALL, *few)
     assert found == [(1, "1")]
@@ -155,12 +157,12 @@ def test_a_view_is_timed_on_one_thread(tmp_path, cache, monkeypatch):
 def test_what_was_measured_is_kept_and_what_is_computed_is_equal(store, measured, tmp_path, cache):
     """Another run of the same sweep measures nothing; one elsewhere measures anew."""
     swept(tmp_path / "again.zarr", store.parent / "cache", *SMALL)
-    again = opened(tmp_path / "again.zarr", "run_time").squeeze()
+    again = opened(tmp_path / "again.zarr", "run_time").squeeze(SINGLE)
     xr.testing.assert_identical(again, measured)
-    part = ("grid.ship=texas", "render.engine=lines", "render.pixel=1", "render.roll=31.7")
-    swept(tmp_path / "other.zarr", empty(tmp_path, cache), *SMALL, *part, "grid.aspect=60")
+    part = ("grid.ship=texas", "render.engine=lines", "render.pixel=1")
+    swept(tmp_path / "other.zarr", empty(tmp_path, cache), *SMALL, *part)
     other = opened(tmp_path / "other.zarr", "run_time").squeeze()
-    here = measured.sel(PLACE | {"engine": "lines"})
+    here = measured.sel(PLACE | {"engine": "lines"}).squeeze()
     for name in ("extent_error", "ifov_error", "profile_error"):
         np.testing.assert_array_equal(other[name], here[name])
     assert not np.array_equal(other.run_time, here.run_time)
@@ -217,7 +219,7 @@ def test_the_cost_of_an_error_follows_the_power_law():
 
 def test_tables_are_medians_and_worst_views(store, measured):
     table = opened(store, "tables/run_time").squeeze()
-    here = measured.sel(roll=31.7, spread=0.5)
+    here = measured.sel(spread=0.5)
     views = ("ship", "aspect")
     np.testing.assert_allclose(table.run_time, here.run_time.median(views))
     np.testing.assert_allclose(table.profile_error_worst, here.profile_error.max(views))
@@ -225,6 +227,20 @@ def test_tables_are_medians_and_worst_views(store, measured):
     cost = opened(store, "tables/run_time_cost").squeeze()
     assert set(cost.data_vars) == {"run_time_needed", "ratio_needed", "pixel_needed"}
     assert costs(nominal(table.isel(pixel=0))).sizes["engine"] == 2  # one pixel is a table, too
+
+
+def test_the_picture_has_a_curve_an_engine(store, measured):
+    figure = figures.draw("runtime_vs_error", store)
+    titles = ["no pulse", "10 ns pulse", "30 ns pulse"]
+    assert [axes.get_title() for axes in figure.axes] == titles
+    here = measured.sel(spread=0.5)
+    for axes in figure.axes:
+        curves = {line.get_label(): line for line in axes.lines if line.get_label()[0] != "_"}
+        assert set(curves) == {"embree", "lines"}
+    x, y = curves["lines"].get_data()
+    of_lines = here.sel(engine="lines").median(("ship", "aspect"))
+    np.testing.assert_allclose(x, 1e3 * of_lines.run_time)
+    np.testing.assert_allclose(y, 100 * of_lines.profile_error.sel(pulse_width=30), rtol=1e-6)
 
 
 # Engines ------------------------------------------------------------------------------------
