@@ -40,6 +40,7 @@ from sweeps.stages.classifier import Classifier
 from sweeps.stages.views import (
     CACHE_VARIABLE,
     IRAR,
+    RUN_TIME,
     Grid,
     Render,
     Sweep,
@@ -104,7 +105,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
     def remarks(choices: Choices) -> list[str]:
         # Sensors that others name ships by, flights among them, and those of their own.
-        named = not any(looks(sensor)(choices) for sensor in (IRAR, exact.SENSOR))
+        named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME))
         return [
             f"classifier.name has {name}, which names nothing with these sensors and ranges"
             for name in (idle(stages, choices) if named else ())

@@ -16,7 +16,7 @@ from ncti.ladar import RangeExtent
 from sweeps.engine.settings import Settings, count
 from sweeps.engine.stage import Output, Stage, in_memory, stage
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import SHAPES, STATUS, Grid, Render, looks, quantity
+from sweeps.stages.views import RUN_TIME, SHAPES, STATUS, Grid, Render, looks, quantity
 
 if TYPE_CHECKING:
     import trimesh
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 
-SENSOR = GROUP = "run_time"
 FAR = 1e12  # [m]: wavefronts are flat to 1e-8 m
 
 
@@ -40,7 +39,7 @@ of_extents = partial(
     stage,
     uses=(Grid, Render, Ladar, RunTime),
     reads={"bin_width": RunTime.bin_width},
-    when=looks(SENSOR),
+    when=looks(RUN_TIME),
     status=STATUS,
 )
 

@@ -19,14 +19,14 @@ from ncti.ladar import RangeExtent
 from ncti.render import ROLL, available_engines, engines
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, in_memory
+from sweeps.engine.stage import Output, Stage, Table, in_memory
 from sweeps.stages import run_time_tables
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
-from sweeps.stages.exact import FAR, GROUP, SENSOR, RunTime, of_extents, signature_of
+from sweeps.stages.exact import FAR, RunTime, of_extents, signature_of
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.run_time_tables import SPREAD
-from sweeps.stages.views import Grid, Render, image, looks
+from sweeps.stages.views import RUN_TIME, Grid, Render, image, looks
 
 if TYPE_CHECKING:
     import trimesh
@@ -35,6 +35,7 @@ Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Sampling = tuple[float, float, float]  # pixel [m], roll [deg], and spread
 
+SENSOR = GROUP = RUN_TIME
 YARDSTICK, YARDSTICK_PIXEL = "embree", 0.25
 VIEWS, VIEW_SETTINGS = ("ship", "aspect"), (Grid.ship, Grid.aspect)
 
@@ -317,4 +318,8 @@ def remarks(choices: Choices) -> list[str]:
 
 
 STAGES: tuple[Stage, ...] = (sighting, sampled, timed, changed)
-TABLES = run_time_tables.TABLES
+TABLES = (
+    Table(f"tables/{GROUP}", (GROUP,), run_time_tables.tabulate_nominal, looks(SENSOR)),
+    Table(f"tables/{GROUP}_cost", (GROUP,), run_time_tables.tabulate_cost, looks(SENSOR)),
+    Table(f"tables/{GROUP}_samplings", (GROUP,), run_time_tables.tabulate, looks(SENSOR)),
+)

@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 
 from ncti.render import ROLL
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Table
-from sweeps.stages.exact import GROUP, SENSOR
-from sweeps.stages.views import looks
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -106,10 +103,3 @@ def at_error(figure: Floats, error: Floats, target: float = TARGET) -> float:
     floor = np.finfo(np.float64).tiny  # errors may be 0, which has no logarithm
     x, y = np.log(np.maximum(error[order], floor)), np.log(figure[order])
     return float(np.exp(np.interp(np.log(target), x, y)))
-
-
-TABLES = (
-    Table(f"tables/{GROUP}", (GROUP,), tabulate_nominal, looks(SENSOR)),
-    Table(f"tables/{GROUP}_cost", (GROUP,), tabulate_cost, looks(SENSOR)),
-    Table(f"tables/{GROUP}_samplings", (GROUP,), tabulate, looks(SENSOR)),
-)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LINES = "lines"  # the engine without pixels
-RANGE, INFRARED, IRAR = "range", "infrared", "irar"
+RANGE, INFRARED, IRAR, RUN_TIME = "range", "infrared", "irar", "run_time"
 MOST_FRAMES = 10_000
 FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
 SHAPES = "it shapes arrays"  # why a setting takes one value only

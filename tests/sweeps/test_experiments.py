@@ -124,6 +124,8 @@ def asked(values, group, flown):
         return np.zeros(0)
     if values.name == "sharpness":  # sensors have one, both together have none
         return values.sel(channel=["range", "infrared"])
+    if str(values.name).endswith("_needed"):  # none, for an error that no pixel of these meets
+        return np.zeros(0)
     if values.name == "rejected_up_to":  # none, to reject none
         return values.isel(least_rejected=slice(1, None))
     return values.sel(ship=flown) if flown and group == "validation" else values
