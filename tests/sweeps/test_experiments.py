@@ -37,8 +37,8 @@ TINY = {
     ),
     "paper": (*PROFILES, *SEEN, *MNN, "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
     "runtime_vs_error": (
-        *("grid.ship=[duncan,texas]", "grid.aspect=[0,90]", "render.engine=[embree,lines]"),
-        *("render.pixel=[0.5,1]", "run_time.repeats=1", "run_time.bin_width=1"),
+        *("grid.ship=[duncan,texas]", "grid.aspect=90", "render.engine=[embree,lines]"),
+        *("render.pixel=1", "render.roll=30", "run_time.repeats=1", "run_time.bin_width=1"),
     ),
     "sensitivity": (
         *(*FLOWN, *(f"irar.errors.{name}=null" for name in ("ship_speed", "ship_heading"))),
