@@ -68,6 +68,7 @@ def _process(engine: str) -> subprocess.Popen[bytes]:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             # The threads of numerical libraries are limited by the environment, which it inherits.
+            start_new_session=True,  # an interrupt is for this process, whose end ends it
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
         atexit.register(_end, _apart[key])

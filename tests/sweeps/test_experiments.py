@@ -37,7 +37,7 @@ TINY = {
     ),
     "paper": (*PROFILES, *SEEN, *MNN, "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
     "runtime_vs_error": (
-        *("grid.ship=[duncan,texas]", "grid.aspect=90", "render.engine=[embree,lines]"),
+        *("grid.ship=[duncan,texas]", "grid.aspect=90", "render.engine=embree"),
         *("render.pixel=1", "render.roll=30", "run_time.repeats=1", "run_time.bin_width=1"),
     ),
     "sensitivity": (
