@@ -159,13 +159,6 @@ def _extents(
     return [look.binned(one, share) for one in seen for share in spread]
 
 
-def _signature(extent: RangeExtent, pulse_width: float, cnr: float, target_free: int) -> Floats:
-    pulse = pulse_width * 1e-9
-    return library.expected_profile(
-        extent, pulse_width=pulse, cnr=cnr, target_free_ifovs=target_free
-    )
-
-
 # How long it takes
 
 
