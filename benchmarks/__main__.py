@@ -33,7 +33,7 @@ from benchmarks.reports import Report, machine, show, write_json
 from sweeps.stages.views import cache_folder
 
 REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
-    "views": lambda asked: views.measure(ncti.ships.names(), repeats=asked.repeats),
+    "views": lambda asked: views.measure(asked.ship, repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
     "budget": lambda asked: budget.measure(),
     "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),

@@ -28,9 +28,9 @@ from ncti.ladar import (
     sample_frames,
 )
 from ncti.ladar.pulse import target_kernel
+from ncti.ladar.reference import reference_range_extent
 from ncti.render import ROLL, choose_engine, line_image
 from sweeps.stages.views import Render, image
-from tests.reference import reference_range_extent
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "error_budget.md"
 BEGIN, END = "<!-- begin: python -m benchmarks budget --write -->", "<!-- end -->"

@@ -1,38 +1,37 @@
-"""Ways to get the depth image of a view: this library's engines, and what one would write instead.
+"""Ways to get the ranges of a view: this library's engines, and what one would write instead.
 
-All draw the same lattice of pixels. Each has a part that is done once, for a mesh, one that makes
-a view ready, and one that draws it, which is what gets timed.
+All but lines draw the same lattice of pixels. Each has a part that is done once, for a mesh, and a
+part that is done anew for every view, which is what gets timed. All compute on one thread.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ncti.render import View, range_image
+from ncti.render import LineImage, View, line_image, range_image
 from ncti.render.opengl import bind_platform
 from ncti.render.view import Lattice
 
-Draw = Callable[[], int]
-"""Draws a view, and tells how many pixels of it see the ship."""
+Seen = NDArray[np.floating] | LineImage
+"""Down-range of every pixel that sees the ship, (hit,) [m], or what lines see of it."""
 
-Ready = Callable[[View], Draw]
-"""Makes a view ready."""
+Draw = Callable[[View], Seen]
+"""Draws a view."""
 
-Method = Callable[[trimesh.Trimesh, float], Ready]
+Method = Callable[[trimesh.Trimesh, float], Draw]
 """Prepares for views of a mesh with pixels of some size [m]."""
 
 
 def range_images(engine: str) -> Method:
     """This library: range and slope of every pixel, in float64."""
 
-    def prepare(mesh: trimesh.Trimesh, pixel: float) -> Ready:
-        def draw(view: View) -> int:
+    def prepare(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+        def draw(view: View) -> Seen:
             image = range_image(
                 mesh,
                 aspect=view.aspect,
@@ -41,60 +40,109 @@ def range_images(engine: str) -> Method:
                 pixel=pixel,
                 engine=engine,
             )
-            return int(np.isfinite(image.down_range).sum())
+            return image.down_range[image.hit]
 
-        return lambda view: partial(draw, view)
+        return draw
 
     return prepare
 
 
-def embree_directly(mesh: trimesh.Trimesh, pixel: float) -> Ready:
-    """Embree through embreex, its scene kept and its rays ready: float32 distances, no slopes."""
+def lines(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+    """This library: visible pieces along lines a pixel apart."""
+    return lambda view: line_image(
+        mesh, aspect=view.aspect, depression=view.depression, roll=view.roll, spacing=pixel
+    )
+
+
+def embree_directly(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+    """Embree through embreex, its scene kept: float32 distances, no slopes."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
-    # A copy: trimesh takes a mesh whose vertices were looked at for one that may have changed.
-    vertices = np.array(mesh.vertices)
     scene = EmbreeScene()
-    TriangleMesh(scene, vertices.astype(np.float32), mesh.faces.astype(np.int32))
+    TriangleMesh(scene, mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
 
-    def ready(view: View) -> Draw:
-        origins, direction = rays(view, lattice_of(vertices, view, pixel))
-        starts = origins.astype(np.float32)
-        directions = np.array(np.broadcast_to(direction, origins.shape), dtype=np.float32)
+    def draw(view: View) -> Seen:
+        lattice = lattice_of(mesh, view, pixel)
+        origins, direction = rays(view, lattice)
+        directions = np.broadcast_to(direction.astype(np.float32), origins.shape)
+        distance = scene.run(
+            origins.astype(np.float32), np.ascontiguousarray(directions), query="DISTANCE"
+        )
+        return lattice.near + distance[distance < 1e30]
 
-        def draw() -> int:
-            distance = scene.run(starts, directions, query="DISTANCE")
-            return int((distance < 1e30).sum())
-
-        return draw
-
-    return ready
+    return draw
 
 
-def trimesh_rays(mesh: trimesh.Trimesh, pixel: float) -> Ready:
+def open3d_rays(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+    """Open3D's `RaycastingScene`, its scene kept: float32 distances."""
+    import open3d
+
+    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+
+    def draw(view: View) -> Seen:
+        lattice = lattice_of(mesh, view, pixel)
+        origins, direction = rays(view, lattice)
+        both = np.empty((len(origins), 6), dtype=np.float32)
+        both[:, :3], both[:, 3:] = origins, direction
+        found = scene.cast_rays(open3d.core.Tensor.from_numpy(both), nthreads=1)
+        distance = found["t_hit"].numpy()
+        return lattice.near + distance[np.isfinite(distance)]
+
+    return draw
+
+
+def mitsuba_rays(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+    """Mitsuba 3 by its `llvm` variant, its scene kept: float32 distances."""
+    import drjit
+    import mitsuba
+
+    mitsuba.set_variant("llvm_ad_rgb")
+    drjit.set_thread_count(1)
+    ship = mitsuba.Mesh("ship", len(mesh.vertices), len(mesh.faces))
+    parameters = mitsuba.traverse(ship)
+    parameters["vertex_positions"] = mesh.vertices.astype(np.float32).ravel()
+    parameters["faces"] = mesh.faces.astype(np.uint32).ravel()
+    parameters.update()
+    scene = mitsuba.load_dict({"type": "scene", "ship": ship})
+
+    def draw(view: View) -> Seen:
+        lattice = lattice_of(mesh, view, pixel)
+        origins, direction = rays(view, lattice)
+        ray = mitsuba.Ray3f(
+            mitsuba.Point3f(*origins.T.astype(np.float32)),
+            mitsuba.Vector3f(*direction.tolist()),
+        )
+        distance = scene.ray_intersect_preliminary(ray, coherent=True).t.numpy()
+        return lattice.near + distance[np.isfinite(distance)]
+
+    return draw
+
+
+def trimesh_rays(mesh: trimesh.Trimesh, pixel: float) -> Draw:
     """`trimesh.ray`, which has Embree underneath: places of first hits."""
 
-    def draw(view: View) -> int:
-        origins, direction = rays(view, lattice_of(mesh.vertices, view, pixel))
+    def draw(view: View) -> Seen:
+        origins, direction = rays(view, lattice_of(mesh, view, pixel))
         places, _, _ = mesh.ray.intersects_location(
             origins, np.broadcast_to(direction, origins.shape), multiple_hits=False
         )
-        return len(places)
+        return np.asarray(places) @ direction
 
-    return lambda view: partial(draw, view)
+    return draw
 
 
 def pyrender_anew(platform: str) -> Method:
     """pyrender as a newcomer writes it: a scene and a renderer for every view."""
 
-    def prepare(mesh: trimesh.Trimesh, pixel: float) -> Ready:
+    def prepare(mesh: trimesh.Trimesh, pixel: float) -> Draw:
         bind_platform(platform)
         os.environ.setdefault("EGL_DEVICE_ID", "0")
         import pyrender
 
-        def draw(view: View) -> int:
-            lattice = lattice_of(mesh.vertices, view, pixel)
+        def draw(view: View) -> Seen:
+            lattice = lattice_of(mesh, view, pixel)
             height, width = lattice.rows * pixel, lattice.columns * pixel
             pose = np.eye(4)
             pose[:3, :3] = (view.axes * [[1.0], [1.0], [-1.0]]).T
@@ -112,16 +160,16 @@ def pyrender_anew(platform: str) -> Method:
             renderer = pyrender.OffscreenRenderer(lattice.columns, lattice.rows)
             depth = renderer.render(scene, flags=pyrender.RenderFlags.DEPTH_ONLY)
             renderer.delete()
-            return int((depth > 0).sum())
+            return lattice.near - 1.0 + depth[depth > 0]
 
-        return lambda view: partial(draw, view)
+        return draw
 
     return prepare
 
 
-def lattice_of(vertices: NDArray[np.float64], view: View, pixel: float) -> Lattice:
+def lattice_of(mesh: trimesh.Trimesh, view: View, pixel: float) -> Lattice:
     """The pixels that this library would draw."""
-    return Lattice.around(view.axes @ vertices.T, view, pixel)
+    return Lattice.around(view.axes @ mesh.vertices.T, view, pixel)
 
 
 def rays(view: View, lattice: Lattice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

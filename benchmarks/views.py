@@ -1,4 +1,4 @@
-"""Time of one view by engine, beside what one would write without this library."""
+"""Time and error of one view by engine, beside what one would write without this library."""
 
 from __future__ import annotations
 
@@ -7,44 +7,60 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
-from itertools import product
 from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
 
 import ncti.ships
 from benchmarks.methods import (
+    Draw,
     Method,
-    Ready,
+    Seen,
     embree_directly,
+    lines,
+    mitsuba_rays,
+    open3d_rays,
     pyrender_anew,
     range_images,
     trimesh_rays,
 )
 from benchmarks.reports import Column, Report, Sample
-from ncti.render import View, available_engines
+from ncti.ladar.pulse import target_kernel
+from ncti.ladar.reference import reference_range_extent
+from ncti.render import LineImage, View, available_engines
+from sweeps.engine.process import ONE_THREAD, environment
 
 DEPRESSION = 3.84  # of the source's experiment [deg]
-ASPECTS = tuple(range(0, 181, 15))  # [deg]
-END_ON, BROADSIDE = 10, 60  # [deg] from the keel at most, and at least
+ASPECTS = tuple(range(0, 91, 6))  # [deg]
 YARDSTICK = "embree called directly"
+PULSE_WIDTH = 30e-9  # [s]
+EDGES = np.arange(-125.0, 126.0)  # of 1 m bins, in which every ship lies [m]
 
 METHODS: dict[str, tuple[str, Method]] = {
     "osmesa": ("osmesa", range_images("osmesa")),
     "egl": ("egl", range_images("egl")),
     "embree": ("embree", range_images("embree")),
+    "lines": ("embree", lines),
     YARDSTICK: ("embree", embree_directly),
+    "Open3D RaycastingScene": ("embree", open3d_rays),
+    "Mitsuba 3, llvm": ("embree", mitsuba_rays),
     "trimesh.ray": ("embree", trimesh_rays),
     "pyrender on OSMesa, anew": ("osmesa", pyrender_anew("osmesa")),
     "pyrender on EGL, anew": ("egl", pyrender_anew("egl")),
 }
 """By name: the engine whose libraries it needs, and how to prepare it."""
 
+OPTIONAL = ("Open3D RaycastingScene", "Mitsuba 3, llvm")
+"""What the dependency group `benchmark` installs."""
+
 COLUMNS = (
     Column("method", "method"),
     Column("wall_ms", "ms a view", ".3g"),
     Column("cpu_ms", "of processor", ".3g"),
     Column("ratio", "x embree", ".3g"),
-    Column("end_on", "end-on", ".3g"),
-    Column("broadside", "broadside", ".3g"),
+    Column("no_pulse_percent", "error, no pulse [%]", ".3g"),
+    Column("pulse_percent", "error, 30 ns [%]", ".3g"),
     Column("pixels", "pixels", "d"),
     Column("absent", "absent because"),
 )
@@ -56,41 +72,33 @@ class Timed:
 
     Attributes
     ----------
-    aspect : float
-        Of the view [deg].
     wall, cpu : float
         Time that passed, and that all threads of the process computed [s].
     yardstick : float
         Time that passed for the yardstick [s].
-    pixels : int
-        Pixels on the ship.
+    profile : (bin,) float64 ndarray
+        Area of the ship in each range bin [m^2].
     """
 
-    aspect: float
     wall: float
     cpu: float
     yardstick: float
-    pixels: int
-
-    @property
-    def off_keel(self) -> float:
-        """Angle between the line of sight and the keel [deg]."""
-        return min(self.aspect % 180, -self.aspect % 180)
+    profile: NDArray[np.float64]
 
 
 def measure(
-    names: Sequence[str],
+    ship: str,
     *,
     repeats: int,
     aspects: Sequence[float] = ASPECTS,
     pixel: float = 0.25,
 ) -> Report:
-    """Time views of some ships by every method.
+    """Time views of a ship by every method.
 
     Parameters
     ----------
-    names : sequence of str
-        Names or paths of the ships.
+    ship : str
+        Name or path.
     repeats : int
         How often every view is drawn.
     aspects : sequence of float
@@ -112,6 +120,7 @@ def measure(
     absent: dict[str, str] = {}
     found: dict[str, list[Timed]] = {}
     with ExitStack() as running:
+        running.enter_context(environment(ONE_THREAD))  # which the processes inherit
         pools: dict[str, ProcessPoolExecutor] = {}
         ready: dict[str, Future[None]] = {}
         for name, (engine, _) in METHODS.items():
@@ -120,35 +129,48 @@ def measure(
                 continue
             pool = running.enter_context(ProcessPoolExecutor(1, mp_context=get_context("spawn")))
             pools[name] = pool
-            ready[name] = pool.submit(_prepare, name, names, pixel, aspects[0])
+            ready[name] = pool.submit(_prepare, name, ship, pixel, aspects[0])
         for name, prepared in ready.items():
             try:
                 prepared.result()
                 found[name] = []
+            except ImportError as error:
+                absent[name] = f"{error.name or error} is missing: dependency group benchmark"
+                del pools[name]
             except Exception as error:  # whatever a graphics driver comes up with
                 absent[name] = f"{type(error).__name__}: {error}"
                 del pools[name]
         for turn in range(repeats):
-            for place, (ship, aspect) in enumerate(product(names, aspects)):
+            for place, aspect in enumerate(aspects):
                 for name, pool in pools.items():
                     first = (turn + place) % 2 == 0
-                    timing = pool.submit(_time, ship, aspect, yardstick_first=first)
-                    found[name].append(timing.result())
+                    found[name].append(
+                        pool.submit(_time, aspect, pixel, yardstick_first=first).result()
+                    )
+    mesh = ncti.ships.load(ship)
+    exact = [
+        reference_range_extent(
+            mesh, aspect=aspect, depression=DEPRESSION, bin_edges=EDGES
+        ).area.sum(axis=0)
+        for aspect in aspects
+    ]
     rows = [
-        _row(name, found[name]) if name in found else {"method": name, "absent": absent[name]}
+        _row(name, found[name], exact * repeats, pixel)
+        if name in found
+        else {"method": name, "absent": absent[name]}
         for name in METHODS
     ]
     columns = COLUMNS if absent else COLUMNS[:-1]
-    facets = ", ".join(f"{name} {len(ncti.ships.load(name).faces)}" for name in names)
     return Report(
-        f"Time of a view: {pixel:g} m pixels, {len(aspects)} aspects, {repeats} times; "
-        f"facets: {facets}",
+        f"Time of a view: {ship}, {len(mesh.faces)} facets, {pixel:g} m pixels, "
+        f"{len(aspects)} aspects, {repeats} times",
         columns,
         rows,
         [
             "Median (lowest–highest) over views, after one that is not counted; x embree: over "
-            f"{YARDSTICK!r}, its rays ready, drawn next to it in the same process. End-on: within "
-            f"{END_ON}° of the keel; broadside: {BROADSIDE}° from it or more.",
+            f"{YARDSTICK!r}, drawn next to it in the same process. Error: sum of absolute "
+            "differences from the sampling-free reference over its sum, of the ship's area in 1 m "
+            "bins; every pixel counts in the bin of its centre. Binning is not timed.",
             "osmesa, egl and embree give range and slope in float64; embree called directly gives "
             "float32 distance. Anew is as a newcomer writes it, a scene and a renderer for every "
             "view; the depth that pyrender then returns for an orthographic camera is wrong.",
@@ -156,49 +178,63 @@ def measure(
     )
 
 
-def _row(name: str, views: list[Timed]) -> dict[str, object]:
+def _row(
+    name: str, views: list[Timed], exact: list[NDArray[np.float64]], pixel: float
+) -> dict[str, object]:
+    kernel = target_kernel(pulse_width=PULSE_WIDTH, bin_width=1.0, bin_count=len(EDGES) - 1) ** 2
+
+    def errors(response: NDArray[np.float64]) -> Sample:
+        pairs = zip((view.profile for view in views), exact, strict=True)
+        return Sample.of(
+            100 * np.abs(response @ (p - q)).sum() / (response @ q).sum() for p, q in pairs
+        )
+
     return {
         "method": name,
         "wall_ms": Sample.of(1e3 * view.wall for view in views),
         "cpu_ms": Sample.of(1e3 * view.cpu for view in views),
-        **{
-            key: Sample.of(view.wall / view.yardstick for view in seen)
-            for key, seen in (
-                ("ratio", views),
-                ("end_on", [view for view in views if view.off_keel <= END_ON]),
-                ("broadside", [view for view in views if view.off_keel >= BROADSIDE]),
-            )
-            if seen
-        },
-        "pixels": round(Sample.of(view.pixels for view in views).median),
+        "ratio": Sample.of(view.wall / view.yardstick for view in views),
+        "no_pulse_percent": errors(np.eye(len(kernel))),
+        "pulse_percent": errors(kernel),
+        "pixels": round(Sample.of(view.profile.sum() / pixel**2 for view in views).median),
     }
 
 
-_ready: dict[tuple[str, str], Ready] = {}
-"""What this process measures, by ship: the method and the yardstick."""
+def profile_of(seen: Seen, pixel: float) -> NDArray[np.float64]:
+    """(bin,) area [m^2] in each range bin, of pixels in the bin of their centre."""
+    if not isinstance(seen, LineImage):
+        binned, _ = np.histogram(seen, EDGES)
+        return binned * pixel**2
+    parts = seen.bin(
+        side=1e9, shift=(0.5, 0.5), near=EDGES[0], bin_width=1.0, bin_count=len(EDGES) - 1
+    )
+    profile: NDArray[np.float64] = parts.area.sum(axis=(0, 1))
+    return profile
 
 
-def _prepare(name: str, ships: Sequence[str], pixel: float, aspect: float) -> None:
+_draws: dict[str, Draw] = {}
+"""What this process measures: the method and the yardstick."""
+
+
+def _prepare(name: str, ship: str, pixel: float, aspect: float) -> None:
     """Set up this process for a method, and draw once without timing."""
-    for ship in ships:
-        mesh = ncti.ships.load(ship)
-        for role, method in (("method", name), ("yardstick", YARDSTICK)):
-            _, prepare = METHODS[method]
-            _ready[ship, role] = prepare(mesh, pixel)
-            _ready[ship, role](View(aspect, DEPRESSION))()
+    mesh = ncti.ships.load(ship)
+    for role, method in (("method", name), ("yardstick", YARDSTICK)):
+        _, prepare = METHODS[method]
+        _draws[role] = prepare(mesh, pixel)
+        _draws[role](View(aspect, DEPRESSION))
 
 
-def _time(ship: str, aspect: float, *, yardstick_first: bool) -> Timed:
+def _time(aspect: float, pixel: float, *, yardstick_first: bool) -> Timed:
     """Time one view in this process."""
     view = View(aspect, DEPRESSION)
-    method, yardstick = (_ready[ship, role](view) for role in ("method", "yardstick"))
-    before = _stopwatch(yardstick) if yardstick_first else None
-    wall, cpu, pixels = _stopwatch(method)
-    beside = before or _stopwatch(yardstick)
-    return Timed(aspect, wall, cpu, beside[0], pixels)
+    before = _stopwatch(lambda: _draws["yardstick"](view)) if yardstick_first else None
+    wall, cpu, seen = _stopwatch(lambda: _draws["method"](view))
+    yardstick = before or _stopwatch(lambda: _draws["yardstick"](view))
+    return Timed(wall, cpu, yardstick[0], profile_of(seen, pixel))
 
 
-def _stopwatch(work: Callable[[], int]) -> tuple[float, float, int]:
+def _stopwatch(work: Callable[[], Seen]) -> tuple[float, float, Seen]:
     cpu, wall = time.process_time(), time.perf_counter()
     result = work()
     return time.perf_counter() - wall, time.process_time() - cpu, result

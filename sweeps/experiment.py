@@ -1,8 +1,8 @@
 """The experiment: what the modules of `sweeps.stages` declare, put together.
 
 A module declares any of SETTINGS, STAGES, TABLES and STATUSES; SENSOR or NAME, if it is a sensor or
-a classifier; and `check`, which refuses choices that make no sense. To add one, give it to
-`assemble` beside `MODULES`.
+a classifier; `check`, which refuses choices that make no sense, and `remarks` on them. To add one,
+give it to `assemble` beside `MODULES`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from sweeps.stages import (
     classifier,
     corrections,
     correlation,
+    exact,
     flights,
     fusion,
     images,
@@ -30,6 +31,7 @@ from sweeps.stages import (
     likelihood,
     measured,
     mnn,
+    run_time,
     signatures,
     silhouettes,
     views,
@@ -38,6 +40,7 @@ from sweeps.stages.classifier import Classifier
 from sweeps.stages.views import (
     CACHE_VARIABLE,
     IRAR,
+    RUN_TIME,
     Grid,
     Render,
     Sweep,
@@ -53,6 +56,7 @@ MODULES: tuple[Any, ...] = (
     *(views, ladar, infrared, images, silhouettes),
     *(irar, flights, corrections, signatures),
     *(classifier, acn, mnn, correlation, likelihood, fusion, measured),
+    *(exact, run_time),
 )
 
 VERSIONS = (
@@ -100,11 +104,12 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         return choices.having(Render.engine, drawing_engines(choices))
 
     def remarks(choices: Choices) -> list[str]:
+        # Sensors that others name ships by, flights among them, and those of their own.
+        named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME))
         return [
             f"classifier.name has {name}, which names nothing with these sensors and ranges"
-            for name in idle(stages, choices)
-            if not looks(IRAR)(choices)
-        ]
+            for name in (idle(stages, choices) if named else ())
+        ] + [line for one in modules if hasattr(one, "remarks") for line in one.remarks(choices)]
 
     def attributes(choices: Choices) -> dict[str, Any]:
         digests = {str(ship): hull.function(ship).digest for ship in choices[Grid.ship]}

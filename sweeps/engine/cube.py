@@ -29,6 +29,9 @@ Reader = Callable[[Sequence[Spot]], list[Arrays | None]]
 Spans = list[tuple[int, int]]  # begin and length along each own dimension of an output
 
 
+MEASURED = "measured when the cell was computed; computed again, it would differ"
+
+
 @dataclass(frozen=True)
 class Layout:
     """How an output of a stage lies in the store."""
@@ -179,6 +182,8 @@ class Cube:
         words = dtype.kind in "OU"
         attrs: dict[str, Any] = {} if words else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
+        if output.measured:
+            attrs["comment"] = MEASURED
         if output.step != 1:
             attrs["scale_factor"] = output.step  # the integers are then read as numbers
         back = np.argsort(layout.order)

@@ -59,6 +59,9 @@ class Output:
     group: str | None = None  # of the store; None: as of the stage
     stored: bool = True  # else it is only handed on to other stages
     step: float = 1.0  # unit of the integers: 1/255 of shares kept in bytes
+    # Whether it is what the machine measured, such as a run time: made again, it differs. It is
+    # kept like any other result, and says so in the store.
+    measured: bool = False
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -32,6 +32,7 @@ KINDS = {
     "validation": "measured near-stern profiles beside noiseless and synthetic ones",
     "sensitivity": "what wrong flight parameters cost, with and without autofocus",
     "measured": "measured profiles named right by who learned synthetic ones",
+    "runtime_vs_error": "error of range extents against run time, by engine",
 }
 
 
@@ -63,7 +64,13 @@ def main() -> None:
 def draw(kind: str, path: Path) -> Figure:
     """Draw the ships, or a picture of a store. Raises ValueError if it lacks what is drawn."""
     import_module("matplotlib.figure")  # which all of them need
-    from sweeps.report import flight_figures, infrared_figures, score_figures, ship_figures
+    from sweeps.report import (
+        flight_figures,
+        infrared_figures,
+        run_time_figures,
+        score_figures,
+        ship_figures,
+    )
     from sweeps.report.silhouettes import fusion_rows
     from sweeps.report.tables import TITLES, classifier_rows
 
@@ -75,6 +82,9 @@ def draw(kind: str, path: Path) -> Figure:
             return ship_figures.draw_profiles(read(store, "range_profile").load())
         case "tables":
             return score_figures.draw_tables(read(store, "tables/acn").load())
+        case "runtime_vs_error":
+            table = read(store, "tables/run_time_samplings").load()
+            return run_time_figures.draw_run_time(table)
         case "measured":
             return score_figures.draw_measured(read(store, "tables/measured").load())
         case "fusion":

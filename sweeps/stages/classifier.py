@@ -138,7 +138,7 @@ def check_receiver(choices: Choices, name: str) -> None:
 # What is seen
 
 
-def profile_vectors(profiles: Profiles) -> Floats:
+def profile_vectors(profiles: Profiles | Floats) -> Floats:
     """Return (..., ship, aspect, bin) profiles as (..., view, bin) vectors, zero where missing."""
     flat = profiles.reshape(*profiles.shape[:-3], -1, profiles.shape[-1])
     return profile_vector(np.where(np.isfinite(flat), flat, 0.0))

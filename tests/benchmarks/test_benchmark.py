@@ -14,22 +14,26 @@ TINY = 2.0  # pixels [m]
 
 @pytest.fixture(scope="module")
 def timed_views():
-    return views.measure(("duncan",), repeats=1, aspects=(5.0, 60.0), pixel=TINY)
+    return views.measure("duncan", repeats=1, aspects=(30.0, 60.0), pixel=TINY)
+
+
+def lacks_peer(row):
+    """Whether a row says that an optional package is not installed."""
+    said = "is missing: dependency group benchmark"
+    return row["method"] in views.OPTIONAL and row.get("absent", "").endswith(said)
 
 
 def test_every_method_has_figures_or_a_reason(timed_views):
     assert [row["method"] for row in timed_views.rows] == list(views.METHODS)
     for row in timed_views.rows:
         engine, _ = views.METHODS[row["method"]]
-        if engine not in available_engines():
+        if engine not in available_engines() or lacks_peer(row):
             assert row["absent"]
             continue
         assert "absent" not in row, row
-        for key in ("wall_ms", "cpu_ms", "ratio"):
+        for key in ("wall_ms", "cpu_ms", "ratio", "no_pulse_percent"):
             assert row[key].n == 2
             assert 0 <= row[key].low <= row[key].median <= row[key].high
-        ends = {row["end_on"].median, row["broadside"].median}
-        assert ends == {row["ratio"].low, row["ratio"].high}
 
 
 def test_all_methods_draw_the_same_view(timed_views):
@@ -38,15 +42,29 @@ def test_all_methods_draw_the_same_view(timed_views):
     assert max(pixels) - min(pixels) < 0.05 * min(pixels)
 
 
+def test_all_methods_have_the_error_of_their_lattice_but_one(timed_views):
+    """The depth of an orthographic camera is wrong in pyrender; lines err less than pixels."""
+    error = {
+        row["method"]: row["no_pulse_percent"].median
+        for row in timed_views.rows
+        if "absent" not in row
+    }
+    anew = {name: error.pop(name) for name in list(error) if "anew" in name}
+    assert all(value > 100 for value in anew.values())
+    assert 0 < error.pop("lines") < min(error.values()) / 2
+    assert max(error.values()) < 1.02 * min(error.values())
+
+
 def test_methods_are_absent_where_there_is_no_opengl(monkeypatch):
     monkeypatch.setattr(views, "available_engines", lambda: ("embree",))
     monkeypatch.setattr(
         views, "METHODS", {name: views.METHODS[name] for name in ("osmesa", "embree")}
     )
-    report = views.measure(("duncan",), repeats=1, aspects=(90.0,), pixel=TINY)
+    report = views.measure("duncan", repeats=1, aspects=(90.0,), pixel=TINY)
     absent, present = report.rows
     assert absent == {"method": "osmesa", "absent": "no osmesa library"}
     assert present["pixels"] > 0
+    assert 0 < present["pulse_percent"].median < present["no_pulse_percent"].median
     assert report.columns[-1].key == "absent"
 
 

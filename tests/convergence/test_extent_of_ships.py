@@ -24,10 +24,10 @@ from metric import (
     far_extent,
     slope,
 )
-from reference import reference_range_extent
 
 import ncti.ships
 from ncti.ladar import lines_within, range_extent
+from ncti.ladar.reference import reference_range_extent
 from ncti.render import line_image, range_image
 
 # Bow to beam at the article's altitude; the stern of its missions, and a view from near by.

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
-from reference import reference_range_extent
 from scipy.stats import chi2
 
 import ncti.ships
+from ncti.ladar.reference import reference_range_extent
 
 EDGES = np.arange(-100.0, 101.0)
 

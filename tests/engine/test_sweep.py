@@ -166,6 +166,35 @@ def test_a_value_that_depends_on_its_company_is_found():
         company(poor, read_choices(poor.declared, {}))
 
 
+TICKS = iter(range(1000))
+
+
+@stage(
+    Output("took", label="time", unit="s", measured=True),
+    Output("square", label="square"),
+    uses=(Poor,),
+    along=(Poor.size,),
+    group="poor",
+)
+def timed(size):
+    """A time, which is another whenever it is taken, and a result, which is not."""
+    return {"took": np.array([next(TICKS) for _ in size]), "square": np.square(size)}
+
+
+def test_what_was_measured_is_kept_and_says_so(tmp_path):
+    poor = Experiment("poor", "Poor", (Poor,), (timed,))
+    choices = read_choices(poor.declared, {})
+    run(poor, choices, tmp_path / "a.zarr", tmp_path / "cache")
+    first = opened(tmp_path / "a.zarr", "poor")
+    assert first.took.attrs["comment"].startswith("measured when the cell was computed")
+    assert "comment" not in first.square.attrs
+    more = read_choices(poor.declared, {"poor.size": [1, 2, 3, 4]})
+    run(poor, more, tmp_path / "a.zarr", tmp_path / "cache")
+    second = opened(tmp_path / "a.zarr", "poor")
+    assert second.sel(size=[1, 2, 3]).took.equals(first.took)
+    assert company(poor, choices) == {"timed": 3}  # its times differ, which is no fault
+
+
 @stage(Output("list", ("place",), label="list"), uses=(Poor,), group="poor")
 def ragged(size):
     """Arrays of several lengths without a value to pad them with."""

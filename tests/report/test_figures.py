@@ -47,10 +47,10 @@ def test_light_from_above_makes_a_deck_brighter_than_a_side_as_steep(box):
     assert solid[-3] > solid[2]
 
 
-OF_FLIGHTS = {"flight", "validation", "sensitivity", "measured"}
+OF_OTHERS = {"flight", "validation", "sensitivity", "measured", "runtime_vs_error"}
 
 
-@pytest.mark.parametrize("kind", sorted(figures.KINDS.keys() - OF_FLIGHTS))
+@pytest.mark.parametrize("kind", sorted(figures.KINDS.keys() - OF_OTHERS))
 def test_pictures_of_a_store_are_small_enough_for_a_page(kind, smoke_store, tmp_path, monkeypatch):
     picture = tmp_path / f"{kind}.png"
     monkeypatch.setattr(sys, "argv", ["figures", kind, str(smoke_store), str(picture)])
@@ -70,7 +70,7 @@ def told(monkeypatch, capsys, *arguments):
     return said
 
 
-@pytest.mark.parametrize("kind", ["profiles", "silhouettes", "flight"])
+@pytest.mark.parametrize("kind", ["profiles", "silhouettes", "flight", "runtime_vs_error"])
 def test_a_store_that_lacks_what_is_drawn_is_refused_in_one_sentence(
     kind, tmp_path, monkeypatch, capsys
 ):

@@ -126,7 +126,8 @@ def test_sensors_are_a_set(given, sensors):
 
 
 def test_an_unknown_sensor_is_refused():
-    with pytest.raises(ConfigurationError, match="must be one of range, infrared, irar, both"):
+    words = "range, infrared, irar, run_time, both"
+    with pytest.raises(ConfigurationError, match=f"must be one of {words}"):
         choose(sensor="sonar")
 
 

@@ -34,6 +34,11 @@ SWEEPS = {
         *("irar.ifov=1500", "irar.samples=30", "irar.line_rate=20", "irar.pulse_rate=2000"),
         *("irar.detectors=2", "irar.range=3", "irar.profile_frames=[4,16]", "classifier=acn"),
     ),
+    "run_time": (
+        *("sensor=run_time", "grid.ship=duncan", "grid.aspect=60", "grid.pulse_width=[30,50]"),
+        *("render.pixel=[1,2]", "render.roll=[0,30]", "ladar.spread=[0,0.5]"),
+        "run_time.repeats=1",
+    ),
 }
 MOST = 4  # cells of a stage that are computed alone
 

@@ -2,7 +2,7 @@
 
 What a distant sensor sees of a solid at ranges below r is the union of the outlines of all
 facets that face it, cut off at r. The union grows bin by bin, by exact polygon clipping; what a
-bin adds to it is the visible area in that bin. No pixel, no ray, and no code of the library.
+bin adds to it is the visible area in that bin. No pixel, no ray, and no other code of the library.
 """
 
 from __future__ import annotations

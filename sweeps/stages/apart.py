@@ -1,0 +1,102 @@
+"""Calls in a process of their own, for engines that cannot draw in this one.
+
+OpenGL is bound to one platform a process. A sweep over engines needs two of them.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from ncti.render import EngineError, choose_engine, engines
+
+Result = TypeVar("Result")
+
+_apart: dict[tuple[int, str], subprocess.Popen[bytes]] = {}
+"""Processes that draw for this one, by its own number and by engine."""
+
+
+def call_apart(engine: str, function: Callable[..., Result], *arguments: Any) -> Result:
+    """Return what a function returns, called where an engine can draw.
+
+    That is this process, unless the engine needs another OpenGL than the one bound, or preferred,
+    here. Function, arguments and result are pickled then.
+
+    Parameters
+    ----------
+    engine : str
+        Name of an engine, or `lines`.
+    function : callable
+        Of a module.
+    *arguments
+        Its arguments.
+
+    Raises
+    ------
+    EngineError
+        If the other process ends; else whatever the function raises.
+    """
+    if engine not in engines() or engine in ("embree", choose_engine("auto")):
+        return function(*arguments)
+    # Not `multiprocessing`: workers of dask may not have children of that kind.
+    process = _process(engine)
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        pickle.dump((function, arguments), process.stdin, pickle.HIGHEST_PROTOCOL)
+        process.stdin.flush()
+        result, error = pickle.load(process.stdout)
+    except (OSError, EOFError) as ended:
+        _end(_apart.pop((os.getpid(), engine)))
+        raise EngineError(f"the process that draws with {engine} has ended") from ended
+    if error is not None:
+        raise error
+    return result
+
+
+def _process(engine: str) -> subprocess.Popen[bytes]:
+    key = os.getpid(), engine
+    if key not in _apart:
+        _apart[key] = subprocess.Popen(
+            [sys.executable, "-c", f"from {__name__} import serve; serve()"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            # The threads of numerical libraries are limited by the environment, which it inherits.
+            start_new_session=True,  # an interrupt is for this process, whose end ends it
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )
+        atexit.register(_end, _apart[key])
+    return _apart[key]
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a process, which does so by itself when nothing more can come."""
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            with suppress(OSError):
+                stream.close()
+    process.wait()
+
+
+def serve() -> None:
+    """Answer calls that come by stdin on stdout, until there are no more."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what libraries print is no answer
+    while True:
+        try:
+            function, arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        answer: tuple[Any, Exception | None]
+        try:
+            answer = function(*arguments), None
+        except Exception as error:
+            answer = None, error
+        pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
+        answers.flush()
