@@ -186,8 +186,10 @@ def sweep(
     at, z, slope, stop = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     place = np.empty(most, np.int32)
     ending, beginning = np.empty(most, np.int32), np.empty(most, np.int32)
-    # Of the surfaces that the line is over: crossing where it began, and depth = base + tilt t.
-    over, base, tilt = np.empty(most, np.int32), np.empty(most), np.empty(most)
+    # Of the surfaces that the line is over: the crossing where each began, its place and depth,
+    # and how that grows. A side seen edge-on is as steep as rounding allows.
+    over, origin = np.empty(most, np.int32), np.empty(most)
+    base, tilt = np.empty(most), np.empty(most)
     # Of a surface: its place in the one list, then in the other, and how often it has begun more
     # than ended. Within a merged surface, seams may begin it again before it ends.
     where, within = np.full(surfaces, -1, np.int32), np.zeros(surfaces, np.int32)
@@ -236,14 +238,15 @@ def sweep(
                 continue
             # Surfaces that run through one another change places between crossings.
             while active > 1:
-                closest, found, when = base[front] + tilt[front] * now - NEARER, -1, now
+                seen_at, found, when = base[front] + tilt[front] * (now - origin[front]), -1, now
                 for i in range(active):
-                    if base[i] + tilt[i] * now < closest:
-                        passing = (base[i] - base[front]) / (tilt[front] - tilt[i])
-                        if not (passing > since):
-                            passing = since
+                    ahead = seen_at - (base[i] + tilt[i] * (now - origin[i]))
+                    if ahead > NEARER:
+                        closing = tilt[front] - tilt[i]
+                        passing = now - ahead / closing if closing > 0.0 else since
+                        passing = max(passing, since)
                         if found < 0 or passing < when:
-                            found, when = i, min(passing, now)
+                            found, when = i, passing
                 if found < 0:
                     break
                 if when > since:
@@ -262,23 +265,22 @@ def sweep(
                 where[ending[m]] = -1
                 if fresh:
                     i = slot
-                    if slot == front:
-                        shown = m
+                    nearest = base[front] + tilt[front] * (now - origin[front])
+                    if slot == front or z[m] < nearest - NEARER:
+                        front, shown = slot, m
                 else:
                     active -= 1
                     i = -1
                     if slot < active:
-                        over[slot], base[slot], tilt[slot] = (
-                            over[active],
-                            base[active],
-                            tilt[active],
-                        )
+                        over[slot], origin[slot] = over[active], origin[active]
+                        base[slot], tilt[slot] = base[active], tilt[active]
                         where[beginning[over[slot]]] = slot
                     if front == slot:
                         front, shown, nearest = -1, -1, np.inf
                         for s in range(active):
-                            if base[s] + tilt[s] * now < nearest:
-                                front, nearest = s, base[s] + tilt[s] * now
+                            ahead = base[s] + tilt[s] * (now - origin[s])
+                            if ahead < nearest:
+                                front, nearest = s, ahead
                         if front >= 0:
                             shown = over[front]
                     elif front == active:
@@ -286,11 +288,10 @@ def sweep(
             else:
                 i = active
                 active += 1
-                if front < 0 or z[m] < base[front] + tilt[front] * now:
+                if front < 0 or z[m] < base[front] + tilt[front] * (now - origin[front]):
                     front, shown = i, m
             if i >= 0:
-                over[i], tilt[i] = m, slope[m]
-                base[i] = z[m] - slope[m] * now
+                over[i], origin[i], base[i], tilt[i] = m, now, z[m], slope[m]
                 where[beginning[m]] = i
             if shown != old:
                 if old >= 0 and now > since:
