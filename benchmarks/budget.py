@@ -159,7 +159,7 @@ def _drawn(ship: str, aspect: float, *, engine: str, slant_range: float = SLANT_
     """Return the extent of a sweep by default, of an engine."""
     seen = image.function(
         ncti.ships.load(ship),
-        aspect=aspect,
+        drawn_aspect=aspect,
         depression=DEPRESSION,
         drawing_engine=engine,
         pixel=Render.pixel.default,

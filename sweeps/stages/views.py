@@ -182,6 +182,7 @@ class Render(Settings, key="render"):
         0.5,
         label="share by which a range extent may err after the shortest pulse of the grid",
         help="by as many lines as that takes, from one a pixel on; null: as many as pixels",
+        dimension="render_tolerance",  # the multilayered network has one, too
     )
     samples = count(
         20_000,

@@ -274,10 +274,14 @@ def test_bins_outside_the_target_add_nothing(pulse_width):
     """Speckle drawn in every bin has the covariance of that on occupied ones, up to rounding."""
     seen = extent(bins=250, ifovs=4)
     everywhere = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
-    signal = {"pulse_width": pulse_width, "cnr": 1e3, "target_free_ifovs": 0}
-    for few, all_ in zip(
-        *(frames._field_factors(one, **signal) for one in (seen, everywhere)), strict=True
+    signal = {"pulse_width": pulse_width, "cnr": 1e3}
+    for few, whole in zip(
+        *(frames._speckles(one, **signal) for one in (seen, everywhere)), strict=True
     ):
-        assert len(few) < len(all_)
-        plain = all_.astype(float).T @ all_
-        np.testing.assert_allclose(few.astype(float).T @ few, plain, atol=1e-12 * plain.max())
+        assert len(few.factor) < len(whole.factor)
+        plain, found = np.zeros((250, 250)), np.zeros((250, 250))
+        for part, covariance in ((few, found), (whole, plain)):
+            felt = slice(part.begin, part.end)
+            covariance[felt, felt] = part.factor.astype(float).T @ part.factor
+        # Less than the noise's deviation times `UNFELT` is cut off; products are of float32.
+        np.testing.assert_allclose(found, plain, atol=1e-6 * plain.max())
