@@ -16,18 +16,15 @@ from platformdirs import user_cache_path
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-CACHE_VARIABLE = "NCTI_CACHE"
-"""Name of the environment variable with the cache folder, whose `compiled` keeps machine code."""
-
 
 def compiled(function: F) -> F:
     """Return a function that numba compiles on its first call, or finds in the user's cache.
 
     Notes
     -----
-    The folder is that of NUMBA_CACHE_DIR, of NCTI_CACHE, or the user's own. Where it cannot be
-    written, or another user could write it, code is compiled in each process. Division by zero
-    gives infinity, as with arrays, and other threads of Python run meanwhile.
+    The folder is that of NUMBA_CACHE_DIR, or in the user's cache: one for all sweeps. Where it
+    cannot be written, or another user could write it, code is compiled in each process. Division by
+    zero gives infinity, as with arrays, and other threads of Python run meanwhile.
     """
     config: Any = numba.config  # its names are made when it is imported
     before = config.CACHE_DIR
@@ -44,9 +41,7 @@ def compiled(function: F) -> F:
 def _folder() -> str:
     """Return the folder for machine code; nothing where it is not this user's to write alone."""
     given = os.environ.get("NUMBA_CACHE_DIR")
-    shared = os.environ.get(CACHE_VARIABLE)
-    own = (Path(shared) if shared else user_cache_path("ncti-sweep")) / "compiled"
-    folder = Path(given) if given else own
+    folder = Path(given) if given else user_cache_path("ncti-sweep") / "compiled"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = folder.stat()

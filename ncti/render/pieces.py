@@ -114,7 +114,9 @@ def bin_pieces(
         i, j = min(int(h), columns - 1), min(int(v), rows - 1)
         h, v = piece[p, 1] * cos - y * sin + from_left, piece[p, 1] * sin + y * cos + from_bottom
         last_i, last_j = min(int(h), columns - 1), min(int(v), rows - 1)
-        number[min(j, last_j) : max(j, last_j) + 1, min(i, last_i) : max(i, last_i) + 1] = 0
+        for row in range(min(j, last_j), max(j, last_j) + 1):
+            for column in range(min(i, last_i), max(i, last_i) + 1):
+                number[row, column] = 0
     cells = 0
     for j in range(rows):
         for i in range(columns):

@@ -406,13 +406,16 @@ def test_machine_code_is_kept_outside_the_package(tmp_path):
     shared = tmp_path / "shared"
     shared.mkdir()
     shared.chmod(0o777)  # where others could put code of theirs
-    cases = [("NCTI_CACHE", tmp_path / "a", True), ("NCTI_CACHE", Path("/dev/null/a"), False)]
+    cases = [
+        ("XDG_CACHE_HOME", tmp_path / "a", True),
+        ("XDG_CACHE_HOME", Path("/dev/null/a"), False),
+    ]
     cases += [("NUMBA_CACHE_DIR", tmp_path / "b", True), ("NUMBA_CACHE_DIR", shared, False)]
     cases += [("NUMBA_CACHE_DIR", Path("/dev/null/b"), False)]
     for variable, folder, kept in cases:
         subprocess.run(
             [sys.executable, "-c", "import module"],
-            env=environment | {"NCTI_CACHE": "/dev/null/a", variable: str(folder)},
+            env=environment | {"XDG_CACHE_HOME": "/dev/null/a", variable: str(folder)},
             check=True,
         )
         assert any(folder.glob("**/*.nbi")) == kept
