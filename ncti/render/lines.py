@@ -166,8 +166,7 @@ class LineImage:
         Notes
         -----
         Exact along lines: a piece is cut at the borders of cells, and covers the ranges between
-        its ends evenly. Where the wavefront bends it, it is cut into chords that stay within
-        1/50 of a bin.
+        its ends evenly. Where wavefront or perspective bend it, chords stay within 1/50 of a bin.
         """
         from ncti.render.pieces import Parts, bin_pieces  # numba takes long to import
 
@@ -201,16 +200,8 @@ class LineImage:
         ends, metre = ("piece", "end"), {"units": "m"}
         return xr.Dataset(
             {
-                "down_range": (
-                    ends,
-                    self.down_range,
-                    metre | {"long_name": "down-range from the ship origin"},
-                ),
-                "area": (
-                    "piece",
-                    self.area,
-                    {"units": "m2", "long_name": "area that the piece stands for"},
-                ),
+                "down_range": (ends, self.down_range, metre | {"long_name": "down-range"}),
+                "area": ("piece", self.area, {"units": "m2", "long_name": "area it stands for"}),
             },
             coords={
                 "line": ("piece", self.line, {"units": "1", "long_name": "number of the line"}),
@@ -297,9 +288,8 @@ def line_image(
     crossings = cross(point, bounds, surfaces.edge, seen, float(spacing), float(phase))
     first, start, t, depth, ends, begins = crossings
     line, piece, surface = _swept(start, (t, depth, ends, begins), surfaces=len(surfaces.area))
-    line += first
     return LineImage(
-        line,
+        line + first,
         piece,
         surface,
         surfaces.normals,

@@ -82,7 +82,7 @@ def bin_pieces(
     wavefront : float
         1 / slant range to which down-range is reckoned, 0 for plane waves.
     chord : float
-        Length of a piece [m] over which its range counts as linear.
+        Length of a piece [m], along the line or down-range, over which its range counts as linear.
     edge : float
         Down-range of the first bin's edge [m].
 
@@ -150,7 +150,10 @@ def bin_pieces(
             high = min(max(high, low), end)
             into = number[j, i]
             # A bent wavefront in pieces short enough to be straight.
-            parts = 1 + int((high - low) / chord)
+            # Seen from near by, range is no linear function along a line either: a level deck of
+            # which a line crosses a metre may be a hundred metres deep.
+            stretch = max(1.0, abs(slope)) if curvature > 0.0 else 1.0
+            parts = 1 + int(stretch * (high - low) / chord)
             step = (high - low) / parts
             share = step * weight[p]
             before = 0.0

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.render.solid import KEPT, Solid
+from ncti.render.solid import Solid
 
 if TYPE_CHECKING:
     import trimesh
@@ -59,14 +59,12 @@ class Surfaces:
 
     @classmethod
     def of(cls, mesh: trimesh.Trimesh) -> Surfaces:
-        """Return the surfaces of a mesh, made once for each content that the mesh has had."""
-        key = hash(mesh)
+        """Return the surfaces of a mesh, kept as long as its solid is."""
+        solid = Solid.of(mesh)
         with _lock:
-            surfaces = _kept.pop(key, None) or cls._prepare(Solid.of(mesh))
-            _kept[key] = surfaces
-            if len(_kept) > KEPT:
-                _kept.popitem(last=False)
-        return surfaces
+            if solid not in _kept:
+                _kept[solid] = cls._prepare(solid)
+            return _kept[solid]
 
     @classmethod
     def _prepare(cls, solid: Solid) -> Surfaces:
@@ -174,5 +172,5 @@ def _merged(
     return np.unique(surface, return_inverse=True)[1].reshape(-1)
 
 
-_kept: OrderedDict[int, Surfaces] = OrderedDict()
+_kept: WeakKeyDictionary[Solid, Surfaces] = WeakKeyDictionary()
 _lock = Lock()
