@@ -190,11 +190,6 @@ def range_extent(
             f"slant_range is {slant_range!r}, but must be the {image.slant_range!r} m at which "
             "the range image was made"
         )
-    if image.slant_range is None:
-        seen = image.piece[:, 2:] if isinstance(image, LineImage) else image.down_range[image.hit]
-        View(image.aspect, image.depression, slant_range=slant_range).check_clear(
-            float(seen.min(initial=0.0))
-        )
     side = ifov * slant_range
     if side < image.resolution:
         raise ValueError(
@@ -214,11 +209,14 @@ def range_extent(
             bin_count=bin_count,
             weight=image.cosine if lambertian else None,
         )
+        if parts.reach >= slant_range:
+            _check_clear(image, image.piece[:, 2:], slant_range)
         _check_reach(parts.reach, half_window)
         cell = parts.cell
         even, odd = parts.area[:, 0] / side**2, parts.area[:, 1] / side**2
         fraction, difference = even + odd, (even - odd).sum(axis=0)
     else:
+        _check_clear(image, image.down_range[image.hit], slant_range)
         r, horizontal, vertical = _places(image, slant_range)
         _check_reach(float(np.abs(r).max(initial=0.0)), half_window)
         area, half_width = _boxes(image, side=side, spread=spread, lambertian=lambertian)
@@ -240,6 +238,13 @@ def range_extent(
         slant_range=slant_range,
         difference=difference,
     )
+
+
+def _check_clear(image: RangeImage | LineImage, seen: Floats, slant_range: float) -> None:
+    """Refuse a ship that reaches the sensor, though seen from the far field."""
+    if image.slant_range is None:
+        view = View(image.aspect, image.depression, slant_range=slant_range)
+        view.check_clear(float(seen.min(initial=0.0)))
 
 
 def _check_reach(reach: float, half_window: float) -> None:

@@ -204,7 +204,8 @@ def sweep(
                 at[i], place[i] = at[i - 1], place[i - 1]
                 i -= 1
             at[i], place[i] = value, m
-        # Where each surface that begins will end, and so how it slopes.
+        # Where each surface that begins will end, and so how it slopes. Its outline is closed, so
+        # that it ends as often as it begins, and leaves no mark.
         for m in range(n):
             c = first + place[m]
             z[m], ending[m], beginning[m] = depth[c], ends[c], begins[c]
@@ -221,11 +222,6 @@ def sweep(
                 within[beginning[m]] += 1
                 if within[beginning[m]] == 1:
                     where[beginning[m]] = m
-        for m in range(n):
-            if beginning[m] >= 0:
-                where[beginning[m]], within[beginning[m]] = -1, 0
-            if ending[m] >= 0:
-                within[ending[m]] = 0
         # The sweep: `shown` began what is seen, from `since` on; it is at `front` in the list.
         active, front, shown, since = 0, -1, -1, 0.0
         for m in range(n):

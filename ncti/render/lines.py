@@ -185,7 +185,7 @@ class LineImage:
                 (float(shift[0]), float(shift[1])),
                 self.curvature,
                 1.0 / reach if reach and curved else 0.0,
-                np.sqrt(8 * reach * bin_width / 50) if reach and curved else np.inf,
+                np.sqrt(50 / (8 * reach * bin_width)) if reach and curved else 0.0,
                 float(near),
                 float(bin_width),
                 int(bin_count),

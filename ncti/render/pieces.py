@@ -56,7 +56,7 @@ def bin_pieces(
     shift: tuple[float, float],
     curvature: float,
     wavefront: float,
-    chord: float,
+    per_chord: float,
     edge: float,
     bin_width: float,
     bins: int,
@@ -81,8 +81,9 @@ def bin_pieces(
         1 / slant range of the view [1/m], 0 in the far field: w = 1 / (1 - curvature q).
     wavefront : float
         1 / slant range to which down-range is reckoned, 0 for plane waves.
-    chord : float
-        Length of a piece [m], along the line or down-range, over which its range counts as linear.
+    per_chord : float
+        1 / the length of a piece, along the line or down-range, over which its range counts as
+        linear [1/m].
     edge : float
         Down-range of the first bin's edge [m].
 
@@ -91,73 +92,94 @@ def bin_pieces(
     cell, area, reach
         As of `Parts`. What lies beyond the bins is in the first and the last.
     """
-    per_bin = 1.0 / bin_width
+    per_bin, last_bin = 1.0 / bin_width, bins - 1e-9
     cos, sin = turn[0] / side, turn[1] / side
+    # Pieces of a line are in order: its first begin and its last end bound it.
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
-    for p in range(len(line)):
+    pieces = len(line)
+    for p in range(pieces):
         y = (line[p] + phase) * spacing
-        for s in range(2):
-            h = piece[p, s] * cos - y * sin + shift[0]
-            v = piece[p, s] * sin + y * cos + shift[1]
+        if p == 0 or line[p] != line[p - 1]:
+            h, v = piece[p, 0] * cos - y * sin + shift[0], piece[p, 0] * sin + y * cos + shift[1]
             left, right = min(left, h), max(right, h)
             bottom, top = min(bottom, v), max(top, v)
-    if len(line) == 0:
+        if p == pieces - 1 or line[p] != line[p + 1]:
+            h, v = piece[p, 1] * cos - y * sin + shift[0], piece[p, 1] * sin + y * cos + shift[1]
+            left, right = min(left, h), max(right, h)
+            bottom, top = min(bottom, v), max(top, v)
+    if pieces == 0:
         left = right = bottom = top = 0.0
     left, bottom = np.floor(left), np.floor(bottom)
     from_left, from_bottom = shift[0] - left, shift[1] - bottom
     columns, rows = int(np.floor(right) - left) + 1, int(np.floor(top) - bottom) + 1
-    # Numbers of the cells that pieces may reach, so that there is no room for others.
-    number = np.full((rows, columns), -1, np.int64)
-    for p in range(len(line)):
+    # Numbers of the cells that pieces may reach, so that there is room for no others.
+    number = np.full(rows * columns, -1, np.int32)
+    first, last = np.empty(pieces, np.int32), np.empty(pieces, np.int32)
+    for p in range(pieces):
         y = (line[p] + phase) * spacing
-        h, v = piece[p, 0] * cos - y * sin + from_left, piece[p, 0] * sin + y * cos + from_bottom
-        i, j = min(int(h), columns - 1), min(int(v), rows - 1)
-        h, v = piece[p, 1] * cos - y * sin + from_left, piece[p, 1] * sin + y * cos + from_bottom
-        last_i, last_j = min(int(h), columns - 1), min(int(v), rows - 1)
-        for row in range(min(j, last_j), max(j, last_j) + 1):
-            for column in range(min(i, last_i), max(i, last_i) + 1):
-                number[row, column] = 0
+        across, up = from_left - y * sin, from_bottom + y * cos
+        # Rounding may put what is on a border past it.
+        i = min(int(piece[p, 0] * cos + across), columns - 1)
+        j = min(int(piece[p, 0] * sin + up), rows - 1)
+        last_i = min(int(piece[p, 1] * cos + across), columns - 1)
+        last_j = min(int(piece[p, 1] * sin + up), rows - 1)
+        first[p], last[p] = j * columns + i, last_j * columns + last_i
+        number[first[p]] = 0
+        if first[p] != last[p]:
+            for row in range(min(j, last_j), max(j, last_j) + 1):
+                for column in range(min(i, last_i), max(i, last_i) + 1):
+                    number[row * columns + column] = 0
     cells = 0
-    for j in range(rows):
-        for i in range(columns):
-            if number[j, i] == 0:
-                number[j, i] = cells
-                cells += 1
+    for c in range(rows * columns):
+        if number[c] == 0:
+            number[c] = cells
+            cells += 1
     area = np.zeros((cells, 2, bins))
     reach = 0.0
-    for p in range(len(line)):
+    for p in range(pieces):
         y = (line[p] + phase) * spacing
         begin, end = piece[p, 0], piece[p, 1]
-        h, v = begin * cos - y * sin + from_left, begin * sin + y * cos + from_bottom
-        # Rounding may put what is on a border past it.
-        i, j = min(int(h), columns - 1), min(int(v), rows - 1)
-        h, v = end * cos - y * sin + from_left, end * sin + y * cos + from_bottom
-        last_i, last_j = min(int(h), columns - 1), min(int(v), rows - 1)
+        at, goal = first[p], last[p]
         parity = line[p] & 1
-        slope = (piece[p, 3] - piece[p, 2]) / (end - begin)
+        q = piece[p, 2]
+        slope = (piece[p, 3] - q) / (end - begin)
         low = begin
+        r = q
+        if curvature > 0.0:
+            r /= 1.0 - curvature * q
+        if wavefront > 0.0:
+            w = 1.0 + curvature * r
+            r += sagitta(r, (low * low + y * y) * w * w, wavefront)
+        reach = max(reach, abs(r))
+        before = min(max((r - edge) * per_bin, 0.0), last_bin)
         while True:
             # To the next border of the grid, or the end.
-            high, across = end, True
-            if i != last_i:
-                border = (i + 1 if last_i > i else i) - from_left
-                high = (border + y * sin) / cos
-            if j != last_j:
-                border = (j + 1 if last_j > j else j) - from_bottom
-                upper = (border - y * cos) / sin
-                if i == last_i or upper < high:
-                    high, across = upper, False
-            high = min(max(high, low), end)
-            into = number[j, i]
+            high, onward = end, goal
+            if at != goal:
+                i, j, last_i, last_j = at % columns, at // columns, goal % columns, goal // columns
+                if i != last_i:
+                    border = (i + 1 if last_i > i else i) - from_left
+                    high = (border + y * sin) / cos
+                    onward = at + (1 if last_i > i else -1)
+                if j != last_j:
+                    border = (j + 1 if last_j > j else j) - from_bottom
+                    upper = (border - y * cos) / sin
+                    if i == last_i or upper < high:
+                        high = upper
+                        onward = at + (columns if last_j > j else -columns)
+                high = min(max(high, low), end)
+            into = number[at]
             # A bent wavefront in pieces short enough to be straight.
             # Seen from near by, range is no linear function along a line either: a level deck of
             # which a line crosses a metre may be a hundred metres deep.
-            stretch = max(1.0, abs(slope)) if curvature > 0.0 else 1.0
-            parts = 1 + int(stretch * (high - low) / chord)
-            step = (high - low) / parts
+            parts, step = 1, high - low
+            if per_chord > 0.0:
+                stretch = max(1.0, abs(slope)) if curvature > 0.0 else 1.0
+                if stretch * step * per_chord >= 1.0:
+                    parts += int(stretch * step * per_chord)
+                    step /= parts
             share = step * weight[p]
-            before = 0.0
-            for s in range(parts + 1):
+            for s in range(1, parts + 1):
                 x = low + s * step
                 q = piece[p, 2] + slope * (x - begin)
                 r = q
@@ -167,32 +189,34 @@ def bin_pieces(
                     w = 1.0 + curvature * r
                     r += sagitta(r, (x * x + y * y) * w * w, wavefront)
                 reach = max(reach, abs(r))
-                r = min(max((r - edge) * per_bin, 0.0), bins - 1e-9)
-                if s > 0:
-                    a, b = min(before, r), max(before, r)
-                    m, n = int(a), int(b)
-                    if m == n:
-                        area[into, parity, m] += share
-                    else:
-                        rate = share / (b - a)
-                        area[into, parity, m] += rate * (m + 1 - a)
-                        for between in range(m + 1, n):
-                            area[into, parity, between] += rate
-                        area[into, parity, n] += rate * (b - n)
+                r = min(max((r - edge) * per_bin, 0.0), last_bin)
+                a, b = min(before, r), max(before, r)
+                m, n = int(a), int(b)
+                if m == n:
+                    area[into, parity, m] += share
+                else:
+                    rate = share / (b - a)
+                    area[into, parity, m] += rate * (m + 1 - a)
+                    for between in range(m + 1, n):
+                        area[into, parity, between] += rate
+                    area[into, parity, n] += rate * (b - n)
                 before = r
-            if i == last_i and j == last_j:
+            if at == goal:
                 break
-            low = high
-            if across and i != last_i:
-                i += 1 if last_i > i else -1
+            at, low = onward, high
+    # By rows, without what rounding alone puts into a cell.
+    seen = 0
+    for c in range(rows * columns):
+        if number[c] >= 0:
+            if area[number[c]].sum() > NOTHING * spacing**2:
+                seen += 1
             else:
-                j += 1 if last_j > j else -1
-    # What rounding alone puts into a cell is not seen there.
-    seen = area.sum(axis=2).sum(axis=1) > NOTHING * spacing**2
-    cell = np.empty((cells, 2), np.int64)
-    for j in range(rows):
-        for i in range(columns):
-            if number[j, i] >= 0:
-                cell[number[j, i], 0] = i + int(left)
-                cell[number[j, i], 1] = j + int(bottom)
-    return cell[seen], area[seen], reach
+                number[c] = -1
+    cell, kept = np.empty((seen, 2), np.int64), np.empty((seen, 2, bins))
+    n = 0
+    for c in range(rows * columns):
+        if number[c] >= 0:
+            cell[n, 0], cell[n, 1] = c % columns + int(left), c // columns + int(bottom)
+            kept[n] = area[number[c]]
+            n += 1
+    return cell, kept, reach
