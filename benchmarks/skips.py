@@ -183,13 +183,12 @@ def facing(hull: Surfaces) -> NDArray[np.bool_]:
 
 def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     """(line, 2): area [m] and mean range of what lines see of some surfaces."""
-    seen = np.full(len(used) + 1, -1, dtype=np.int32)
+    seen = np.full(len(used) + 1, len(used), dtype=np.int32)
     seen[:-1][used] = np.flatnonzero(used)
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
-    crossings = cross(point, bounds, hull.edge, seen, 0.25, lines.PHASE)
-    _, start, t, depth, ends, begins = crossings
-    line, piece, _ = lines._swept(start, (t, depth, ends, begins), surfaces=len(used))
+    _, *crossings = cross(point, bounds, hull.edge, seen, 0.25, lines.PHASE)
+    line, piece, _ = lines._swept(*crossings, surfaces=len(used))
     length = piece[:, 1] - piece[:, 0]
     sums = [np.bincount(line, part) for part in (length, length * piece[:, 2:].sum(axis=1) / 2)]
     return np.stack(sums, axis=1)

@@ -19,9 +19,16 @@ NEARER = 1e-9
 """Distance [m] by which a surface must be nearer to overtake another within a piece: rounding of
 coincident surfaces must not."""
 
-ORDERED = 1024
-"""Strips across the view into which edges are sorted first, so that crossings of a line come
-nearly in order."""
+CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "i4"), ("begins", "i4")])
+"""Where a line crosses an edge: the coordinate along the line, q there, and the surface that ends
+and that begins there. One record, so that one place in memory is touched."""
+
+ONCE = 1 << 32
+"""One beginning of a surface, counted above the 32 binary digits of a crossing's number."""
+
+STRIPS = 4096
+"""Strips across the view into which crossings are sorted first, so that those of a line come nearly
+in order."""
 
 
 @compiled
@@ -50,15 +57,15 @@ def project(
 
 @compiled
 def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Indices:
-    """Return (surface + 1,) the number of each surface that faces the sensor, else -1.
+    """Return (surface + 1,) the number of each surface that faces the sensor, else that of none.
 
-    The last stands for no surface.
+    None is the number of surfaces.
     """
-    seen = np.empty(len(area) + 1, np.int32)
-    seen[-1] = -1
-    for s in range(len(area)):
+    none = len(area)
+    seen = np.full(none + 1, none, np.int32)
+    for s in range(none):
         facing = area[s, 0] * towards[0] + area[s, 1] * towards[1] + area[s, 2] * towards[2]
-        seen[s] = s if facing > moment[s] * curvature else -1
+        seen[s] = s if facing > moment[s] * curvature else none
     return seen
 
 
@@ -70,7 +77,7 @@ def cross(
     seen: Indices,
     spacing: float,
     phase: float,
-) -> tuple[np.int64, NDArray[np.int64], Floats, Floats, Indices, Indices]:
+) -> tuple[np.int64, NDArray[np.int64], Indices, NDArray[np.void]]:
     """Return where lines y = (k + phase) spacing cross the edges of surfaces that face the sensor.
 
     Returns
@@ -78,11 +85,11 @@ def cross(
     line : int
         Number k of the first line.
     start : (line + 1,) int64 ndarray
-        First crossing of each line.
-    t, depth : (crossing,) float64 ndarray
-        Coordinate along the line, and q there.
-    ends, begins : (crossing,) int32 ndarray
-        Surface that ends and that begins there, -1 for none.
+        Where in `order` each line begins.
+    order : (crossing,) int32 ndarray
+        Numbers of the crossings, line by line, and nearly in order along it.
+    crossing : (crossing,) CROSSING ndarray
+        Crossings; the number of surfaces stands for none.
     """
     # A line is crossed by an edge if it separates the levels of its vertices. Levels are of
     # vertices, not of edges: so every surface begins on a line as often as it ends.
@@ -94,64 +101,68 @@ def cross(
 
     # Edges that count: they part levels, and a side of theirs is seen. No branch, for the
     # processor could not foresee it.
+    none = len(seen) - 1
     used = np.empty(len(edge) + 1, np.int32)
-    number = 0
+    number, total = 0, 0
     for e in range(len(edge)):
         used[number] = e
-        apart = level[edge[e, 0]] != level[edge[e, 1]]
-        number += apart & ((seen[edge[e, 2]] & seen[edge[e, 3]]) >= 0)
+        apart = abs(level[edge[e, 0]] - level[edge[e, 1]])
+        counts = (apart > 0) & (min(seen[edge[e, 2]], seen[edge[e, 3]]) < none)
+        number += counts
+        total += counts * apart
 
-    # Number of crossings of each line; edges sorted by strips.
+    # They are found edge by edge.
+    crossing, of = np.empty(total, CROSSING), np.empty(total, np.int32)
+    strip, strips = np.empty(total, np.int32), np.zeros(STRIPS + 1, np.int32)
+    narrow = STRIPS / max(bounds[0, 1] - bounds[0, 0], 1e-300)
     start = np.zeros(lines + 1, np.int64)
-    strip = np.empty(number, np.int32)
-    strips = np.zeros(ORDERED + 1, np.int64)
-    narrow = (ORDERED - 1) / max(2 * (bounds[0, 1] - bounds[0, 0]), 1e-300)
-    for n in range(number):
-        i, j = edge[used[n], 0], edge[used[n], 1]
-        start[min(level[i], level[j])] += 1
-        start[max(level[i], level[j])] -= 1
-        strip[n] = np.int32((point[i, 0] + point[j, 0] - 2 * bounds[0, 0]) * narrow)
-        strips[strip[n] + 1] += 1
-    for s in range(ORDERED):
-        strips[s + 1] += strips[s]
-    order = np.empty(number, np.int32)
-    for n in range(number):
-        order[strips[strip[n]]] = used[n]
-        strips[strip[n]] += 1
-    total, crossing = np.int64(0), np.int64(0)
-    for k in range(lines + 1):
-        crossing += start[k]
-        start[k] = total
-        total += crossing
-
-    t, depth = np.empty(total), np.empty(total)
-    ends, begins = np.empty(total, np.int32), np.empty(total, np.int32)
-    free = start.copy()
-    for n in range(number):
-        e = order[n]
+    n = 0
+    for m in range(number):
+        e = used[m]
         i, j = edge[e, 0], edge[e, 1]
         left, right = seen[edge[e, 2]], seen[edge[e, 3]]
         if level[i] > level[j]:
             i, j, left, right = j, i, right, left
+        start[level[i]] += 1
+        start[level[j]] -= 1
         # Upwards, what lies left of the edge ends there.
         x, y, q = point[i, 0], point[i, 1], point[i, 2]
         run, per_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
         for k in range(level[i], level[j]):
             share = min(max(((lowest + k + phase) * spacing - y) * per_rise, 0.0), 1.0)
-            at = free[k]
-            free[k] = at + 1
-            t[at], depth[at] = x + run * share, q + deep * share
-            ends[at], begins[at] = left, right
-    return lowest, start, t, depth, ends, begins
+            t = x + run * share
+            c = crossing[n]
+            c.t, c.depth, c.ends, c.begins = t, q + deep * share, left, right
+            of[n] = k
+            strip[n] = np.int32(min(max((t - bounds[0, 0]) * narrow, 0.0), STRIPS - 1.0))
+            strips[strip[n] + 1] += 1
+            n += 1
+
+    # By strips, then by lines.
+    for s in range(STRIPS):
+        strips[s + 1] += strips[s]
+    by_strip = np.empty(total, np.int32)
+    for n in range(total):
+        by_strip[strips[strip[n]]] = n
+        strips[strip[n]] += 1
+    before, crossings = np.int64(0), np.int64(0)
+    for k in range(lines + 1):
+        crossings += start[k]
+        start[k] = before
+        before += crossings
+    order, free = np.empty(total, np.int32), start.copy()
+    for m in range(total):
+        n = by_strip[m]
+        order[free[of[n]]] = n
+        free[of[n]] += 1
+    return lowest, start, order, crossing
 
 
 @compiled
 def sweep(
     start: NDArray[np.int64],
-    t: Floats,
-    depth: Floats,
-    ends: Indices,
-    begins: Indices,
+    order: Indices,
+    crossing: NDArray[np.void],
     surfaces: int,
     room: int,
 ) -> tuple[NDArray[np.int64], Floats, Indices]:
@@ -159,7 +170,7 @@ def sweep(
 
     Parameters
     ----------
-    start, t, depth, ends, begins
+    start, order, crossing
         As of `cross`; `start` may be a part of its.
     surfaces : int
         Number of surfaces.
@@ -168,7 +179,7 @@ def sweep(
 
     Returns
     -------
-    count : (line,) int64 ndarray
+    pieces : (line,) int64 ndarray
         Pieces of each line; the first is -1 where there was no room for all.
     piece : (piece, 4) float64 ndarray
         Begin and end along the line, and q there.
@@ -176,7 +187,7 @@ def sweep(
         Surface.
     """
     lines = len(start) - 1
-    count = np.zeros(lines, np.int64)
+    pieces = np.zeros(lines, np.int64)
     most = 1
     for k in range(lines):
         most = max(most, start[k + 1] - start[k])
@@ -190,50 +201,53 @@ def sweep(
     # and how that grows. A side seen edge-on is as steep as rounding allows.
     over, origin = np.empty(most, np.int32), np.empty(most)
     base, tilt = np.empty(most), np.empty(most)
-    # Of a surface: its place in the one list, then in the other, and how often it has begun more
-    # than ended. Within a merged surface, seams may begin it again before it ends.
-    where, within = np.full(surfaces, -1, np.int32), np.zeros(surfaces, np.int32)
+    # Of a surface, and of none: its place in that list; how often it has begun more than ended,
+    # over the crossing where it began, for within a merged surface seams may begin it again.
+    where, begun = np.full(surfaces + 1, -1, np.int32), np.zeros(surfaces + 1, np.int64)
     number = 0
     for k in range(lines):
         first, n = start[k], start[k + 1] - start[k]
         # They nearly are in order, so insertion is quick.
         for m in range(n):
-            value = t[first + m]
+            c = order[first + m]
+            value = crossing[c].t
             i = m
             while i > 0 and at[i - 1] > value:
                 at[i], place[i] = at[i - 1], place[i - 1]
                 i -= 1
-            at[i], place[i] = value, m
+            at[i], place[i] = value, c
         # Where each surface that begins will end, and so how it slopes. Its outline is closed, so
         # that it ends as often as it begins, and leaves no mark.
         for m in range(n):
-            c = first + place[m]
-            z[m], ending[m], beginning[m] = depth[c], ends[c], begins[c]
+            c = crossing[place[m]]
+            z[m], ending[m], beginning[m] = c.depth, c.ends, c.begins
             stop[m] = -np.inf
-            if ending[m] >= 0:
-                within[ending[m]] -= 1
-                i = where[ending[m]]
-                if i >= 0 and within[ending[m]] == 0:
-                    where[ending[m]] = -1
-                    stop[i] = at[m]
-                    if at[m] > at[i]:
-                        slope[i] = (z[m] - z[i]) / (at[m] - at[i])
-            if beginning[m] >= 0:
-                within[beginning[m]] += 1
-                if within[beginning[m]] == 1:
-                    where[beginning[m]] = m
+            count = begun[ending[m]] - ONCE
+            if count >> 32 == 0:
+                i, count = count - 1, 0
+                stop[i] = at[m]
+                if at[m] > at[i]:
+                    slope[i] = (z[m] - z[i]) / (at[m] - at[i])
+            begun[ending[m]] = count
+            count = begun[beginning[m]] + ONCE
+            begun[beginning[m]] = count | (m + 1) if count == ONCE else count
         # The sweep: `shown` began what is seen, from `since` on; it is at `front` in the list.
         active, front, shown, since = 0, -1, -1, 0.0
         for m in range(n):
             now = at[m]
-            fresh = beginning[m] >= 0 and stop[m] > now
-            slot = where[ending[m]] if ending[m] >= 0 else -1
+            fresh = beginning[m] < surfaces and stop[m] > now
+            slot = where[ending[m]]
             if slot >= 0 and stop[over[slot]] > now:  # a seam
                 slot = -1
             if slot < 0 and not fresh:
                 continue
-            # Surfaces that run through one another change places between crossings.
-            while active > 1:
+            # Surfaces that run through one another change places between crossings. It matters
+            # where the nearest ends, or seems to be hidden, or what was hidden ends.
+            nearest = base[front] + tilt[front] * (now - origin[front]) if active else np.inf
+            changes = slot == front or (fresh and z[m] < nearest)
+            if not changes and slot >= 0:
+                changes = base[slot] + tilt[slot] * (now - origin[slot]) < nearest - NEARER
+            while changes and active > 1:
                 seen_at, found, when = base[front] + tilt[front] * (now - origin[front]), -1, now
                 for i in range(active):
                     ahead = seen_at - (base[i] + tilt[i] * (now - origin[i]))
@@ -247,14 +261,14 @@ def sweep(
                     break
                 if when > since:
                     if number == capacity:
-                        count[0] = -1
-                        return count, piece, seen
+                        pieces[0] = -1
+                        return pieces, piece, seen
                     piece[number, 0], piece[number, 1] = since, when
                     piece[number, 2] = z[shown] + slope[shown] * (since - at[shown])
                     piece[number, 3] = z[shown] + slope[shown] * (when - at[shown])
                     seen[number] = beginning[shown]
                     number += 1
-                    count[k] += 1
+                    pieces[k] += 1
                 front, shown, since = found, over[found], when
             old = shown
             if slot >= 0:
@@ -292,15 +306,15 @@ def sweep(
             if shown != old:
                 if old >= 0 and now > since:
                     if number == capacity:
-                        count[0] = -1
-                        return count, piece, seen
+                        pieces[0] = -1
+                        return pieces, piece, seen
                     piece[number, 0], piece[number, 1] = since, now
                     piece[number, 2] = z[old] + slope[old] * (since - at[old])
                     piece[number, 3] = z[old] + slope[old] * (now - at[old])
                     seen[number] = beginning[old]
                     number += 1
-                    count[k] += 1
+                    pieces[k] += 1
                 since = now
         for i in range(active):
             where[beginning[over[i]]] = -1
-    return count, piece[:number], seen[:number]
+    return pieces, piece[:number], seen[:number]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -285,9 +284,8 @@ def line_image(
     point, bounds = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
     _check(bounds, view, spacing, surfaces)
     seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
-    crossings = cross(point, bounds, surfaces.edge, seen, float(spacing), float(phase))
-    first, start, t, depth, ends, begins = crossings
-    line, piece, surface = _swept(start, (t, depth, ends, begins), surfaces=len(surfaces.area))
+    first, *crossings = cross(point, bounds, surfaces.edge, seen, float(spacing), float(phase))
+    line, piece, surface = _swept(*crossings, surfaces=len(surfaces.area))
     return LineImage(
         line + first,
         piece,
@@ -359,7 +357,11 @@ def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> No
 
 
 def _swept(
-    start: NDArray[np.int64], crossings: Sequence[NDArray[Any]], *, surfaces: int
+    start: NDArray[np.int64],
+    order: NDArray[np.int32],
+    crossing: NDArray[np.void],
+    *,
+    surfaces: int,
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
     """Pieces of all lines, swept in as many parts as there are threads."""
     from ncti.render.line_sweep import sweep
@@ -373,8 +375,7 @@ def _swept(
         room = 1
         while True:  # surfaces that run through one another make more pieces than crossings
             some = start[cuts[number] : cuts[number + 1] + 1]
-            t, depth, ends, begins = crossings
-            count, piece, surface = sweep(some, t, depth, ends, begins, surfaces, room)
+            count, piece, surface = sweep(some, order, crossing, surfaces, room)
             if not len(count) or count[0] >= 0:
                 return count, piece, surface
             room *= 4

@@ -181,7 +181,7 @@ def bin_pieces(
             share = step * weight[p]
             for s in range(1, parts + 1):
                 x = low + s * step
-                q = piece[p, 2] + slope * (x - begin)
+                q = piece[p, 3] if x >= end else piece[p, 2] + slope * (x - begin)
                 r = q
                 if curvature > 0.0:
                     r /= 1.0 - curvature * q

@@ -93,13 +93,13 @@ class View:
     @cached_property
     def axes(self) -> NDArray[np.float64]:
         """(3, 3) float64 ndarray: unit vectors column, row and away, in the ship frame, as rows."""
-        a, d, g = np.radians([self.aspect, self.depression, self.roll])
-        towards_sensor = np.array([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
-        right = np.array([-np.sin(a), np.cos(a), 0.0])
-        up = np.cross(towards_sensor, right)
-        column = right * np.cos(g) + up * np.sin(g)
-        row = up * np.cos(g) - right * np.sin(g)
-        return np.stack([column, row, -towards_sensor])
+        angles = np.radians([self.aspect, self.depression, self.roll])
+        (cos_a, cos_d, cos_g), (sin_a, sin_d, sin_g) = np.cos(angles), np.sin(angles)
+        x, y = cos_d * cos_a, cos_d * sin_a
+        right = np.array([-sin_a, cos_a, 0.0])
+        up = np.array([-sin_d * cos_a, -sin_d * sin_a, x * cos_a + y * sin_a])
+        away = -np.array([x, y, sin_d])
+        return np.array([right * cos_g + up * sin_g, up * cos_g - right * sin_g, away])
 
 
 @dataclass(frozen=True)
