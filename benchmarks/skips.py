@@ -188,7 +188,7 @@ def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
     _, *crossings = cross(point, bounds, hull.edge, seen, 0.25, lines.PHASE)
-    line, piece, _ = lines._swept(*crossings, surfaces=len(used))
+    line, piece, _ = lines._swept(crossings, surfaces=len(used))
     length = piece[:, 1] - piece[:, 0]
     sums = [np.bincount(line, part) for part in (length, length * piece[:, 2:].sum(axis=1) / 2)]
     return np.stack(sums, axis=1)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -285,7 +286,7 @@ def line_image(
     _check(bounds, view, spacing, surfaces)
     seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
     first, *crossings = cross(point, bounds, surfaces.edge, seen, float(spacing), float(phase))
-    line, piece, surface = _swept(*crossings, surfaces=len(surfaces.area))
+    line, piece, surface = _swept(crossings, surfaces=len(surfaces.area))
     return LineImage(
         line + first,
         piece,
@@ -357,15 +358,12 @@ def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> No
 
 
 def _swept(
-    start: NDArray[np.int64],
-    order: NDArray[np.int32],
-    crossing: NDArray[np.void],
-    *,
-    surfaces: int,
+    crossings: Sequence[Any], *, surfaces: int
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
     """Pieces of all lines, swept in as many parts as there are threads."""
     from ncti.render.line_sweep import sweep
 
+    start, order, crossing = crossings
     lines = len(start) - 1
     parts = max(1, min(_threads(), lines // FEWEST))
     inner = np.searchsorted(start, np.arange(1, parts) * start[-1] // parts)
