@@ -63,7 +63,7 @@ class _Announcer(event.Listener):
             self.said = True
             kept = f", and kept in {_folder()}" if _folder() else ""
             logging.getLogger("ncti").warning(
-                "loops over facets are compiled, once: some seconds%s", kept
+                "loops are compiled, once: some seconds%s", kept
             )
 
     def on_end(self, event: Any) -> None:
