@@ -23,12 +23,19 @@ def draw_normals(rng: np.random.Generator, out: NDArray[np.float32]) -> None:
     out : (...) float32 ndarray
         Filled in the order of its elements, which lie one after the other.
 
+    Raises
+    ------
+    ValueError
+        If the elements do not lie one after the other, or are of another type.
+
     Notes
     -----
     numpy's ziggurat of 256 layers (Marsaglia and Tsang, doi:10.18637/jss.v005.i08) on the halves of
     the words of PCG64 (O'Neill, HMC-CS-2014-0905), in one loop, where numpy calls a function of the
     bit generator for each half. Generators of another kind are numpy's own to draw from.
     """
+    if out.dtype != np.float32 or not out.flags.c_contiguous:
+        raise ValueError(f"out has type {out.dtype}, but must be a contiguous array of float32")
     bits: Any = rng.bit_generator
     if type(rng) is not np.random.Generator or type(bits) is not np.random.PCG64:
         rng.standard_normal(out=out, dtype=np.float32)

@@ -170,12 +170,12 @@ def frame_blocks(
     detected(floor)  # its checks
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
     per_frame = len(floor) + 2 * (int(speckle.first[-1]) + (len(speckle.first) - 1) * noise.rank)
-    at_once = min(FRAMES_AT_ONCE, max(1, NORMALS_AT_ONCE // max(1, per_frame)))
+    at_once = min(FRAMES_AT_ONCE, frame_count, max(1, NORMALS_AT_ONCE // max(1, per_frame)))
 
     def blocks() -> Iterator[NDArray[np.float64]]:
         rows = -(-at_once // ROWS_AT_ONCE) * ROWS_AT_ONCE
         normals = np.zeros((rows, per_frame), dtype=np.float32)
-        waveforms = _Waveforms(noise, speckle, begin=len(floor))
+        waveforms = _Waveforms(noise, speckle, begin=len(floor), frames=at_once)
         for first in range(0, frame_count, at_once):
             count = min(at_once, frame_count - first)
             draw_normals(rng, normals[:count])
@@ -257,14 +257,15 @@ class _Speckle(NamedTuple):
         pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
         bins = extent.down_range.size
         response = _response(**pulse, bin_count=bins)
-        occupied = np.flatnonzero(extent.density)
-        amplitude = np.sqrt(cnr * extent.density.take(occupied)).astype(np.float32)
+        density = extent.density
+        (occupied,) = density.reshape(-1).nonzero()
+        amplitude = np.sqrt(cnr * density.take(occupied)).astype(np.float32)
         felt = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
         # The response falls with the lag: how many lags are above what each bin asks.
         with np.errstate(divide="ignore"):
-            lost = felt / amplitude.astype(np.float64)
-        reach = bins - np.searchsorted(response[:bins], lost, side="right")
-        ifovs = len(extent.density)
+            lost = felt / amplitude
+        reach = bins - response[:bins].searchsorted(lost, side="right")
+        ifovs = len(density)
         first = np.searchsorted(occupied, bins * np.arange(ifovs + 1 + target_free_ifovs))
         return cls(first, occupied % bins, amplitude, reach, response)
 
@@ -332,7 +333,7 @@ class _Waveforms:
     in each first those of the occupied bins, then those of the noise.
     """
 
-    def __init__(self, noise: _Noise, speckle: _Speckle, *, begin: int) -> None:
+    def __init__(self, noise: _Noise, speckle: _Speckle, *, begin: int, frames: int) -> None:
         self.noise, self.speckle = noise, speckle
         occupied = np.repeat(np.diff(speckle.first), 2)
         ends = begin + np.cumsum(occupied + noise.rank)
@@ -341,18 +342,18 @@ class _Waveforms:
         most = min(IFOVS_AT_ONCE, len(speckle.first) - 1)
         half = noise.even.shape[1]
         sizes = (len(noise.even), len(noise.odd), half, half)
-        self.halves = [
-            np.empty((ROWS_AT_ONCE, 2 * most, size), dtype=np.float32) for size in sizes
-        ]
-        self.magnitude = np.empty((ROWS_AT_ONCE, most, noise.bins), dtype=np.float32)
+        rows = min(frames, ROWS_AT_ONCE)
+        self.halves = [np.empty((rows, 2 * most, size), dtype=np.float32) for size in sizes]
+        self.magnitude = np.empty((rows, most, noise.bins), dtype=np.float32)
 
     def of(self, normals: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
         """Yield (frame, ifov, bin): some IFOVs at once, for at most `ROWS_AT_ONCE` frames."""
         from ncti.ladar.waveforms import part_noise, put_magnitudes  # numba takes long to import
 
-        noise, (first, *others) = self.noise, self.speckle
-        for start in range(0, len(first) - 1, IFOVS_AT_ONCE):
-            stop = min(start + IFOVS_AT_ONCE, len(first) - 1)
+        noise, target = self.noise, self.speckle
+        ifovs = len(target.first) - 1
+        for start in range(0, ifovs, IFOVS_AT_ONCE):
+            stop = min(start + IFOVS_AT_ONCE, ifovs)
             speckle, begin, end = self.parts[:, 2 * start : 2 * stop]
             even_normals, odd_normals, even, odd = (
                 part[: len(normals), : 2 * (stop - start)] for part in self.halves
@@ -363,7 +364,9 @@ class _Waveforms:
             np.matmul(odd_normals, noise.odd, out=odd)
             magnitude = self.magnitude[: len(normals), : stop - start]
             put_magnitudes(
-                even, odd, normals, speckle, first[start : stop + 1], *others, magnitude
+                *(even, odd, normals, speckle, target.first[start : stop + 1]),
+                *(target.occupied, target.amplitude, target.reach, target.response),
+                magnitude,
             )
             yield magnitude
 
