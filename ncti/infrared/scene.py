@@ -114,6 +114,7 @@ def draw_scene(
 
 
 Field = NDArray[np.float64]
+Box = tuple[int, int, int, int]  # first row, one past the last, first column, one past the last
 Node = Callable[[int], Field]
 
 
@@ -179,35 +180,25 @@ def _draw(
     target: NDArray[np.bool_], count: int, rim: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Standard normals (count, row + 2 rim, col + 2 rim) in the order that `draw_scene` tells."""
-    shape = target.shape[0] + 2 * rim, target.shape[1] + 2 * rim
-    normals = np.empty((count, *shape))
-    undrawn = np.ones(shape, bool)
-    if target.any():
-        begin, end = zip(*(_span(lines) for lines in (target, target.T)), strict=True)
-        box = rng.standard_normal(
-            (count, end[0] - begin[0] + 2 * HALO, end[1] - begin[1] + 2 * HALO)
-        )
-        corner = tuple(first - HALO + rim for first in begin)
-        here = tuple(
-            slice(max(0, first), min(size, first + drawn))
-            for first, size, drawn in zip(corner, shape, box.shape[1:], strict=True)
-        )
-        there = tuple(
-            slice(part.start - first, part.stop - first)
-            for part, first in zip(here, corner, strict=True)
-        )
-        normals[(slice(None), *here)] = box[(slice(None), *there)]
-        undrawn[here] = False
-    inside = np.zeros(shape, bool)
-    inside[rim : rim + target.shape[0], rim : rim + target.shape[1]] = True
-    for part in (undrawn & inside, undrawn & ~inside):
-        places = np.flatnonzero(part)
-        if places.size:
-            normals.reshape(count, -1)[:, places] = rng.standard_normal((count, places.size))
+    from ncti.infrared.cells import bounding_box, lay_out  # numba takes long to import
+
+    rows, columns = target.shape
+    top, bottom, left, right = bounding_box(target)
+    # The box in the window's rows and columns; none without a ship.
+    halo = HALO if bottom else 0
+    box = top - halo, bottom + halo, left - halo, right + halo
+    of_box = rng.standard_normal((count, box[1] - box[0], box[3] - box[2]))
+    window = rows * columns - _shared(box, (0, rows, 0, columns))
+    whole = (rows + 2 * rim) * (columns + 2 * rim)
+    around = whole - _shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
+    of_window, of_rim = (rng.standard_normal((count, places)) for places in (window, around))
+    normals = np.empty((count, rows + 2 * rim, columns + 2 * rim))
+    lay_out(of_box, (box[0] + rim, box[2] + rim), of_window, of_rim, rim, normals)
     return normals
 
 
-def _span(lines: NDArray[np.bool_]) -> tuple[int, int]:
-    """First row that holds something true, and the one past the last."""
-    at = np.flatnonzero(lines.any(axis=1))
-    return int(at[0]), int(at[-1]) + 1
+def _shared(box: Box, window: Box) -> int:
+    """Number of pixels that two boxes share."""
+    rows = min(box[1], window[1]) - max(box[0], window[0])
+    columns = min(box[3], window[3]) - max(box[2], window[2])
+    return max(0, rows) * max(0, columns)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from ncti.infrared import (
     silhouette,
     thermal_images,
 )
-from ncti.render import Lattice, LineImage, RangeImage
+from ncti.render import LineImage, RangeImage
 from sweeps.engine.seeds import cell_rng
 
 MARGIN = 4  # pixels of sea around a ship
@@ -79,9 +79,10 @@ class Patches:
                 span, roll = -span[:, ::-1], -roll
             lines = _flat(hits["line"], span, spacing=pixel, phase=bottom, roll=roll)
             return cls(*lines.bounds, pixel**2, lines)
-        # Of the flat image: np.nonzero of two axes takes several times as long.
-        rows, cols = np.divmod(np.flatnonzero(np.unpackbits(hits["bits"])), int(hits["columns"]))
-        horizontal, vertical = Lattice(pixel, (left, bottom), roll).cross_range_at(rows, cols)
+        from ncti.infrared.cells import places_of_bits  # numba takes long to import
+
+        columns = int(hits["columns"])
+        horizontal, vertical = places_of_bits(hits["bits"], columns, pixel, (left, bottom), roll)
         return cls(-horizontal if mirrored else horizontal, vertical, pixel**2)
 
     @cached_property
@@ -199,6 +200,7 @@ class Look:
         }
 
 
+@lru_cache(maxsize=8)  # all ways of super-resolution at one place have it
 def whole_window(
     slant_range: float,
     depression: float,
