@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,8 +20,8 @@ def count_points(
     cells: float,
     first: tuple[int, int],
     counts: Floats,
-) -> bool:
-    """Add 1 to the cell of each point; return whether all of them have one.
+) -> None:
+    """Add 1 to the cell of each point; rounding may put one a hair outside, which stays inside.
 
     Parameters
     ----------
@@ -41,20 +39,29 @@ def count_points(
         Added to.
     """
     rows, columns = counts.shape
-    inside = True
+    column, row = np.empty(horizontal.size, np.int32), np.empty(horizontal.size, np.int32)
+    # Cells of all points at once, then the counts, by runs of points in one cell.
+    left, bottom = float(first[0]), float(first[1])
     for i in range(horizontal.size):
-        column = math.floor((horizontal[i] * scale + phase[0]) * cells) - first[0]
-        row = math.floor((vertical[i] * scale + phase[1]) * cells) - first[1]
-        if 0 <= row < rows and 0 <= column < columns:
-            counts[row, column] += 1.0
-        else:
-            inside = False
-    return inside
+        column[i] = np.int32(np.floor((horizontal[i] * scale + phase[0]) * cells) - left)
+    for i in range(vertical.size):
+        row[i] = np.int32(np.floor((vertical[i] * scale + phase[1]) * cells) - bottom)
+    begin = 0
+    for i in range(1, horizontal.size + 1):
+        if i == horizontal.size or column[i] != column[begin] or row[i] != row[begin]:
+            up = min(max(row[begin], 0), rows - 1)
+            along = min(max(column[begin], 0), columns - 1)
+            counts[up, along] += i - begin
+            begin = i
 
 
 @compiled
 def places_of_bits(
-    bits: NDArray[np.uint8], columns: int, pixel: float, corner: tuple[float, float], roll: float
+    bits: NDArray[np.uint8],
+    columns: int,
+    pixel: float,
+    corner: tuple[float, float],
+    turn: tuple[float, float],
 ) -> tuple[Floats, Floats]:
     """Return where the set bits of an image lie, (point,) across and up, row by row.
 
@@ -64,8 +71,10 @@ def places_of_bits(
         Pixels in the order of rows, the first in the highest bit.
     columns : int
         Pixels a row.
-    pixel, corner, roll
-        As `ncti.render.Lattice` has pixel, origin and roll: [m], [m] and [deg].
+    pixel, corner : float, (float, float)
+        As `ncti.render.Lattice` has pixel and origin [m].
+    turn : (float, float)
+        Cosine and sine of its roll.
     """
     many = 0
     for byte in bits:
@@ -73,7 +82,7 @@ def places_of_bits(
             byte &= byte - 1
             many += 1
     horizontal, vertical = np.empty(many), np.empty(many)
-    cos, sin = math.cos(math.radians(roll)), math.sin(math.radians(roll))
+    cos, sin = turn
     found, row, ended = 0, 0, columns
     for i in range(bits.size):
         if bits[i]:

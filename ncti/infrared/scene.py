@@ -92,12 +92,13 @@ def draw_scene(
     require("sea_spread", sea_spread, minimum=0.0)
     if np.size(frame_counts) == 0:
         raise ValueError("frame_counts is empty, but must hold at least one number")
-    for count in np.ravel(frame_counts):
+    counts = np.ravel(frame_counts).tolist()
+    for count in counts:
         require("frame_counts", count, minimum=1.0)
         if count != int(count):
             raise ValueError(f"frame_counts is {count!r}, but must be whole numbers")
 
-    wanted = [int(count) for count in np.ravel(frame_counts)]
+    wanted = [int(count) for count in counts]
     node = _nodes(target, rim, rng)
     scene, anchor = _draw(target, 2, rim, rng)
     if target_spread == sea_spread:
@@ -105,11 +106,13 @@ def draw_scene(
     else:
         scene *= np.where(np.pad(target, rim), target_spread, sea_spread)
     rows, cols = target.shape
-    scene[rim : rim + rows, rim : rim + cols] += contrast * target
+    inside = scene[rim : rim + rows, rim : rim + cols]
+    np.add(inside, contrast, out=inside, where=target)
     anchor *= math.sqrt(ANCHOR)
     walk = dict(_walk(anchor, sorted(set(wanted)), node))
-    noise = np.stack([walk[count] for count in wanted])
-    noise *= (nedt / np.array(wanted, dtype=np.float64))[:, None, None]
+    noise = np.empty((len(wanted), *anchor.shape))
+    for count, average in zip(wanted, noise, strict=True):
+        np.multiply(walk[count], nedt / count, out=average)
     return scene, noise
 
 
@@ -187,11 +190,15 @@ def _draw(
     # The box in the window's rows and columns; none without a ship.
     halo = HALO if bottom else 0
     box = top - halo, bottom + halo, left - halo, right + halo
-    of_box = rng.standard_normal((count, box[1] - box[0], box[3] - box[2]))
+    shape = box[1] - box[0], box[3] - box[2]
     window = rows * columns - _shared(box, (0, rows, 0, columns))
     whole = (rows + 2 * rim) * (columns + 2 * rim)
     around = whole - _shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
-    of_window, of_rim = (rng.standard_normal((count, places)) for places in (window, around))
+    drawn = rng.standard_normal(count * (math.prod(shape) + window + around))
+    ends = count * math.prod(shape), count * (math.prod(shape) + window)
+    of_box = drawn[: ends[0]].reshape(count, *shape)
+    of_window = drawn[ends[0] : ends[1]].reshape(count, window)
+    of_rim = drawn[ends[1] :].reshape(count, around)
     normals = np.empty((count, rows + 2 * rim, columns + 2 * rim))
     lay_out(of_box, (box[0] + rim, box[2] + rim), of_window, of_rim, rim, normals)
     return normals

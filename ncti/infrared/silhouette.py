@@ -181,11 +181,10 @@ def coverage_of(
 
     counts = np.zeros(window.shape)
     across, up = phase
-    found = count_points(
+    count_points(
         *(horizontal, vertical, 1 / footprint, (float(across), float(up)), float(subdivision)),
         *(window.first, counts),
     )
-    assert found, "the window holds all points"
     return window.silhouette(counts * (area / window.side**2))
 
 
