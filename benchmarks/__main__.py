@@ -38,7 +38,9 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "budget": lambda asked: budget.measure(),
     "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
-    "synthesis": lambda asked: synthesis.measure(asked.ship, repeats=asked.repeats),
+    "synthesis": lambda asked: synthesis.measure(
+        asked.ship, repeats=asked.repeats, long_runs=asked.million
+    ),
     "images": lambda asked: images.measure(asked.ship, repeats=asked.repeats),
     "infrared": lambda asked: images.measure_part(repeats=asked.repeats),
     "classifier_times": lambda asked: classifiers.measure(repeats=asked.repeats),
@@ -104,6 +106,9 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument(
         "--ship", default="duncan", metavar="NAME", help="ship of accuracy and images (duncan)"
+    )
+    parser.add_argument(
+        "--million", action="store_true", help="synthesis: an average of 1,000,000 frames, too"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument(

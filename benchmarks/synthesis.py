@@ -6,6 +6,7 @@ Beside each stands the same computation written plainly, in turn with it in one 
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable, Sequence
 from itertools import product
@@ -16,11 +17,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 import ncti.ships
+from benchmarks.processes import watch
 from benchmarks.reports import Column, Report, Sample
 from ncti.infrared import IFOV, SUPER_RESOLUTIONS, shifted_images, silhouette, thermal_images
 from ncti.ladar import (
     RangeExtent,
     banded_frame_moments,
+    cumulative_average,
+    frame_blocks,
     magnitude_covariance,
     noise_covariance,
     noise_floor,
@@ -35,8 +39,10 @@ Floats = NDArray[Any]
 
 CNR, TARGET_FREE = 10**3.2, 4000
 SLANT_RANGE = 1e5  # [m]
-PULSES = (10e-9, 30e-9, 50e-9)  # [s]
-FRAME_COUNTS = (4, 32, 320)
+PULSES = (10e-9, 30e-9, 100e-9)  # [s]
+FRAME_COUNTS = (1, 16, 128)
+LONG_RUNS = (1_000, 1_000_000)  # frames of one average
+LONG_WINDOW = 60.0  # [m]
 ASPECTS = (0.0, 45.0, 90.0)  # [deg]
 RANGES = (25e3, 50e3, 100e3)  # [m] of infrared images
 
@@ -49,11 +55,14 @@ COLUMNS = (
     Column("over_normals", "x normals", ".2f"),
     Column("plain_ms", "plain [ms]", ".2f"),
     Column("over_plain", "x plain", ".2f"),
+    Column("mib", "memory [MiB]", ".0f"),
 )
 
 
 @threadpool_limits.wrap(1)  # as in a worker
-def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> Report:
+def measure(
+    ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS, long_runs: bool = False
+) -> Report:
     """Time frames, covariances and infrared images of some views of a ship.
 
     Parameters
@@ -64,12 +73,15 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
         How often everything is computed, after once that does not count.
     aspects : sequence of float
         Views [deg].
+    long_runs : bool
+        Whether averages of up to 1,000,000 frames are taken, too, once.
 
     Returns
     -------
     Report
         A row for every pulse width and number of frames, every pulse width's covariance, and every
-        range and way of super-resolution; ratios are of times of one view, next to each other.
+        range and way of super-resolution; ratios are of times of one view, next to each other. Of
+        long runs a row each, with the most memory of their process.
     """
     mesh = ncti.ships.load(ship)
     images = [range_image(mesh, aspect=a, depression=3.84, engine="auto") for a in aspects]
@@ -87,6 +99,8 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
         targets = [silhouette(image, footprint=footprint).target(0.25) for image in images]
         calls = [image_calls(target, way) for target in targets]
         rows.append({"part": f"image, {where / 1e3:g} km, {way}"} | _timed(calls, repeats))
+    if long_runs:
+        rows += [_long_run(ship, count) for count in LONG_RUNS]
     return Report(
         f"Synthesis, {len(extents)} views of {ship}, {repeats} times each, one thread",
         COLUMNS,
@@ -94,7 +108,9 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
         [
             "Median (lowest-highest). Frames accumulate 4,000 target-free IFOVs; their normals are "
             "as many float32 ones of numpy. Plain: one product with the whole factor of each "
-            "IFOV, tails and all, and a covariance matrix an IFOV.",
+            "IFOV, tails and all, and a covariance matrix an IFOV. Averages: of 60 bins broadside "
+            "at 30 ns, each in a process of its own, whose memory is that of Python, numpy and "
+            "numba, too.",
         ],
     )
 
@@ -173,6 +189,33 @@ def image_calls(target: NDArray[np.bool_], way: str) -> Calls:
     return {
         "ours": lambda: draw(target, contrast=0.7, frame_counts=[16], rng=rng),
         "normals": lambda: rng.standard_normal(shape),
+    }
+
+
+def take_average(ship: str, frame_count: int) -> float:
+    """Return the time [s] that the average of some frames takes, of a small window broadside."""
+    image = range_image(ncti.ships.load(ship), aspect=90.0, depression=3.84, engine="auto")
+    extent = range_extent(image, slant_range=SLANT_RANGE, window=LONG_WINDOW)
+    signal: dict[str, Any] = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": TARGET_FREE}
+    for count in (1, frame_count):  # what is compiled or kept for the next call does not count
+        start = time.perf_counter()
+        rng = np.random.default_rng(0)
+        frames = frame_blocks(extent, frame_count=count, rng=rng, **signal)
+        cumulative_average(frames, [count])
+    return time.perf_counter() - start
+
+
+def _long_run(ship: str, frame_count: int) -> dict[str, Any]:
+    """Time and memory of a long average."""
+    call = f"print(take_average({ship!r}, {frame_count}))"
+    run = watch([sys.executable, "-c", f"from {__name__} import *; {call}"], cores=1)
+    seconds = float(run.output.split()[-1])
+    return {
+        "part": "average",
+        "pulse_ns": 30.0,
+        "frames": frame_count,
+        "ms": Sample.of([seconds * 1e3]),
+        "mib": Sample.of([run.largest]),
     }
 
 

@@ -12,10 +12,12 @@ ROOT = Path(__file__).resolve().parent.parent
 # What each room of the library may import of it.
 ALLOWED = {
     "ncti.checks": set(),
+    "ncti.compiled": set(),
+    "ncti.normals": {"ncti.compiled"},
     "ncti.ships": {"ncti.checks"},
-    "ncti.render": {"ncti.checks", "ncti.ships"},
-    "ncti.ladar": {"ncti.checks", "ncti.ships", "ncti.render"},
-    "ncti.infrared": {"ncti.checks", "ncti.ships", "ncti.render"},
+    "ncti.render": {"ncti.checks", "ncti.compiled", "ncti.ships"},
+    "ncti.ladar": {"ncti.checks", "ncti.compiled", "ncti.normals", "ncti.ships", "ncti.render"},
+    "ncti.infrared": {"ncti.checks", "ncti.compiled", "ncti.ships", "ncti.render"},
     "ncti.irar": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
     "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
     "ncti.classify": {"ncti.checks"},

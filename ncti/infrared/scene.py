@@ -92,12 +92,13 @@ def draw_scene(
     require("sea_spread", sea_spread, minimum=0.0)
     if np.size(frame_counts) == 0:
         raise ValueError("frame_counts is empty, but must hold at least one number")
-    for count in np.ravel(frame_counts):
+    counts = np.ravel(frame_counts).tolist()
+    for count in counts:
         require("frame_counts", count, minimum=1.0)
         if count != int(count):
             raise ValueError(f"frame_counts is {count!r}, but must be whole numbers")
 
-    wanted = [int(count) for count in np.ravel(frame_counts)]
+    wanted = [int(count) for count in counts]
     node = _nodes(target, rim, rng)
     scene, anchor = _draw(target, 2, rim, rng)
     if target_spread == sea_spread:
@@ -105,15 +106,18 @@ def draw_scene(
     else:
         scene *= np.where(np.pad(target, rim), target_spread, sea_spread)
     rows, cols = target.shape
-    scene[rim : rim + rows, rim : rim + cols] += contrast * target
+    inside = scene[rim : rim + rows, rim : rim + cols]
+    np.add(inside, contrast, out=inside, where=target)
     anchor *= math.sqrt(ANCHOR)
     walk = dict(_walk(anchor, sorted(set(wanted)), node))
-    noise = np.stack([walk[count] for count in wanted])
-    noise *= (nedt / np.array(wanted, dtype=np.float64))[:, None, None]
+    noise = np.empty((len(wanted), *anchor.shape))
+    for count, average in zip(wanted, noise, strict=True):
+        np.multiply(walk[count], nedt / count, out=average)
     return scene, noise
 
 
 Field = NDArray[np.float64]
+Box = tuple[int, int, int, int]  # first row, one past the last, first column, one past the last
 Node = Callable[[int], Field]
 
 
@@ -179,35 +183,29 @@ def _draw(
     target: NDArray[np.bool_], count: int, rim: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Standard normals (count, row + 2 rim, col + 2 rim) in the order that `draw_scene` tells."""
-    shape = target.shape[0] + 2 * rim, target.shape[1] + 2 * rim
-    normals = np.empty((count, *shape))
-    undrawn = np.ones(shape, bool)
-    if target.any():
-        begin, end = zip(*(_span(lines) for lines in (target, target.T)), strict=True)
-        box = rng.standard_normal(
-            (count, end[0] - begin[0] + 2 * HALO, end[1] - begin[1] + 2 * HALO)
-        )
-        corner = tuple(first - HALO + rim for first in begin)
-        here = tuple(
-            slice(max(0, first), min(size, first + drawn))
-            for first, size, drawn in zip(corner, shape, box.shape[1:], strict=True)
-        )
-        there = tuple(
-            slice(part.start - first, part.stop - first)
-            for part, first in zip(here, corner, strict=True)
-        )
-        normals[(slice(None), *here)] = box[(slice(None), *there)]
-        undrawn[here] = False
-    inside = np.zeros(shape, bool)
-    inside[rim : rim + target.shape[0], rim : rim + target.shape[1]] = True
-    for part in (undrawn & inside, undrawn & ~inside):
-        places = np.flatnonzero(part)
-        if places.size:
-            normals.reshape(count, -1)[:, places] = rng.standard_normal((count, places.size))
+    from ncti.infrared.cells import bounding_box, lay_out  # numba takes long to import
+
+    rows, columns = target.shape
+    top, bottom, left, right = bounding_box(target)
+    # The box in the window's rows and columns; none without a ship.
+    halo = HALO if bottom else 0
+    box = top - halo, bottom + halo, left - halo, right + halo
+    shape = box[1] - box[0], box[3] - box[2]
+    window = rows * columns - _shared(box, (0, rows, 0, columns))
+    whole = (rows + 2 * rim) * (columns + 2 * rim)
+    around = whole - _shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
+    drawn = rng.standard_normal(count * (math.prod(shape) + window + around))
+    ends = count * math.prod(shape), count * (math.prod(shape) + window)
+    of_box = drawn[: ends[0]].reshape(count, *shape)
+    of_window = drawn[ends[0] : ends[1]].reshape(count, window)
+    of_rim = drawn[ends[1] :].reshape(count, around)
+    normals = np.empty((count, rows + 2 * rim, columns + 2 * rim))
+    lay_out(of_box, (box[0] + rim, box[2] + rim), of_window, of_rim, rim, normals)
     return normals
 
 
-def _span(lines: NDArray[np.bool_]) -> tuple[int, int]:
-    """First row that holds something true, and the one past the last."""
-    at = np.flatnonzero(lines.any(axis=1))
-    return int(at[0]), int(at[-1]) + 1
+def _shared(box: Box, window: Box) -> int:
+    """Number of pixels that two boxes share."""
+    rows = min(box[1], window[1]) - max(box[0], window[0])
+    columns = min(box[3], window[3]) - max(box[2], window[2])
+    return max(0, rows) * max(0, columns)

@@ -177,11 +177,15 @@ def coverage_of(
     """
     require("area", area, positive=True)
     window = _window(horizontal, vertical, footprint, phase, margin, extent, subdivision)
-    column, row = (
-        _cell(points, footprint, part, int(subdivision)) - first
-        for points, part, first in zip((horizontal, vertical), phase, window.first, strict=True)
+    from ncti.infrared.cells import count_points  # numba takes long to import
+
+    counts = np.zeros(window.shape)
+    across, up = phase
+    count_points(
+        *(horizontal, vertical, 1 / footprint, (float(across), float(up)), float(subdivision)),
+        *(window.first, counts),
     )
-    return window.filled(column, row, area)
+    return window.silhouette(counts * (area / window.side**2))
 
 
 class _Window(NamedTuple):
@@ -193,15 +197,16 @@ class _Window(NamedTuple):
     origin: tuple[float, float]
 
     def filled(
-        self, column: NDArray[np.int64], row: NDArray[np.int64], area: float | NDArray[np.float64]
+        self, column: NDArray[np.int64], row: NDArray[np.int64], area: NDArray[np.float64]
     ) -> Silhouette:
-        """Silhouette of some area [m^2] in each of some cells of the window."""
+        """Silhouette of areas [m^2] in some cells of the window."""
         rows, columns = self.shape
-        place = row * columns + column
-        each = None if np.isscalar(area) else area
-        filled = np.bincount(place, each, rows * columns).astype(np.float64).reshape(self.shape)
-        scale = area if each is None else 1.0
-        return Silhouette(filled * (scale / self.side**2), self.side, self.origin)
+        filled = np.bincount(row * columns + column, area, rows * columns).reshape(self.shape)
+        return self.silhouette(filled.astype(np.float64) * (1.0 / self.side**2))
+
+    def silhouette(self, coverage: NDArray[np.float64]) -> Silhouette:
+        """Silhouette of the coverage of all cells."""
+        return Silhouette(coverage, self.side, self.origin)
 
 
 def _window(

@@ -143,6 +143,13 @@ def recombine(
     count = _whole(back_projections)
     crop = 1 + count
     samples = _image("samples", samples, least=2 * crop)
+    if count == 0:
+        # Nothing of the rim is needed: the four in the order in which `back_project` adds them.
+        fine = samples[..., 1:, 1:] + samples[..., 1:, :-1]
+        fine += samples[..., :-1, 1:]
+        fine += samples[..., :-1, :-1]
+        fine /= 4
+        return fine
     fine = back_project(samples)
     for _ in range(count):
         fine += back_project(samples - detector_samples(fine))

@@ -28,9 +28,11 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # From so many target-free IFOVs on, their sum is drawn as one Gaussian process: the sum of
 # 100 Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
-# Frames are computed in blocks of one size, whatever their number: the last bit of a matrix product
-# depends on how many rows it has, and a frame must not depend on how many follow it.
 FRAMES_AT_ONCE = 32
+# The last bit of a matrix product depends on how many rows it has, and a frame must not depend on
+# how many follow it: target-free sums are products of so many frames, drawn or not. The arrays of
+# so many frames and IFOVs stay in a core's own cache.
+ROWS_AT_ONCE, IFOVS_AT_ONCE = 8, 32
 MOST_DRAWN = 2**17  # target-free IFOVs drawn one by one: normals of one frame then have 0.2 GB
 NORMALS_AT_ONCE = 4_000_000  # 16 MB, for fewer frames at once when there are many IFOVs
 # Share of the noise's deviation below which the target's field is not computed: a sixtieth of the
@@ -92,8 +94,7 @@ def sample_frames(
     `_Noise`), and the target reaches some pulse lengths only.
 
     Fewer frames from an equal generator are the first of more, bit for bit: normals are drawn
-    frame by frame, and a frame's place in its block of `FRAMES_AT_ONCE` does not depend on their
-    number. Only the products of matrices are computed for whole blocks.
+    frame by frame, and no product of matrices has more rows, or fewer, for another number.
     """
     blocks = frame_blocks(
         extent,
@@ -155,31 +156,39 @@ def frame_blocks(
             f"target_free_ifovs is {target_free_ifovs}, but must be at most {MOST_DRAWN} for the "
             f"receiver {receiver}, which sees each of them"
         )
+    # numba takes long to import
+    from ncti.ladar.waveforms import add_in_turn
+    from ncti.normals import draw_normals
+
     noise = _Noise.of(**pulse, bin_count=bins)
-    speckles = _speckles(extent, pulse_width=pulse_width, cnr=cnr)
     floor = np.zeros((0, bins), dtype=np.float32)
     if as_sum:
         floor = _floor_factor(**pulse, bin_count=bins)
-    else:
-        speckles += [NO_SPECKLE] * target_free_ifovs
+    alone = 0 if as_sum else target_free_ifovs
+    speckle = _Speckle.of(extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=alone)
     detected = partial(detect, receiver=receiver, false_alarm=false_alarm)
     detected(floor)  # its checks
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
-    per_frame = len(floor) + sum(2 * (len(part.factor) + noise.rank) for part in speckles)
-    # Of the size of a frame alone, so that the blocks begin at the same frames for any number.
-    at_once = min(FRAMES_AT_ONCE, max(1, NORMALS_AT_ONCE // max(1, per_frame)))
+    per_frame = len(floor) + 2 * (int(speckle.first[-1]) + (len(speckle.first) - 1) * noise.rank)
+    at_once = min(FRAMES_AT_ONCE, frame_count, max(1, NORMALS_AT_ONCE // max(1, per_frame)))
 
     def blocks() -> Iterator[NDArray[np.float64]]:
-        normals = np.zeros((at_once, per_frame), dtype=np.float32)
+        rows = -(-at_once // ROWS_AT_ONCE) * ROWS_AT_ONCE
+        normals = np.zeros((rows, per_frame), dtype=np.float32)
+        waveforms = _Waveforms(noise, speckle, begin=len(floor), frames=at_once)
         for first in range(0, frame_count, at_once):
             count = min(at_once, frame_count - first)
-            # What is left in the rows of a last block that are not drawn changes no other row.
-            rng.standard_normal(out=normals[:count], dtype=np.float32)
-            floor_normals, field_normals = np.split(normals, [len(floor)], axis=1)
-            block = math.sqrt(target_free_ifovs) * (floor_normals @ floor)[:count].astype(float)
-            block += level
-            for amplitude in _waveforms(field_normals, speckles, noise):
-                block += detected(amplitude[:count])
+            draw_normals(rng, normals[:count])
+            block = np.full((count, bins), level)
+            if as_sum:
+                # What is left in the rows that are not drawn changes no other row.
+                padded = normals[: -(-count // ROWS_AT_ONCE) * ROWS_AT_ONCE, : len(floor)]
+                sums = padded.reshape(-1, ROWS_AT_ONCE, len(floor)) @ floor
+                block += math.sqrt(target_free_ifovs) * sums.reshape(-1, bins)[:count]
+            for part in range(0, count, ROWS_AT_ONCE):
+                some = slice(part, min(part + ROWS_AT_ONCE, count))
+                for amplitude in waveforms.of(normals[some]):
+                    add_in_turn(detected(amplitude), block[some])
             yield block
 
     return blocks()
@@ -232,44 +241,42 @@ def cumulative_average(
 
 
 class _Speckle(NamedTuple):
-    """What the target adds to one IFOV's field: the bins from `begin` to `end` alone feel it."""
+    """What the target adds to the fields of IFOVs, those without a target last."""
 
-    begin: int
-    end: int
-    factor: NDArray[np.float32]  # (occupied bin, end - begin)
+    first: NDArray[np.int64]  # (ifov + 1,) where each IFOV begins in the next three
+    occupied: NDArray[np.int64]  # (place,) bins
+    amplitude: NDArray[np.float32]
+    reach: NDArray[np.int64]  # so many bins feel a scatterer on each side, its own included
+    response: NDArray[np.float32]  # (2 bin - 1,) by lag, from the farthest bin below on
 
-
-NO_SPECKLE = _Speckle(0, 0, np.zeros((0, 0), dtype=np.float32))
-
-
-def _speckles(extent: RangeExtent, *, pulse_width: float, cnr: float) -> list[_Speckle]:
-    """Return the target's part of each IFOV, out to where it is lost in the noise's rounding."""
-    pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
-    bins = extent.down_range.size
-    kernel = _short_kernel(**pulse, bin_count=bins)
-    amplitude = np.sqrt(cnr * extent.density).astype(np.float32)
-    # Beyond so many bins no scatterer of this view is felt.
-    felt = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
-    reach = int(np.count_nonzero(amplitude.max(initial=0.0) * kernel[0] > felt))
-    parts = []
-    for fill, beta in zip(amplitude, extent.density, strict=True):
-        (occupied,) = beta.nonzero()
-        if not occupied.size:
-            parts.append(NO_SPECKLE)
-            continue
-        begin = max(0, int(occupied[0]) - reach + 1)
-        end = min(bins, int(occupied[-1]) + reach)
-        response = kernel.take(occupied, axis=0)[:, begin:end]
-        parts.append(_Speckle(begin, end, fill.take(occupied)[:, None] * response))
-    return parts
+    @classmethod
+    def of(
+        cls, extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int = 0
+    ) -> _Speckle:
+        """Return that of a view, each bin's out to where it is lost in the noise's rounding."""
+        pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+        bins = extent.down_range.size
+        response = _response(**pulse, bin_count=bins)
+        density = extent.density
+        (occupied,) = density.reshape(-1).nonzero()
+        amplitude = np.sqrt(cnr * density.take(occupied)).astype(np.float32)
+        felt = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
+        # The response falls with the lag: how many lags are above what each bin asks.
+        with np.errstate(divide="ignore"):
+            lost = felt / amplitude
+        reach = bins - response[:bins].searchsorted(lost, side="right")
+        ifovs = len(density)
+        first = np.searchsorted(occupied, bins * np.arange(ifovs + 1 + target_free_ifovs))
+        return cls(first, occupied % bins, amplitude, reach, response)
 
 
 @lru_cache(maxsize=32)
-def _short_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
-    """Return `target_kernel` without its farthest tails."""
+def _response(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
+    """Return `target_kernel` by lag, from the farthest bin below on, without its farthest tails."""
     kernel = target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
+    by_lag = np.concatenate([kernel[0, :0:-1], kernel[0]])
     # Numbers below the least normal float32 are a hundred times slower to multiply.
-    return np.where(kernel > 1e-20, kernel, 0.0).astype(np.float32)
+    return np.where(by_lag > 1e-20, by_lag, 0.0).astype(np.float32)
 
 
 class _Noise(NamedTuple):
@@ -284,8 +291,8 @@ class _Noise(NamedTuple):
     bins: int
     even: NDArray[np.float32]  # (rank, half) of the lower half, the middle of an odd number in it
     odd: NDArray[np.float32]
-    of_even: slice  # normals of a quadrature that are those of even rows
-    of_odd: slice
+    of_even: tuple[int, int]  # first of a quadrature's normals that is of an even row, and step
+    of_odd: tuple[int, int]
 
     @property
     def rank(self) -> int:
@@ -301,8 +308,8 @@ class _Noise(NamedTuple):
         factor = noise_factor(**pulse, bin_count=bin_count)
         # Eigenvalues ascend: the last row is that of the largest, which is even.
         last = len(factor) - 1
-        of_even, of_odd = slice(last % 2, None, 2), slice(1 - last % 2, None, 2)
-        even, odd = factor[of_even], factor[of_odd]
+        of_even, of_odd = (last % 2, 2), (1 - last % 2, 2)
+        even, odd = factor[last % 2 :: 2], factor[1 - last % 2 :: 2]
         mixed = max(
             np.abs(even - even[:, ::-1]).max(initial=0.0),
             np.abs(odd + odd[:, ::-1]).max(initial=0.0),
@@ -314,51 +321,54 @@ class _Noise(NamedTuple):
             direct, across = covariance[:half, :half], covariance[:half, ::-1][:, :half]
             even = low_rank_factor((direct + across) / 2, tolerance=1e-6)
             odd = low_rank_factor((direct - across) / 2, tolerance=1e-6)
-            of_even, of_odd = slice(0, len(even)), slice(len(even), None)
+            of_even, of_odd = (0, 1), (len(even), 1)
         even, odd = (np.ascontiguousarray(part[:, :half]) for part in (even, odd))
         return cls(bin_count, even, odd, of_even, of_odd)
 
 
-def _waveforms(
-    normals: NDArray[np.float32], speckles: list[_Speckle], noise: _Noise
-) -> Iterator[NDArray[np.float32]]:
-    """Yield the detector output |l| (frame, bin) of each IFOV, in memory that the next one takes.
+class _Waveforms:
+    """Detector outputs |l| of IFOVs from normals, in memory that is used again.
 
     A frame's normals are those of an IFOV after the other: its one quadrature, then its other,
     in each first those of the occupied bins, then those of the noise.
     """
-    count, half = len(normals), noise.even.shape[1]
-    even_normals = np.empty((2, count, len(noise.even)), dtype=np.float32)
-    odd_normals = np.empty((2, count, len(noise.odd)), dtype=np.float32)
-    even, odd = (np.empty((2, count, half), dtype=np.float32) for _ in range(2))
-    field = np.empty((2, count, noise.bins), dtype=np.float32)
-    lower, upper = field[..., :half], field[..., ::-1][..., :half]
-    start = 0
-    for begin, end, factor in speckles:
-        occupied = len(factor)
-        stop = start + 2 * (occupied + noise.rank)
-        drawn = normals[:, start:stop].reshape(count, 2, -1).swapaxes(0, 1)
-        start = stop
-        of_noise = drawn[..., occupied:]
-        even_normals[:] = of_noise[..., noise.of_even]
-        odd_normals[:] = of_noise[..., noise.of_odd]
-        _product(even_normals, noise.even, even)
-        _product(odd_normals, noise.odd, odd)
-        np.subtract(even, odd, out=upper)
-        np.add(even, odd, out=lower)
-        if occupied:
-            field[..., begin:end] += drawn[..., :occupied] @ factor
-        np.square(field, out=field)
-        amplitude = np.add(field[0], field[1], out=field[0])
-        yield np.sqrt(amplitude, out=amplitude)
 
+    def __init__(self, noise: _Noise, speckle: _Speckle, *, begin: int, frames: int) -> None:
+        self.noise, self.speckle = noise, speckle
+        occupied = np.repeat(np.diff(speckle.first), 2)
+        ends = begin + np.cumsum(occupied + noise.rank)
+        # Of each quadrature: first normal of its speckle, first of its noise, and one past both.
+        self.parts = np.stack([ends - noise.rank - occupied, ends - noise.rank, ends])
+        most = min(IFOVS_AT_ONCE, len(speckle.first) - 1)
+        half = noise.even.shape[1]
+        sizes = (len(noise.even), len(noise.odd), half, half)
+        rows = min(frames, ROWS_AT_ONCE)
+        self.halves = [np.empty((rows, 2 * most, size), dtype=np.float32) for size in sizes]
+        self.magnitude = np.empty((rows, most, noise.bins), dtype=np.float32)
 
-def _product(
-    normals: NDArray[np.float32], factor: NDArray[np.float32], out: NDArray[np.float32]
-) -> None:
-    """Put normals @ factor into `out`: one product of all rows, not one a quadrature."""
-    rows = math.prod(out.shape[:-1])
-    np.matmul(normals.reshape(rows, len(factor)), factor, out=out.reshape(rows, -1))
+    def of(self, normals: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
+        """Yield (frame, ifov, bin): some IFOVs at once, for at most `ROWS_AT_ONCE` frames."""
+        from ncti.ladar.waveforms import part_noise, put_magnitudes  # numba takes long to import
+
+        noise, target = self.noise, self.speckle
+        ifovs = len(target.first) - 1
+        for start in range(0, ifovs, IFOVS_AT_ONCE):
+            stop = min(start + IFOVS_AT_ONCE, ifovs)
+            speckle, begin, end = self.parts[:, 2 * start : 2 * stop]
+            even_normals, odd_normals, even, odd = (
+                part[: len(normals), : 2 * (stop - start)] for part in self.halves
+            )
+            part_noise(normals, begin, end, noise.of_even, noise.of_odd, even_normals, odd_normals)
+            # One product a frame, so that no frame depends on how many there are.
+            np.matmul(even_normals, noise.even, out=even)
+            np.matmul(odd_normals, noise.odd, out=odd)
+            magnitude = self.magnitude[: len(normals), : stop - start]
+            put_magnitudes(
+                *(even, odd, normals, speckle, target.first[start : stop + 1]),
+                *(target.occupied, target.amplitude, target.reach, target.response),
+                magnitude,
+            )
+            yield magnitude
 
 
 @lru_cache(maxsize=32)

@@ -32,8 +32,13 @@ class Lattice:
         """Horizontal and vertical coordinates [m] of some pixel centres."""
         column = self.origin[0] + self.pixel * cols
         row = self.origin[1] + self.pixel * rows
-        cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
+        cos, sin = self.turn
         return column * cos - row * sin, column * sin + row * cos
+
+    @property
+    def turn(self) -> tuple[float, float]:
+        """Cosine and sine of the roll."""
+        return float(np.cos(np.radians(self.roll))), float(np.sin(np.radians(self.roll)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.render.compiled import compiled
+from ncti.compiled import compiled
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int32]

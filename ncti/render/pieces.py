@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.render.compiled import compiled
+from ncti.compiled import compiled
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.render.compiled import compiled
+from ncti.compiled import compiled
 from ncti.render.solid import STEEP, STEEPEST
 
 Floats = NDArray[np.float64]

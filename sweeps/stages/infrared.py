@@ -20,6 +20,7 @@ from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at, pack_
 from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, Grid, image_stage, looks, quantity
 
 SENSOR = INFRARED
+IMPORTS = ("ncti.infrared.cells",)  # by its stages, when they are called; takes long
 IMAGES = "infrared"  # group
 VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")  # of its dimensions
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -79,9 +79,10 @@ class Patches:
                 span, roll = -span[:, ::-1], -roll
             lines = _flat(hits["line"], span, spacing=pixel, phase=bottom, roll=roll)
             return cls(*lines.bounds, pixel**2, lines)
-        # Of the flat image: np.nonzero of two axes takes several times as long.
-        rows, cols = np.divmod(np.flatnonzero(np.unpackbits(hits["bits"])), int(hits["columns"]))
-        horizontal, vertical = Lattice(pixel, (left, bottom), roll).cross_range_at(rows, cols)
+        from ncti.infrared.cells import places_of_bits  # numba takes long to import
+
+        lattice = pixel, (left, bottom), Lattice(pixel, (left, bottom), roll).turn
+        horizontal, vertical = places_of_bits(hits["bits"], int(hits["columns"]), *lattice)
         return cls(-horizontal if mirrored else horizontal, vertical, pixel**2)
 
     @cached_property
@@ -133,7 +134,7 @@ class Look:
     sea_spread: float
     seed: int
     name: dict[str, Any]  # ship, aspect and range, which name the noise
-    _places: dict[int, Place] = field(default_factory=dict)
+    _places: list[Place] = field(default_factory=list)
     _covered: dict[int, Silhouette] = field(default_factory=dict)
     _shown: dict[tuple[int, int], NDArray[np.bool_]] = field(default_factory=dict)
     _drawn: dict[tuple[str, tuple[int, ...]], tuple[np.random.Generator, list[Floats]]] = field(
@@ -142,12 +143,15 @@ class Look:
 
     def place(self, phase: int) -> Place:
         """Where in a pixel the ship origin lies, of a number of its place on the detector."""
-        if phase not in self._places:
-            # One stream for all places, one after the other.
-            rng = cell_rng(self.seed, stage="infrared_place", **self.name)
-            across, up = rng.random((phase + 1, 2))[phase].tolist()
-            self._places[phase] = across, up
+        # One stream for all places, one after the other.
+        while len(self._places) <= phase:
+            across, up = self._placing.random(2).tolist()
+            self._places.append((across, up))
         return self._places[phase]
+
+    @cached_property
+    def _placing(self) -> np.random.Generator:
+        return cell_rng(self.seed, stage="infrared_place", **self.name)
 
     def covered(self, phase: int) -> Silhouette:
         """Coverage of half pixels by the ship at one of its places on the detector."""
@@ -199,6 +203,7 @@ class Look:
         }
 
 
+@lru_cache(maxsize=8)  # all ways of super-resolution at one place have it
 def whole_window(
     slant_range: float,
     depression: float,

@@ -38,6 +38,8 @@ Profiles = NDArray[np.float32]
 Signal = tuple[tuple[str, Any], ...]  # keywords of the library
 
 SENSOR = RANGE
+# By its stages, when they are called; takes long.
+IMPORTS = ("ncti.ladar.waveforms", "ncti.normals")
 PROFILES = "range_profile"  # group, and name of the noise
 VIEW = ("ship", "aspect", "pulse_width")
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them

@@ -1,8 +1,12 @@
 """The report of synthesis, run small."""
 
+import contextlib
+import io
+
 import numpy as np
 
 from benchmarks import synthesis
+from benchmarks.processes import Run
 from ncti.ladar import RangeExtent, frame_moments
 
 
@@ -34,3 +38,21 @@ def test_the_plain_computations_are_of_the_same_things():
     _, exact = frame_moments(seen, pulse_width=30e-9, **signal)
     plain = synthesis.covariance_calls(seen, 30e-9)["plain"]()
     np.testing.assert_allclose(plain, exact, atol=1e-12 * exact.max() * synthesis.TARGET_FREE)
+
+
+def test_long_runs_have_their_memory(monkeypatch):
+    def watched(command, *, cores):
+        """Of the same call in this process: another takes seconds to start."""
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(command[-1], {})
+        return Run(1.0, 1.0, 100.0, 100.0, 0.0, printed.getvalue())
+
+    monkeypatch.setattr(synthesis, "watch", watched)
+    monkeypatch.setattr(synthesis, "LONG_RUNS", (40,))
+    for few in ("FRAME_COUNTS", "PULSES", "RANGES"):
+        monkeypatch.setattr(synthesis, few, ())
+    (row,) = synthesis.measure("duncan", repeats=1, aspects=(90.0,), long_runs=True).rows
+    assert row["frames"] == 40
+    assert row["ms"].low > 0
+    assert row["mib"].median == 100.0

@@ -230,14 +230,23 @@ def test_noise_is_even_and_odd_in_turn(pulse_width, bins):
     assert np.abs(upper - wanted[:half, bins - half :]).max() < tolerance
 
 
+def factors_of(speckle):
+    """What the normals of the occupied bins of each IFOV are multiplied by, (bin, bin) each."""
+    bins = (speckle.response.size + 1) // 2
+    lag = np.arange(bins) - speckle.occupied[:, None]
+    size = speckle.amplitude[:, None] * speckle.response[bins - 1 + lag]
+    whole = np.where(np.abs(lag) < speckle.reach[:, None], size, np.float32(0.0))
+    return np.split(whole, speckle.first[1:-1])
+
+
 @pytest.mark.parametrize("cnr", [1e-6, 1e3, 1e10])
 @pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
 def test_no_factor_is_subnormal(pulse_width, cnr):
     """Products with subnormal numbers take a hundred times as long as others."""
     seen = extent(bins=250, ifovs=4)
     noise = frames._Noise.of(pulse_width=pulse_width, bin_width=1.0, bin_count=250)
-    speckles = frames._speckles(seen, pulse_width=pulse_width, cnr=cnr)
-    for factor in (noise.even, noise.odd, *(speckle.factor for speckle in speckles)):
+    speckle = frames._Speckle.of(seen, pulse_width=pulse_width, cnr=cnr)
+    for factor in (noise.even, noise.odd, speckle.response, *factors_of(speckle)):
         size = np.abs(factor[factor != 0])
         assert (size >= np.finfo(np.float32).tiny).all()
 
@@ -276,12 +285,9 @@ def test_bins_outside_the_target_add_nothing(pulse_width):
     everywhere = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
     signal = {"pulse_width": pulse_width, "cnr": 1e3}
     for few, whole in zip(
-        *(frames._speckles(one, **signal) for one in (seen, everywhere)), strict=True
+        *(factors_of(frames._Speckle.of(one, **signal)) for one in (seen, everywhere)), strict=True
     ):
-        assert len(few.factor) < len(whole.factor)
-        plain, found = np.zeros((250, 250)), np.zeros((250, 250))
-        for part, covariance in ((few, found), (whole, plain)):
-            felt = slice(part.begin, part.end)
-            covariance[felt, felt] = part.factor.astype(float).T @ part.factor
+        assert len(few) < len(whole)
+        found, plain = (part.astype(float).T @ part for part in (few, whole))
         # Less than the noise's deviation times `UNFELT` is cut off; products are of float32.
         np.testing.assert_allclose(found, plain, atol=1e-6 * plain.max())

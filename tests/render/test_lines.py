@@ -427,7 +427,7 @@ def test_data_set_has_units():
 def test_machine_code_is_kept_outside_the_package(tmp_path):
     """In the cache folder, and nowhere if that cannot be written."""
     script = (
-        "from ncti.render.compiled import compiled\n"
+        "from ncti.compiled import compiled\n"
         "@compiled\n"
         "def double(x):\n"
         "    return 2 * x\n"

@@ -62,9 +62,7 @@ class _Announcer(event.Listener):
         if function.__module__.startswith("ncti.") and not self.said:
             self.said = True
             kept = f", and kept in {_folder()}" if _folder() else ""
-            logging.getLogger("ncti").warning(
-                "loops over facets are compiled, once: some seconds%s", kept
-            )
+            logging.getLogger("ncti").warning("loops are compiled, once: some seconds%s", kept)
 
     def on_end(self, event: Any) -> None:
         """Do nothing."""
