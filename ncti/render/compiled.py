@@ -38,10 +38,7 @@ def compiled(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Return a function that numba puts into the compiled ones that call it.
-
-    A loop that calls nothing can become vector instructions.
-    """
+    """Return a function that numba inlines; loops that call nothing can be vector instructions."""
     return cast(F, numba.njit(inline="always", error_model="numpy")(function))
 
 

@@ -20,6 +20,15 @@ Floats = NDArray[np.float64]
 STRIP = 8
 """Rows that share their first and last column on a ship: finding those of each row takes longer."""
 
+BATCH = 256
+"""Facets tried at once, so few that their corners stay in the processor's nearest cache."""
+
+ROWS = 4
+"""Rows of a facet that are tried for the whole batch; four facets in five have no more."""
+
+COVERS, MORE = 1, 2
+"""State of a facet: it has a pixel centre in one of those rows; it has more rows."""
+
 
 @compiled
 def place(points: Floats, curvature: float, pixel: float, column: float, row: float) -> Floats:
@@ -62,6 +71,9 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     -----
     Moved vertices leave a triangle within its Minkowski sum with a square: its bounding box, wider
     by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy x.
+
+    The loops of `_in_front` and `_covering` hold arithmetic alone, so that they are compiled to
+    vector instructions; what chooses and looks up facets is done between them.
     """
     found = np.empty(len(faces) + 1, np.int32)
     number = 0
@@ -69,21 +81,22 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     facet, state = np.empty(BATCH + 1, np.int32), np.empty(BATCH, np.uint8)
     for start in range(0, len(faces), BATCH):
         size = min(BATCH, len(faces) - start)
+        # Look up the corners. Unsigned, for numba lets signed indices count from the end.
         for e in range(size):
-            # No facet counts from the end, of which unsigned numbers spare the check.
             f = start + e
             i, j, k = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
             batch[0, e], batch[1, e] = seen[i, 0], seen[i, 1]
             batch[2, e], batch[3, e] = seen[j, 0], seen[j, 1]
             batch[4, e], batch[5, e] = seen[k, 0], seen[k, 1]
+        # Keep candidates by the bounding box, with no branch: the processor could not foresee it.
         _in_front(batch, size, margin, state)
-        # No branch between them, for the processor could not foresee it.
         candidates = 0
         for e in range(size):
             facet[candidates] = start + e
             for c in range(6):
                 candidate[c, candidates] = batch[c, e]
             candidates += state[e]
+        # Keep those with a centre between their sides.
         _covering(candidate, candidates, margin, state)
         for e in range(candidates):
             if state[e] == MORE:
@@ -93,21 +106,20 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     return found[:number]
 
 
-BATCH = 256
-"""Facets in a batch: their corners stay in the processor's nearest cache."""
-
-ROWS = 4
-"""Rows in which many facets are tried at once; few have more."""
-
-COVERS, MORE = 1, 2
-"""That a facet has a pixel centre in one of those rows; that it has more rows."""
-
-
 @compiled
 def _in_front(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]) -> None:
-    """Say of each of some facets if it may face the sensor and its bounding box has a centre.
+    """Set the state of facets to 1 if they may face the sensor and their bounding box has a centre.
 
-    The loop has no branch and no table in it, so that it is compiled to vector instructions.
+    Parameters
+    ----------
+    corner : (6, facet) float64 ndarray
+        Column and row of the three corners [pixel].
+    size : int
+        How many facets there are.
+    margin : float
+        As of `sampled`.
+    state : (facet,) uint8 ndarray
+        Written: 0 or 1.
     """
     for e in range(size):
         ax, ay, bx, by = corner[0, e], corner[1, e], corner[2, e], corner[3, e]
@@ -121,10 +133,7 @@ def _in_front(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]
 
 @compiled
 def _covering(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]) -> None:
-    """Say of each of some facets if it has a centre in its first rows, and if it has more rows.
-
-    As `_in_front`, a loop of vector instructions.
-    """
+    """Set the state of facets to COVERS, MORE, both or 0; parameters as of `_in_front`."""
     for e in range(size):
         triangle = _bounds(corner, e, margin)
         low, high = triangle[:2]
@@ -161,11 +170,11 @@ def _box(
 
 @inlined
 def _side(x: float, y: float, run: float, rise: float, margin: float) -> tuple[float, float, float]:
-    """Return columns a row of a side that is moved out by a margin, and its column in row 0.
+    """Return columns a row of a side that is moved out by a margin, and its columns in row 0.
 
-    That column comes twice: as a bound on the left and on the right, infinite where it is none.
-    A side that rises bounds a row on the right, one that falls on the left, and one along a row
-    nowhere.
+    The first of these bounds a row on the left, the second on the right, and is infinite where the
+    side bounds nothing: one that rises bounds on the right, one that falls on the left, and one
+    along a row nowhere.
     """
     level = abs(rise) < 1e-9
     per = 1.0 / rise
