@@ -37,6 +37,11 @@ def compiled(function: F) -> F:
         config.CACHE_DIR = before
 
 
+def inlined(function: F) -> F:
+    """Return a function that numba inlines; loops that call nothing can be vector instructions."""
+    return cast(F, numba.njit(inline="always", error_model="numpy")(function))
+
+
 @cache
 def _folder() -> str:
     """Return the folder for machine code; nothing where it is not this user's to write alone."""

@@ -24,15 +24,13 @@ SHADERS = Path(__file__).with_name("shaders")
 class Canvas:
     """A context, a renderer and a scene, kept from image to image.
 
-    The scene holds the last ships drawn, with one of them visible; pyrender uploads a ship when it
-    joins the scene and frees it when it leaves.
+    The scene holds the last ships drawn; pyrender uploads a ship when it joins the scene and frees
+    it when it leaves.
     """
 
     def __init__(self, platform: str) -> None:
         self._context = _make_context(platform)
-        self._camera = _MatrixCamera()
-        self._scene = pyrender.Scene(bg_color=-np.ones(4))
-        self._scene.add(self._camera)
+        self._scene = pyrender.Scene()
         self._renderer = _FacetRenderer()
         self._nodes: OrderedDict[Solid, pyrender.Node] = OrderedDict()
 
@@ -61,22 +59,18 @@ class Canvas:
         (row * col,) float32 ndarray
             Facet numbers, row 0 the lowest.
         """
-        self._show(solid).choose(facets)
-        self._camera.matrix = clip
-        self._renderer.viewport_height, self._renderer.viewport_width = shape
-        flags = pyrender.RenderFlags.DEPTH_ONLY | pyrender.RenderFlags.OFFSCREEN
-        return self._renderer.render(self._scene, flags)
+        return self._renderer.draw(self._uploaded(solid), facets, clip, shape)
 
-    def _show(self, solid: Solid) -> _Facets:
+    def _uploaded(self, solid: Solid) -> _Facets:
+        """The facets of a ship, in the context."""
         node = self._nodes.pop(solid, None)
         if node is None:
             node = self._scene.add(pyrender.Mesh([_Facets(solid)]))
+            if len(self._nodes) == KEPT:
+                _, oldest = self._nodes.popitem(last=False)
+                self._scene.remove_node(oldest)
+            self._renderer.upload(self._scene)
         self._nodes[solid] = node
-        if len(self._nodes) > KEPT:
-            _, oldest = self._nodes.popitem(last=False)
-            self._scene.remove_node(oldest)
-        for other in self._nodes.values():
-            other.mesh.is_visible = other is node
         facets: _Facets = node.mesh.primitives[0]
         return facets
 
@@ -102,88 +96,76 @@ class _Facets(pyrender.Primitive):
             positions=solid.vertices[np.concatenate([last, rest])], indices=self._numbers[:1]
         )
 
-    def choose(self, facets: NDArray[np.int32]) -> None:
-        """Draw some of the facets, next time."""
-        self._chosen = self._numbers.take(facets, axis=0)
-
-    def draw(self) -> None:
-        """Draw them, in the current context."""
+    def draw(self, facets: NDArray[np.int32]) -> None:
+        """Draw some of them, in the current context."""
         self._bind()
-        content = self._chosen
+        content = self._numbers.take(facets, axis=0)
         if len(content):  # PyOpenGL makes no buffer of nothing
             GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, content.nbytes, content, GL.GL_STREAM_DRAW)
             GL.glDrawElements(GL.GL_TRIANGLES, content.size, GL.GL_UNSIGNED_INT, None)
         self._unbind()
 
 
-class _MatrixCamera(pyrender.Camera):
-    """A camera that stands at the ship origin with the whole way to clip coordinates in a matrix.
-
-    pyrender would multiply projection, view and model in the shader, in float32.
-    """
-
-    matrix: NDArray[np.float64]
-
-    def get_projection_matrix(
-        self, width: int | None = None, height: int | None = None
-    ) -> NDArray[np.float64]:
-        return self.matrix
-
-
 class _FacetRenderer(pyrender.Renderer):
-    """pyrender's renderer with a shader and a framebuffer of our own.
+    """pyrender's renderer with a depth pass of our own.
 
-    pyrender's own framebuffer has four samples a pixel, of which it then picks one that is not at
-    the centre, and a depth buffer of 24 bits.
+    pyrender's walks through the scene, and asks and sets for every image what stays the same; that
+    takes a tenth of the time of a small image. Its framebuffer has four samples a pixel, of which
+    it then picks one that is not at the centre, and a depth buffer of 24 bits. It multiplies
+    projection, view and model in the shader, in float32; here they are one matrix.
     """
-
-    _main_fb: Any
-    _main_fb_dims: tuple[int | None, int | None]
 
     def __init__(self) -> None:
         super().__init__(1, 1)
-        self._program: Any = None
         self._program_cache = ShaderProgramCache(shader_dir=str(SHADERS))
+        program = self._program_cache.get_program("mesh_depth.vert", "mesh_depth.frag")
+        program._add_to_context()
+        program._bind()
+        self._matrix = GL.glGetUniformLocation(program._program_id, "P")
+        GL.glClearColor(-1.0, -1.0, -1.0, -1.0)
+        GL.glEnable(GL.GL_DEPTH_TEST)
+        GL.glEnable(GL.GL_CULL_FACE)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, GL.glGenFramebuffers(1))
+        self._buffers = GL.glGenRenderbuffers(2)
+        self._shape = (0, 0)
 
     def __del__(self) -> None:
         """Leave what is in the context to the context, which may not be this thread's."""
 
-    def _get_primitive_program(self, primitive: Any, flags: int, program_flags: int) -> Any:
-        # pyrender asks OpenGL for its limits on lights every time.
-        if self._program is None:
-            self._program = super()._get_primitive_program(primitive, flags, program_flags)
-        return self._program
+    def upload(self, scene: pyrender.Scene) -> None:
+        """Upload what is new in a scene, and free what has left it."""
+        self._update_context(scene, pyrender.RenderFlags.DEPTH_ONLY)
 
-    def _bind_and_draw_primitive(
-        self, primitive: _Facets, pose: Any, program: Any, flags: int
-    ) -> None:
-        GL.glEnable(GL.GL_CULL_FACE)
-        GL.glCullFace(GL.GL_BACK)
-        primitive.draw()
+    def draw(
+        self,
+        ship: _Facets,
+        facets: NDArray[np.int32],
+        clip: NDArray[np.float64],
+        shape: tuple[int, int],
+    ) -> NDArray[np.float32]:
+        """The number of the facet behind each pixel: see `Canvas.draw`."""
+        rows, columns = shape
+        if shape != self._shape:
+            self._resize(rows, columns)
+        GL.glClear(GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT)
+        GL.glUniformMatrix4fv(self._matrix, 1, GL.GL_TRUE, clip.astype(np.float32))
+        ship.draw(facets)
+        image = np.empty(rows * columns, dtype=np.float32)
+        GL.glReadPixels(0, 0, columns, rows, GL.GL_RED, GL.GL_FLOAT, image)
+        return image
 
-    def _configure_main_framebuffer(self) -> None:
-        size = self.viewport_width, self.viewport_height
-        if size == self._main_fb_dims:
-            return
-        if self._main_fb is None:
-            self._main_cb, self._main_db = GL.glGenRenderbuffers(2)
-            self._main_fb = self._main_fb_ms = GL.glGenFramebuffers(1)
-        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._main_fb)
-        for buffer, attachment, content in (
-            (self._main_cb, GL.GL_COLOR_ATTACHMENT0, GL.GL_R32F),
-            (self._main_db, GL.GL_DEPTH_ATTACHMENT, GL.GL_DEPTH_COMPONENT32F),
+    def _resize(self, rows: int, columns: int) -> None:
+        for buffer, attachment, content in zip(
+            self._buffers,
+            (GL.GL_COLOR_ATTACHMENT0, GL.GL_DEPTH_ATTACHMENT),
+            (GL.GL_R32F, GL.GL_DEPTH_COMPONENT32F),
+            strict=True,
         ):
             GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
-            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, content, *size)
+            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, content, columns, rows)
             GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
-        self._main_fb_dims = size
-
-    def _read_main_framebuffer(self, scene: Any, flags: int) -> NDArray[np.float32]:
-        width, height = self.viewport_width, self.viewport_height
-        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
-        image = np.empty(height * width, dtype=np.float32)
-        GL.glReadPixels(0, 0, width, height, GL.GL_RED, GL.GL_FLOAT, image)
-        return image
+        GL.glViewport(0, 0, columns, rows)
+        self._shape = rows, columns
 
 
 def _make_context(platform: str) -> Any:

@@ -90,7 +90,9 @@ class Solid:
 
     def along(self, view: View) -> NDArray[np.float64]:
         """(3, vertex) float64 ndarray: vertices along the axes of a view, from the ship origin."""
-        return view.axes @ self.vertices.T + (view.axes @ self.centre)[:, None]
+        points: NDArray[np.float64] = view.axes @ self.vertices.T
+        points += (view.axes @ self.centre)[:, None]
+        return points
 
 
 _kept: OrderedDict[int, Solid] = OrderedDict()

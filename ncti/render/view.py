@@ -147,21 +147,22 @@ class Lattice:
         ValueError
             When the sensor is not clear of the ship, or the image would be too large.
         """
-        h, v, away = points
-        nearest, farthest = float(away.min()), float(away.max())
+        low, high = points.min(axis=1), points.max(axis=1)
+        nearest, farthest = float(low[2]), float(high[2])
         view.check_clear(nearest)
-        w = 1.0 + view.curvature * away
-        (left, right), (bottom, top) = (
-            (math.floor(seen.min() / pixel), math.ceil(seen.max() / pixel))
-            for seen in (h / w, v / w)
-        )
+        first, last = low, high
+        if view.slant_range is not None:
+            seen = points[:2] / (1.0 + view.curvature * points[2])
+            first, last = seen.min(axis=1), seen.max(axis=1)
+        left, bottom = (math.floor(first[axis] / pixel) for axis in (0, 1))
+        right, top = (math.ceil(last[axis] / pixel) for axis in (0, 1))
         columns, rows = max(right - left, 1), max(top - bottom, 1)
         if max(columns, rows) > MAX_SIDE:
             raise ValueError(
                 f"pixel is {pixel:g} m, which makes an image of {columns} by {rows} "
                 f"pixels: neither side may exceed {MAX_SIDE}."
             )
-        margin = 0.01 * float(np.ptp(points, axis=1).max())
+        margin = 0.01 * float((high - low).max())
         near, far = nearest - margin, farthest + margin
         if view.slant_range is not None:
             # Halfway to the sensor at most: the near plane stays in front of it.
