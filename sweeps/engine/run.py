@@ -32,7 +32,8 @@ from sweeps.engine.results import CellIndex, open_index, read_cells
 from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Experiment
-from sweeps.engine.store import add_group, read_attributes, write_store
+from sweeps.engine.store import read_attributes, write_store
+from sweeps.engine.tables import add_tables
 from sweeps.engine.takeover import OldStore
 from sweeps.engine.tasks import Call, Damaged, Report, Spot, reason, run_calls
 
@@ -364,17 +365,6 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
         if (key := plan.key(bound, at)) in failed
     }
 
-    def tabulate(path: Path) -> None:
-        import xarray as xr  # where it is used, see `_import_for_tables`
-
-        for table in plan.experiment.tables:
-            there = all((path / group).is_dir() for group in table.of)
-            if there and table.when(plan.choices):
-                given = [xr.open_zarr(path, group=group, chunks=None).load() for group in table.of]
-                made = table.make(*given, plan.choices)
-                if made is not None:
-                    add_group(path, table.group, made)
-
-    write_store(
-        place.store, cube.groups(), provenance(plan, failures), after=tabulate, threads=WRITERS
-    )
+    groups = cube.groups()
+    add_tables(plan, groups)
+    write_store(place.store, groups, provenance(plan, failures), threads=WRITERS)
