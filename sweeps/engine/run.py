@@ -31,7 +31,7 @@ from sweeps.engine.provenance import check_extends, provenance
 from sweeps.engine.results import CellIndex, open_index, read_cells
 from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Experiment
+from sweeps.engine.stage import Bound, Experiment
 from sweeps.engine.store import read_attributes, write_store
 from sweeps.engine.tables import add_tables
 from sweeps.engine.takeover import OldStore
@@ -106,8 +106,8 @@ def preview(
     before = OldStore(plan, store, old, lambda sentence: None) if store and old else None
     index = CellIndex(cache, lambda sentence: None)  # which is not saved
 
-    def find(keys: Sequence[str]) -> dict[str, Spot]:
-        there = before.has(keys) if before is not None else ()
+    def find(bound: Bound, keys: Sequence[str]) -> dict[str, Spot]:
+        there = before.has(bound, keys) if before is not None else ()
         return dict.fromkeys(there, ("", 0)) | index.find(keys)
 
     schedule, costs = Schedule(plan), index.costs()
@@ -170,10 +170,10 @@ def _sweep(
     schedule = Schedule(plan, {name: seconds for name, (seconds, _) in index.costs().items()})
     before = OldStore(plan, place.store, old, watch.say) if old is not None else None
 
-    def find(keys: Sequence[str]) -> dict[str, Spot]:
+    def find(bound: Bound, keys: Sequence[str]) -> dict[str, Spot]:
         found = index.find(keys)
         if before is not None and len(found) < len(keys):
-            found |= before.find([key for key in keys if key not in found], spill)
+            found |= before.find(bound, [key for key in keys if key not in found], spill)
         return found
 
     failures: list[tuple[str, str]] = []

@@ -98,11 +98,6 @@ class Group:
     ragged: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def opened(self) -> np.dtype[Any]:
-        """Dtype that zarr reads back: that of what is stored, in the byte order of this machine."""
-        return np.dtypes.StringDType() if self.stored == _STRING else self.stored.newbyteorder("=")
-
-    @property
     def attributes(self) -> dict[str, Any]:
         """Attributes, by which xarray also finds coordinates that are no dimensions."""
         others = [name for name, array in self.coordinates.items() if array.dims != (name,)]
