@@ -15,7 +15,7 @@ from importlib import import_module
 from itertools import count
 from pathlib import Path
 
-from sweeps.engine.cluster import ClusterChoice, Executor, executor
+from sweeps.engine.cluster import ClusterChoice, Executor, InlineExecutor, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.folders import (
     PARTIAL,
@@ -191,11 +191,11 @@ def _sweep(
             if schedule.ready:
                 measured = all(bound.name in schedule.costs for bound, _ in missing)
                 quick = measured and schedule.work_left() < QUICK
-                workers = start(len(missing), quick=quick)
-                if plan.experiment.tables:  # while workers start
-                    _import_for_tables()
+                workers = start(len(missing), quick=quick).result()
+                if plan.experiment.tables and not isinstance(workers, InlineExecutor):
+                    thread.submit(_import_for_tables)  # while they work
                 damaged, failed = execute(
-                    schedule, workers.result(), index, folder=place.cache, spill=spill, watch=watch
+                    schedule, workers, index, folder=place.cache, spill=spill, watch=watch
                 )
                 failures += failed
             elif old is not None and _is_whole(plan, place.store, old, watch):
@@ -319,7 +319,7 @@ def execute(
 
 
 def _import_for_tables() -> None:
-    """Import what makes tables; takes the better part of a second."""
+    """Import what makes and reports tables; takes the better part of a second."""
     for name in ("xarray", "zarr", "dask.array"):  # which xarray imports for its first variable
         import_module(name)
 
