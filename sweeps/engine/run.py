@@ -7,7 +7,7 @@ import json
 import shutil
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -191,7 +191,11 @@ def _sweep(
             if schedule.ready:
                 measured = all(bound.name in schedule.costs for bound, _ in missing)
                 quick = measured and schedule.work_left() < QUICK
-                workers = start(len(missing), quick=quick).result()
+                starting = start(len(missing), quick=quick)
+                if place.cluster.kind == "local":
+                    functions = _functions(bound for bound, _ in missing)
+                    plan.experiment.prepare(plan.choices, functions, watch.say)
+                workers = starting.result()
                 if plan.experiment.tables and not isinstance(workers, InlineExecutor):
                     thread.submit(_import_for_tables)  # while they work
                 damaged, failed = execute(
@@ -316,6 +320,16 @@ def execute(
 
 
 # the store --------------------------------------------------------------------------------------
+
+
+def _functions(stages: Iterable[Bound]) -> set[Callable[..., object]]:
+    """Functions of some stages, and of those in memory that they need."""
+    found, waiting = set(), list(dict.fromkeys(stages))
+    while waiting:
+        bound = waiting.pop()
+        found.add(bound.stage.function)
+        waiting += [one for one in bound.inputs if one.stage.memory]
+    return found
 
 
 def _import_for_tables() -> None:
