@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import shutil
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -19,11 +18,13 @@ from sweeps.engine.cluster import ClusterChoice, Executor, InlineExecutor, execu
 from sweeps.engine.cube import Cube
 from sweeps.engine.folders import (
     PARTIAL,
+    Remove,
     check_folder,
     check_target,
     hidden,
     locked,
     real_place,
+    remove_folder,
     verify,
 )
 from sweeps.engine.plan import Plan
@@ -46,12 +47,16 @@ QUICK = 1.0  # s of work that is done before worker processes would have started
 
 @dataclass(frozen=True)
 class Place:
-    """Store and cache of a sweep, who does the work, and how many bytes of results are kept."""
+    """Store and cache of a sweep, who does the work, and how many bytes of results are kept.
+
+    `remove` removes the folder of the store that is replaced, which takes as long as to write it.
+    """
 
     store: Path
     cache: Path
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 2**30
+    remove: Remove = remove_folder
 
 
 @dataclass
@@ -155,7 +160,7 @@ def _spill(store: Path) -> Iterator[Path]:
     try:
         yield folder
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_folder(folder)
 
 
 def _sweep(
@@ -381,4 +386,5 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
 
     groups = cube.groups()
     add_tables(plan, groups)
-    write_store(place.store, groups, provenance(plan, failures), threads=WRITERS)
+    attributes = provenance(plan, failures)
+    write_store(place.store, groups, attributes, threads=WRITERS, remove=place.remove)

@@ -8,7 +8,6 @@ file, at the root or at any group.
 from __future__ import annotations
 
 import json
-import shutil
 import zlib
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -20,11 +19,13 @@ import numpy as np
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import (
     PARTIAL,
+    Remove,
     check_target,
     hidden,
     put_in_place,
     read_manifest,
     real_place,
+    remove_folder,
     write_file,
     write_manifest,
 )
@@ -41,13 +42,15 @@ def write_store(
     attributes: Mapping[str, Any],
     *,
     threads: int = 1,
+    remove: Remove = remove_folder,
 ) -> None:
     """Write a store and put it in its place whole, also in that of an older store.
 
     Hold its lock meanwhile (`locked`). Memory holds a few chunks a thread. If anything fails, the
     place is as it was. Who opened the old store must open it again. Files are left to the
     operating system to flush: `verify` tells what a power cut broke. `groups` are by path, as
-    'classification/acn'; those above them need not be given.
+    'classification/acn'; those above them need not be given. `remove` is given the folder of an
+    older store, or of one that was not finished.
     """
     check_target(path)
     place = real_place(path)
@@ -59,7 +62,8 @@ def write_store(
         check_target(path)  # nobody else may have put something there meanwhile
         put_in_place(partial, place)
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        if partial.exists():
+            remove(partial)
 
 
 def read_attributes(path: Path) -> dict[str, Any] | None:
