@@ -60,7 +60,13 @@ def dataset_of(group: Group) -> xr.Dataset:
     class Opened(AbstractDataStore):
         def get_variables(self) -> dict[str, xr.Variable]:
             return {
-                name: xr.Variable(one.dims, LazilyIndexedArray(Values(of, name)), one.attributes)
+                # With its type, without which xarray makes objects of texts.
+                name: xr.Variable(
+                    one.dims,
+                    LazilyIndexedArray(Values(of, name)),
+                    one.attributes,
+                    {"dtype": one.opened},
+                )
                 for of in (group.arrays, group.coordinates)
                 for name, one in of.items()
             }
