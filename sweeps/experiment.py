@@ -8,12 +8,11 @@ give it to `assemble` beside `MODULES`.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ncti.render import machine_code
 from sweeps.engine.kinds import Kind, SetOf, Word
 from sweeps.engine.settings import Choices, Run, Settings
 from sweeps.engine.stage import Experiment, Stage
@@ -38,6 +37,7 @@ from sweeps.stages import (
     views,
 )
 from sweeps.stages.classifier import Classifier
+from sweeps.stages.compiling import compile_loops
 from sweeps.stages.views import (
     CACHE_VARIABLE,
     IRAR,
@@ -126,22 +126,12 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         check=check,
         checking="checking what is asked for, and building its ships",
         remarks=remarks,
-        prepare=prepare,
+        prepare=compile_loops,
         versions=VERSIONS,
         attributes=attributes,
         conf=conf_folder(),
         code=("ncti", "sweeps", *code),
     )
-
-
-def prepare(
-    choices: Choices, functions: Collection[Callable[..., Any]], say: Callable[[str], None]
-) -> None:
-    """Compile the loops of all engines that draw, where some of these stages' functions do."""
-    if {views.image.function, flights.models.function}.intersection(functions):
-        for engine in (one for one in choices[Render.engine] if not machine_code.is_kept(one)):
-            say(f"compiling the loops over facets that {engine} runs, once: some seconds")
-            machine_code.keep(engine)
 
 
 def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
