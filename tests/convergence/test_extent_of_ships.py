@@ -32,7 +32,7 @@ from ncti.render import line_image, range_image
 
 # Bow to beam at the article's altitude; the stern of its missions, and a view from near by.
 GRID = [
-    (name, float(aspect), DEPRESSION) for name in ncti.ships.names() for aspect in range(0, 91, 9)
+    (name, float(aspect), DEPRESSION) for name in ncti.ships.names() for aspect in range(0, 91, 15)
 ]
 OTHERS = [
     (name, aspect, depression)
