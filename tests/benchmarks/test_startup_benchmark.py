@@ -10,8 +10,9 @@ from benchmarks import growth, startup
 
 
 def test_the_start_has_a_time_for_every_step(monkeypatch):
-    """Of commands that do nothing: `tests/benchmarks/test_command_benchmark.py` runs the real."""
-    monkeypatch.setattr(startup, "PROGRAM", ("-c", "print('a word')"))
+    """Of commands that only count: `tests/benchmarks/test_command_benchmark.py` runs the real."""
+    counting = "print('a word', flush=True); sum(range(2 * 10**7))"  # long enough to be looked at
+    monkeypatch.setattr(startup, "PROGRAM", ("-c", counting))
     monkeypatch.setattr(startup, "sweep", lambda *given: SimpleNamespace(run=watched()))
     report = startup.measure(repeats=1)
     assert [row["step"] for row in report.rows] == [startup.HELP, startup.AGAIN, startup.WORDS]
