@@ -13,7 +13,7 @@ from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, number, set_of, switch, word
 from sweeps.engine.stage import Condition, Output, Stage, Table, in_memory, stage
-from sweeps.stages import fresh
+from sweeps.stages.fresh import Fresh, fresh_aspects
 from sweeps.stages.scores import VIEW, data_set, formed, scored_profiles, tabulate_rejection
 from sweeps.stages.views import Grid, looks, ships
 
@@ -56,7 +56,6 @@ class Classifier(Settings, key="classifier"):
         unit="degree",
         label="spacing of the aspects learned",
         help="of those that could be, its multiples; null: all",
-        noted=True,
     )
     test_vigilance = number(
         *({"start": 0, "stop": 1, "step": 0.01}, 0, 1),
@@ -124,7 +123,8 @@ def aspects_of(choices: Choices) -> dict[str, xr.DataArray]:
     import xarray as xr
 
     learned = learned_of(choices).any("ship")
-    drawn = xr.DataArray(np.isin(choices[Grid.aspect], fresh.fresh_aspects(choices)), dims="aspect")
+    aspects = choices[Grid.aspect]
+    drawn = xr.DataArray(np.isin(aspects, fresh_aspects(choices, aspects)), dims="aspect")
     found = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
     return {name: where for name, where in found.items() if where.any()}
 
@@ -135,11 +135,11 @@ def check(choices: Choices) -> Choices:
     Aspects that are drawn come into the grid, and are not learned.
     """
     given = choices[Grid.aspect]
-    choices = fresh.check(choices)
-    if given != choices[Grid.aspect] and choices.one(Classifier.training_aspect) is None:
-        drawn = fresh.fresh_aspects(choices)
-        regular = tuple(aspect for aspect in given if aspect not in drawn)
-        choices = choices.having(Classifier.training_aspect, (regular,))
+    if drawn := fresh_aspects(choices, given):
+        if choices.one(Classifier.training_aspect) is None:
+            regular = tuple(aspect for aspect in given if aspect not in drawn)
+            choices = choices.having(Classifier.training_aspect, (regular,))
+        choices = choices.having(Grid.aspect, tuple(sorted({*given, *drawn})))
     there, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
     for name in unknown:
         if name not in there:
@@ -304,5 +304,5 @@ class Naming:
         return (scores, rejections) if rejecting else (scores,)
 
 
-SETTINGS: tuple[type[Settings], ...] = (*fresh.SETTINGS, Classifier)
+SETTINGS: tuple[type[Settings], ...] = (Fresh, Classifier)
 STAGES: tuple[Stage, ...] = (taught,)

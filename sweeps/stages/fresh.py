@@ -12,7 +12,6 @@ from ncti.evaluate.scores import BIN_WIDTH
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count
-from sweeps.stages.views import SHAPES, Grid
 
 DIGITS = 3  # of a drawn aspect [deg]: 2 mm at the end of a ship
 
@@ -26,7 +25,7 @@ class Fresh(Settings, key="grid"):
         10_000,
         label="aspects drawn at random in every 30 degrees, which nobody learns",
         help="besides grid.aspect, between its ends, by the seed",
-        fixed=SHAPES,
+        fixed="all of them are tested together",
     )
 
 
@@ -43,21 +42,18 @@ def drawn_aspects(low: float, high: float, number: int, seed: int) -> tuple[floa
     return tuple(found)
 
 
-def fresh_aspects(choices: Choices) -> tuple[float, ...]:
-    """Return the aspects [deg] of a sweep that are drawn at random."""
-    aspects, number = choices[Grid.aspect], choices.one(Fresh.fresh)
-    return drawn_aspects(aspects[0], aspects[-1], number, choices.one(Run.seed)) if number else ()
+def fresh_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the aspects [deg] of a sweep that are drawn at random, between the ends of a grid's.
 
-
-def check(choices: Choices) -> Choices:
-    """Return the choices with the drawn aspects in the grid; refuse to draw between none."""
-    aspects = choices[Grid.aspect]
-    if choices.one(Fresh.fresh) and len(aspects) < 2:
+    Raises
+    ------
+    ConfigurationError
+        Where there is nothing to draw between.
+    """
+    number = choices.one(Fresh.fresh)
+    if number and len(grid) < 2:
         raise ConfigurationError(
-            f"grid.fresh is {choices.one(Fresh.fresh)}, but must be 0 where grid.aspect has one "
-            "value: aspects are drawn between its ends"
+            f"grid.fresh is {number}, but must be 0 where grid.aspect has one value: aspects are "
+            "drawn between its ends"
         )
-    return choices.having(Grid.aspect, tuple(sorted({*aspects, *fresh_aspects(choices)})))
-
-
-SETTINGS: tuple[type[Settings], ...] = (Fresh,)
+    return drawn_aspects(grid[0], grid[-1], number, choices.one(Run.seed)) if number else ()

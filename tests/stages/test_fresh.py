@@ -52,7 +52,7 @@ def test_they_are_uniform_and_other_ones_of_another_seed():
 
 def test_they_come_into_the_grid_and_are_not_learned():
     choices = chosen(grid__aspect=[0, 15, 30, 60], grid__fresh=2)
-    drawn = fresh_aspects(choices)
+    drawn = fresh_aspects(choices, (0, 15, 30, 60))
     assert len(drawn) == 4 and choices[Grid.aspect] == tuple(sorted({0, 15, 30, 60, *drawn}))
     assert choices.one(Classifier.training_aspect) == (0, 15, 30, 60)
     kinds = aspects_of(choices)
