@@ -49,7 +49,7 @@ TINY = {
     "table4": (*PROFILES, *MNN, "grid.ship=[duncan,texas]", "grid.replicate=2"),
     "table5": (*SEEN, "grid.aspect=[0,90]", "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
     "fresh": (
-        *PROFILES,
+        *(*PROFILES, "grid.aspect=[0,45,90]"),
         *SEEN,
         *MNN,
         "grid.ship=[duncan,texas]",
@@ -67,6 +67,7 @@ TINY = {
         "grid.fresh=1",
         "grid.replicate=2",
         "grid.aspect=[0,6,12]",
+        "classifier.template_spacing=12",
     ),
     "unknown": (*PROFILES, "grid.aspect=[0,1.5,3]", "classifier.training_aspect=[0,3]"),
     "validation": (
