@@ -215,48 +215,35 @@ class _View:
         ship = cells[:, *(slice(line[0], line[-1] + 1) for line in lit)]
         self.rows, self.columns = (cells / factor for cells in ship.shape[1:])
         bordered = np.pad(ship, ((0, 0), (border, border), (border, border)))
-        self.width = bordered.shape[2]
-        self.last = np.array(bordered.shape[1:]) - 2
-        slopes = np.gradient(bordered, axis=(1, 2))
-        self.cells, self.upward, self.rightward = (
-            part.reshape(len(cells), -1) for part in (bordered, *slopes)
-        )
+        self.cells = bordered
+        self.upward, self.rightward = map(np.ascontiguousarray, np.gradient(bordered, axis=(1, 2)))
         from scipy.ndimage import binary_dilation
 
-        bright = (bordered != 0).any(axis=0)
-        self.near = binary_dilation(bright, iterations=2).ravel()
+        self.near = binary_dilation((bordered != 0).any(axis=0), iterations=2)
 
     def image(self, place: Floats, looks: _Looks) -> tuple[Floats, Floats]:
         """(channel, row, column[, 6]): at a place (see `_START`), and its derivatives."""
-        up, right, mast, waterline, height, width = place
-        at_row = self.factor * (up + height * looks.row + waterline * looks.column)
-        at_column = self.factor * (right + mast * looks.row + width * looks.column)
-        at_row = np.clip(at_row + self.middle[0], 0, self.last[0])
-        at_column = np.clip(at_column + self.middle[1], 0, self.last[1])
-        first = at_row.astype(np.intp) * self.width + at_column.astype(np.intp)
-        lit = np.flatnonzero(self.near[first])
-        at_row, at_column, first = at_row[lit], at_column[lit], first[lit]
-        beyond_row, beyond_column = at_row % 1.0, at_column % 1.0
-        nearest = np.rint(at_row).astype(np.intp) * self.width + np.rint(at_column).astype(np.intp)
-        row, column, pixel = looks.row[lit], looks.column[lit], looks.pixel[lit]
-        share = 1.0 / looks.count[pixel]
-        found = np.empty((len(self.cells), 7, looks.count.size))
-        for cells, upward, rightward, sums in zip(
-            self.cells, self.upward, self.rightward, found, strict=True
-        ):
-            low = cells[first] + beyond_column * (cells[first + 1] - cells[first])
-            after = first + self.width
-            high = cells[after] + beyond_column * (cells[after + 1] - cells[after])
-            d_up = upward[nearest] * self.factor * share
-            d_right = rightward[nearest] * self.factor * share
-            parts = (
-                (low + beyond_row * (high - low)) * share,
-                *(d_up, d_right, d_right * row, d_up * column, d_up * row, d_right * column),
-            )
-            for k, part in enumerate(parts):
-                sums[k] = np.bincount(pixel, part, looks.count.size)
-        found = found.reshape(len(found), 7, *looks.shape)
-        return found[:, 0], np.moveaxis(found[:, 1:], 1, -1)
+        from ncti.irar.seen import add_looks  # numba takes long to import
+
+        image = np.zeros((len(self.cells), looks.count.size))
+        slopes = np.zeros((*image.shape, 6))
+        add_looks(
+            image,
+            slopes,
+            self.cells,
+            self.upward,
+            self.rightward,
+            self.near,
+            self.middle,
+            self.factor,
+            place,
+            looks.pixel,
+            looks.row,
+            looks.column,
+            looks.count,
+        )
+        shape = len(image), *looks.shape
+        return image.reshape(shape), slopes.reshape(*shape, 6)
 
 
 def _fit(
@@ -276,29 +263,24 @@ def _fit(
     for level, passes in steps:
         for _ in range(passes):
             model, slopes = view.image(place, looks)
-            weighted, misfit = [], []
+            if (((model > 0) & known).sum(axis=(1, 2)) < 8).any():
+                return Tilt(*[math.nan] * 6)
+            design, misfit = [], []
             for c in range(channels):
-                lit, dark = (model[c] > 0) & known[c], (model[c] == 0) & known[c]
-                if lit.sum() < 8:
-                    return Tilt(*[math.nan] * 6)
-                expected = gain[c] * model[c] + offset[c]
-                residual = seen[c] - expected
-                around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
-                spread = np.maximum(expected, 0.0) + max(level, around / scatter[c])
-                unit = residual / spread
-                bright = lit & (model[c] > model[c].max() / 5)
-                scatter[c] = max(1.4826 * np.median(np.abs(unit[bright])), least)
-                unit /= scatter[c]
+                residual = seen[c] - gain[c] * model[c] - offset[c]
+                spread = _spread(
+                    model[c], residual, known[c], gain[c], offset[c], level, scatter[c]
+                )
+                scatter[c] = _scatter(model[c], residual / spread, known[c], least)
+                unit = residual / (spread * scatter[c])
                 weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known[c]
-                terms = np.zeros((*model[c].shape, 6 + 2 * channels))
-                terms[..., :6] = gain[c] * slopes[c]
-                terms[..., 6 + c], terms[..., 6 + channels + c] = model[c], 1.0
-                terms *= (weight / spread / scatter[c])[..., None]
-                weighted.append(terms.reshape(-1, 6 + 2 * channels))
+                design.append(
+                    _terms(c, channels, gain[c], model[c], slopes[c], weight / spread / scatter[c])
+                )
                 misfit.append((unit * weight).ravel())
-            design = np.concatenate(weighted)
-            normal = np.linalg.pinv(design.T @ design, hermitian=True)
-            change = normal @ (design.T @ np.concatenate(misfit))
+            terms = np.concatenate(design)
+            normal = np.linalg.pinv(terms.T @ terms, hermitian=True)
+            change = normal @ (terms.T @ np.concatenate(misfit))
             step = np.clip(change[:6], np.negative(_STEP), _STEP)
             place = place + step
             gain = np.clip(gain + change[6 : 6 + channels], 0.2, 5.0)
@@ -307,6 +289,39 @@ def _fit(
             if np.abs(step).max() < _SETTLED * (1 if level == floor else 10):
                 break
     return _tilt(place, covariance)
+
+
+def _spread(
+    model: Floats,
+    residual: Floats,
+    known: NDArray[np.bool_],
+    gain: float,
+    offset: float,
+    level: float,
+    scatter: float,
+) -> Floats:
+    """How far residuals scatter, up to a factor: speckle as the model, noise around the ship."""
+    dark = (model == 0) & known
+    around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
+    spread: Floats = np.maximum(gain * model + offset, 0.0) + max(level, around / scatter)
+    return spread
+
+
+def _scatter(model: Floats, unit: Floats, known: NDArray[np.bool_], least: float) -> float:
+    """That factor, by the median of the ship's brighter pixels."""
+    bright = (model > model.max() / 5) & known
+    return max(1.4826 * float(np.median(np.abs(unit[bright]))), least)
+
+
+def _terms(
+    channel: int, channels: int, gain: float, model: Floats, slopes: Floats, weight: Floats
+) -> Floats:
+    """(pixel, 6 + 2 channels): weighed derivatives by place, and by gains and offsets."""
+    terms = np.zeros((*model.shape, 6 + 2 * channels))
+    terms[..., :6] = gain * slopes
+    terms[..., 6 + channel], terms[..., 6 + channels + channel] = model, 1.0
+    terms *= weight[..., None]
+    return terms.reshape(-1, terms.shape[-1])
 
 
 def _tilt(place: Floats, covariance: Floats) -> Tilt:
