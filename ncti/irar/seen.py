@@ -1,13 +1,102 @@
-"""What looks see of a scene's cells, and how that changes with where it lies: a compiled loop."""
+"""What looks see of a truth, and how that changes with where it lies."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ncti.compiled import compiled
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """What pixels average: pixel (flat) and place of each look about the centre [pixel]."""
+
+    pixel: NDArray[np.intp]
+    row: Floats
+    column: Floats
+    count: NDArray[np.intp]
+    shape: tuple[int, ...]
+
+    @classmethod
+    def of(cls, places: tuple[ArrayLike, ArrayLike], shape: tuple[int, ...]) -> Looks:
+        """Return looks at some places within an image of a shape."""
+        row, column = (np.asarray(part, dtype=np.float64) for part in places)
+        if row.shape != column.shape:
+            raise ValueError(
+                f"places has rows of shape {row.shape} and columns of shape {column.shape}, but "
+                "must have as many of both"
+            )
+        rows, columns = shape
+        inside = (row >= -0.5) & (row < rows - 0.5) & (column >= -0.5) & (column < columns - 0.5)
+        row, column = row[inside], column[inside]
+        pixel = np.floor(row + 0.5).astype(np.intp) * columns + np.floor(column + 0.5).astype(
+            np.intp
+        )
+        return cls(
+            pixel,
+            row - (rows - 1) / 2,
+            column - (columns - 1) / 2,
+            np.bincount(pixel, minlength=rows * columns),
+            shape,
+        )
+
+    def within(self, rows: slice, columns: slice) -> Looks:
+        """Those of some pixels; places are about the centre of the whole image still."""
+        number = np.full(self.shape, -1)
+        shape = number[rows, columns].shape
+        number[rows, columns] = np.arange(math.prod(shape)).reshape(shape)
+        pixel = number.ravel()[self.pixel]
+        kept = pixel >= 0
+        count = self.count.reshape(self.shape)[rows, columns].ravel()
+        return Looks(pixel[kept], self.row[kept], self.column[kept], count, shape)
+
+
+class Truth:
+    """Channels of a truth, as looks see them."""
+
+    def __init__(self, cells: Floats, factor: int) -> None:
+        self.factor = factor
+        # The ship alone, in a border so wide that what is led beyond it sees no slope.
+        border = 5
+        lit = [np.flatnonzero(cells.any(axis=(0, axis))) for axis in (2, 1)]
+        first = np.array([line[0] for line in lit])
+        self.middle = (np.array(cells.shape[1:]) - 1) / 2 - first + border
+        ship = cells[:, *(slice(line[0], line[-1] + 1) for line in lit)]
+        self.rows, self.columns = (cells / factor for cells in ship.shape[1:])
+        bordered = np.pad(ship, ((0, 0), (border, border), (border, border)))
+        self.cells = bordered
+        self.upward, self.rightward = map(np.ascontiguousarray, np.gradient(bordered, axis=(1, 2)))
+        from scipy.ndimage import binary_dilation
+
+        self.near = binary_dilation((bordered != 0).any(axis=0), iterations=2)
+
+    def image(self, place: Floats, looks: Looks) -> tuple[Floats, Floats]:
+        """(channel, row, column[, 6]): at a place (see `tilt._START`), and its derivatives."""
+        image = np.zeros((len(self.cells), looks.count.size))
+        slopes = np.zeros((*image.shape, 6))
+        add_looks(
+            image,
+            slopes,
+            self.cells,
+            self.upward,
+            self.rightward,
+            self.near,
+            self.middle,
+            self.factor,
+            place,
+            looks.pixel,
+            looks.row,
+            looks.column,
+            looks.count,
+        )
+        shape = len(image), *looks.shape
+        return image.reshape(shape), slopes.reshape(*shape, 6)
 
 
 @compiled

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require
+
+if TYPE_CHECKING:
+    from ncti.irar.seen import Looks, Truth
 
 FINEST = 4  # cells of the truth along a pixel, at least
 _MARGIN = 8  # pixels of sea that are fitted, too
@@ -122,6 +126,8 @@ def tilts(
     best shifts of whole rows and columns, at a floor that lets no residual be an outlier, and
     lowers it by and by. The standard errors take the pixels as independent.
     """
+    from ncti.irar.seen import Looks, Truth  # numba takes long to import
+
     require("floor", floor, positive=True, maximum=1.0)
     seen, cells = _image("image", image), _image("truth", truth)
     rows, columns = seen.shape[1:]
@@ -145,8 +151,8 @@ def tilts(
     if refinement > 1:
         cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
     factor *= refinement
-    looks = _Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
-    view = _View(cells, factor)
+    looks = Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
+    view = Truth(cells, factor)
     known &= looks.count.reshape(1, rows, columns) > 0
     place = _start(seen, view, looks)
     box = _around(view.image(place, looks)[0])
@@ -159,98 +165,11 @@ def tilts(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Looks:
-    """What pixels average: pixel (flat) and place of each look about the centre [pixel]."""
-
-    pixel: NDArray[np.intp]
-    row: Floats
-    column: Floats
-    count: NDArray[np.intp]
-    shape: tuple[int, ...]
-
-    @classmethod
-    def of(cls, places: tuple[ArrayLike, ArrayLike], shape: tuple[int, ...]) -> _Looks:
-        row, column = (np.asarray(part, dtype=np.float64) for part in places)
-        if row.shape != column.shape:
-            raise ValueError(
-                f"places has rows of shape {row.shape} and columns of shape {column.shape}, but "
-                "must have as many of both"
-            )
-        rows, columns = shape
-        inside = (row >= -0.5) & (row < rows - 0.5) & (column >= -0.5) & (column < columns - 0.5)
-        row, column = row[inside], column[inside]
-        pixel = np.floor(row + 0.5).astype(np.intp) * columns + np.floor(column + 0.5).astype(
-            np.intp
-        )
-        return cls(
-            pixel,
-            row - (rows - 1) / 2,
-            column - (columns - 1) / 2,
-            np.bincount(pixel, minlength=rows * columns),
-            shape,
-        )
-
-    def within(self, rows: slice, columns: slice) -> _Looks:
-        """Those of some pixels; places are about the centre of the whole image still."""
-        number = np.full(self.shape, -1)
-        shape = number[rows, columns].shape
-        number[rows, columns] = np.arange(math.prod(shape)).reshape(shape)
-        pixel = number.ravel()[self.pixel]
-        kept = pixel >= 0
-        count = self.count.reshape(self.shape)[rows, columns].ravel()
-        return _Looks(pixel[kept], self.row[kept], self.column[kept], count, shape)
-
-
-class _View:
-    """Channels of a truth, as looks see them."""
-
-    def __init__(self, cells: Floats, factor: int) -> None:
-        self.factor = factor
-        # The ship alone, in a border so wide that what is led beyond it sees no slope.
-        border = 5
-        lit = [np.flatnonzero(cells.any(axis=(0, axis))) for axis in (2, 1)]
-        first = np.array([line[0] for line in lit])
-        self.middle = (np.array(cells.shape[1:]) - 1) / 2 - first + border
-        ship = cells[:, *(slice(line[0], line[-1] + 1) for line in lit)]
-        self.rows, self.columns = (cells / factor for cells in ship.shape[1:])
-        bordered = np.pad(ship, ((0, 0), (border, border), (border, border)))
-        self.cells = bordered
-        self.upward, self.rightward = map(np.ascontiguousarray, np.gradient(bordered, axis=(1, 2)))
-        from scipy.ndimage import binary_dilation
-
-        self.near = binary_dilation((bordered != 0).any(axis=0), iterations=2)
-
-    def image(self, place: Floats, looks: _Looks) -> tuple[Floats, Floats]:
-        """(channel, row, column[, 6]): at a place (see `_START`), and its derivatives."""
-        from ncti.irar.seen import add_looks  # numba takes long to import
-
-        image = np.zeros((len(self.cells), looks.count.size))
-        slopes = np.zeros((*image.shape, 6))
-        add_looks(
-            image,
-            slopes,
-            self.cells,
-            self.upward,
-            self.rightward,
-            self.near,
-            self.middle,
-            self.factor,
-            place,
-            looks.pixel,
-            looks.row,
-            looks.column,
-            looks.count,
-        )
-        shape = len(image), *looks.shape
-        return image.reshape(shape), slopes.reshape(*shape, 6)
-
-
 def _fit(
     seen: Floats,
     known: NDArray[np.bool_],
-    view: _View,
-    looks: _Looks,
+    view: Truth,
+    looks: Looks,
     place: Floats,
     floor: float,
     least: float,
@@ -348,7 +267,7 @@ def _around(model: Floats) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _start(seen: Floats, view: _View, looks: _Looks) -> Floats:
+def _start(seen: Floats, view: Truth, looks: Looks) -> Floats:
     """A place from the best shifts of whole rows, then of whole columns."""
     # Imported where it is used, as other parts of scipy here: scipy.stats takes half a second.
     from scipy.stats import theilslopes
