@@ -11,17 +11,16 @@ from ncti.machine_code import Loops
 from ncti.render import choose_engine
 from ncti.render.loops import of_engine
 from sweeps.engine.settings import Choices
-from sweeps.stages import run_time
 from sweeps.stages.flights import models
 from sweeps.stages.images import image_window
 from sweeps.stages.infrared import look
 from sweeps.stages.ladar import averaged
 from sweeps.stages.silhouettes import template_log_polar
-from sweeps.stages.views import LINES, Render, image
+from sweeps.stages.views import LINES, RUN_TIME, Render, image, looks
 
 Functions = Collection[Callable[..., Any]]
 
-DRAW = frozenset(one.function for one in (image, models, run_time.sampled, run_time.timed))
+DRAW = frozenset(one.function for one in (image, models))
 IMAGE = frozenset(one.function for one in (look, template_log_polar, image_window))
 
 
@@ -37,12 +36,11 @@ def compile_loops(choices: Choices, functions: Functions, say: Callable[[str], N
 
 def _loops_of(choices: Choices, functions: Functions) -> Iterator[Loops]:
     drawn, imaged = (not among.isdisjoint(functions) for among in (DRAW, IMAGE))
+    drawn |= looks(RUN_TIME)(choices)  # whose stages call what draws by themselves
     engines = choices[Render.engine]
     yield from (of_engine(one) for one in engines if drawn or (imaged and one == LINES))
     if LINES in engines and models.function in functions:
         yield of_engine(choose_engine("auto"))  # it needs pixels
-    if run_time.timed.function in functions:
-        yield of_engine(run_time.YARDSTICK)
     if averaged.function in functions:
         yield FRAMES
     if imaged:
