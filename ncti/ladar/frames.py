@@ -356,16 +356,17 @@ class _Waveforms:
             stop = min(start + IFOVS_AT_ONCE, ifovs)
             speckle, begin, end = self.parts[:, 2 * start : 2 * stop]
             # Arrays of the last IFOVs lie whole in memory, too: loops are compiled for those alone.
+            rows, quadratures = len(normals), 2 * (stop - start)
             even_normals, odd_normals, even, odd = (
-                part[: len(normals) * 2 * (stop - start) * size].reshape(len(normals), -1, size)
+                part[: rows * quadratures * size].reshape(rows, quadratures, size)
                 for part, size in zip(self.halves, self.sizes, strict=True)
             )
             part_noise(normals, begin, end, noise.of_even, noise.of_odd, even_normals, odd_normals)
             # One product a frame, so that no frame depends on how many there are.
             np.matmul(even_normals, noise.even, out=even)
             np.matmul(odd_normals, noise.odd, out=odd)
-            magnitude = self.magnitude[: len(normals) * (stop - start) * noise.bins]
-            magnitude = magnitude.reshape(len(normals), -1, noise.bins)
+            magnitude = self.magnitude[: rows * (stop - start) * noise.bins]
+            magnitude = magnitude.reshape(rows, stop - start, noise.bins)
             put_magnitudes(
                 *(even, odd, normals, speckle, target.first[start : stop + 1]),
                 *(target.occupied, target.amplitude, target.reach, target.response),
