@@ -25,7 +25,6 @@ from ncti.render import (
     line_image,
     range_image,
     refined,
-    start_lines,
 )
 from ncti.render.flight import depression_angle
 from sweeps.engine.errors import ConfigurationError
@@ -249,10 +248,7 @@ def drawing_engines(choices: Choices) -> tuple[str, ...]:
             "render.tolerance has null beside numbers, but must be all null or all numbers"
         )
     words = choices[Render.engine]
-    found = tuple(sorted({drawing_engine.function(word, tolerances[0]) for word in words}))
-    if LINES in found:
-        start_lines()
-    return found
+    return tuple(sorted({drawing_engine.function(word, tolerances[0]) for word in words}))
 
 
 @plain(uses=(Grid, Scene))
