@@ -50,7 +50,11 @@ FIGURES = {  # of corrected images and profiles: heading and digits
     "profile_correlation": ("correlation", 3),
     "profile_correlation_without_hangar": ("no hangar", 3),
     "mast_tilt": ("mast [deg]", 2),
+    "intensity_mast_tilt": ("by intensity", 2),
+    "infrared_mast_tilt": ("by infrared", 2),
     "waterline_tilt": ("waterline [deg]", 2),
+    "intensity_waterline_tilt": ("by intensity", 2),
+    "infrared_waterline_tilt": ("by infrared", 2),
     "hangar_spike_offset": ("hangar [m]", 2),
 }
 SISTERS = ("duncan", 4.0, "roberts", 3.9)
