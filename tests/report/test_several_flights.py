@@ -29,11 +29,13 @@ OF_FLIGHT = {  # one value each, unless a test says more
     **{"aircraft_track": np.nan, "pointing": np.nan, "ifov": 205.0, "line_rate": 119.0},
     **{"jitter_time": 0.1, "transom_gain": 1.0, "mast_gain": 1.0, "cnr": 20.0, "nedt": 0.4},
     **{"flown_pulse_width": 30.0, "autofocus": False, "mirror": "exact", "replicate": 0},
+    **{"band_start": 8.0, "band_stop": 12.0, "clutter": 0.0, "clutter_length": 10.0},
     **{"mirror_angle": 45.0, "pulse_rate": 20_000.0, "range_filter": "cluster", "chain": "exact"},
 }
 OF_PROFILES = [
     *("profile_correlation", "profile_correlation_without_hangar", "mast_tilt", "waterline_tilt"),
     *("hangar_spike_offset", "closing_speed_error", "looks"),
+    *(f"{one}_{what}_tilt" for one in ("intensity", "infrared") for what in ("mast", "waterline")),
 ]
 
 

@@ -156,6 +156,10 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     row, column, _ = places(scan, Correction(), belief=belief)
     spots = row - window.bottom, column - window.left
     lean = tilts([whole.intensity, whole.infrared], truths, places=spots)
+    active, passive = (
+        tilts(image, truth_, places=spots)
+        for image, truth_ in zip((whole.intensity, whole.infrared), truths, strict=True)
+    )
     clean = correct(passed.noiseless(), Correction(), belief=belief, window=window).infrared
     row, column, _ = places(passed.noiseless(), Correction(), belief=belief)
     noiseless = tilts(clean, truths[1], places=(row - window.bottom, column - window.left))
@@ -164,6 +168,10 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
         ("waterline_tilt", lean.waterline),
         ("mast_tilt_error", lean.mast_error),
         ("waterline_tilt_error", lean.waterline_error),
+        ("intensity_mast_tilt", active.mast),
+        ("intensity_waterline_tilt", active.waterline),
+        ("infrared_mast_tilt", passive.mast),
+        ("infrared_waterline_tilt", passive.waterline),
         ("noiseless_mast_tilt", noiseless.mast),
         ("noiseless_waterline_tilt", noiseless.waterline),
     ):
@@ -287,6 +295,8 @@ OTHERS = {
     **{"pulse_rate": 5000.0, "range_gate": 400.0, "detectors": 4, "jitter": 100.0},
     **{"jitter_time": 1.0, "transom_gain": 0.0, "mast_gain": 3.0, "flown_pulse_width": 20.0},
     **{"replicate": 1, "cnr": 15.0, "range_sigma": 0.5, "threshold": 8.0, "nedt": 0.2},
+    **{"band_start": 7.5, "band_stop": 13.0, "contrast_at_zero": 3.0, "sea_temperature": 280.0},
+    **{"band_extinction": 0.2, "clutter": 0.1, "clutter_length": 30.0},
 }
 
 
@@ -299,6 +309,7 @@ def test_every_parameter_changes_the_scan(name, monkeypatch):
     mesh, choices = ncti.ships.load("roberts"), read()
     values = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
     values["jitter"] = 50.0 if name == "jitter_time" else 0.0
+    values["clutter"] = 0.3 if name == "clutter_length" else 0.0
     where = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
     scans = [
         scan_again(given, mesh, **where)
@@ -310,6 +321,26 @@ def test_every_parameter_changes_the_scan(name, monkeypatch):
     )
     assert first == again
     assert first != other
+
+
+def test_the_passive_band_changes_no_active_image():
+    """Speckle, noise and detectors' noise are one draw, whatever the band, the sea and its clutter.
+
+    What differs in the infrared image is then the scene alone.
+    """
+    mesh, choices = ncti.ships.load("roberts"), read()
+    values = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
+    where = {"ship": "roberts", "aspect": 175.0, "seed": 3, "reflectance": "projected_area"}
+    plain = scan_again(values, mesh, **where)
+    shares = {"clutter": 0.5, "contrast_at_zero": 0.0, "band_extinction": 9.0, "band_start": 3.0}
+    for name, value in shares.items():
+        other = scan_again(values | {name: value}, mesh, **where)
+        np.testing.assert_array_equal(other.intensity, plain.intensity)
+        np.testing.assert_array_equal(other.range, plain.range)
+        assert not np.array_equal(other.infrared, plain.infrared)
+        if name != "clutter":  # which is what the sea has
+            sea = np.broadcast_to(plain.infrared < -0.5, plain.infrared.shape)
+            np.testing.assert_allclose(other.infrared[sea], plain.infrared[sea], atol=1e-6)
 
 
 def test_draws_share_a_pass_unless_the_line_of_sight_jitters():
