@@ -95,7 +95,8 @@ def draw_formation(classified: xr.Dataset, subject: Subject) -> Figure:
     for name, value in subject.settings.items():
         if name not in drawn:
             here = here.sel({name: value}, method="nearest")
-    here = here.sortby("aspect")
+    learned = (here.training_category >= 0).any([dim for dim in here.dims if dim != "aspect"])
+    here = here.isel(aspect=learned.values).sortby("aspect")
     first = here.isel({name: 0 for name in drawn if name not in subject.settings})
     first = first.sel(
         {name: value for name, value in subject.settings.items() if name in drawn},

@@ -175,6 +175,19 @@ def test_one_training_has_no_shares_and_says_nothing_of_others():
     assert draw_formation(clear, PROFILES).get_supxlabel().endswith("one from nowhere")
 
 
+def test_aspects_that_nobody_learned_are_left_out():
+    """Drawn at random between the others, they have no category."""
+    whole = four_ships([10.0, 30.0])
+    fresh = whole.isel(aspect=[3, 20]).assign_coords(aspect=[10.4, 61.7])
+    fresh = xr.full_like(fresh, -1)
+    mixed = xr.concat([whole, fresh], "aspect").sortby("aspect")
+    ours, theirs = (draw_formation(one, PROFILES) for one in (mixed, whole))
+    assert ours.get_supxlabel() == theirs.get_supxlabel()
+    assert ours.get_suptitle() == theirs.get_suptitle()
+    widths = [[bar.get_width() for bar in one.axes[0].patches] for one in (ours, theirs)]
+    assert widths[0] == widths[1]
+
+
 def test_confused_aspects_ascend_whatever_their_order():
     shuffled = four_ships([10.0]).sel(ship="duncan").squeeze().isel(aspect=slice(None, None, -1))
     np.testing.assert_array_equal(confused_aspects(shuffled), np.arange(36.0, 90.0, 3.0))

@@ -134,6 +134,22 @@ def test_vigilances_have_rows_where_they_matter():
     assert [line[2] for line in lines] == ["0.9", "0.95", "all"] * 2
 
 
+def test_tilts_by_each_image_stand_beside_the_joint_ones():
+    """Means over draws, a row a flight: mast by both, intensity and infrared, then waterline."""
+    made = validation(replicate=[0, 1], clutter=[0.0, 0.3])
+    lines = printed(print_flights, made, width=160).splitlines()
+    begin = next(k for k, line in enumerate(lines) if "by each alone" in line)
+    rows = [cells_of(line) for line in lines[begin:] if line.startswith("│")]
+    expected = [(ship, level) for ship in made.ship.values for level in (0.0, 0.3)]
+    assert [(row[0], float(row[1])) for row in rows[: len(expected)]] == expected
+    names = [f"{by}{what}_tilt" for what in ("mast", "waterline")
+             for by in ("", "intensity_", "infrared_")]  # fmt: skip
+    for row, (ship, level) in zip(rows, expected, strict=False):
+        one = made.sel(ship=ship, clutter=level)
+        shown = [float(cell.split()[0]) for cell in row[2:]]
+        assert shown == pytest.approx([float(one[name].mean()) for name in names], abs=0.0051)
+
+
 def test_titles_of_sensitivities_name_the_flight():
     errors = [("none", 0.0), ("ship_heading", 5.0)]
     flights = validation(
