@@ -22,6 +22,7 @@ from benchmarks import (
     growth,
     images,
     invariance,
+    lines,
     memory,
     paper,
     skips,
@@ -35,6 +36,8 @@ from sweeps.stages.views import cache_folder
 REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "views": lambda asked: views.measure(asked.ship, repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
+    "lines": lambda asked: lines.measure(repeats=asked.repeats),
+    "line_names": lambda asked: lines.measure_names(),
     "budget": lambda asked: budget.measure(),
     "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
@@ -67,6 +70,8 @@ SETS = {
 MEANINGS = {
     "views": "time of a view by engine",
     "accuracy": "error of a range extent against its time",
+    "lines": "time of a view against error, by pixels, lines and a tolerance",
+    "line_names": "ships named right by the same",
     "budget": "what each approximation does to profiles and to names",
     "skips": "time saved by what a scene does not need",
     "invariance": "what of a silhouette's map outlives shift, scale and rotation",

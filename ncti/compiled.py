@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import logging
-import os
-import stat
 from collections.abc import Callable
-from functools import cache
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import event
-from platformdirs import user_cache_path
+
+from ncti.machine_code import folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -22,13 +19,13 @@ def compiled(function: F) -> F:
 
     Notes
     -----
-    The folder is that of NUMBA_CACHE_DIR, or in the user's cache: one for all sweeps. Where it
-    cannot be written, or another user could write it, code is compiled in each process. Division by
-    zero gives infinity, as with arrays, and other threads of Python run meanwhile.
+    Where the folder cannot be written, or another user could write it, code is compiled in each
+    process. Division by zero gives infinity, as with arrays, and other threads of Python run
+    meanwhile.
     """
     config: Any = numba.config  # its names are made when it is imported
     before = config.CACHE_DIR
-    config.CACHE_DIR = _folder()
+    config.CACHE_DIR = folder()
     try:
         kept = bool(config.CACHE_DIR)
         dispatcher: Any = numba.njit(cache=kept, nogil=True, error_model="numpy")(function)
@@ -42,23 +39,6 @@ def inlined(function: F) -> F:
     return cast(F, numba.njit(inline="always", error_model="numpy")(function))
 
 
-@cache
-def _folder() -> str:
-    """Return the folder for machine code; nothing where it is not this user's to write alone."""
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(given) if given else user_cache_path("ncti-sweep") / "compiled"
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = folder.stat()
-    except OSError:
-        return ""
-    # What numba keeps there is run when it is read.
-    alone = not hasattr(os, "geteuid") or (
-        found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    )
-    return str(folder) if alone and os.access(folder, os.W_OK | os.X_OK) else ""
-
-
 class _Announcer(event.Listener):
     """Says once a process that functions of this project are being compiled."""
 
@@ -66,7 +46,7 @@ class _Announcer(event.Listener):
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith("ncti.") and not self.said:
             self.said = True
-            kept = f", and kept in {_folder()}" if _folder() else ""
+            kept = f", and kept in {folder()}" if folder() else ""
             logging.getLogger("ncti").warning("loops are compiled, once: some seconds%s", kept)
 
     def on_end(self, event: Any) -> None:
@@ -75,4 +55,5 @@ class _Announcer(event.Listener):
     said = False
 
 
-event.register("numba:compile", _Announcer())
+announcer = _Announcer()
+event.register("numba:compile", announcer)

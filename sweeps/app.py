@@ -8,7 +8,8 @@ from __future__ import annotations
 import atexit
 import gc
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +33,8 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     # What is left at the end goes with the process: to look for circles in it takes 0.2 s.
     atexit.register(gc.freeze)
     try:
-        status = command(*modules).main(arguments)
+        with _workers_ahead(sys.argv[1:] if arguments is None else arguments):
+            status = command(*modules).main(arguments)
     except KeyboardInterrupt:
         print(f"{NAME}: interrupted", file=sys.stderr)
         status = 130
@@ -47,6 +49,29 @@ def command(*modules: Any) -> Command:
     packages = tuple(one.__name__ for one in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
     return Command(experiment, report)
+
+
+@contextmanager
+def _workers_ahead(arguments: Sequence[str]) -> Iterator[None]:
+    """Let what workers need be imported from now on, if a whole sweep is clearly asked for.
+
+    That takes longer than to read the configuration. Where some results are kept there may be
+    nothing to do, and the process that imports would only take time.
+    """
+    from platformdirs import user_cache_path
+
+    from sweeps.engine.results import INDEX
+
+    given = dict(one.partition("=")[::2] for one in arguments)
+    asked = not any(key.lstrip("+").startswith(("-", "dry_run", "cluster")) for key in given)
+    cache, store = Path(given.get("cache") or user_cache_path(NAME)), given.get("store")
+    if not asked or (cache / INDEX).exists() or (store and Path(store).exists()):
+        yield
+        return
+    from sweeps.engine.forking import fork_server_ahead
+
+    with fork_server_ahead(["sweeps.ahead"]):
+        yield
 
 
 def report(store: Path, choices: Choices) -> None:

@@ -37,6 +37,7 @@ from sweeps.stages import (
     views,
 )
 from sweeps.stages.classifier import Classifier
+from sweeps.stages.compiling import compile_loops
 from sweeps.stages.views import (
     CACHE_VARIABLE,
     IRAR,
@@ -125,6 +126,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         check=check,
         checking="checking what is asked for, and building its ships",
         remarks=remarks,
+        prepare=compile_loops,
         versions=VERSIONS,
         attributes=attributes,
         conf=conf_folder(),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from once import made_once
 from platformdirs import user_cache_path
 
 # The first example of a test may import a library, which takes longer than a deadline allows.
@@ -25,9 +26,10 @@ def cache() -> Path:
 @pytest.fixture(scope="session")
 def smoke_store(tmp_path_factory) -> Path:
     """Finished store of the smoke experiment, run as the README says, on two workers."""
-    folder = tmp_path_factory.mktemp("smoke")
     arguments = ["+experiment=smoke", "store=sweep.zarr", "cache=cache", "cluster.workers=2"]
-    subprocess.run(
-        [sys.executable, "-m", "sweeps.app", *arguments], cwd=folder, check=True, timeout=300
-    )
-    return folder / "sweep.zarr"
+
+    def run(folder: Path) -> None:
+        command = [sys.executable, "-m", "sweeps.app", *arguments]
+        subprocess.run(command, cwd=folder, check=True, timeout=300)
+
+    return made_once(tmp_path_factory, "smoke", run) / "sweep.zarr"

@@ -12,10 +12,11 @@ ROOT = Path(__file__).resolve().parent.parent
 # What each room of the library may import of it.
 ALLOWED = {
     "ncti.checks": set(),
-    "ncti.compiled": set(),
+    "ncti.machine_code": set(),
+    "ncti.compiled": {"ncti.machine_code"},
     "ncti.normals": {"ncti.compiled"},
     "ncti.ships": {"ncti.checks"},
-    "ncti.render": {"ncti.checks", "ncti.compiled", "ncti.ships"},
+    "ncti.render": {"ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships"},
     "ncti.ladar": {"ncti.checks", "ncti.compiled", "ncti.normals", "ncti.ships", "ncti.render"},
     "ncti.infrared": {"ncti.checks", "ncti.compiled", "ncti.ships", "ncti.render"},
     "ncti.irar": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
@@ -30,6 +31,7 @@ ROOMS = {
     "sweeps.engine": {"sweeps.engine"},
     "sweeps.stages": {"sweeps.engine", "sweeps.stages", "ncti"},
     "sweeps.experiment": {"sweeps.engine", "sweeps.stages"},
+    "sweeps.ahead": {"sweeps.engine", "sweeps.experiment"},
     "sweeps.report": {"sweeps.engine", "sweeps.stages", "sweeps.report", "ncti"},
     "sweeps.app": {"sweeps.engine", "sweeps.stages", "sweeps.report", "sweeps.experiment"},
 }

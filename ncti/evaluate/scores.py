@@ -203,6 +203,6 @@ def accuracy_by_aspect(
 
 
 def _span(aspects: Floats) -> str:
-    """ "0-27" for the aspects 0 to 27, "90" for one alone."""
-    low, high = f"{aspects.min():g}", f"{aspects.max():g}"
+    """ "0-27" for the aspects 0 to 27, "90" for one alone, to a tenth of a degree."""
+    low, high = (f"{round(float(end), 1):g}" for end in (aspects.min(), aspects.max()))
     return low if low == high else f"{low}-{high}"

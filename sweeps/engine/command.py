@@ -8,6 +8,7 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -27,7 +28,7 @@ from platformdirs import user_cache_path
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
-from sweeps.engine.folders import check_folder, check_target
+from sweeps.engine.folders import check_folder, check_target, remove_folder
 from sweeps.engine.front import (
     FUSED,
     composing,
@@ -261,12 +262,15 @@ class Command:
 
     def run(self, choices: Choices, store: Path) -> Finished:
         """Run one sweep into a store, and report it."""
-        with watching(self.name) as watch:
-            finished = sweep(self.experiment, choices, self.place(choices, store), watch)
-        try:
-            self.report(store, choices)
-        except Exception as error:  # what is in the store is as good without
-            say(self.name, f"the store is whole, but cannot be reported: {reason(error)}")
+        with ThreadPoolExecutor(1, "removing") as thread:  # the old store, while the new is told
+            place = self.place(choices, store)
+            place = replace(place, remove=lambda folder: thread.submit(remove_folder, folder))
+            with watching(self.name) as watch:
+                finished = sweep(self.experiment, choices, place, watch)
+            try:
+                self.report(store, choices)
+            except Exception as error:  # what is in the store is as good without
+                say(self.name, f"the store is whole, but cannot be reported: {reason(error)}")
         show(summary(finished.progress, finished.seconds), error=True)
         return finished
 

@@ -16,7 +16,7 @@ import socket
 import tempfile
 import uuid
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,6 +27,8 @@ from sweeps.engine.results import seal, unseal
 MANIFEST = "manifest"
 PARTIAL = "partial"  # suffix of what is not whole yet, or being deleted
 ASIDE = "aside"  # suffix of what stood in the place, where two folders cannot be exchanged
+
+Remove = Callable[[Path], object]  # of a folder
 
 # Of a URL in a Path one slash is left; several schemes may be chained.
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.:-]*:/")
@@ -170,12 +172,17 @@ def _remove_orphans(place: Path) -> None:
         if match and match[1] == ASIDE and not os.path.lexists(place):
             found.rename(place)
         elif match:
-            shutil.rmtree(found, ignore_errors=True)
+            remove_folder(found)
 
 
 def hidden(place: Path, suffix: str) -> Path:
     """New name beside a place, hidden and unlike any other."""
     return place.with_name(f".{place.name}.{uuid.uuid4().hex}.{suffix}")
+
+
+def remove_folder(folder: Path) -> None:
+    """Remove a folder with all that is in it, as far as that is possible."""
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def put_in_place(partial: Path, place: Path) -> None:

@@ -6,11 +6,12 @@ having one thread, and so the only one from which it is safe to fork.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import forkserver, resource_tracker
 from typing import Any
 
@@ -38,12 +39,13 @@ def worth_importing(modules: Iterable[str]) -> list[str]:
 def fork_server(modules: Iterable[str]) -> Iterator[str]:
     """Start the process that imports some modules; it ends with this context.
 
-    Yields how processes are to be started meanwhile, as `multiprocessing` calls it. Where this
-    process has such a server already, which may have older code, they are spawned instead.
+    Yields how processes are to be started meanwhile, as `multiprocessing` calls it. Where a server
+    was started ahead, it is taken, whatever it imports. Where this process has another one, which
+    may have older code, they are spawned instead.
     """
     server: Any = forkserver._forkserver
     if server._forkserver_pid is not None:
-        yield "spawn"
+        yield "forkserver" if server._forkserver_pid in _ahead else "spawn"
         return
     before = server._preload_modules
     server.set_forkserver_preload(["distributed", *modules])
@@ -54,6 +56,27 @@ def fork_server(modules: Iterable[str]) -> Iterator[str]:
     finally:
         server.set_forkserver_preload(before)
         server._stop()
+
+
+@contextmanager
+def fork_server_ahead(modules: Iterable[str]) -> Iterator[None]:
+    """Start the process that workers are forked from before it is known whether any are needed.
+
+    It ends with this context, at once if it still imports.
+    """
+    server: Any = forkserver._forkserver
+    with fork_server(modules):
+        own = server._forkserver_pid
+        _ahead.add(own)
+        try:
+            yield
+        finally:
+            _ahead.discard(own)
+            with suppress(ProcessLookupError):
+                os.kill(own, signal.SIGTERM)
+
+
+_ahead: set[int] = set()  # process ids
 
 
 @contextmanager

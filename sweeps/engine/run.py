@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import errno
 import json
-import shutil
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -15,15 +14,17 @@ from importlib import import_module
 from itertools import count
 from pathlib import Path
 
-from sweeps.engine.cluster import ClusterChoice, Executor, executor
+from sweeps.engine.cluster import ClusterChoice, Executor, InlineExecutor, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.folders import (
     PARTIAL,
+    Remove,
     check_folder,
     check_target,
     hidden,
     locked,
     real_place,
+    remove_folder,
     verify,
 )
 from sweeps.engine.plan import Plan
@@ -31,8 +32,9 @@ from sweeps.engine.provenance import check_extends, provenance
 from sweeps.engine.results import CellIndex, open_index, read_cells
 from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Experiment
-from sweeps.engine.store import add_group, read_attributes, write_store
+from sweeps.engine.stage import Bound, Experiment
+from sweeps.engine.store import read_attributes, write_store
+from sweeps.engine.tables import add_tables
 from sweeps.engine.takeover import OldStore
 from sweeps.engine.tasks import Call, Damaged, Report, Spot, reason, run_calls
 
@@ -45,12 +47,16 @@ QUICK = 1.0  # s of work that is done before worker processes would have started
 
 @dataclass(frozen=True)
 class Place:
-    """Store and cache of a sweep, who does the work, and how many bytes of results are kept."""
+    """Store and cache of a sweep, who does the work, and how many bytes of results are kept.
+
+    `remove` removes the folder of the store that is replaced, which takes as long as to write it.
+    """
 
     store: Path
     cache: Path
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 2**30
+    remove: Remove = remove_folder
 
 
 @dataclass
@@ -105,8 +111,8 @@ def preview(
     before = OldStore(plan, store, old, lambda sentence: None) if store and old else None
     index = CellIndex(cache, lambda sentence: None)  # which is not saved
 
-    def find(keys: Sequence[str]) -> dict[str, Spot]:
-        there = before.has(keys) if before is not None else ()
+    def find(bound: Bound, keys: Sequence[str]) -> dict[str, Spot]:
+        there = before.has(bound, keys) if before is not None else ()
         return dict.fromkeys(there, ("", 0)) | index.find(keys)
 
     schedule, costs = Schedule(plan), index.costs()
@@ -154,7 +160,7 @@ def _spill(store: Path) -> Iterator[Path]:
     try:
         yield folder
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_folder(folder)
 
 
 def _sweep(
@@ -169,10 +175,10 @@ def _sweep(
     schedule = Schedule(plan, {name: seconds for name, (seconds, _) in index.costs().items()})
     before = OldStore(plan, place.store, old, watch.say) if old is not None else None
 
-    def find(keys: Sequence[str]) -> dict[str, Spot]:
+    def find(bound: Bound, keys: Sequence[str]) -> dict[str, Spot]:
         found = index.find(keys)
         if before is not None and len(found) < len(keys):
-            found |= before.find([key for key in keys if key not in found], spill)
+            found |= before.find(bound, [key for key in keys if key not in found], spill)
         return found
 
     failures: list[tuple[str, str]] = []
@@ -190,11 +196,15 @@ def _sweep(
             if schedule.ready:
                 measured = all(bound.name in schedule.costs for bound, _ in missing)
                 quick = measured and schedule.work_left() < QUICK
-                workers = start(len(missing), quick=quick)
-                if plan.experiment.tables:  # while workers start
-                    _import_for_tables()
+                starting = start(len(missing), quick=quick)
+                if place.cluster.kind == "local":
+                    functions = _functions(bound for bound, _ in missing)
+                    plan.experiment.prepare(plan.choices, functions, watch.say)
+                workers = starting.result()
+                if plan.experiment.tables and not isinstance(workers, InlineExecutor):
+                    thread.submit(_import_for_tables)  # while they work
                 damaged, failed = execute(
-                    schedule, workers.result(), index, folder=place.cache, spill=spill, watch=watch
+                    schedule, workers, index, folder=place.cache, spill=spill, watch=watch
                 )
                 failures += failed
             elif old is not None and _is_whole(plan, place.store, old, watch):
@@ -317,8 +327,18 @@ def execute(
 # the store --------------------------------------------------------------------------------------
 
 
+def _functions(stages: Iterable[Bound]) -> set[Callable[..., object]]:
+    """Functions of some stages, and of those in memory that they need."""
+    found, waiting = set(), list(dict.fromkeys(stages))
+    while waiting:
+        bound = waiting.pop()
+        found.add(bound.stage.function)
+        waiting += [one for one in bound.inputs if one.stage.memory]
+    return found
+
+
 def _import_for_tables() -> None:
-    """Import what makes tables; takes the better part of a second."""
+    """Import what makes and reports tables; takes the better part of a second."""
     for name in ("xarray", "zarr", "dask.array"):  # which xarray imports for its first variable
         import_module(name)
 
@@ -364,17 +384,7 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
         if (key := plan.key(bound, at)) in failed
     }
 
-    def tabulate(path: Path) -> None:
-        import xarray as xr  # where it is used, see `_import_for_tables`
-
-        for table in plan.experiment.tables:
-            there = all((path / group).is_dir() for group in table.of)
-            if there and table.when(plan.choices):
-                given = [xr.open_zarr(path, group=group, chunks=None).load() for group in table.of]
-                made = table.make(*given, plan.choices)
-                if made is not None:
-                    add_group(path, table.group, made)
-
-    write_store(
-        place.store, cube.groups(), provenance(plan, failures), after=tabulate, threads=WRITERS
-    )
+    groups = cube.groups()
+    add_tables(plan, groups)
+    attributes = provenance(plan, failures)
+    write_store(place.store, groups, attributes, threads=WRITERS, remove=place.remove)

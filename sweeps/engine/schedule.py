@@ -20,7 +20,7 @@ TOGETHER = 5.0  # s, what it may take where cells share costly objects
 UNKNOWN = 0.1  # s a cell, until one is measured
 MOST_CELLS = 4096  # of one task
 
-Find = Callable[[Sequence[str]], dict[str, Spot]]
+Find = Callable[[Bound, Sequence[str]], dict[str, Spot]]
 Need = tuple[Bound, Bound, Place]  # a stage, an input, and the first of its cells
 
 
@@ -72,7 +72,7 @@ class Schedule:
     _missing: dict[Job, int] = field(default_factory=dict)
     _ready: OrderedDict[tuple[str, ...], deque[Job]] = field(default_factory=OrderedDict)
     _load: dict[str, int] = field(default_factory=lambda: defaultdict(int))
-    _find: Find = lambda keys: {}
+    _find: Find = lambda bound, keys: {}
 
     # what is missing ------------------------------------------------------------------------
 
@@ -90,7 +90,7 @@ class Schedule:
             if not bound.stage.kept or not cells:
                 continue
             unknown = [key for key in cells if key not in self.spots and key not in self.failed]
-            self.spots.update(find(unknown))
+            self.spots.update(find(bound, unknown))
             missing = {key: cells[key] for key in unknown if key not in self.spots}
             self.progress.setdefault(bound.name, Progress()).begin(len(cells), len(missing))
             todo.update(missing)
@@ -220,7 +220,7 @@ class Schedule:
         for alone, why, key in zip(_apart(job), lost, kept, strict=True):
             if why:
                 self.finish(alone, None, why, 0.0)
-            elif spot := self._find([key]).get(key):
+            elif spot := self._find(job.bound, [key]).get(key):
                 self.finish(alone, [spot], "", 0.0)
             else:
                 yield alone, self.call(alone.bound, alone.places)

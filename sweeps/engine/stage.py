@@ -13,7 +13,7 @@ on, and so its cells, its key, its dimensions and its progress line, is derived 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 RNG, THERE = "rng", "there"
 
 Condition = Callable[[Choices], bool]
+Say = Callable[[str], None]
 
 
 def always(choices: Choices) -> bool:
@@ -187,6 +188,10 @@ class Experiment:
     remarks: Callable[[Choices], list[str]] = lambda choices: []  # sentences for the user
     versions: tuple[str, ...] = ()  # distributions that the store's attributes have
     attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # further ones
+    # Called where workers start on this machine, with the functions of the stages whose results are
+    # to be made, those in memory among them, and what says a sentence: for what one process does
+    # for all.
+    prepare: Callable[[Choices, Collection[Callable[..., Any]], Say], None] = lambda *given: None
     conf: Path | None = None  # folder of its Hydra configuration
     code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
 

@@ -8,30 +8,28 @@ file, at the root or at any group.
 from __future__ import annotations
 
 import json
-import shutil
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import (
     PARTIAL,
+    Remove,
     check_target,
     hidden,
     put_in_place,
     read_manifest,
     real_place,
+    remove_folder,
     write_file,
     write_manifest,
 )
 from sweeps.engine.zarr_array import METADATA, Array, Group, Region, encode, metadata, regions
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 RAGGED = "ragged"  # file of where a group's ragged arrays lie, which zarr does not look at
 
@@ -43,44 +41,29 @@ def write_store(
     groups: Mapping[str, Group],
     attributes: Mapping[str, Any],
     *,
-    after: Callable[[Path], object] | None = None,
     threads: int = 1,
+    remove: Remove = remove_folder,
 ) -> None:
     """Write a store and put it in its place whole, also in that of an older store.
 
     Hold its lock meanwhile (`locked`). Memory holds a few chunks a thread. If anything fails, the
     place is as it was. Who opened the old store must open it again. Files are left to the
     operating system to flush: `verify` tells what a power cut broke. `groups` are by path, as
-    'classification/acn'; those above them need not be given. `after` is called with the path of
-    the written store before it is put in its place; it may read it and `add_group` to it.
+    'classification/acn'; those above them need not be given. `remove` is given the folder of an
+    older store, or of one that was not finished.
     """
     check_target(path)
     place = real_place(path)
     place.parent.mkdir(parents=True, exist_ok=True)
     partial = hidden(place, PARTIAL)
     try:
-        known = _add(partial, {}, attributes, groups, threads)
-        if after is not None:
-            after(partial)
+        known = _write_groups(partial, attributes, groups, threads)
         write_manifest(partial, known)
         check_target(path)  # nobody else may have put something there meanwhile
         put_in_place(partial, place)
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
-
-
-def add_group(path: Path, name: str, dataset: xr.Dataset) -> None:
-    """Write a data set into a store that is not in its place yet (`after` of `write_store`)."""
-    root = json.loads((path / METADATA).read_bytes())
-    variables, coordinates = (
-        {
-            str(inner): Array.of(tuple(map(str, found.dims)), found.values, found.attrs)
-            for inner, found in given.items()
-        }
-        for given in (dataset.data_vars, dataset.coords)
-    )
-    nodes = root["consolidated_metadata"]["metadata"]
-    _add(path, nodes, root["attributes"], {name: Group(variables, coordinates, dataset.attrs)})
+        if partial.exists():
+            remove(partial)
 
 
 def read_attributes(path: Path) -> dict[str, Any] | None:
@@ -103,14 +86,11 @@ def read_attributes(path: Path) -> dict[str, Any] | None:
         ) from error
 
 
-def _add(
-    path: Path,
-    nodes: Nodes,
-    attributes: Mapping[str, Any],
-    groups: Mapping[str, Group],
-    threads: int = 1,
+def _write_groups(
+    path: Path, attributes: Mapping[str, Any], groups: Mapping[str, Group], threads: int
 ) -> dict[str, int]:
-    """Write groups into a store that has some nodes already; checksums of their chunks."""
+    """Write groups into a new store; checksums of all files."""
+    nodes: Nodes = {}
     arrays: dict[str, Array] = {}
     for name, group in groups.items():
         parts = name.split("/")
@@ -122,10 +102,11 @@ def _add(
                 raise ValueError(f"'{name}/{inner}' is given twice")
             nodes[f"{name}/{inner}"] = metadata(array)
             arrays[f"{name}/{inner}"] = array
-    _write_metadata(path, nodes, attributes)
+    written = _write_metadata(path, nodes, attributes)
     for name, group in groups.items():
         if group.ragged:
-            write_file(path / name / RAGGED, json.dumps(group.ragged).encode())
+            file = f"{name}/{RAGGED}"
+            written[file] = write_file(path / file, json.dumps(group.ragged).encode())
 
     def write(job: tuple[str, Array, str, Region]) -> tuple[str, int | None]:
         name, array, chunk, region = job
@@ -135,25 +116,26 @@ def _add(
 
     with ThreadPoolExecutor(threads) as pool:
         jobs = ((name, array, *chunk) for name, array in arrays.items() for chunk in regions(array))
-        written = pool.map(write, jobs)
-        return {name: checksum for name, checksum in written if checksum is not None}
+        chunks = pool.map(write, jobs)
+        return written | {name: checksum for name, checksum in chunks if checksum is not None}
 
 
-def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> None:
-    """Write the metadata of arrays that have none yet, of all groups, and of the root."""
+def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> dict[str, int]:
+    """Write the metadata of arrays, of groups, and of the root; checksums of the files."""
     # zarr reads the children of a group only if they follow each other.
     ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))
+    written: dict[str, int] = {}
     for name, node in {"": _group_node(attributes), **nodes}.items():
-        file = path / name / METADATA
+        prefix = f"{name}/" if name else ""
         if node["node_type"] == "group":
-            prefix = f"{name}/" if name else ""
             below = [inner for inner in ordered if inner.startswith(prefix)]
             node = _group_node(
                 node["attributes"], {inner.removeprefix(prefix): nodes[inner] for inner in below}
             )
-        elif file.exists():
-            continue
-        write_file(file, json.dumps(node, separators=(",", ":"), default=_plain).encode())
+        file = f"{prefix}{METADATA}"
+        content = json.dumps(node, separators=(",", ":"), default=_plain).encode()
+        written[file] = write_file(path / file, content)
+    return written
 
 
 def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) -> dict[str, Any]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, lru_cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ class OldStore:
     def __init__(
         self, plan: Plan, path: Path, old: Mapping[str, Any], say: Callable[[str], None]
     ) -> None:
+        self._now = plan
         before = choices_of(plan.experiment, old)
         # What the store was made with; where it ran is as it is now.
         choices = Choices({**plan.choices.values, **before.values}, before.joint)
@@ -49,24 +50,39 @@ class OldStore:
         self._chunk = lru_cache(KEPT_CHUNKS)(self._decoded)
         self._spans = lru_cache(maxsize=None)(self._spans_and_starts)
 
-    def has(self, keys: Iterable[str]) -> set[str]:
-        """Those of some keys whose cells are there."""
-        return {key for key in keys if key in self._places}
+    def has(self, bound: Bound, keys: Iterable[str]) -> set[str]:
+        """Those of some keys of a stage whose cells are there."""
+        possible = self._possible(bound).intersection(keys)
+        return {key for key in possible if key in self._places}
 
-    def find(self, keys: Iterable[str], folder: Path) -> dict[str, Spot]:
-        """Spots of those cells that are there, put into packs in a folder."""
-        of_stage: dict[Bound, list[str]] = defaultdict(list)
-        for key in keys:
-            if key in self._places:
-                of_stage[self._places[key][0]].append(key)
+    def find(self, bound: Bound, keys: Iterable[str], folder: Path) -> dict[str, Spot]:
+        """Spots of those cells of a stage that are there, put into packs in a folder."""
+        there = self.has(bound, keys)
+        wanted = [key for key in keys if key in there]
         found: dict[str, Spot] = {}
-        for bound, wanted in of_stage.items():
-            for start in range(0, len(wanted), AT_ONCE):
-                part = wanted[start : start + AT_ONCE]
-                cells = [(key, self._cell(bound, self._places[key][1])) for key in part]
-                pack = write_pack(folder, bound.name, cells)
-                found |= {key: (str(folder / pack.path), row) for row, key in enumerate(part)}
+        for start in range(0, len(wanted), AT_ONCE):
+            part = wanted[start : start + AT_ONCE]
+            cells = [(key, self._cell(*self._places[key])) for key in part]
+            pack = write_pack(folder, bound.name, cells)
+            found |= {key: (str(folder / pack.path), row) for row, key in enumerate(part)}
         return found
+
+    def _possible(self, bound: Bound) -> set[str]:
+        """Keys of all cells of a stage at values that the store has, too.
+
+        They are known from planning, whereas to know what the store has takes reading all of it.
+        """
+        plan, before = self._now, self._plan.choices
+        axes = [plan.axes[number] for number in plan.axes_on(bound)]
+        both = [
+            [
+                at
+                for at, point in enumerate(axis.points)
+                if all(v in before[one] for one, v in zip(axis.settings, point, strict=True))
+            ]
+            for axis in axes
+        ]
+        return {plan.key(bound, place) for place in product(*both)}
 
     @cached_property
     def _places(self) -> dict[str, tuple[Bound, Place]]:

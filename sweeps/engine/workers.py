@@ -167,6 +167,7 @@ def local(
                 LocalCluster(
                     n_workers=count,
                     threads_per_worker=1,
+                    env=dict(os.environ),  # as it is now: they may be forked from an older process
                     host="127.0.0.1",
                     protocol="tls://",
                     security=Security.temporary(),

@@ -67,6 +67,16 @@ class Array:
         raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and strings can")
 
     @property
+    def opened(self) -> np.dtype[Any]:
+        """Dtype that zarr reads back: that of what is stored, in the byte order of this machine."""
+        return np.dtypes.StringDType() if self.stored == _STRING else self.stored.newbyteorder("=")
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Attributes as they are stored, with the type as which xarray reads integers back."""
+        return {**self.attrs, **({"dtype": "bool"} if np.dtype(self.dtype).kind == "b" else {})}
+
+    @property
     def empty(self) -> Any:
         """Value of what is not written, as it is stored."""
         if self.stored == _STRING:
@@ -117,7 +127,7 @@ def regions(array: Array) -> Iterator[tuple[str, Region]]:
         for size, chunk in zip(array.shape, array.chunks, strict=True)
     ]
     for chunk in itertools.product(*map(enumerate, parts)):
-        yield "/".join(("c", *(str(place) for place, _ in chunk))), tuple(r for _, r in chunk)
+        yield ".".join(("c", *(str(place) for place, _ in chunk))), tuple(r for _, r in chunk)
 
 
 def metadata(array: Array) -> dict[str, Any]:
@@ -131,19 +141,17 @@ def metadata(array: Array) -> dict[str, Any]:
     if stored.kind == "f":
         words = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
         fill = words.get(str(float(fill)), float(fill))
-    # xarray reads integers back as this type.
-    own = {"dtype": "bool"} if np.dtype(array.dtype).kind == "b" else {}
     return {
         "shape": list(array.shape),
         "data_type": "string" if stored == _STRING else stored.name,
         "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": list(array.chunks)}},
-        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
         "fill_value": fill if stored.kind in "fO" else int(fill),
         "codecs": [
             serializer,
             {"name": "zstd", "configuration": {"level": LEVEL, "checksum": True}},
         ],
-        "attributes": {**array.attrs, **own},
+        "attributes": array.attributes,
         **({"dimension_names": list(array.dims)} if array.dims else {}),
         "zarr_format": 3,
         "node_type": "array",

@@ -29,6 +29,7 @@ KINDS = {
     "table5": "percent correct of silhouettes by range and super-resolution, beside the source's",
     "classifiers": "percent correct of every classifier by aspect and number of frames",
     "fusion": "percent correct of profile, silhouette and both by aspect and range",
+    "spacing": "percent correct at aspects that nobody learned by the spacing of templates",
     "flight": "every stage of the corrections of a flight, beside the truth",
     "validation": "measured near-stern profiles beside noiseless and synthetic ones",
     "sensitivity": "what wrong flight parameters cost, with and without autofocus",
@@ -72,6 +73,7 @@ def draw(kind: str, path: Path) -> Figure:
         run_time_figures,
         score_figures,
         ship_figures,
+        spacing_figures,
     )
     from sweeps.report.silhouettes import fusion_rows
     from sweeps.report.tables import TITLES, classifier_rows
@@ -95,6 +97,11 @@ def draw(kind: str, path: Path) -> Figure:
             names = [name for name in groups(store, "tables") if name in TITLES]
             there = {name: read(store, f"tables/{name}").load() for name in names}
             return score_figures.draw_classifiers(classifier_rows(there))
+        case "spacing":
+            names = [name for name in groups(store, "tables")]
+            scores = {name: read(store, f"tables/{name}") for name in names}
+            scores = {name: one.load() for name, one in scores.items() if "accuracy" in one}
+            return spacing_figures.draw_spacing(scores)
         case "silhouettes":
             given = store.attrs["configuration"]["infrared"]
             return infrared_figures.draw_silhouettes(read(store, "infrared"), given)

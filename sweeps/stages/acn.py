@@ -7,6 +7,7 @@ matches no category and so names no ship, which counts as wrong.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from sweeps.stages import categories, classifier
 from sweeps.stages.categories import Lessons, Network
 from sweeps.stages.classifier import GATHERED, OF_PROFILES, VIEW, Naming, Profiles, Views
 from sweeps.stages.infrared import LOOK, Infrared
-from sweeps.stages.scores import data_set, formed, scored
+from sweeps.stages.scores import by_aspects, data_set, formed, scored
 from sweeps.stages.silhouettes import OF_SILHOUETTES
 from sweeps.stages.views import INFRARED, RANGE, Grid
 
@@ -150,7 +151,9 @@ def tabulate_silhouettes(classified: xr.Dataset, choices: Choices) -> xr.Dataset
     tables = formed(known, "training silhouettes")
     for prefix in ("training_", ""):
         what = f"{prefix or 'test_'}silhouettes".replace("_", " ")
-        found = scored(known[prefix + "correct"], prefix, what)
+        of_kinds = {} if prefix else classifier.aspects_of(choices)
+        score = partial(scored, prefix=prefix, what=what)
+        found = by_aspects(known[prefix + "correct"], of_kinds, score)
         fraction, said = found[prefix + "accuracy"]
         # A training that failed has no answers, and any other has those of all views there are.
         n = found[prefix + "n"][0].max(DRAWS)

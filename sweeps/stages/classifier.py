@@ -13,6 +13,7 @@ from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, number, set_of, switch, word
 from sweeps.engine.stage import Condition, Output, Stage, Table, in_memory, stage
+from sweeps.stages.fresh import Fresh, fresh_aspects
 from sweeps.stages.scores import VIEW, data_set, formed, scored_profiles, tabulate_rejection
 from sweeps.stages.views import Grid, looks, ships
 
@@ -47,8 +48,14 @@ class Classifier(Settings, key="classifier"):
             below=360,
             unit="degree",
             label="aspects learned at",
-            help="of grid.aspect; null: all",
+            help="of grid.aspect; null: all but those of grid.fresh",
         )
+    )
+    template_spacing = number(
+        *(None, 0.001, 90),
+        unit="degree",
+        label="spacing of the aspects learned",
+        help="of those that could be, its multiples; null: all",
     )
     test_vigilance = number(
         *({"start": 0, "stop": 1, "step": 0.01}, 0, 1),
@@ -61,6 +68,9 @@ class Classifier(Settings, key="classifier"):
         help="of correlation and likelihood",
         noted=True,
     )
+
+
+SPACING = Classifier.template_spacing
 
 
 def names_by(name: str, sensor: str) -> Condition:
@@ -77,21 +87,59 @@ def taught(
     aspect: tuple[float, ...],
     unknown: tuple[str, ...] | None,
     training_aspect: tuple[float, ...] | None,
+    template_spacing: float | None,
 ) -> Views:
     """(ship, aspect): views that are learned; ships among the others are unknown."""
     known = ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
-    return known[:, None] & np.isin(aspect, aspect if training_aspect is None else training_aspect)
+    learned = np.isin(aspect, aspect if training_aspect is None else training_aspect)
+    if template_spacing is not None:
+        steps = np.array(aspect) / template_spacing
+        learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
+    return known[:, None] & learned
 
 
-def learned_of(choices: Choices) -> Views:
-    """Return the (ship, aspect) views that a sweep's classifiers learn."""
-    settings = (Classifier.unknown, Classifier.training_aspect)
-    found: Views = taught(*(choices[one] for one in GATHERED), *map(choices.one, settings))
-    return found
+def learned_of(choices: Choices) -> xr.DataArray:
+    """Return the views that a sweep's classifiers learn: (ship, aspect), by template spacing.
+
+    The spacing is a dimension where it is an axis.
+    """
+    import xarray as xr
+
+    of_all = (*(choices[one] for one in GATHERED), choices.one(Classifier.unknown))
+    training, spacings = choices.one(Classifier.training_aspect), choices[SPACING]
+    views = [taught(*of_all, training, one) for one in spacings]
+    found = xr.DataArray(views, {SPACING.name: list(spacings)}, (SPACING.name, *VIEW))
+    return found if len(spacings) > 1 else found.isel({SPACING.name: 0}, drop=True)
+
+
+def known_of(choices: Choices) -> xr.DataArray:
+    """Return which ships a sweep's classifiers learn, (ship,)."""
+    learned = learned_of(choices)
+    return learned.any([dim for dim in learned.dims if dim != "ship"])
+
+
+def aspects_of(choices: Choices) -> dict[str, xr.DataArray]:
+    """Return where aspects are learned, lie between those, and are drawn at random, if any do."""
+    import xarray as xr
+
+    learned = learned_of(choices).any("ship")
+    aspects = choices[Grid.aspect]
+    drawn = xr.DataArray(np.isin(aspects, fresh_aspects(choices, aspects)), dims="aspect")
+    found = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
+    return {name: where for name, where in found.items() if where.any()}
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse unknown ships and training aspects that the grid lacks, or that leave nothing."""
+    """Refuse unknown ships and training aspects that the grid lacks, or that leave nothing.
+
+    Aspects that are drawn come into the grid, and are not learned.
+    """
+    given = choices[Grid.aspect]
+    if drawn := fresh_aspects(choices, given):
+        if choices.one(Classifier.training_aspect) is None:
+            regular = tuple(aspect for aspect in given if aspect not in drawn)
+            choices = choices.having(Classifier.training_aspect, (regular,))
+        choices = choices.having(Grid.aspect, tuple(sorted({*given, *drawn})))
     there, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
     for name in unknown:
         if name not in there:
@@ -114,7 +162,7 @@ def check(choices: Choices) -> Choices:
 
 def check_left_out(choices: Choices) -> None:
     """Refuse to leave the true aspect out where no other is learned."""
-    aspects = learned_of(choices).any(axis=0).sum()
+    aspects = int(learned_of(choices).any("ship").sum("aspect").min())
     if any(choices[Classifier.left_out]) and aspects < 2:
         raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
@@ -180,7 +228,7 @@ def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, 
 
 def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the answers about ships that are learned: unknown ones cannot be named right."""
-    return classified.isel(ship=np.flatnonzero(learned_of(choices).any(axis=1)))
+    return classified.isel(ship=np.flatnonzero(known_of(choices)))
 
 
 def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -190,7 +238,7 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """
     known = known_ships(classified, choices)
     tables = formed(known, "training profiles") if "training_category" in known else {}
-    found = data_set(tables | scored_profiles(known), known.aspect)
+    found = data_set(tables | scored_profiles(known, aspects_of(choices)), known.aspect)
     receivers = choices.values.get(RECEIVER, ())
     return found.assign_attrs({"receiver": receivers[0]} if len(receivers) == 1 else {})
 
@@ -241,21 +289,20 @@ class Naming:
     def tables(
         self, make: Callable[..., xr.Dataset] = tabulate_answers, *, rejecting: bool = False
     ) -> tuple[Table, ...]:
-        """Return the tables of the group; of rejections, too, where a view is not learned."""
+        """Return the tables of the group; of rejections, too, where a ship is not learned."""
         group = (f"classification/{self.name}",)
 
         def reject(found: xr.Dataset, choices: Choices) -> xr.Dataset:
-            return tabulate_rejection(
-                found, learned_of(choices), choices[Classifier.test_vigilance]
-            )
+            known, aspects = known_of(choices), aspects_of(choices)
+            return tabulate_rejection(found, known, aspects, choices[Classifier.test_vigilance])
 
         def asked(choices: Choices) -> bool:
-            return self.when(choices) and not learned_of(choices).all()
+            return self.when(choices) and not bool(known_of(choices).all())
 
         scores = Table(f"tables/{self.name}", group, make, self.when)
         rejections = Table(f"tables/rejection_{self.name}", group, reject, asked)
         return (scores, rejections) if rejecting else (scores,)
 
 
-SETTINGS: tuple[type[Settings], ...] = (Classifier,)
+SETTINGS: tuple[type[Settings], ...] = (Fresh, Classifier)
 STAGES: tuple[Stage, ...] = (taught,)

@@ -203,7 +203,7 @@ def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Tabulate the answers about ships that are learned, and flown past."""
     known, past = classifier.known_ships(classified, choices), flown(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
-    return data_set(scored_profiles(known), known.aspect)
+    return data_set(scored_profiles(known, classifier.aspects_of(choices)), known.aspect)
 
 
 STAGES: tuple[Stage, ...] = (lesson, namer, measured, kinds_named, kinds_of_states)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -17,6 +18,7 @@ Flags = NDArray[np.bool_]
 Floats = NDArray[np.floating]
 Scored: TypeAlias = "dict[str, tuple[xr.DataArray, str]]"
 VIEW = ("ship", "aspect")
+OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
 DRAWS = ("replicate", "draw")  # of the noise, over which accuracies are pooled
 PROFILES = {
     "training_correct": ("training_", "training profiles"),
@@ -66,12 +68,38 @@ def scored(correct: xr.DataArray, prefix: str, what: str) -> Scored:
     }
 
 
-def scored_profiles(classified: xr.Dataset) -> Scored:
-    """Return the scores of all answers about range profiles that a classifier gives."""
+def by_aspects(
+    correct: xr.DataArray,
+    aspects: Mapping[str, xr.DataArray],
+    score: Callable[[xr.DataArray], Scored],
+) -> Scored:
+    """Return scores of answers at aspects of several kinds apart, along `aspects`.
+
+    Of one kind there is no such dimension.
+    """
+    import xarray as xr
+
+    if len(aspects) < 2:
+        return score(correct)
+    parts = [score(correct.where(where, -1)) for where in aspects.values()]
+    names = xr.DataArray(list(aspects), dims="aspects", attrs=OF_ASPECTS, name="aspects")
+    return {
+        name: (xr.concat([part[name][0] for part in parts], names.astype(object)), what)
+        for name, (_, what) in parts[0].items()
+    }
+
+
+def scored_profiles(classified: xr.Dataset, aspects: Mapping[str, xr.DataArray]) -> Scored:
+    """Return the scores of all answers about range profiles that a classifier gives.
+
+    Tests at aspects of several kinds are scored apart.
+    """
     tables: Scored = {}
     for name, (prefix, what) in PROFILES.items():
         if name in classified:
-            tables |= scored(classified[name], prefix, what)
+            score = partial(scored, prefix=prefix, what=what)
+            of_kinds = {} if prefix == "training_" else aspects
+            tables |= by_aspects(classified[name], of_kinds, score)
     return tables
 
 
@@ -104,7 +132,6 @@ def data_set(tables: Scored, aspect: xr.DataArray | None) -> xr.Dataset:
 
 # Unknown ships: which answers a test vigilance takes back
 
-ASPECTS = ("learned", "between")  # aspects that are learned, and those that are not
 ENDS = {"_ci_low": "lower", "_ci_high": "upper"}
 LEAST = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # shares of answers to unknown ships, to be rejected
 MEANINGS = {
@@ -121,15 +148,18 @@ MEANINGS = {
 
 
 def tabulate_rejection(
-    classified: xr.Dataset, learned: Flags, test_vigilances: tuple[float, ...]
+    classified: xr.Dataset,
+    known: xr.DataArray,
+    aspects: Mapping[str, xr.DataArray],
+    test_vigilances: tuple[float, ...],
 ) -> xr.Dataset:
     """Return the receiver operating characteristic: what every test vigilance rejects.
 
-    Of the `similarity` and `correct` of a classifier, (ship, aspect) views that it has learned, a
-    ship without any being unknown, and cosines below which a test answers "unknown": `MEANINGS`
-    over the classifier's axes and `aspects`, NaN without answers; means over replicates, phases
-    and orders, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`, `rejected_up_to` and
-    `area` are of the whole characteristic, whatever the test vigilances.
+    Of the `similarity` and `correct` of a classifier, (ship,) which it has learned, the others
+    being unknown, (aspect,) flags of some kinds by name, and cosines below which a test answers
+    "unknown": `MEANINGS` over the classifier's axes and `aspects`, NaN without answers; means over
+    replicates, phases and orders, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`,
+    `rejected_up_to` and `area` are of the whole characteristic, whatever the test vigilances.
 
     Notes
     -----
@@ -141,8 +171,6 @@ def tabulate_rejection(
     """
     import xarray as xr
 
-    known = xr.DataArray(learned.any(axis=1), dims="ship")
-    taught = xr.DataArray(learned.any(axis=0), dims="aspect")
     levels = np.array(test_vigilances)
     thresholds = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
     similarity, right = classified.similarity, classified.correct == 1
@@ -150,9 +178,9 @@ def tabulate_rejection(
     draws = [name for name in ("replicate", "phase", "order") if name in right.dims]
     pooled = [*draws, *VIEW]
     parts = []
-    for name, aspects in zip(ASPECTS, (taught, ~taught), strict=True):
-        of_known = (classified.correct >= 0) & known & aspects
-        of_unknown = similarity.notnull() & ~known & aspects  # whatever would be right
+    for name, of_kind in aspects.items():
+        of_known = (classified.correct >= 0) & known & of_kind
+        of_unknown = similarity.notnull() & ~known & of_kind  # whatever would be right
         up_to = _over(pooled, _quantiles, similarity, of_unknown, gives=["least_rejected"])
         up_to = up_to.assign_coords(least_rejected=LEAST)
         counted = {
@@ -178,7 +206,7 @@ def tabulate_rejection(
         for suffix, end in ENDS.items() if name + "_ci_low" in table else ():
             interval = f"{end} end of the 95 % Wilson interval of the {meaning}"
             table[name + suffix].attrs = {"units": "1", "long_name": interval}
-    table.aspects.attrs = {"long_name": "whether anything was learned at the aspect"}
+    table.aspects.attrs = OF_ASPECTS
     return table
 
 

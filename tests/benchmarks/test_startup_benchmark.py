@@ -1,17 +1,31 @@
 """The benchmarks of the start of the command, and of its time by number of cells."""
 
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from benchmarks import growth, startup
 
 
-def test_the_start_has_a_time_for_every_step():
-    one_cell = ("cluster=inline", "grid.ship=[duncan]", "grid.aspect=[0]")
-    report = startup.measure(repeats=1, experiment=one_cell)
+def test_the_start_has_a_time_for_every_step(monkeypatch):
+    """Of commands that only count: `tests/benchmarks/test_command_benchmark.py` runs the real."""
+    counting = "print('a word', flush=True); sum(range(2 * 10**7))"  # long enough to be looked at
+    monkeypatch.setattr(startup, "PROGRAM", ("-c", counting))
+    monkeypatch.setattr(startup, "sweep", lambda *given: SimpleNamespace(run=watched()))
+    report = startup.measure(repeats=1)
     assert [row["step"] for row in report.rows] == [startup.HELP, startup.AGAIN, startup.WORDS]
     assert all(row["wall_s"].low > 0 for row in report.rows)
     assert all(row["cpu_s"] > 0 for row in report.rows[:2])
+
+
+def watched():
+    return startup.watch([sys.executable, *startup.PROGRAM], cores=startup.CORES)
+
+
+def test_the_command_itself_says_something():
+    assert startup.first_words(["--help"]) > 0
 
 
 def test_a_command_that_says_nothing_is_an_error(monkeypatch):

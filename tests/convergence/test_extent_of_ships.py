@@ -34,6 +34,7 @@ from ncti.render import line_image, range_image
 GRID = [
     (name, float(aspect), DEPRESSION) for name in ncti.ships.names() for aspect in range(0, 91, 9)
 ]
+EVERY_OTHER = [view for view in GRID if view[1] % 18 == 0]  # for what is drawn in many ways
 OTHERS = [
     (name, aspect, depression)
     for name in ncti.ships.names()
@@ -127,13 +128,13 @@ def test_accuracy_of_single_ifovs():
 @pytest.mark.parametrize("pulse_width", [0.0, PULSE])
 def test_error_falls_with_the_pixel(pulse_width):
     pixels = [0.5, 0.25, 0.125]
-    errors = [ship_errors(GRID, pulse_width, pixel=pixel).mean() for pixel in pixels]
+    errors = [ship_errors(EVERY_OTHER, pulse_width, pixel=pixel).mean() for pixel in pixels]
     assert slope(pixels, errors) > SLOPE
 
 
 def test_a_rolled_lattice_samples_ships_more_evenly():
     """A ship's edges are level and upright: along a level lattice their errors add up."""
-    level, rolled = ship_errors(GRID, PULSE, roll=0.0), ship_errors(GRID, PULSE)
+    level, rolled = ship_errors(EVERY_OTHER, PULSE, roll=0.0), ship_errors(EVERY_OTHER, PULSE)
     assert np.median(rolled) < np.median(level) / 2.0
     assert rolled.max() < level.max() / 2.0
 
@@ -141,7 +142,7 @@ def test_a_rolled_lattice_samples_ships_more_evenly():
 def test_half_a_pixels_extent_is_the_best_spread():
     """Less leaves a deck's pixels a comb of ranges, more leaks past the deck's ends."""
     points, half, whole = (
-        np.median(ship_errors(GRID, 0.0, spread=spread)) for spread in (0.0, 0.5, 1.0)
+        np.median(ship_errors(EVERY_OTHER, 0.0, spread=spread)) for spread in (0.0, 0.5, 1.0)
     )
     assert half < points
     assert half < whole

@@ -46,7 +46,7 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
         folder, alone = Path(name, "company"), Path(name, "alone")
         quiet = Watch(lambda sentence: None)
         with open_index(folder, quiet.say) as index:
-            schedule.resolve(index.find)
+            schedule.resolve(lambda bound, keys: index.find(keys))
             with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
                 _, failures = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
                 assert not failures, failures[0]

@@ -10,6 +10,7 @@ import xarray as xr
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, go, run
 
+from sweeps.engine import takeover
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import write_manifest
 from sweeps.engine.provenance import choices_of
@@ -54,6 +55,16 @@ def test_a_store_grows_on_any_axis(grown, tmp_path, given):
     for name, progress in finished.progress.items():
         if name != "answers" or "spring__stiffness" not in given:  # which these gather
             assert progress.reused == CELLS[name], name
+
+
+def test_a_store_is_not_read_for_cells_that_it_cannot_have(grown, tmp_path, monkeypatch):
+    store, cache = tmp_path / "s.zarr", tmp_path / "cache"
+    shutil.copytree(grown(), store)
+    shutil.copytree(grown().with_suffix(".cache"), cache)
+    monkeypatch.setattr(takeover, "verify", lambda path: pytest.fail("it is read"))
+    given = GROWN["at the end"] | GROWN["two axes"]
+    go(store, cache, **given)
+    assert files(store) == files(grown(**given))
 
 
 def test_one_more_value_along_an_axis_computes_only_itself(grown, tmp_path):

@@ -1,5 +1,6 @@
 """Workers of this machine are forked from a process that has imported what they need, once."""
 
+import os
 import sys
 from multiprocessing import forkserver
 
@@ -7,7 +8,7 @@ import psutil
 import pytest
 
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.forking import fork_server, worth_importing
+from sweeps.engine.forking import fork_server, fork_server_ahead, worth_importing
 
 IMPORTS = ("wave",)  # which nothing else imports, nor `tabnanny`
 
@@ -56,4 +57,25 @@ def test_workers_are_spawned_where_a_fork_server_runs_already():
 def test_the_server_ends_after_an_error():
     with pytest.raises(KeyError), fork_server([]):
         raise KeyError
+    assert server_is_gone()
+
+
+def test_workers_are_forked_from_a_server_that_was_started_ahead(monkeypatch):
+    name = "SWEEP_TEST_SET_LATER"
+    with fork_server_ahead(["wave"]):
+        monkeypatch.setenv(name, "here")
+        given = {"modules": ["tabnanny"], "say": lambda sentence: None}
+        with executor(ClusterChoice(workers=1), **given) as run:
+            _, modules = answers(run, parent_and_modules)
+            assert answers(run, os.environ.get, name) == "here"  # as it is when they start
+        assert not server_is_gone()
+    assert {"wave"} <= modules and "tabnanny" not in modules
+    assert server_is_gone()
+
+
+def test_a_server_that_was_started_for_nothing_is_not_waited_for(tmp_path, monkeypatch):
+    tmp_path.joinpath("takes_for_ever.py").write_text("import time\ntime.sleep(86400)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with fork_server_ahead(["takes_for_ever"]):
+        pass
     assert server_is_gone()

@@ -260,7 +260,7 @@ def test_mistakes_of_declarations_are_named(stages, sentence):
 def test_cells_of_a_common_parent_stay_together():
     plan = planned()
     schedule = Schedule(plan, dict.fromkeys(SPRINGS.by_name, 1e-6))
-    schedule.resolve(lambda keys: {})
+    schedule.resolve(lambda bound, keys: {})
     jobs, calls = schedule.batch(1)
     own = [job for job in jobs if job.bound.name in ("period", "energy")]
     parents = [job.affinity for job in own]
@@ -272,19 +272,19 @@ def test_cells_of_a_common_parent_stay_together():
 def test_tasks_are_sized_by_cost_and_get_shorter():
     plan = planned(spring__mass=list(range(1, 101)))
     schedule = Schedule(plan, dict.fromkeys(SPRINGS.by_name, 0.05))
-    schedule.resolve(lambda keys: {})
+    schedule.resolve(lambda bound, keys: {})
     sizes = [len(schedule.batch(2)[0]) for _ in range(30)]
     assert sizes[0] == 30  # 1.5 s
     assert schedule.ready
     schedule = Schedule(plan, dict.fromkeys(SPRINGS.by_name, 1e-9))
-    schedule.resolve(lambda keys: {})
+    schedule.resolve(lambda bound, keys: {})
     assert len(schedule.batch(2)[0]) > 300
 
 
 def test_what_is_asked_together_is_one_call():
     plan = planned(measured__length=[2, 3, 4], measured__rule=["max", "mean"])
     schedule = Schedule(plan)
-    schedule.resolve(lambda keys: {})
+    schedule.resolve(lambda bound, keys: {})
     calls = dict.fromkeys(("noisy", "answers"), 0)
     for bound, cells in schedule.missing_cells():
         if bound.name in calls:
@@ -298,7 +298,7 @@ def test_only_what_is_missing_is_asked_for():
     there = {key: ("pack", 0) for one in few.targets for key in keys(few, one.name).values()}
     plan = planned(measured__rule=["max", "mean", "min"])
     schedule = Schedule(plan)
-    schedule.resolve(lambda wanted: {key: there[key] for key in wanted if key in there})
+    schedule.resolve(lambda bound, wanted: {key: there[key] for key in wanted if key in there})
     assert [(bound.name, cells) for bound, cells in schedule.missing_cells()] == [
         ("answers", 2)
     ] * 4

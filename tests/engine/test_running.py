@@ -69,7 +69,7 @@ def test_the_time_that_a_sweep_still_takes_is_steady(known):
     """Two workers, start included; costs of earlier runs known, or some of them, or none."""
     masses = {"spring.mass": list(range(1, 31)), "spring.limit": list(range(50, 70))}
     schedule = Schedule(Plan(SPRINGS, read_choices(SPRINGS.declared, masses)), dict(known))
-    schedule.resolve(lambda keys: {})
+    schedule.resolve(lambda bound, keys: {})
     remaining, now, told = Remaining(), 2.0, []
     assert remaining.words(schedule, 0.0) == ""
     while schedule.ready:
@@ -92,7 +92,7 @@ def test_a_damaged_index_of_costs_gives_no_estimate():
         schedule = Schedule(
             Plan(SPRINGS, read_choices(SPRINGS.declared, {})), dict.fromkeys(COSTS, cost)
         )
-        schedule.resolve(lambda keys: {})
+        schedule.resolve(lambda bound, keys: {})
         remaining = Remaining()
         for now in range(3):
             schedule.progress["energy"].seconds += 10.0

@@ -15,7 +15,8 @@ from zarr.codecs import ZstdCodec
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import MANIFEST, check_target, verify
-from sweeps.engine.store import add_group, read_attributes, write_store
+from sweeps.engine.store import read_attributes, write_store
+from sweeps.engine.tables import dataset_of, group_of
 from sweeps.engine.zarr_array import CHUNK_BYTES, LEVEL, Array, Group, metadata, suggest_chunks
 
 DTYPES = [
@@ -78,6 +79,7 @@ def test_metadata_are_those_of_zarr(dtype, fill):
         zarr.storage.MemoryStore(),
         shape=SHAPE,
         chunks=CHUNKS,
+        chunk_key_encoding={"name": "default", "separator": "."},
         dtype=dtype,
         fill_value=none if fill is None else fill,
         compressors=ZstdCodec(level=LEVEL, checksum=True),
@@ -105,8 +107,8 @@ def test_chunks_of_nothing_but_the_fill_value_are_no_files(tmp_path):
         "scaled": array(values, chunks=(4, 3), scale_factor=0.5),
     }
     write_store(path, {"g": Group(arrays)}, {})
-    chunks = {name for name in files(path) if "/c/" in name}
-    assert chunks == {"g/answer/c/1/0", "g/zero/c/2/0", "g/scaled/c/0/0"}
+    chunks = {name for name in files(path) if "/c." in name}
+    assert chunks == {"g/answer/c.1.0", "g/zero/c.2.0", "g/scaled/c.0.0"}
     found = opened(path, "g")
     assert same_bits(found["answer"].values, values)  # no -1 became NaN
     assert same_bits(found["zero"].values, zeros)
@@ -131,19 +133,13 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
         attrs={"title": "table", "level": np.float32(0.5)},
     )
 
-    def after(partial):
-        assert opened(partial, "top")["x"].shape == SHAPE  # readable before it is in place
-        assert not path.exists()
-        # Names for which siblings are not written one after the other.
-        for name in ("tables/accuracy", "classification/late", "tables/more"):
-            add_group(partial, name, table)
-        with pytest.raises(ValueError, match="'tables/more/p' is given twice"):
-            add_group(partial, "tables/more", table)
-
-    write_store(path, groups, {"seed": 3, "list": [1, None]}, after=after)
+    # Names for which siblings are not written one after the other.
+    late = ("tables/accuracy", "classification/late", "tables/more")
+    groups |= {name: group_of(table) for name in late}
+    write_store(path, groups, {"seed": 3, "list": [1, None]})
     assert read_attributes(path) == {"seed": 3, "list": [1, None]}
     assert verify(path) == []
-    names = {*groups, "tables", "tables/accuracy", "tables/more", "classification/late"}
+    names = {*groups, "tables"}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         tree = xr.open_datatree(path, engine="zarr")
@@ -156,10 +152,53 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
     assert set(tree["classification/acn"].coords) == {"rule", "alone"}
     assert tree["classification/acn"].attrs == {}
     np.testing.assert_array_equal(tree["classification/mnn"]["x"], COUNTS + 1)
-    for name in ("tables/accuracy", "tables/more", "classification/late"):
+    for name in late:
         found = opened(path, name)
         assert found["ship"].values.tolist() == ["a", "b"]
         xr.testing.assert_identical(found.drop_vars("ship"), table.drop_vars("ship"))
+
+
+def test_tables_see_groups_as_xarray_opens_them_once_they_are_written(tmp_path):
+    random_bits, values = np.random.default_rng(2), {}
+    for name in DTYPES:
+        itemsize = np.dtype(name).itemsize
+        values[name] = np.frombuffer(random_bits.bytes(105 * itemsize), name).reshape(SHAPE)
+    values |= {"big_endian": COUNTS.astype(">f8"), "bool": COUNTS % 3 == 0}
+    values["objects"] = COUNTS.astype("U3").astype(object)
+    arrays = {name: array(value) for name, value in values.items()}
+    arrays["scaled"] = array(COUNTS.astype("u1"), scale_factor=1 / 255, units="1")
+    asked = []
+
+    def read(region):
+        asked.append(region)
+        return (
+            COUNTS.astype("i2").transpose(1, 0, 2)[region[1], region[0], region[2]].swapaxes(0, 1)
+        )
+
+    arrays["read"] = array(COUNTS.astype("i2"), read=read)
+    arrays["unused"] = array(COUNTS, read=lambda region: pytest.fail("nobody uses it"))
+    scalar = Array.of((), 3.0, {"units": "km"})
+    labels = {"ship": Array.of(("ship",), np.array(list("abcde"))), "range": scalar}
+    group = Group(arrays, labels, {"title": "all"})
+
+    seen = dataset_of(group).drop_vars("unused")
+    part = seen["read"].isel(aspect=[1, 3]).values
+    assert len(asked) == 1 and (part == COUNTS[:, [1, 3]]).all()
+    seen.load()
+    assert len(asked) == 1  # once, whatever is used of it, and how often
+    del arrays["unused"]
+    path = tmp_path / "s.zarr"
+    write_store(path, {"g": group}, {})
+    assert len(asked) == 1  # not for writing, either
+    found = opened(path, "g")
+    xr.testing.assert_identical(seen, found)
+    assert list(seen.variables) == list(found.variables)
+    for name, variable in found.variables.items():
+        one, other = seen[name], variable
+        assert one.dtype == other.dtype
+        if one.dtype.kind not in "OT":
+            assert same_bits(one.values, other.values)
+            assert one.values.strides == other.values.strides  # sums take the same order
 
 
 def test_consolidated_metadata_are_those_of_zarr(tmp_path):
@@ -258,8 +297,8 @@ def test_each_changed_byte_missing_and_extra_file_is_noticed(tmp_path):
                     read_attributes(path)
         file.write_bytes(content)
     assert verify(path) == []
-    (path / "g/x/c/7").write_bytes(b"")
-    assert verify(path) == ["g/x/c/7"]
+    (path / "g/x/c.7").write_bytes(b"")
+    assert verify(path) == ["g/x/c.7"]
 
 
 @pytest.mark.parametrize("content", [b"", b"{}", b'{"files":3}', b"[" * 10**5, b"\xff"])

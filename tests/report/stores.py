@@ -2,14 +2,13 @@
 
 import csv
 import io
-import os
 from contextlib import chdir
-from fcntl import LOCK_EX, flock
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 import zarr
+from once import made_once
 from rich.console import Console
 
 from sweeps.app import command
@@ -54,19 +53,9 @@ def sweep(folder: Path, *overrides: str, code: int = 0) -> Path:
     return folder / "s.zarr"
 
 
-def made_once(factory: Any, name: str, *overrides: str) -> Path:
+def swept_once(factory: Any, name: str, *overrides: str) -> Path:
     """The store of a sweep of that name, made by one of the processes that run tests."""
-    root = factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        root = root.parent  # that of all of them
-    folder = root / f"report-{name}"
-    folder.mkdir(exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        flock(lock, LOCK_EX)
-        if not (folder / "done").exists():
-            sweep(folder, *overrides)
-            (folder / "done").touch()
-    return folder / "s.zarr"
+    return made_once(factory, name, lambda folder: sweep(folder, *overrides)) / "s.zarr"
 
 
 def reported(monkeypatch, *arguments: object) -> int:

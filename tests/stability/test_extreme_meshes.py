@@ -103,7 +103,7 @@ def test_a_ray_meets_coincident_facets_of_either_winding_at_their_plane():
     np.testing.assert_allclose(hits.cosine, 1.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("count", [289, 409], ids=["1,002,252 facets", "2,007,372 facets"])
+@pytest.mark.parametrize("count", [409], ids=["2,007,372 facets"])
 def test_millions_of_flat_facets(count):
     """Flat facets are the box again; lines cross no edges but its own."""
     view = {"aspect": 37.0, "depression": 3.84}

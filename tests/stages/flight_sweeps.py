@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
 from sweeps.engine.cluster import ClusterChoice
@@ -51,3 +52,23 @@ def flown(folder, name="s", **given):
 def opened(path, group="validation"):
     """A group of a store."""
     return xr.open_zarr(path, group=group).load()
+
+
+def at(found, **values):
+    """One flight past one ship; the first on every other axis."""
+    errors = list(
+        zip(np.atleast_1d(found.error_parameter), np.atleast_1d(found.error_value), strict=True)
+    )
+    place = {"error": errors.index(values.pop("error"))} if "error" in values else {}
+    one = found.isel(place).sel(values)
+    own = {"source", "down_range", "row", "column", "pulse_width", "kind"}
+    return one.isel({name: 0 for name in one.dims if name not in own})
+
+
+def in_window(found, name, window):
+    """An image within its cell's own window; there must be nothing outside."""
+    rows = slice(window.bottom, window.bottom + window.rows - 1)
+    columns = slice(window.left, window.left + window.columns - 1)
+    inside = found[name].sel(row=rows, column=columns)
+    assert np.isfinite(found[name]).sum() == np.isfinite(inside).sum()
+    return inside.values

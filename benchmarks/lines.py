@@ -1,0 +1,281 @@
+"""What lines buy in the source's experiment: time of a view, its error, and names got right."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import trimesh
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # of scikit-learn
+
+import ncti.ships
+from benchmarks.accuracy import ASPECTS, SLANT_RANGE
+from benchmarks.classifiers import (
+    ASPECTS as EVERY_ASPECT,
+)
+from benchmarks.classifiers import (
+    FRAMES,
+    SHIPS,
+    SIGNAL,
+    Task,
+    contenders,
+)
+from benchmarks.reports import Column, Report, Sample
+from benchmarks.skips import patched
+from benchmarks.views import DEPRESSION
+from ncti.evaluate import aspect_bins
+from ncti.features import profile_vector
+from ncti.ladar import (
+    RangeExtent,
+    banded_frame_moments,
+    cumulative_average,
+    expected_profile,
+    range_extent,
+    sample_frames,
+)
+from ncti.ladar.pulse import target_kernel
+from ncti.ladar.reference import reference_range_extent
+from ncti.render import ROLL, choose_engine, lines
+from sweeps.stages.views import LINES, Render, image
+
+FAR = 1e12  # [m]: wavefronts are as flat as those of the reference
+TOLERANCE = 0.002
+PULSES = (10.0, 30.0)  # [ns]; a tolerance holds after the shortest
+EDGES = np.arange(-125.0, 126.0)  # [m]
+SIDE = 15.0  # of an IFOV [m]
+CLASSIFIERS = (
+    "AdaptiveClusteringNetwork",
+    "GainAnnealedNetwork",
+    "CorrelationNeighbour",
+    "GaussianTemplates",
+    "GaussianTemplates, known",
+)
+EXACT = "exact"
+How = tuple[str, tuple[float, ...]]
+"""Engine, and `fineness` of a sweep's tolerance."""
+
+COLUMNS = (
+    Column("way", "drawn by"),
+    Column("cpu_ms", "ms a view", ".2f"),
+    Column("ratio", "x pixels", ".2f"),
+    *(Column(f"error_{pulse:g}", f"error, {pulse:g} ns [%]", ".2g") for pulse in PULSES),
+    Column("said", f"estimated, {PULSES[0]:g} ns [%]", ".2g"),
+)
+
+
+def measure(
+    *, repeats: int, ships: Sequence[str] = SHIPS, aspects: Sequence[float] = ASPECTS
+) -> Report:
+    """Time and error of range extents by pixels, by lines, and by as many lines as it takes.
+
+    Parameters
+    ----------
+    repeats : int
+        How often every view is timed, the ways taking turns.
+    ships : sequence of str
+        Names.
+    aspects : sequence of float
+        Views [deg].
+
+    Returns
+    -------
+    Report
+        One row a way; medians, lowest and highest of all views.
+    """
+    ways = _ways()
+    found: dict[str, list[dict[str, float]]] = {way: [] for way in ways}
+    with threadpool_limits(1), patched(lines, "_threads", lambda: 1):
+        for mesh in map(ncti.ships.load, ships):
+            for aspect in aspects:
+                taken = _times(mesh, aspect, list(ways.values()), repeats)
+                exact = reference_range_extent(
+                    mesh, aspect=aspect, depression=DEPRESSION, bin_edges=EDGES
+                ).area[0]
+                for k, (way, how) in enumerate(ways.items()):
+                    row = _errors(_extent(mesh, aspect, how, FAR), exact)
+                    times = {"cpu_ms": 1e3 * taken[k], "ratio": taken[k] / taken[0]}
+                    found[way].append(times | row)
+    rows: list[dict[str, Any]] = [
+        {"way": way} | {key: Sample.of(view[key] for view in views) for key in views[0]}
+        for way, views in found.items()
+    ]
+    rows[0]["said"] = None  # an image knows nothing of its error
+    return Report(
+        f"Lines and pixels as in `+experiment=paper`: {', '.join(ships)}, {len(aspects)} aspects, "
+        f"{repeats} times",
+        COLUMNS,
+        rows,
+        [
+            f"Pixels and lines {Render.pixel.default:g} m apart, finer where a view has less than "
+            f"{Render.samples.default:,} samples. Time of one processor from mesh to range extent; "
+            "x pixels: view by view, in turns. Error: sum of absolute differences from the "
+            "sampling-free reference over its sum, of all the ship after a pulse. Estimated: what "
+            "odd and even lines say of it (`profile_error` in the store)."
+        ],
+    )
+
+
+def measure_names(
+    *,
+    ships: Sequence[str] = SHIPS,
+    aspects: Sequence[float] = EVERY_ASPECT,
+    replicates: int = 8,
+) -> Report:
+    """Percent of ships named right by every classifier, taught and tested by each way.
+
+    Parameters
+    ----------
+    ships : sequence of str
+        Names.
+    aspects : sequence of float
+        Views [deg].
+    replicates : int
+        Independent averages of every view, the same noise for all ways.
+
+    Returns
+    -------
+    Report
+        One row a classifier: what it gets right by exact extents, and what each way changes.
+    """
+    with threadpool_limits(1):
+        tasks = _tasks(ships, aspects, replicates)
+        rows = []
+        for classifier in CLASSIFIERS:
+            one = contenders(1)[classifier]
+            names = {way: one.name_ships(one.fit(task), task) for way, task in tasks.items()}
+            truth = tasks[EXACT].true_ship
+            right = {way: 100.0 * (named == truth) for way, named in names.items()}
+            row: dict[str, Any] = {"classifier": classifier, EXACT: right[EXACT].mean()}
+            for way in _ways():
+                change = (right[way] - right[EXACT]).reshape(replicates, -1).mean(axis=1)
+                error = 2 * change.std(ddof=1) / math.sqrt(replicates)
+                row[way] = f"{change.mean():+.1f} ± {error:.1f}"
+                row[f"differ {way}"] = 100.0 * np.mean(names[way] != names[EXACT])
+            rows.append(row)
+    return Report(
+        f"Ships named right: {', '.join(ships)}, {len(aspects)} aspects, 30 ns, {FRAMES} frames",
+        (
+            Column("classifier", "classifier"),
+            Column(EXACT, "exact [%]", ".1f"),
+            *(Column(way, f"{way} [points]") for way in _ways()),
+            *(Column(f"differ {way}", f"{way}: other names [%]", ".1f") for way in _ways()),
+        ),
+        rows,
+        [
+            f"Of {truth.size} averages, taught and tested by one way each; exact: by the "
+            "sampling-free reference. Speckle and noise are the same numbers for all ways. "
+            f"Points: change, with two standard errors of {replicates} draws."
+        ],
+    )
+
+
+def _ways() -> dict[str, How]:
+    engine = choose_engine("auto")
+    return {
+        f"pixels ({engine})": (engine, ()),
+        "lines": (LINES, ()),
+        f"lines, tolerance {TOLERANCE:g}": (LINES, (TOLERANCE, min(PULSES), 1.0)),
+    }
+
+
+def _tasks(ships: Sequence[str], aspects: Sequence[float], replicates: int) -> dict[str, Task]:
+    """What classifiers learn and name by every way, and by exact extents."""
+    ways = _ways()
+    made: dict[str, list[tuple[Any, Any, Any]]] = {way: [] for way in (EXACT, *ways)}
+    for i, ship in enumerate(ships):
+        mesh = ncti.ships.load(ship)
+        for j, aspect in enumerate(aspects):
+            seen = {way: _extent(mesh, aspect, how, FAR) for way, how in ways.items()}
+            exact = reference_range_extent(
+                mesh, aspect=aspect, depression=DEPRESSION, bin_edges=EDGES, side=SIDE
+            )
+            area: dict[str, Any] = {
+                "fraction": exact.area / SIDE**2,
+                "cell": exact.cell,
+                "difference": None,
+            }
+            seen[EXACT] = replace(seen["lines"], **area)
+            for way, extent in zip(seen, alike(list(seen.values())), strict=True):
+                frames = sample_frames(
+                    extent,
+                    frame_count=FRAMES * replicates,
+                    rng=np.random.default_rng([i, j]),
+                    **SIGNAL,
+                ).reshape(replicates, FRAMES, -1)
+                averages = [cumulative_average(run, [FRAMES])[0] for run in frames]
+                band = banded_frame_moments(seen[way], **SIGNAL)[1]
+                made[way].append((expected_profile(seen[way], **SIGNAL), band, averages))
+    labels, group = aspect_bins(np.array(aspects, dtype=np.float64))
+    found: dict[str, Task] = {}
+    for way, views in made.items():
+        expected, bands, averages = (list(part) for part in zip(*views, strict=True))
+        lags = max(map(len, bands))
+        averaged = np.swapaxes(averages, 0, 1).reshape(len(views) * replicates, -1)
+        found[way] = Task(
+            expected=np.array(expected),
+            covariance=np.array([np.pad(b, ((0, lags - len(b)), (0, 0))) for b in bands]),
+            averaged=averaged,
+            training=profile_vector(np.array(expected)),
+            tests=profile_vector(averaged),
+            ship=np.repeat(np.arange(len(ships)), len(aspects)),
+            group=np.tile(group, len(ships)),
+            groups=len(labels),
+        )
+    return found
+
+
+def alike(extents: Sequence[RangeExtent]) -> list[RangeExtent]:
+    """Return extents with the same IFOVs, and so little in every bin that it changes no number.
+
+    Frames of them are made of the same normals in the same places.
+    """
+    cells = sorted({tuple(cell) for extent in extents for cell in extent.cell.tolist()})
+    row = {cell: k for k, cell in enumerate(cells)}
+    found = []
+    for extent in extents:
+        fraction = np.full((len(cells), extent.down_range.size), 1e-60)
+        fraction[[row[tuple(cell)] for cell in extent.cell.tolist()]] += extent.fraction
+        found.append(replace(extent, fraction=fraction, cell=np.array(cells)))
+    return found
+
+
+def _extent(mesh: trimesh.Trimesh, aspect: float, how: How, slant_range: float) -> RangeExtent:
+    """Range extent of a view, sampled as a sweep does by default."""
+    engine, fineness = how
+    seen = image.function(
+        mesh,
+        drawn_aspect=aspect,
+        depression=DEPRESSION,
+        drawing_engine=engine,
+        pixel=Render.pixel.default,
+        samples=Render.samples.default,
+        roll=ROLL,
+        fineness=fineness,
+    )
+    return range_extent(seen, slant_range=slant_range, ifov=SIDE / slant_range)
+
+
+def _times(mesh: trimesh.Trimesh, aspect: float, ways: list[How], repeats: int) -> list[float]:
+    """Median time of processor of each way [s], after a round that is not counted."""
+    seconds = np.empty((repeats + 1, len(ways)))
+    for turn in range(repeats + 1):
+        for k, how in list(enumerate(ways))[:: (-1) ** turn]:
+            start = time.process_time()
+            _extent(mesh, aspect, how, SLANT_RANGE)
+            seconds[turn, k] = time.process_time() - start
+    return [float(one) for one in np.median(seconds[1:], axis=0)]
+
+
+def _errors(extent: RangeExtent, exact: Any) -> dict[str, float]:
+    """Error after each pulse, and what lines say of the first [%]; NaN of pixels."""
+    area = extent.fraction.sum(axis=0) * (extent.ifov * extent.slant_range) ** 2
+    found = {"said": 100 * extent.error_after(min(PULSES) * 1e-9)}
+    for pulse in PULSES:
+        power = target_kernel(pulse_width=pulse * 1e-9, bin_width=1.0, bin_count=area.size) ** 2
+        p, q = power @ area, power @ exact
+        found[f"error_{pulse:g}"] = float(100 * np.abs(p - q).sum() / q.sum())
+    return found

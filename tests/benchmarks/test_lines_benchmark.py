@@ -1,0 +1,57 @@
+"""The benchmark of lines beside pixels: errors in their order, and noise that is the same."""
+
+import numpy as np
+
+from benchmarks import lines
+from ncti.ladar import range_extent, sample_frames
+from ncti.render import line_image
+from ncti.ships import load
+
+
+def test_lines_err_less_than_pixels_and_a_tolerance_is_kept():
+    rows = lines.measure(repeats=1, ships=["texas"], aspects=[30.0]).rows
+    pixels, plain, within = (row["error_10"].median for row in rows)
+    assert within < plain < pixels
+    assert within < 100 * lines.TOLERANCE
+    assert rows[0]["said"] is None and rows[2]["said"].high <= 100 * lines.TOLERANCE
+    assert rows[0]["ratio"].median == 1 and all(row["cpu_ms"].low > 0 for row in rows)
+
+
+def test_names_by_every_way_are_of_the_same_noise():
+    report = lines.measure_names(ships=["duncan", "texas"], aspects=[0.0, 60.0], replicates=2)
+    ways = [column.key for column in report.columns if column.key.startswith("differ")]
+    assert len(ways) == 3 and len(report.rows) == len(lines.CLASSIFIERS)
+    for row in report.rows:
+        assert 0 <= row["exact"] <= 100 and all(0 <= row[way] <= 100 for way in ways)
+
+
+def test_extents_made_alike_have_the_same_draws():
+    """Coarse and fine lines: as one sees more IFOVs than the other, frames drawn from them as they
+    are differ by all their noise, and made alike by a small part of it."""
+    ship = load("duncan")
+    extents = [
+        range_extent(
+            line_image(ship, aspect=7.0, depression=3.84, spacing=spacing), slant_range=100e3
+        )
+        for spacing in (2.0, 0.125)
+    ]
+    assert len(extents[0].cell) != len(extents[1].cell)
+
+    def apart(pair):
+        one, other = (
+            sample_frames(
+                extent,
+                pulse_width=30e-9,
+                cnr=10**3.2,
+                frame_count=8,
+                rng=np.random.default_rng(0),
+            )
+            for extent in pair
+        )
+        return np.abs(one - other).mean() / one.std(axis=0).mean()
+
+    made = lines.alike(extents)
+    for extent, own in zip(made, extents, strict=True):
+        whole, seen = extent.fraction.sum(axis=0), own.fraction.sum(axis=0)
+        np.testing.assert_allclose(whole, seen, rtol=1e-12, atol=1e-50)
+    assert apart(made) < 0.3 * apart(extents)

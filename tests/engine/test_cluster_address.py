@@ -1,0 +1,114 @@
+"""Addresses where no scheduler can be used: nobody there, no workers, no certificates, gone."""
+
+import socket
+import threading
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import distributed
+import pytest
+from distributed.security import Security
+from executors import fails_with, silent, span, written
+
+from sweeps.engine import workers
+from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+
+pytestmark = pytest.mark.usefixtures("at_a_terminal")
+
+
+def unanswered(address):
+    return rf"cluster.address is {address}, but no scheduler answers there \(.+\)"
+
+
+@contextmanager
+def nobody(listens=False):
+    """Port that nobody, or somebody who never answers, listens on."""
+    with socket.socket() as mute:
+        mute.bind(("127.0.0.1", 0))
+        if listens:
+            mute.listen()
+        yield mute.getsockname()[1]
+
+
+def somebody_mute():
+    return nobody(listens=True)
+
+
+@contextmanager
+def web_server():
+    with HTTPServer(("127.0.0.1", 0), BaseHTTPRequestHandler) as server:
+        threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}).start()
+        yield server.server_port
+        server.shutdown()
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])
+@pytest.mark.parametrize("peer", [nobody, somebody_mute, web_server])
+def test_nobody_answers_at_an_address(protocol, peer, tmp_path):
+    with peer() as port:
+        address = f"{protocol}://127.0.0.1:{port}"
+        files = written(Security.temporary(), tmp_path) if protocol == "tls" else {}
+        choice = ClusterChoice(kind="address", address=address, **files)
+        fails_with(choice, unanswered(address))
+
+
+def test_files_that_are_no_certificates_are_refused(tmp_path):
+    path = tmp_path / "ca.pem"
+    path.write_text("nothing")
+    choice = ClusterChoice(
+        kind="address", address="tls://127.0.0.1:1", ca_file=str(path), cert=str(path)
+    )
+    fails_with(
+        choice, "cluster.ca_file, cluster.cert and cluster.private_key are .*, but must be PEM .*"
+    )
+
+
+@contextmanager
+def thread_cluster(count):
+    """A scheduler and workers in this process."""
+    with distributed.LocalCluster(
+        n_workers=count,
+        processes=False,
+        threads_per_worker=1,
+        protocol="tcp://",
+        dashboard_address=None,
+        scheduler_kwargs=workers.SCHEDULER,
+    ) as cluster:
+        yield cluster
+
+
+def test_a_scheduler_without_workers_is_refused(monkeypatch):
+    monkeypatch.setattr(workers, "ARRIVAL", 0.5)
+    with thread_cluster(0) as cluster:
+        address = cluster.scheduler_address
+        choice = ClusterChoice(kind="address", address=address)
+        fails_with(choice, f"cluster.address is {address}, but its scheduler has no workers")
+
+
+def test_a_scheduler_that_goes_away_ends_the_sweep(monkeypatch):
+    monkeypatch.setattr(workers, "ANSWER", 2)
+    with thread_cluster(1) as cluster:
+        choice = ClusterChoice(kind="address", address=cluster.scheduler_address)
+        with executor(choice, say=silent) as run:
+            run.submit(0, span, 0.5)
+            cluster.close()
+            with pytest.raises(SweepIncomplete, match="the scheduler of the cluster is gone"):
+                run.finished()
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize(
+    ("host", "warned"), [("192.0.2.1", True), ("localhost", False), ("[::1]", False)]
+)
+def test_traffic_that_leaves_the_machine_in_the_open_is_said(host, warned):
+    sentences = []
+    address = f"tcp://{host}:1"
+    with (
+        pytest.raises(ConfigurationError),
+        executor(ClusterChoice(kind="address", address=address), say=sentences.append),
+    ):
+        pass
+    said = [f"the traffic with {address} is neither encrypted nor authenticated"]
+    assert sentences == (said if warned else [])
