@@ -89,19 +89,7 @@ def draw_formation(classified: xr.Dataset, subject: Subject) -> Figure:
     Strips are of the training at the source's settings, or the first one; shares, where there are
     several, of all trainings.
     """
-    kept = ("ship", "aspect", *subject.settings, *subject.draws)
-    here = nominal(classified[["training_category", "training_confused"]], keep=kept)
-    drawn = {name: here.sizes[name] for name in subject.draws}
-    for name, value in subject.settings.items():
-        if name not in drawn:
-            here = here.sel({name: value}, method="nearest")
-    learned = (here.training_category >= 0).any([dim for dim in here.dims if dim != "aspect"])
-    here = here.isel(aspect=learned.values).sortby("aspect")
-    first = here.isel({name: 0 for name in drawn if name not in subject.settings})
-    first = first.sel(
-        {name: value for name, value in subject.settings.items() if name in drawn},
-        method="nearest",
-    )
+    here, first = _trainings(classified, subject)
     several = here.sizes["aspect"] * here.sizes["ship"] < here.training_category.size
     ships = [str(name) for name in first.ship.values]
     height = 0.6 * len(ships) + 0.35
@@ -124,6 +112,32 @@ def draw_formation(classified: xr.Dataset, subject: Subject) -> Figure:
         panels[0].tick_params(axis="x", length=0)
     panels[-1].set_xlabel("aspect [°], 0 bow-on, 90 port beam")
     panels[-1].set_xticks(np.arange(0, float(here.aspect.max()) + 1, 15))
+    figure.suptitle(_title(here, first, subject), fontsize=11.5)
+    if subject is PROFILES:
+        _show_statement(figure, panels[0], here, first)
+    return figure
+
+
+def _trainings(classified: xr.Dataset, subject: Subject) -> tuple[xr.Dataset, xr.Dataset]:
+    """All trainings of a subject, of the aspects learned, and the one that strips are of."""
+    kept = ("ship", "aspect", *subject.settings, *subject.draws)
+    here = nominal(classified[["training_category", "training_confused"]], keep=kept)
+    drawn = {name: here.sizes[name] for name in subject.draws}
+    for name, value in subject.settings.items():
+        if name not in drawn:
+            here = here.sel({name: value}, method="nearest")
+    learned = (here.training_category >= 0).any([dim for dim in here.dims if dim != "aspect"])
+    here = here.isel(aspect=learned.values).sortby("aspect")
+    first = here.isel({name: 0 for name in drawn if name not in subject.settings})
+    first = first.sel(
+        {name: value for name, value in subject.settings.items() if name in drawn},
+        method="nearest",
+    )
+    return here, first
+
+
+def _title(here: xr.Dataset, first: xr.Dataset, subject: Subject) -> str:
+    """How many categories there are, of what, and in other trainings and the source."""
     counts = here.training_category.max(("ship", "aspect")).values + 1
     answered = int((first.training_category >= 0).sum())
     formed = int(first.training_category.max()) + 1
@@ -133,16 +147,13 @@ def draw_formation(classified: xr.Dataset, subject: Subject) -> Figure:
         title += f", {first.pulse_width.item():g} ns"
     notes = []
     counts = counts[counts > 0]  # a training that failed formed none
-    if counts.size > 1 and "pulse_width" not in drawn:
+    if counts.size > 1 and "pulse_width" not in subject.draws:
         low, high = counts.min(), counts.max()
         every = f"{low}" if low == high else f"{low} to {high}"
         notes.append(f"the first of {counts.size} trainings, which form {every}")
     if (theirs := _source_count(first, answered)) is not None:
         notes.append(f"the source forms {theirs}")
-    figure.suptitle("\n".join([title, *(["; ".join(notes)] if notes else [])]), fontsize=11.5)
-    if subject is PROFILES:
-        _show_statement(figure, panels[0], here, first)
-    return figure
+    return "\n".join([title, *(["; ".join(notes)] if notes else [])])
 
 
 def _source_count(first: xr.Dataset, answered: int) -> int | None:
