@@ -25,6 +25,7 @@ KINDS = {
     "tables": "percent correct by aspect and number of frames, beside the source's",
     "silhouettes": "infrared images, their silhouettes and log-polar maps, by range",
     "formation": "categories formed from silhouettes, by ship and aspect",
+    "profile_formation": "categories formed from range profiles, by ship and aspect",
     "table5": "percent correct of silhouettes by range and super-resolution, beside the source's",
     "classifiers": "percent correct of every classifier by aspect and number of frames",
     "fusion": "percent correct of profile, silhouette and both by aspect and range",
@@ -67,6 +68,7 @@ def draw(kind: str, path: Path) -> Figure:
     import_module("matplotlib.figure")  # which all of them need
     from sweeps.report import (
         flight_figures,
+        formation_figures,
         infrared_figures,
         run_time_figures,
         score_figures,
@@ -103,10 +105,13 @@ def draw(kind: str, path: Path) -> Figure:
         case "silhouettes":
             given = store.attrs["configuration"]["infrared"]
             return infrared_figures.draw_silhouettes(read(store, "infrared"), given)
+        case "profile_formation":
+            classified = read(store, "classification/acn").load()
+            return formation_figures.draw_formation(classified, formation_figures.PROFILES)
         case "formation" | "table5":
             classified = read(store, "classification/acn_infrared").load()
             if kind == "formation":
-                return infrared_figures.draw_formation(classified)
+                return formation_figures.draw_formation(classified, formation_figures.SILHOUETTES)
             tables = read(store, "tables/acn_infrared").load()
             return score_figures.draw_table5(tables, ships=classified.sizes["ship"])
     flights = read(store, "validation")
