@@ -12,7 +12,7 @@ import xarray as xr
 NOTHING = "–"  # where there is no figure, and where a value was left to the heading or the ship
 
 # Dimensions that are no settings: draws, which are pooled, and those of profiles and images.
-DRAWS = ("replicate", "phase", "order", "draw")
+DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
 OF_ARRAYS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),
     *("horizontal", "vertical", "aspect_low"),

@@ -122,7 +122,7 @@ RANGE_STAGES = network(
     {"lessons": "profile_lessons", "presentation": "grid_order", "tests": "averaged"},
     along=(Grid.vigilance, Grid.frame_count),
     trained=(*OF_PROFILES, "learning_rate", "vigilance"),
-    tested=("replicate", "frame_count"),
+    tested=("replicate", "ifov_phase", "frame_count"),
     learned="expected profile",
     shown="averaged profile",
     uses=(Grid, Network),
