@@ -182,7 +182,11 @@ def ifovs(
     shift: Shift,
 ) -> RangeExtent:
     """Return the range extent as the library has it, mirrored where the other side was drawn."""
-    sight = {"bin_width": bin_width, "ifov": ifov * 1e-6, "slant_range": range * 1e3}
+    sight: dict[str, Any] = {
+        "bin_width": bin_width,
+        "ifov": ifov * 1e-6,
+        "slant_range": range * 1e3,
+    }
     found = RangeExtent(**extent, **sight, shift=shift)
     return found if aspect == drawn_aspect else found.mirrored()
 
@@ -335,8 +339,8 @@ def lags(
 def nowhere(window: float, bin_width: float) -> RangeExtent:
     """Return a range extent without a ship."""
     bins = profile_bins(window, bin_width)
-    empty = {"fraction": np.zeros((0, bins.size)), "cell": np.zeros((0, 2), dtype=np.int64)}
-    return RangeExtent(**empty, down_range=bins, bin_width=bin_width, ifov=1.0, slant_range=1.0)
+    nothing, cell = np.zeros((0, bins.size)), np.zeros((0, 2), dtype=np.int64)
+    return RangeExtent(nothing, bins, bin_width, cell, ifov=1.0, slant_range=1.0)
 
 
 def check(choices: Choices) -> Choices:
