@@ -182,12 +182,9 @@ def ifovs(
     shift: Shift,
 ) -> RangeExtent:
     """Return the range extent as the library has it, mirrored where the other side was drawn."""
-    sight: dict[str, Any] = {
-        "bin_width": bin_width,
-        "ifov": ifov * 1e-6,
-        "slant_range": range * 1e3,
-    }
-    found = RangeExtent(**extent, **sight, shift=shift)
+    found = RangeExtent(
+        **extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3, shift=shift
+    )
     return found if aspect == drawn_aspect else found.mirrored()
 
 
