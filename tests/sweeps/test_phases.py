@@ -1,4 +1,4 @@
-"""Places of a ship on the grid of IFOVs: an axis of what is tested, and not of what is learned."""
+"""Draws of range profiles: places of a ship on the grid of IFOVs, and orders of presentation."""
 
 import numpy as np
 from commands import FAST, chosen, groups_of, swept
@@ -77,3 +77,27 @@ def test_phases_differ_in_profile_and_in_noise(folder, results):
     series = noise.stack(draw=("ifov_phase", "replicate"), sample=("ship", "aspect", "down_range"))
     alike = np.corrcoef(series.transpose("draw", "sample").values)
     assert np.abs(alike[np.triu_indices(6, 1)]).max() < 4 / np.sqrt(40)
+
+
+def test_orders_and_learning_in_the_test_stand_side_by_side(folder, results):
+    """The first order, without learning, is what a sweep of one has; phases train nothing more."""
+    given = (*GIVEN[:-2], "grid.aspect=[0,30,60,90]", "classifier=acn", "grid.vigilance=[0.9,0.95]")
+    several = ("classifier.orders=3", "classifier.learn_in_test=[true,false]", "ladar.phases=2")
+    swept(folder / "all.zarr", results, *given, *several)
+    swept(folder / "one.zarr", folder / "own", *given)
+    every, one = groups_of(folder / "all.zarr"), groups_of(folder / "one.zarr")
+    answers, plain = (groups["classification/acn"] for groups in (every, one))
+    assert set(answers.training_category.dims) - set(plain.training_category.dims) == {"order"}
+    first = answers.sel(order=0, learn_in_test=False, ifov_phase=0)
+    for name, values in plain.data_vars.items():
+        assert np.array_equal(first[name], values, equal_nan=values.dtype.kind == "f"), name
+    learning = answers.similarity.sel(learn_in_test=True)
+    assert (learning != answers.similarity.sel(learn_in_test=False)).any()
+    table = every["tables/acn"]
+    assert set(table.category_count.dims) >= {"order"}
+    assert not {"order", "ifov_phase"} & set(table.accuracy.dims)
+    assert "learn_in_test" in table.accuracy.dims
+    assert "learn_in_test" not in table.training_accuracy.dims
+    wanted = answers.correct.mean(("order", "ifov_phase", "ship", "aspect"))
+    overall = table.accuracy.sel(aspect_bin="overall").transpose(*wanted.dims)
+    np.testing.assert_allclose(overall, wanted, rtol=1e-6)
