@@ -1,5 +1,7 @@
 """Draws of range profiles: places of a ship on the grid of IFOVs, and orders of presentation."""
 
+from functools import cache
+
 import numpy as np
 from commands import FAST, chosen, groups_of, swept
 
@@ -9,7 +11,7 @@ from sweeps.experiment import EXPERIMENT
 
 GIVEN = (
     *(*FAST, "grid.ship=[duncan,spruance]", "grid.aspect=[0,60]", "grid.frame_count=[2,16]"),
-    *("classifier=all", "classifier.mnn.epochs=5", "grid.replicate=2"),
+    *("classifier=all", "classifier.mnn.epochs=5"),
 )
 
 # Whatever does not depend on where the ship is when it is tested.
@@ -19,16 +21,21 @@ LEARNED = (
 )
 
 
+@cache
+def plan_of(*overrides):
+    return Plan(EXPERIMENT, chosen(*GIVEN, *overrides))
+
+
 def to_make(*overrides):
     """Range extents that a sweep makes when nothing is at hand, of what is learned and tested."""
-    schedule = Schedule(Plan(EXPERIMENT, chosen(*GIVEN, *overrides)))
+    schedule = Schedule(plan_of(*overrides))
     schedule.resolve(lambda keys: {})
     extents = {"extent", "seen_extent"}
     return sum(cells for bound, cells in schedule.missing_cells() if bound.name in extents)
 
 
 def keys(stage, *overrides):
-    plan = Plan(EXPERIMENT, chosen(*GIVEN, *overrides))
+    plan = plan_of(*overrides)
     return {plan.key(plan.bound[stage], place) for place in plan.cells(plan.bound[stage])}
 
 
@@ -70,7 +77,8 @@ def test_phases_differ_in_profile_and_in_noise(folder, results):
     24 bins at either end, 4 views and a pulse of 4.5 bins: 40 independent numbers at least, so that
     correlations of all 15 pairs are below 4 / sqrt(40).
     """
-    swept(folder / "all.zarr", results, *GIVEN, "ladar.phases=3")
+    given = (*GIVEN[:-2], "classifier=acn", "ladar.phases=3", "grid.replicate=2")
+    swept(folder / "all.zarr", results, *given)
     profiles = groups_of(folder / "all.zarr")["range_profile"].squeeze().sel(frame_count=16)
     ends = np.r_[0:24, 226:250]
     noise = (profiles.averaged - profiles.expected).isel(down_range=ends)
