@@ -82,7 +82,7 @@ NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
     names={Infrared.frame_count: "infrared_frame_count"},
     dims=(
         *(*classifier.OF_PROFILES, "channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution"),
-        *("infrared_frame_count", "draw", "frame_count"),
+        *("infrared_frame_count", "ifov_phase", "draw", "frame_count"),
     ),
 )
 def fusion(

@@ -92,7 +92,14 @@ def profile_scores(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
     uses=(Grid, Classifier, Likelihood),
     along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
-    dims=(*classifier.OF_PROFILES, "gain_sigma", "left_out", "replicate", "frame_count"),
+    dims=(
+        *classifier.OF_PROFILES,
+        "gain_sigma",
+        "left_out",
+        "replicate",
+        "ifov_phase",
+        "frame_count",
+    ),
 )
 def likelihood(
     profile_scores: Floats,

@@ -30,6 +30,10 @@ FLOWN = (
 )
 TINY = {
     "corrections": (*FLOWN, "grid.ship=roberts"),
+    "draws": (
+        *(*PROFILES, *SEEN, *MNN, "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
+        *("ladar.phases=2", "classifier.orders=2", "grid.vigilance=0.95"),
+    ),
     "fusion": (*PROFILES, *SEEN, "grid.ship=[duncan,texas]", "grid.range=50", "grid.replicate=2"),
     "measured": (
         *(*PROFILES, *MNN, "grid.aspect=175", "grid.ship=[duncan,roberts]", "irar.flown=roberts"),

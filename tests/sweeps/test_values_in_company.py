@@ -14,7 +14,8 @@ SWEEPS = {
         *("grid.frame_count=[2,3,8]", "grid.vigilance=[0.9,0.97]", "grid.replicate=2"),
         *("classifier=all", "classifier.mnn.epochs=20", "classifier.left_out=[false,true]"),
         *("classifier.gain_sigma=[0,1]", "classifier.label_rule=[majority,first]"),
-        "classifier.score_rule=[ship,category]",
+        *("classifier.score_rule=[ship,category]", "classifier.orders=2", "ladar.phases=2"),
+        "classifier.learn_in_test=[false,true]",
     ),
     "infrared": (
         *("grid.ship=[duncan,texas]", "grid.aspect=[0,60]", "sensor=infrared"),
