@@ -32,6 +32,8 @@ from sweeps.stages import (
     measured,
     mnn,
     run_time,
+    scan,
+    scan_visits,
     signatures,
     silhouettes,
     views,
@@ -41,6 +43,7 @@ from sweeps.stages.views import (
     CACHE_VARIABLE,
     IRAR,
     RUN_TIME,
+    SCAN,
     Grid,
     Render,
     Sweep,
@@ -57,6 +60,7 @@ MODULES: tuple[Any, ...] = (
     *(irar, flights, corrections, signatures),
     *(classifier, acn, mnn, correlation, likelihood, fusion, measured),
     *(exact, run_time),
+    *(scan, scan_visits),
 )
 
 VERSIONS = (
@@ -105,7 +109,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
     def remarks(choices: Choices) -> list[str]:
         # Sensors that others name ships by, flights among them, and those of their own.
-        named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME))
+        named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME, SCAN))
         return [
             f"classifier.name has {name}, which names nothing with these sensors and ranges"
             for name in (idle(stages, choices) if named else ())

@@ -29,6 +29,10 @@ class Box(NamedTuple):
         """Columns and rows."""
         return self.right - self.left, self.top - self.bottom
 
+    def less(self, column: int, row: int) -> Box:
+        """Return the same pixels, counted from another one."""
+        return Box(self.left - column, self.bottom - row, self.right - column, self.top - row)
+
     def holds(self, cells: Pixels) -> NDArray[np.bool_]:
         """(cell,) bool ndarray: which of some (cell, 2) columns and rows are inside."""
         return ((cells >= self[:2]) & (cells < self[2:])).all(axis=-1)

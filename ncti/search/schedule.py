@@ -47,9 +47,7 @@ class Schedule:
         return self.alone / self.total
 
 
-def position_count(
-    width: float, height: float, *, element: float, detector: int = DETECTOR
-) -> int:
+def position_count(width: float, height: float, *, element: float, detector: int = DETECTOR) -> int:
     """Return how many places of a square detector cover a rectangle.
 
     Parameters
