@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 FITTED = 8  # classifiers kept, one for each number of IFOVs of a visit
+STEP = 1.2  # between these numbers: the noise's variance is taken within a tenth
 Flags = NDArray[np.bool_]
 
 
@@ -79,8 +81,12 @@ class Templates:
         """Return the most probable ships of (visit, bin) averages, and their similarity.
 
         Similarity is the largest cosine of a profile vector with those of that ship's templates.
+        Visits have many numbers of IFOVs: the classifier is that of a number near theirs, whose
+        floor their averages are given.
         """
-        ship = self.of(ifovs).predict(frames, frame_count)
+        near = round(STEP ** round(math.log(ifovs, STEP)))
+        raised = frames + (near - ifovs) * self.noise[0]
+        ship = self.of(near).predict(raised, frame_count)
         cosine = unit(frames) @ unit(self.mean).T
         cosine[ship[:, None] != self.ship] = -1.0
         return ship, cosine.max(axis=1)
