@@ -33,6 +33,7 @@ from sweeps.stages import (
     mnn,
     run_time,
     scan,
+    scan_targets,
     scan_visits,
     signatures,
     silhouettes,
@@ -60,7 +61,7 @@ MODULES: tuple[Any, ...] = (
     *(irar, flights, corrections, signatures),
     *(classifier, acn, mnn, correlation, likelihood, fusion, measured),
     *(exact, run_time),
-    *(scan, scan_visits),
+    *(scan, scan_targets, scan_visits),
 )
 
 VERSIONS = (

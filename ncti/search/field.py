@@ -35,7 +35,7 @@ class Box(NamedTuple):
 
     def holds(self, cells: Pixels) -> NDArray[np.bool_]:
         """(cell,) bool ndarray: which of some (cell, 2) columns and rows are inside."""
-        return ((cells >= self[:2]) & (cells < self[2:])).all(axis=-1)
+        return np.all((cells >= self[:2]) & (cells < self[2:]), axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +63,12 @@ class Field:
         """Rows and columns of pixels that cover it."""
         rows, columns = (math.ceil(side / self.ifov) for side in (self.height, self.width))
         return rows, columns
+
+    @property
+    def box(self) -> Box:
+        """All its pixels."""
+        rows, columns = self.shape
+        return Box(0, 0, columns, rows)
 
     def pixel(self, bearing: float, elevation: float) -> tuple[int, int]:
         """Column and row of the pixel corner nearest to a direction from the field's middle [rad].
@@ -165,12 +171,10 @@ def thermal_field(
     ValueError
         If a parameter is out of range, or there are not as many contrasts as targets.
     """
-    rows, columns = field.shape
-    signal, shown = np.zeros((rows, columns)), np.zeros((rows, columns), dtype=bool)
-    whole = Box(0, 0, columns, rows)
+    signal, shown = np.zeros(field.shape), np.zeros(field.shape, dtype=bool)
     for pixel, contrast in zip(targets, contrasts, strict=True):
         require("contrasts", contrast)
-        column, row = pixel[whole.holds(pixel)].T
+        column, row = pixel[field.box.holds(pixel)].T
         signal[row, column], shown[row, column] = contrast, True
     [image] = thermal_images(
         shown,

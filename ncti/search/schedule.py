@@ -214,10 +214,9 @@ def schedule(
     """
     require("imaging", imaging, minimum=0.0)
     require("slew_time", slew_time, minimum=0.0)
-    rate = {"frame_count": frame_count, "pulse_rate": pulse_rate}
     return Schedule(
         imaging=imaging,
         slewing=len(visits) * slew_time,
-        dwelling=dwell(sum(visits), **rate),
-        alone=dwell(whole, **rate),
+        dwelling=dwell(sum(visits), frame_count=frame_count, pulse_rate=pulse_rate),
+        alone=dwell(whole, frame_count=frame_count, pulse_rate=pulse_rate),
     )

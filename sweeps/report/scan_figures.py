@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
 from sweeps.stages.scan import DECOY, NOWHERE
 
@@ -18,6 +18,7 @@ COLOURS = {
     "rejected": "#1f4e79",
     "imager": "#e9a23b",
     "missed": "#888888",
+    "visits": "#6aa5d8",
 }
 SAYS = {
     "right": "named right",
@@ -25,6 +26,11 @@ SAYS = {
     "rejected": "visited, called no ship",
     "missed": "not detected",
 }
+PARTS = (
+    ("imaging", "imager", "imager"),
+    ("slewing", "missed", "moves"),
+    ("dwelling", "visits", "visits"),
+)
 LABELS = 2.6  # percent of the field's height, between a box and its label
 
 
@@ -188,8 +194,7 @@ def _times(axes: Axes, table: xr.Dataset) -> None:
         for where in ranges:
             one = table.sel(frame_count=count, range=where)
             left = 0.0
-            parts = (("imaging", "imager"), ("slewing", "missed"), ("dwelling", "right"))
-            for part, colour in parts:
+            for part, colour, _ in PARTS:
                 axes.barh(at, float(one[part]), left=left, color=COLOURS[colour])
                 left += float(one[part])
             axes.barh(at, float(one.alone), color="none", ec="0.5", lw=0.8)
@@ -200,13 +205,12 @@ def _times(axes: Axes, table: xr.Dataset) -> None:
             labels.append(f"{where:g} km, {count}")
             at += 1
         at += 0.5
-    for label, colour in (("imager", "imager"), ("moves", "missed"), ("visits", "right")):
-        axes.barh([], [], color=COLOURS[colour], label=label)
-    axes.barh([], [], color="none", ec="0.5", lw=0.8, label="laser radar alone")
+    keys = [Patch(color=COLOURS[colour], label=label) for _, colour, label in PARTS]
+    keys.append(Patch(fc="none", ec="0.5", lw=0.8, label="laser radar alone"))
     axes.set(yticks=places, yticklabels=labels, xlabel="mean time [s]")
     axes.set_xlim(0, 1.15 * float(table.alone.max()))
     axes.tick_params(axis="y", labelsize=8)
     axes.invert_yaxis()
-    axes.legend(fontsize=7, frameon=False, loc="upper right")
+    axes.legend(handles=keys, fontsize=7, frameon=False, loc="upper right")
     axes.set_title("Time by range and frames", fontsize=9)
     axes.spines[["top", "right"]].set_visible(False)

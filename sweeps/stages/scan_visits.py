@@ -15,10 +15,10 @@ from ncti.features import profile_vector
 from ncti.ladar import RangeExtent
 from ncti.search import Box
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, Table, in_memory
+from sweeps.engine.stage import Output, Stage, Table, in_memory, plain
 from sweeps.stages.ladar import Arrays, Floats, Ladar, nowhere
 from sweeps.stages.likelihood import Likelihood
-from sweeps.stages.scan import GROUP, NOWHERE, Target, binned, of_scan, targets_of, view_of
+from sweeps.stages.scan import GROUP, NOWHERE, Target, of_scan, targets_of, view_of
 from sweeps.stages.scan_tables import tabulate
 from sweeps.stages.views import SCAN, Grid, looks
 
@@ -31,6 +31,7 @@ IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; 
 FITTED = 8  # classifiers kept, one for each number of IFOVs of a visit
 STEP = 1.2  # between these numbers: the noise's variance is taken within a tenth
 Flags = NDArray[np.bool_]
+Laser = tuple[float, float, float, float]
 
 
 # What is known of ships
@@ -136,6 +137,12 @@ def _wide(band: Floats, lags: int) -> Floats:
     return np.pad(band, more)
 
 
+@plain(uses=(Grid, Ladar))
+def scan_laser(pulse_width: float, cnr: float, cnr_range: float, extinction: float) -> Laser:
+    """Return pulse width [s], a carrier-to-noise power ratio, its range [m], extinction [dB/m]."""
+    return pulse_width * 1e-9, 10 ** (cnr / 10), cnr_range * 1e3, extinction * 1e-3
+
+
 @of_scan(
     Output("similarity", ("view",), "f8"),
     along=(Grid.frame_count,),
@@ -151,18 +158,9 @@ def scan_known(
     range: float,
     depression: float,
     depth: float,
-    drawing_engine: str,
-    pixel: float,
-    samples: int,
-    roll: float,
-    ifov: float,
-    bin_width: float,
-    window: float,
-    spread: float,
-    pulse_width: float,
-    cnr: float,
-    cnr_range: float,
-    extinction: float,
+    scan_drawn: tuple[Any, ...],
+    scan_bins: tuple[float, ...],
+    scan_laser: Laser,
     detector: int,
     known_views: int,
     rng: np.random.Generator,
@@ -183,12 +181,11 @@ def scan_known(
             slant_range=range * 1e3,
             depression=depression,
             most=scan_reach,
-            drawn=(drawing_engine, pixel, samples, roll),
-            binned=binned(ifov, bin_width, window, spread),
+            drawn=scan_drawn,
+            bins=scan_bins,
         )
-        target = Target.of(seen, ifov * 1e-6, bin_width, window)
-        laser = (pulse_width, cnr, cnr_range, extinction)
-        run.append(averages(target.extent, ifovs, laser, frame_count, rng))
+        target = Target.of(seen, scan_bins)
+        run.append(averages(target.extent, ifovs, scan_laser, frame_count, rng))
     return np.stack(
         [
             scan_templates.named(frames, many, ifovs)[1]
@@ -203,24 +200,20 @@ def scan_known(
 def averages(
     extent: RangeExtent,
     ifovs: int,
-    laser: tuple[float, float, float, float],
+    laser: Laser,
     frame_count: tuple[int, ...],
     rng: np.random.Generator,
 ) -> Floats:
     """(frame_count, bin): averages of frames of so many IFOVs, those of an extent among them.
 
-    Of a laser's pulse width [ns], carrier-to-noise ratio [dB], its range [km] and extinction
-    [dB/km]; the target's own range counts.
+    Of a `scan_laser`, at the target's own range.
     """
     pulse_width, cnr, cnr_range, extinction = laser
     frames = ladar.frame_blocks(
         extent,
-        pulse_width=pulse_width * 1e-9,
+        pulse_width=pulse_width,
         cnr=ladar.carrier_to_noise(
-            extent.slant_range,
-            reference=10 ** (cnr / 10),
-            reference_range=cnr_range * 1e3,
-            extinction=extinction * 1e-3,
+            extent.slant_range, reference=cnr, reference_range=cnr_range, extinction=extinction
         ),
         frame_count=max(frame_count),
         rng=rng,
@@ -231,7 +224,7 @@ def averages(
 
 @of_scan(
     Output("named", ("detection",), "i4", pad=-2, fill=-2, label="ship named by a visit"),
-    Output("similarity", ("detection",), pad=np.nan, label="cosine of its profile with that ship's nearest"),
+    Output("similarity", ("detection",), pad=np.nan, label="cosine with its nearest profile"),
     group=GROUP,
     along=(Grid.frame_count,),
     gather=(Grid.ship,),
@@ -243,23 +236,17 @@ def scan_visited(
     scan_decoy: Arrays,
     scan_templates: Templates,
     frame_count: tuple[int, ...],
-    ifov: float,
-    bin_width: float,
-    window: float,
-    pulse_width: float,
-    cnr: float,
-    cnr_range: float,
-    extinction: float,
+    scan_bins: tuple[float, ...],
+    scan_laser: Laser,
     rng: np.random.Generator,
 ) -> Arrays:
     """(frame_count, detection): the most probable ship of every visit, and how similar it is.
 
     A visit looks at the detected target through its range gate, and at the sea around it.
     """
-    targets = targets_of(scan_target, scan_decoy, ifov * 1e-6, bin_width, window)
+    targets = targets_of(scan_target, scan_decoy, scan_bins)
     origin = np.stack([scan_detected["column"], scan_detected["row"]], axis=1)
-    laser = (pulse_width, cnr, cnr_range, extinction)
-    sea = nowhere(window, bin_width)
+    sea = nowhere(scan_bins[2], scan_bins[1])
     visits = [Box(*edges) for edges in scan_detected["visit"].tolist()]
     shape = len(frame_count), len(visits)
     named, similarity = np.full(shape, NOWHERE), np.full(shape, np.nan)
@@ -269,7 +256,7 @@ def scan_visited(
     ):
         seen = sea if source == NOWHERE else targets[source].inside(visit.less(*origin[source]))
         ifovs = visit.size[0] * visit.size[1]
-        found = averages(seen, ifovs, laser, frame_count, rng)
+        found = averages(seen, ifovs, scan_laser, frame_count, rng)
         run.setdefault(ifovs, []).append((number, found))
     for ifovs, several in run.items():
         at = [number for number, _ in several]
@@ -367,5 +354,7 @@ def table(scan: Any, choices: Choices) -> Any:
     return tabulate(scan, ships=len(choices[Grid.ship]))
 
 
-STAGES: tuple[Stage, ...] = (*(scan_moments, scan_templates, scan_known, scan_visited, scan_found),)
+STAGES: tuple[Stage, ...] = (
+    *(scan_laser, scan_moments, scan_templates, scan_known, scan_visited, scan_found),
+)
 TABLES = (Table("tables/scan", (GROUP,), table, when=looks(SCAN)),)
