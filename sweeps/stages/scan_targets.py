@@ -25,14 +25,13 @@ from sweeps.stages.scan import (
     GROUP,
     NO_DECOY,
     NOWHERE,
-    SENSOR,
     VIEW,
     Scan,
     of_scan,
     targets_of,
     view_of,
 )
-from sweeps.stages.views import Grid, Render, Scene, looks
+from sweeps.stages.views import SCAN, Grid, Render, Scene, looks
 
 if TYPE_CHECKING:
     import trimesh
@@ -235,21 +234,21 @@ def source_of(owners: NDArray[np.integer], targets: int) -> int:
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) fields, ranges and rates that cannot be searched."""
-    if not looks(SENSOR)(choices):
+    if not looks(SCAN)(choices):
         return choices
     check_receiver(choices, "likelihood")
     apertures = {*choices[Ladar.ifov], *choices[Infrared.ifov]}
     if len(apertures) > 1:
         raise ConfigurationError(
             f"infrared.ifov has {max(choices[Infrared.ifov]):g}, but must be one number and that "
-            f"of ladar.ifov with the sensor {SENSOR}: both sensors look through one aperture"
+            f"of ladar.ifov with the sensor {SCAN}: both sensors look through one aperture"
         )
     for setting, allowed in ((Render.tolerance, None), (Ladar.reflectance, "projected_area")):
         for given in choices[setting]:
             if given != allowed:
                 raise ConfigurationError(
                     f"{setting.key} has {given}, but must be {allowed or 'null'} with the sensor "
-                    f"{SENSOR}"
+                    f"{SCAN}"
                 )
     far = max(choices[Grid.range]) * 1e3 * (1 + max(choices[Scan.depth]))
     most, pulses = search.most_pulses(far), max(choices[Scan.pulse_rate])

@@ -172,10 +172,11 @@ def scan_known(
     whole = search.cue(Box(0, 0, 1, 1), reach=scan_reach, detector=detector)
     ifovs = whole.size[0] * whole.size[1]
     run = []
-    for _ in np.arange(known_views):
+    # Each view has noise of its own, however many frames the one before it has drawn.
+    for noise in rng.spawn(known_views):
         seen = view_of(
             mesh,
-            rng,
+            noise,
             aspect,
             depth=depth,
             slant_range=range * 1e3,
@@ -185,7 +186,7 @@ def scan_known(
             bins=scan_bins,
         )
         target = Target.of(seen, scan_bins)
-        run.append(averages(target.extent, ifovs, scan_laser, frame_count, rng))
+        run.append(averages(target.extent, ifovs, scan_laser, frame_count, noise))
     return np.stack(
         [
             scan_templates.named(frames, many, ifovs)[1]
@@ -251,12 +252,11 @@ def scan_visited(
     shape = len(frame_count), len(visits)
     named, similarity = np.full(shape, NOWHERE), np.full(shape, np.nan)
     run: dict[int, list[tuple[int, Floats]]] = {}  # visits of one number of IFOVs
-    for number, (visit, source) in enumerate(
-        zip(visits, scan_detected["source"].tolist(), strict=True)
-    ):
+    sources, noises = scan_detected["source"].tolist(), rng.spawn(len(visits))
+    for number, (visit, source, noise) in enumerate(zip(visits, sources, noises, strict=True)):
         seen = sea if source == NOWHERE else targets[source].inside(visit.less(*origin[source]))
         ifovs = visit.size[0] * visit.size[1]
-        found = averages(seen, ifovs, scan_laser, frame_count, rng)
+        found = averages(seen, ifovs, scan_laser, frame_count, noise)
         run.setdefault(ifovs, []).append((number, found))
     for ifovs, several in run.items():
         at = [number for number, _ in several]
