@@ -60,7 +60,7 @@ class Scan(Settings, key="scan"):
     decoy_beam = quantity(20, 1, 1000, "m", "beam of the decoy")
     decoy_height = quantity(8, 0.1, 100, "m", "height of the decoy above the sea")
     known_views = count(
-        24, 1, 10**4, label="views a ship from which the least similarity of a ship is learned"
+        64, 1, 10**4, label="views a ship from which the least similarity of a ship is learned"
     )
     lost = number(0.05, 0, 0.99, label="share of known ships that the least similarity turns away")
 
