@@ -28,6 +28,7 @@ ALLOWED = {
         *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships", "ncti.render"),
         *("ncti.ladar", "ncti.infrared"),
     },
+    "ncti.search": {"ncti.checks", "ncti.ladar", "ncti.infrared"},
     "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
     "ncti.classify": {"ncti.checks"},
     "ncti.evaluate": {"ncti.checks"},

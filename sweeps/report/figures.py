@@ -34,6 +34,7 @@ KINDS = {
     "validation": "measured near-stern profiles beside noiseless and synthetic ones",
     "sensitivity": "what wrong flight parameters cost, with and without autofocus",
     "measured": "measured profiles named right by who learned synthetic ones",
+    "scan": "a field of regard, what is detected and named in it, and the time it takes",
     "runtime_vs_error": "error of range extents against run time, by engine",
 }
 
@@ -71,6 +72,7 @@ def draw(kind: str, path: Path) -> Figure:
         formation_figures,
         infrared_figures,
         run_time_figures,
+        scan_figures,
         score_figures,
         ship_figures,
         spacing_figures,
@@ -89,6 +91,9 @@ def draw(kind: str, path: Path) -> Figure:
         case "runtime_vs_error":
             table = read(store, "tables/run_time_samplings").load()
             return run_time_figures.draw_run_time(table)
+        case "scan":
+            found, table = read(store, "scan").load(), read(store, "tables/scan").load()
+            return scan_figures.draw_scan(found, table, store.attrs["configuration"])
         case "measured":
             return score_figures.draw_measured(read(store, "tables/measured").load())
         case "fusion":

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 LINES = "lines"  # the engine without pixels
-RANGE, INFRARED, IRAR, RUN_TIME = "range", "infrared", "irar", "run_time"
+RANGE, INFRARED, IRAR, RUN_TIME, SCAN = "range", "infrared", "irar", "run_time", "scan"
 MOST_FRAMES = 10_000
 FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
 SHAPES = "it shapes arrays"  # why a setting takes one value only

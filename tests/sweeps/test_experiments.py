@@ -44,6 +44,10 @@ TINY = {
         *("grid.ship=[duncan,texas]", "grid.aspect=90", "render.engine=embree"),
         *("render.pixel=1", "render.roll=30", "run_time.repeats=1", "run_time.bin_width=1"),
     ),
+    "scan": (
+        *("grid.ship=[duncan,texas]", "grid.aspect=[0,45,90]", "grid.frame_count=[2,4]"),
+        *("grid.range=50", "grid.replicate=1", "scan.known_views=4"),
+    ),
     "sensitivity": (
         *(*FLOWN, *(f"irar.errors.{name}=null" for name in ("ship_speed", "ship_heading"))),
         *("irar.errors.aircraft_speed=5", "irar.errors.aircraft_heading=null"),

@@ -40,6 +40,10 @@ SWEEPS = {
         *("render.pixel=[1,2]", "render.roll=[0,30]", "ladar.spread=[0,0.5]"),
         "run_time.repeats=1",
     ),
+    "scan": (
+        *("sensor=scan", "grid.ship=[duncan,texas]", "grid.aspect=[30,60]", "grid.range=50"),
+        *("grid.frame_count=[2,5]", "grid.replicate=2", "scan.known_views=2"),
+    ),
 }
 MOST = 4  # cells of a stage that are computed alone
 
