@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
+    from ncti.classify.bands import lower_band
     from ncti.classify.baselines import CorrelationNeighbour
     from ncti.classify.fusion import fit_sharpness, fuse, label_posterior
     from ncti.classify.gain_annealed import GainAnnealedNetwork
-    from ncti.classify.likelihood import GaussianTemplates, lower_band
+    from ncti.classify.likelihood import GaussianTemplates
     from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 
 __all__ = [
@@ -38,7 +39,7 @@ _DEFINED_IN = {
     "fit_sharpness": "fusion",
     "fuse": "fusion",
     "label_posterior": "fusion",
-    "lower_band": "likelihood",
+    "lower_band": "bands",
 }
 
 

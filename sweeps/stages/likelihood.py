@@ -20,6 +20,7 @@ from sweeps.stages.classifier import (
     Profiles,
     Views,
 )
+from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import RANGE, Grid
 
 if TYPE_CHECKING:
@@ -42,13 +43,63 @@ class Likelihood(Settings, key="classifier"):
     nugget = number(
         1e-3, 1e-9, 1000, label="noise allowed for besides the model's, over its variance"
     )
+    template_error = number(
+        *(None, 0, 1000),
+        label="variance of profiles between templates, over that of half their second difference",
+        help="0: templates are exact; null: calibrated on aspects left out",
+    )
 
 
-@in_memory(uses=(Likelihood,), gather=GATHERED, keep=2)
+@stage(
+    Output("calibrated_error", dtype="f8"),
+    uses=(Grid, Likelihood),
+    gather=GATHERED,
+    stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
+)
+def calibrated_error(
+    expected: Profiles,
+    covariance: Profiles,
+    there: Views,
+    taught: Views,
+    aspect: tuple[float, ...],
+    nugget: float,
+    template_error: float | None,
+    rng: np.random.Generator,
+) -> Floats:
+    """Return the template error, of templates that are left out where it is not given."""
+    known = there & taught
+    if template_error is None and known.any():
+        templates = _templates(expected, covariance, known, aspect, nugget, None, rng)
+        return np.array(templates.template_error_)
+    return np.array(template_error or 0.0)
+
+
+@in_memory(uses=(Grid, Likelihood), gather=GATHERED, keep=2)
 def profile_moments(
-    expected: Profiles, covariance: Profiles, there: Views, nugget: float
+    expected: Profiles,
+    covariance: Profiles,
+    there: Views,
+    taught: Views,
+    aspect: tuple[float, ...],
+    nugget: float,
+    calibrated_error: Floats,
 ) -> tuple[GaussianTemplates, Views]:
-    """Return templates of all views that are there, and the (ship, aspect) views that these are.
+    """Return templates of all views that are learned, and the (ship, aspect) views of these."""
+    known = there & taught
+    error = float(calibrated_error)
+    return _templates(expected, covariance, known, aspect, nugget, error), known
+
+
+def _templates(
+    expected: Profiles,
+    covariance: Profiles,
+    known: Views,
+    aspect: tuple[float, ...],
+    nugget: float,
+    template_error: float | None,
+    rng: np.random.Generator | None = None,
+) -> GaussianTemplates:
+    """Return templates of some views.
 
     Their floor, which the target's gain leaves alone, is what the window's edge holds: noise, the
     ship's own IFOVs' among it.
@@ -56,10 +107,11 @@ def profile_moments(
     # Imported where it is used: scikit-learn takes a second.
     from ncti.classify.likelihood import GaussianTemplates
 
-    means = expected[there]
-    templates = GaussianTemplates(nugget=nugget)
-    templates.fit(means, covariance[there], np.nonzero(there)[0], floor=means[:, :1])
-    return templates, there
+    means = expected[known]
+    ship, column = known.nonzero()
+    templates = GaussianTemplates(nugget=nugget, template_error=template_error)
+    at = np.array(aspect)[column]
+    return templates.fit(means, covariance[known], ship, floor=means[:, :1], aspect=at, rng=rng)
 
 
 @stage(
@@ -75,9 +127,10 @@ def profile_scores(
     gain_sigma: tuple[float, ...],
     frame_count: tuple[int, ...],
 ) -> Floats:
-    """(gain_sigma, frame_count, view, template): log-likelihoods, NaN where a view is not there.
+    """(gain_sigma, frame_count, view, template): log-likelihoods.
 
-    Every view is a template, of a gain as well known as `gain_sigma` says.
+    NaN where a view is not there, or the template is not learned. The gain is as well known as
+    `gain_sigma` says.
     """
     templates, known = profile_moments
     views = there.reshape(-1)
@@ -90,36 +143,48 @@ def profile_scores(
 
 @NAMING.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
+    Output("calibrated_error", label="template error, as given or as calibrated"),
     uses=(Grid, Classifier, Likelihood),
     along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
     dims=(*classifier.OF_PROFILES, "gain_sigma", "left_out", "replicate", "frame_count"),
 )
 def likelihood(
+    profile_moments: tuple[GaussianTemplates, Views],
     profile_scores: Floats,
-    taught: Views,
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
+    averaged: Profiles,
+    there: Views,
+    gain_sigma: tuple[float, ...],
     left_out: tuple[bool, ...],
+    frame_count: tuple[int, ...],
 ) -> Arrays:
     """Return the most probable ship, one number of frames at a time.
 
-    Where the true aspect is left out, templates of all ships at it are.
+    Where the true aspect is left out, templates of all ships at it are, and cells of those beside
+    it reach as far as it.
     """
-    shape = len(ship), len(aspect)
-    scored = np.isfinite(profile_scores[0, 0])
-    there, known = (scored.any(axis=axis).reshape(shape) for axis in (1, 0))
-    classifier.require_another_aspect(taught & known, left_out)
+    templates, known = profile_moments
+    classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(there), np.nonzero(known)
-    untaught, same = ~taught[known], of_view[:, None] == of_template
-    whole = (len(profile_scores), len(left_out), profile_scores.shape[1], *shape)
+    places = np.ix_(there.reshape(-1), known.reshape(-1))
+    whole = (len(gain_sigma), len(left_out), len(frame_count), *there.shape)
     named, probability = np.full(whole, NONE), np.full(whole, np.nan)
-    for g, k, f in np.ndindex(whole[:3]):
-        logs = profile_scores[g, f, scored].reshape(true.size, -1)
-        exclude = untaught | (same & left_out[k])
-        named[g, k, f, there], probability[g, k, f, there] = classifier.most_probable(
-            label_posterior(logs, of_ship, exclude=exclude), true
-        )
-    return classifier.judged(named, there) | {"probability": probability}
+    for k, f in np.ndindex(whole[1:3]):
+        logs = profile_scores[:, f][:, *places]
+        exclude = (of_view[:, None] == of_template) & left_out[k]
+        if left_out[k] and templates.template_error_:
+            seen = averaged[f][there]
+            for column in np.unique(of_view):
+                rows, others = of_view == column, of_template != column
+                rest = templates.without(~others)
+                logs[:, *np.ix_(rows, others)] = rest.log_likelihood(
+                    seen[rows], frame_count[f], gain_sigma=gain_sigma
+                )
+        for g, one in enumerate(logs):
+            named[g, k, f, there], probability[g, k, f, there] = classifier.most_probable(
+                label_posterior(one, of_ship, exclude=exclude), true
+            )
+    error = np.full(whole[:3], templates.template_error_)
+    return classifier.judged(named, there) | {"probability": probability, "calibrated_error": error}
 
 
 def check(choices: Choices) -> Choices:
@@ -131,5 +196,5 @@ def check(choices: Choices) -> Choices:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Likelihood,)
-STAGES: tuple[Stage, ...] = (profile_moments, profile_scores, likelihood)
+STAGES: tuple[Stage, ...] = (calibrated_error, profile_moments, profile_scores, likelihood)
 TABLES = NAMING.tables()

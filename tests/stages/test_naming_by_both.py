@@ -53,7 +53,8 @@ def maps():
 def compared(cell, templates, seen, there=None, **taught):
     """Scores of profiles (replicate, gain, count, view, template), of silhouettes, their worth."""
     there = np.ones((PHASES, *GRID), dtype=bool) if there is None else there
-    moments = profile_moments(cell.expected, bands(cell, VARIANCE), cell.there, NUGGET)
+    known = cell.expected, bands(cell, VARIANCE), cell.there, learned(**taught), ASPECTS
+    moments = profile_moments(*known, NUGGET, np.array(0.0))  # exact, as densities by hand are
     profiles = np.stack(
         [profile_scores(moments, averaged, cell.there, GAINS, FRAMES) for averaged in cell.averaged]
     )
@@ -198,7 +199,8 @@ def test_a_view_that_one_sensor_lost_is_left_out():
 def test_a_score_does_not_depend_on_its_company():
     """Gains and numbers of frames, to the last bit."""
     cell, (templates, seen) = made(noise=5.0), maps()
-    moments = profile_moments(cell.expected, bands(cell, VARIANCE), cell.there, NUGGET)
+    known = cell.expected, bands(cell, VARIANCE), cell.there, learned(), ASPECTS
+    moments = profile_moments(*known, NUGGET, np.array(0.0))  # exact, as densities by hand are
     there = np.ones((PHASES, *GRID), dtype=bool)
     profiles = profile_scores(moments, cell.averaged[0], cell.there, GAINS, FRAMES)
     silhouettes = fusion.silhouette_scores(templates, seen, there)
