@@ -49,6 +49,22 @@ def checked_moments(
     return means, bands, names, signal
 
 
+def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[Floats, Floats]:
+    """(sample, bin) averages and the (sample,) frames in each, or `ValueError`."""
+    samples = require_all("X", X)
+    # LAPACK's band solver writes beyond its arrays when there is nothing to solve.
+    if samples.ndim != 2 or samples.shape[1] != bins or not samples.size:
+        raise ValueError(
+            f"X has shape {samples.shape}, but must be (sample, {bins}) with a sample or more"
+        )
+    frames = require_all("frame_count", frame_count, minimum=1)
+    if frames.shape not in ((), (len(samples),)):
+        raise ValueError(
+            f"frame_count has shape {frames.shape}, but must be one number or ({len(samples)},)"
+        )
+    return samples, np.broadcast_to(frames, len(samples))
+
+
 def lower_band(covariance: ArrayLike) -> Floats:
     """Dense symmetric matrices as lower bands of all their lags.
 

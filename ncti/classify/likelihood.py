@@ -16,6 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ncti.checks import require_all
 from ncti.classify.bands import (
+    checked_averages,
     checked_moments,
     coloured,
     densities,
@@ -321,18 +322,7 @@ class GaussianTemplates(BaseEstimator):
             averages of a template's own, unknowns drawn from their priors.
         """
         check_is_fitted(self)
-        samples = require_all("X", X)
-        bins = self.mean_.shape[1]
-        # LAPACK's band solver writes beyond its arrays when there is nothing to solve.
-        if samples.ndim != 2 or samples.shape[1] != bins or not samples.size:
-            raise ValueError(
-                f"X has shape {samples.shape}, but must be (sample, {bins}) with a sample or more"
-            )
-        frames = require_all("frame_count", frame_count, minimum=1)
-        if frames.shape not in ((), (len(samples),)):
-            raise ValueError(
-                f"frame_count has shape {frames.shape}, but must be one number or ({len(samples)},)"
-            )
+        samples, frames = checked_averages(X, frame_count, self.mean_.shape[1])
         given = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
         priors = np.broadcast_arrays(
             *(
@@ -343,15 +333,14 @@ class GaussianTemplates(BaseEstimator):
             )
         )
         pairs = np.stack([one.ravel() for one in priors], axis=1)
-        n = np.broadcast_to(frames, len(samples))
         result = np.empty((2, len(pairs), len(samples), len(self.mean_)))
         with np.errstate(over="ignore", invalid="ignore"):
             for t in range(len(self.mean_)):
                 # What is the same in all frames counts once for each of them: templates that may
                 # be off have a factor for every number of frames.
-                for count in np.unique(n) if self.template_error_ else (None,):
-                    rows = slice(None) if count is None else n == count
-                    result[..., rows, t] = self._density(t, samples[rows], n[rows], pairs)
+                for count in np.unique(frames) if self.template_error_ else (None,):
+                    rows = slice(None) if count is None else frames == count
+                    result[..., rows, t] = self._density(t, samples[rows], frames[rows], pairs)
         if not np.isfinite(result).all():
             raise ValueError(
                 f"X reaches {np.abs(samples).max():g}, but its squared distance to the templates "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -165,18 +165,18 @@ def likelihood(
     templates, known = profile_moments
     classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(there), np.nonzero(known)
-    places = np.ix_(there.reshape(-1), known.reshape(-1))
+    places: tuple[Any, ...] = (slice(None), *np.ix_(there.reshape(-1), known.reshape(-1)))
     whole = (len(gain_sigma), len(left_out), len(frame_count), *there.shape)
     named, probability = np.full(whole, NONE), np.full(whole, np.nan)
     for k, f in np.ndindex(whole[1:3]):
-        logs = profile_scores[:, f][:, *places]
+        logs = profile_scores[:, f][places]
         exclude = (of_view[:, None] == of_template) & left_out[k]
         if left_out[k] and templates.template_error_:
             seen = averaged[f][there]
             for column in np.unique(of_view):
                 rows, others = of_view == column, of_template != column
                 rest = templates.without(~others)
-                logs[:, *np.ix_(rows, others)] = rest.log_likelihood(
+                logs[(slice(None), *np.ix_(rows, others))] = rest.log_likelihood(
                     seen[rows], frame_count[f], gain_sigma=gain_sigma
                 )
         for g, one in enumerate(logs):
