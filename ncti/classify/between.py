@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require_all
 
 CIRCLE = 360.0  # degrees
-CALIBRATED_WITHIN = 1e-4, 1e2
 LEAST_CURVED = 3  # templates of a label whose curvature along aspects is known
 
 Floats = NDArray[np.float64]
@@ -146,20 +143,6 @@ def every_other(
     beside = np.zeros(apart.shape, dtype=bool)
     np.put_along_axis(beside, np.argsort(apart, axis=1, kind="stable")[:, :2], True, axis=1)
     return left_out, beside
-
-
-def largest(density: Callable[[float], float]) -> float:
-    """Error from 1e-4 to 100, within 5 %, of which a function with one hill is largest."""
-    # Imported where it is used: scipy.optimize takes half a second.
-    from scipy.optimize import minimize_scalar
-
-    found = minimize_scalar(
-        lambda logarithm: -density(math.exp(logarithm)),
-        bounds=tuple(map(math.log, CALIBRATED_WITHIN)),
-        method="bounded",
-        options={"xatol": 0.05},
-    )
-    return math.exp(float(found.x))
 
 
 def _parabolas(

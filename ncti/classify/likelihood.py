@@ -18,18 +18,16 @@ from ncti.checks import require_all
 from ncti.classify.bands import (
     checked_averages,
     checked_moments,
-    coloured,
     densities,
     mean_correlation,
     residual_band,
     whiten,
 )
-from ncti.classify.between import cells, every_other, largest
+from ncti.classify.between import cells
+from ncti.classify.calibration import UNKNOWN_ERROR, calibrated_error
 from ncti.classify.fusion import label_posterior
 
 WIDEST = 1e6  # of any prior: flat beside what a profile tells, and its square no problem
-UNKNOWN_ERROR = 1.0  # of templates that are too few to leave some out: all of the residual's scale
-CALIBRATED_AT = 16  # frames of the averages that the error is calibrated on
 
 Floats = NDArray[np.float64]
 
@@ -192,11 +190,13 @@ class GaussianTemplates(BaseEstimator):
         if self.template_error != 0:
             if aspect is None:
                 raise ValueError("aspect is None, but a template error needs one a template")
-            self._aspect = require_all("aspect", aspect)
+            self.aspect_ = require_all("aspect", aspect)
             if self.template_error is None:
                 if rng is None:
                     raise ValueError("rng is None, but a template error is calibrated on draws")
-                self.template_error_ = self._calibrated(rng)
+                self.template_error_ = UNKNOWN_ERROR
+                self._find_cells()
+                self.template_error_ = calibrated_error(self, rng)
             else:
                 self.template_error_ = float(self.template_error)
             self._find_cells()
@@ -230,7 +230,7 @@ class GaussianTemplates(BaseEstimator):
         rest = copy(self)
         kept = ["labels_", "mean_", "cholesky_", "_whole", "_nuisance", "_directions"]
         if self.template_error_:
-            kept.append("_aspect")
+            kept.append("aspect_")
         for name in kept:
             setattr(rest, name, getattr(self, name)[~out])
         if rest.template_error_:
@@ -239,32 +239,10 @@ class GaussianTemplates(BaseEstimator):
 
     def _find_cells(self) -> None:
         """Add what lies between templates to the directions that are unknown."""
-        cell = cells(self.mean_, self.labels_, self._aspect, self._correlation)
+        cell = cells(self.mean_, self.labels_, self.aspect_, self._correlation)
         known = self._directions[..., :2]
         self._directions = np.concatenate([known, cell.tangent[..., None]], axis=2)
         self._residual = cell.residual
-
-    def _calibrated(self, rng: np.random.Generator) -> float:
-        """Return the error that makes the most of templates left out."""
-        self.template_error_ = UNKNOWN_ERROR
-        out, beside = every_other(self.labels_, self._aspect)
-        if not out.any():
-            return UNKNOWN_ERROR
-        noise = rng.standard_normal((out.sum(), self.mean_.shape[1]))
-        drawn = [coloured(*pair) for pair in zip(self.cholesky_[out], noise, strict=True)]
-        samples = self.mean_[out] + np.array(drawn) / math.sqrt(CALIBRATED_AT)
-        rest, priors = self.without(out), np.array([[self.gain_sigma, self.floor_sigma]])
-        answering = [(t, rows) for t, rows in enumerate(beside.T) if rows.any()]
-
-        def density(error: float) -> float:
-            rest.template_error_ = error
-            logs = np.full(beside.shape, -np.inf)
-            for t, rows in answering:
-                frames = np.full(rows.sum(), float(CALIBRATED_AT))
-                logs[rows, t] = rest._density(t, samples[rows], frames, priors)[0, 0]
-            return float(np.logaddexp.reduce(logs, axis=1).mean())
-
-        return largest(density)
 
     def log_likelihood(
         self,
@@ -340,7 +318,7 @@ class GaussianTemplates(BaseEstimator):
                 # be off have a factor for every number of frames.
                 for count in np.unique(frames) if self.template_error_ else (None,):
                     rows = slice(None) if count is None else frames == count
-                    result[..., rows, t] = self._density(t, samples[rows], frames[rows], pairs)
+                    result[..., rows, t] = self.density(t, samples[rows], frames[rows], pairs)
         if not np.isfinite(result).all():
             raise ValueError(
                 f"X reaches {np.abs(samples).max():g}, but its squared distance to the templates "
@@ -414,7 +392,7 @@ class GaussianTemplates(BaseEstimator):
         answer = self.posterior(X, frame_count, exclude=exclude).argmax(axis=1)
         return self.classes_[answer]
 
-    def _density(self, template: int, samples: Floats, frames: Floats, priors: Floats) -> Floats:
+    def density(self, template: int, samples: Floats, frames: Floats, priors: Floats) -> Floats:
         """See `ncti.classify.bands.densities`; as many frames in all where templates may be off."""
         factor, unit = self._whitened(template, float(frames[0]))
         return densities(factor, unit, samples - self.mean_[template], frames, priors)
