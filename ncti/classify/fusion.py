@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
 
-HALF_QUANTILE = 1.9207  # of chi-square with one degree of freedom, 95 %
+HALF_QUANTILE = 0.5  # of chi-square with one degree of freedom, 68 %
 HALVINGS = 30
 
 Floats = NDArray[np.float64]
