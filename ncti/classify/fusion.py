@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
 
-HALF_QUANTILE = 0.5  # of chi-square with one degree of freedom, 68 %
+STANDARD_ERROR = 0.5  # loss of log-likelihood one standard error from the maximum
 HALVINGS = 30
 
 Floats = NDArray[np.float64]
@@ -131,7 +131,7 @@ def least_sharpness(
     Returns
     -------
     float
-        Lower end of the 95 % likelihood interval about `fit_sharpness`: 0 where scores might as
+        Lower end of the 68 % likelihood interval about `fit_sharpness`: 0 where scores might as
         well be noise.
 
     Raises
@@ -143,16 +143,16 @@ def least_sharpness(
     -----
     What a sensor adds to another must not rest on luck: noise that is given weight costs right
     answers of the better sensor, while a little less weight costs a good sensor next to nothing.
-    The interval is where the log-likelihood is within half the 95 % quantile of chi-square with
-    one degree of freedom of its maximum (S. S. Wilks 1938, Annals of Mathematical Statistics 9,
-    60, doi:10.1214/aoms/1177732360).
+    The interval is one standard error wide on either side: where the log-likelihood is within 1/2
+    of its maximum (S. S. Wilks 1938, Annals of Mathematical Statistics 9, 60,
+    doi:10.1214/aoms/1177732360).
     """
     _, surprise = _surprise(scores, labels, truth)
     if surprise is None:
         return 0.0
     best = fit_sharpness(scores, labels, truth)
     count = len(np.asarray(truth)) if independent is None else independent
-    allowed = surprise(best) + HALF_QUANTILE / count
+    allowed = surprise(best) + STANDARD_ERROR / count
     if surprise(0.0) <= allowed:
         return 0.0
     low, high = 0.0, best

@@ -128,7 +128,7 @@ NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
     ),
 )
 def fusion(
-    profile_scores: Floats,
+    profile_scores: Arrays,
     silhouette_scores: NDArray[np.float32],
     silhouette_sharpness: Floats,
     profile_doubt: Floats,
@@ -144,9 +144,10 @@ def fusion(
     worth: neither outweighs the other by more than aspects left out bear out. An empty silhouette
     says nothing: all its scores are 0.
     """
-    seen = compared(profile_scores) & compared(silhouette_scores)
+    of_profiles = profile_scores["log_density"]
+    seen = compared(of_profiles) & compared(silhouette_scores)
     views, lessons = seen.nonzero()[0], (taught.reshape(-1) & seen).nonzero()[0]
-    draws = max(len(profile_scores), len(silhouette_scores))
+    draws = max(len(of_profiles), len(silhouette_scores))
     whole = (len(CHANNELS), draws, len(ship), len(aspect))
     there = seen.reshape(whole[2:])
     named, probability = np.full(whole, NONE), np.full(whole, np.nan)
@@ -154,7 +155,7 @@ def fusion(
     for d in range(draws):
         phase = d % len(silhouette_scores)
         alone = (
-            profile_scores[d % len(profile_scores)][views[:, None], lessons],
+            of_profiles[d % len(of_profiles)][views[:, None], lessons],
             silhouette_scores[phase].astype(np.float64)[views[:, None], lessons],
         )
         of_ship = lessons // len(aspect)

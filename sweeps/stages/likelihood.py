@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.classify.fusion import label_posterior
-from sweeps.engine.settings import Choices, Settings, number
+from sweeps.engine.settings import Choices, Settings, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import (
@@ -28,7 +28,11 @@ if TYPE_CHECKING:
 
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
+FIT, POSTERIOR = "fit", "posterior"
 NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
+
+
+COMPARED = "log_density", "distance"
 
 
 class Likelihood(Settings, key="classifier"):
@@ -47,6 +51,13 @@ class Likelihood(Settings, key="classifier"):
         *(None, 0, 1000),
         label="variance of profiles between templates, over that of half their second difference",
         help="0: templates are exact; null: calibrated on aspects left out",
+    )
+    rejection = word(
+        FIT,
+        (FIT, POSTERIOR),
+        label="what an answer of the likelihood must reach, or it is 'unknown'",
+        help="fit: bins / (bins + squared distance of the nearest template), 1/2 where the model "
+        "holds; posterior: the probability of the ship named",
     )
 
 
@@ -115,7 +126,8 @@ def _templates(
 
 
 @stage(
-    Output("profile_scores", ("view", "template"), "f8"),
+    Output("log_density", ("view", "template"), "f8"),
+    Output("distance", ("view", "template"), "f8"),
     uses=(Grid, Likelihood),
     along=(Likelihood.gain_sigma, Grid.frame_count),
     gather=GATHERED,
@@ -126,23 +138,25 @@ def profile_scores(
     there: Views,
     gain_sigma: tuple[float, ...],
     frame_count: tuple[int, ...],
-) -> Floats:
-    """(gain_sigma, frame_count, view, template): log-likelihoods.
+) -> Arrays:
+    """Return (gain_sigma, frame_count, view, template) log densities and squared distances.
 
     NaN where a view is not there, or the template is not learned. The gain is as well known as
     `gain_sigma` says.
     """
     templates, known = profile_moments
     views = there.reshape(-1)
-    scores = np.full((len(gain_sigma), len(frame_count), views.size, views.size), np.nan)
+    whole = (2, len(gain_sigma), len(frame_count), views.size, views.size)
+    found = np.full(whole, np.nan)
     for f, count in enumerate(frame_count):
-        logs = templates.log_likelihood(averaged[f][there], count, gain_sigma=gain_sigma)
-        scores[:, f, views[:, None] & known.reshape(-1)] = logs.reshape(len(gain_sigma), -1)
-    return scores
+        one = templates.compare(averaged[f][there], count, gain_sigma=gain_sigma)
+        found[:, :, f, views[:, None] & known.reshape(-1)] = one.reshape(*whole[:2], -1)
+    return {"log_density": found[0], "distance": found[1]}
 
 
 @NAMING.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
+    Output("similarity", classifier.VIEW, label="fit, or posterior probability of the ship named"),
     Output("calibrated_error", label="template error, as given or as calibrated"),
     uses=(Grid, Classifier, Likelihood),
     along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
@@ -150,12 +164,13 @@ def profile_scores(
 )
 def likelihood(
     profile_moments: tuple[GaussianTemplates, Views],
-    profile_scores: Floats,
+    profile_scores: Arrays,
     averaged: Profiles,
     there: Views,
     gain_sigma: tuple[float, ...],
     left_out: tuple[bool, ...],
     frame_count: tuple[int, ...],
+    rejection: str,
 ) -> Arrays:
     """Return the most probable ship, one number of frames at a time.
 
@@ -163,28 +178,39 @@ def likelihood(
     it reach as far as it.
     """
     templates, known = profile_moments
+    bins = averaged.shape[-1]
     classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(there), np.nonzero(known)
-    places: tuple[Any, ...] = (slice(None), *np.ix_(there.reshape(-1), known.reshape(-1)))
+    places: tuple[Any, ...] = (..., *np.ix_(there.reshape(-1), known.reshape(-1)))
     whole = (len(gain_sigma), len(left_out), len(frame_count), *there.shape)
     named, probability = np.full(whole, NONE), np.full(whole, np.nan)
+    similarity = np.full(whole, np.nan)
     for k, f in np.ndindex(whole[1:3]):
-        logs = profile_scores[:, f][places]
+        compared = np.stack([profile_scores[one][:, f][places] for one in COMPARED])
         exclude = (of_view[:, None] == of_template) & left_out[k]
         if left_out[k] and templates.template_error_:
             seen = averaged[f][there]
             for column in np.unique(of_view):
                 rows, others = of_view == column, of_template != column
                 rest = templates.without(~others)
-                logs[(slice(None), *np.ix_(rows, others))] = rest.log_likelihood(
+                compared[(..., *np.ix_(rows, others))] = rest.compare(
                     seen[rows], frame_count[f], gain_sigma=gain_sigma
                 )
-        for g, one in enumerate(logs):
-            named[g, k, f, there], probability[g, k, f, there] = classifier.most_probable(
-                label_posterior(one, of_ship, exclude=exclude), true
-            )
+        for g, (logs, distance) in enumerate(zip(*compared, strict=True)):
+            posterior = label_posterior(logs, of_ship, exclude=exclude)
+            answer = named[g, k, f], probability[g, k, f], similarity[g, k, f]
+            answer[0][there], answer[1][there] = classifier.most_probable(posterior, true)
+            if rejection == FIT:
+                nearest = np.where(exclude, np.inf, distance).min(axis=1)
+                answer[2][there] = bins / (bins + nearest)
+            else:
+                answer[2][there] = posterior[1].max(axis=1)
     error = np.full(whole[:3], templates.template_error_)
-    return classifier.judged(named, there) | {"probability": probability, "calibrated_error": error}
+    return classifier.judged(named, there) | {
+        "probability": probability,
+        "similarity": similarity,
+        "calibrated_error": error,
+    }
 
 
 def check(choices: Choices) -> Choices:
@@ -197,4 +223,4 @@ def check(choices: Choices) -> Choices:
 
 SETTINGS: tuple[type[Settings], ...] = (Likelihood,)
 STAGES: tuple[Stage, ...] = (calibrated_error, profile_moments, profile_scores, likelihood)
-TABLES = NAMING.tables()
+TABLES = NAMING.tables(rejecting=True)

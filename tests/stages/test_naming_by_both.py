@@ -56,7 +56,10 @@ def compared(cell, templates, seen, there=None, **taught):
     known = cell.expected, bands(cell, VARIANCE), cell.there, learned(**taught), ASPECTS
     moments = profile_moments(*known, NUGGET, np.array(0.0))  # exact, as densities by hand are
     profiles = np.stack(
-        [profile_scores(moments, averaged, cell.there, GAINS, FRAMES) for averaged in cell.averaged]
+        [
+            profile_scores(moments, averaged, cell.there, GAINS, FRAMES)["log_density"]
+            for averaged in cell.averaged
+        ]
     )
     silhouettes = fusion.silhouette_scores(templates, seen, there)
     worth = [fusion.silhouette_sharpness(one, learned(**taught)) for one in silhouettes]
@@ -64,7 +67,7 @@ def compared(cell, templates, seen, there=None, **taught):
 
 
 def named_by(profiles, silhouettes, worth, g, m, n, **taught):
-    scores = profiles[:, g, n], silhouettes[m], worth[m], np.array(0.0)
+    scores = {"log_density": profiles[:, g, n]}, silhouettes[m], worth[m], np.array(0.0)
     return fusion.fusion(*scores, learned(**taught), NAMED, ASPECTS)
 
 
@@ -193,7 +196,7 @@ def test_a_view_that_one_sensor_lost_is_left_out():
     # What is left is compared with what is left alone.
     profiles, silhouettes, worth = scores
     views = left.ravel()
-    for c, one in enumerate((profiles[0, 1, 0], worth[0][0] * silhouettes[0, 0])):
+    for c, one in enumerate((profiles[0, 1, 0], worth[0][0, 0] * silhouettes[0, 0])):
         true = posterior_by_hand(one[views].astype(float), views)[
             np.arange(views.sum()), SHIP[views]
         ]

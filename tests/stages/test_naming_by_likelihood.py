@@ -27,12 +27,15 @@ def moments_of(cell, covariance, nugget=1e-3, error=0.0, **taught):
 def answered(
     cell, gains=(1.0,), left_out=(False,), frames=FRAMES, replicate=0, nugget=1e-3, **given
 ):
+    rejection = given.pop("rejection", "fit")
     covariance = given.pop("covariance", None)
     covariance = bands(cell) if covariance is None else covariance
     moments = moments_of(cell, covariance, nugget, **given)
     averaged = cell.averaged[replicate, [FRAMES.index(count) for count in frames]]
     scores = likelihood.profile_scores(moments, averaged, cell.there, gains, frames)
-    return likelihood.likelihood(*(moments, scores, averaged, cell.there, gains, left_out, frames))
+    return likelihood.likelihood(
+        *(moments, scores, averaged, cell.there, gains, left_out, frames, rejection)
+    )
 
 
 @pytest.mark.parametrize(("place", "gain"), list(enumerate(GAINS)))
@@ -141,7 +144,7 @@ def test_a_test_that_is_lost_is_a_template_all_the_same():
     lost = cell.without(1, 3)
     given = lost.averaged[0], lost.there, (1.0,)
     scores = likelihood.profile_scores(moments, *given, FRAMES)
-    found = likelihood.likelihood(moments, scores, *given, (False,), FRAMES)
+    found = likelihood.likelihood(moments, scores, *given, (False,), FRAMES, "fit")
     kept = lost.there
     np.testing.assert_allclose(
         found["probability"][..., kept], whole["probability"][..., kept], atol=1e-12
