@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.classify.fusion import label_posterior
-from sweeps.engine.settings import Choices, Settings, number, word
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.settings import Choices, Settings, number, switch, word
 from sweeps.engine.stage import Output, Stage, in_memory, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import (
@@ -32,6 +33,7 @@ FIT, POSTERIOR = "fit", "posterior"
 NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
 
 
+KNOWN = "classifier.aspect_known has True, but must be false where {}"
 COMPARED = "log_density", "distance"
 
 
@@ -43,6 +45,16 @@ class Likelihood(Settings, key="classifier"):
         label="prior standard deviation of the target's gain",
         help="0: it is known",
         noted=True,
+    )
+    floor_sigma = number(
+        *(1.0, 0, 1000),
+        label="prior standard deviation of the noise floor, over that of one frame",
+        help="0: it is known",
+    )
+    aspect_known = switch(
+        False,
+        label="1 where only templates at the true aspect answer, exact ones",
+        help="of the likelihood: what a track that gives the heading would allow",
     )
     nugget = number(
         1e-3, 1e-9, 1000, label="noise allowed for besides the model's, over its variance"
@@ -74,13 +86,18 @@ def calibrated_error(
     taught: Views,
     aspect: tuple[float, ...],
     nugget: float,
+    floor_sigma: float,
     template_error: float | None,
+    aspect_known: bool,
     rng: np.random.Generator,
 ) -> Floats:
     """Return the template error, of templates that are left out where it is not given."""
     known = there & taught
+    if aspect_known:
+        return np.array(0.0)
     if template_error is None and known.any():
-        templates = _templates(expected, covariance, known, aspect, nugget, None, rng)
+        priors = nugget, floor_sigma
+        templates = _templates(expected, covariance, known, aspect, priors, None, rng)
         return np.array(templates.template_error_)
     return np.array(template_error or 0.0)
 
@@ -93,12 +110,13 @@ def profile_moments(
     taught: Views,
     aspect: tuple[float, ...],
     nugget: float,
+    floor_sigma: float,
     calibrated_error: Floats,
 ) -> tuple[GaussianTemplates, Views]:
     """Return templates of all views that are learned, and the (ship, aspect) views of these."""
     known = there & taught
-    error = float(calibrated_error)
-    return _templates(expected, covariance, known, aspect, nugget, error), known
+    error, priors = float(calibrated_error), (nugget, floor_sigma)
+    return _templates(expected, covariance, known, aspect, priors, error), known
 
 
 def _templates(
@@ -106,11 +124,11 @@ def _templates(
     covariance: Profiles,
     known: Views,
     aspect: tuple[float, ...],
-    nugget: float,
+    priors: tuple[float, float],
     template_error: float | None,
     rng: np.random.Generator | None = None,
 ) -> GaussianTemplates:
-    """Return templates of some views.
+    """Return templates of some views, of a nugget and a prior of the floor.
 
     Their floor, which the target's gain leaves alone, is what the window's edge holds: noise, the
     ship's own IFOVs' among it.
@@ -120,7 +138,10 @@ def _templates(
 
     means = expected[known]
     ship, column = known.nonzero()
-    templates = GaussianTemplates(nugget=nugget, template_error=template_error)
+    nugget, floor_sigma = priors
+    templates = GaussianTemplates(
+        nugget=nugget, floor_sigma=floor_sigma, template_error=template_error
+    )
     at = np.array(aspect)[column]
     return templates.fit(means, covariance[known], ship, floor=means[:, :1], aspect=at, rng=rng)
 
@@ -171,6 +192,7 @@ def likelihood(
     left_out: tuple[bool, ...],
     frame_count: tuple[int, ...],
     rejection: str,
+    aspect_known: bool,
 ) -> Arrays:
     """Return the most probable ship, one number of frames at a time.
 
@@ -187,7 +209,8 @@ def likelihood(
     similarity = np.full(whole, np.nan)
     for k, f in np.ndindex(whole[1:3]):
         compared = np.stack([profile_scores[one][:, f][places] for one in COMPARED])
-        exclude = (of_view[:, None] == of_template) & left_out[k]
+        same = of_view[:, None] == of_template
+        exclude = (same & left_out[k]) | (~same & aspect_known)
         if left_out[k] and templates.template_error_:
             seen = averaged[f][there]
             for column in np.unique(of_view):
@@ -218,6 +241,11 @@ def check(choices: Choices) -> Choices:
     if NAMING.when(choices):
         classifier.check_receiver(choices, NAME)
         classifier.check_left_out(choices)
+        if any(choices[Likelihood.aspect_known]):
+            if any(choices[Classifier.left_out]):
+                raise ConfigurationError(KNOWN.format("classifier.left_out has True"))
+            if not classifier.learned_of(choices).any(axis=0).all():
+                raise ConfigurationError(KNOWN.format("an aspect of the grid is not learned"))
     return choices
 
 

@@ -54,7 +54,7 @@ def compared(cell, templates, seen, there=None, **taught):
     """Scores of profiles (replicate, gain, count, view, template), of silhouettes, their worth."""
     there = np.ones((PHASES, *GRID), dtype=bool) if there is None else there
     known = cell.expected, bands(cell, VARIANCE), cell.there, learned(**taught), ASPECTS
-    moments = profile_moments(*known, NUGGET, np.array(0.0))  # exact, as densities by hand are
+    moments = profile_moments(*known, NUGGET, 1.0, np.array(0.0))  # exact, as by hand
     profiles = np.stack(
         [
             profile_scores(moments, averaged, cell.there, GAINS, FRAMES)["log_density"]
@@ -207,7 +207,7 @@ def test_a_score_does_not_depend_on_its_company():
     """Gains and numbers of frames, to the last bit."""
     cell, (templates, seen) = made(noise=5.0), maps()
     known = cell.expected, bands(cell, VARIANCE), cell.there, learned(), ASPECTS
-    moments = profile_moments(*known, NUGGET, np.array(0.0))  # exact, as densities by hand are
+    moments = profile_moments(*known, NUGGET, 1.0, np.array(0.0))  # exact, as by hand
     there = np.ones((PHASES, *GRID), dtype=bool)
     profiles = profile_scores(moments, cell.averaged[0], cell.there, GAINS, FRAMES)
     silhouettes = fusion.silhouette_scores(templates, seen, there)
@@ -216,7 +216,8 @@ def test_a_score_does_not_depend_on_its_company():
             alone = profile_scores(
                 moments, cell.averaged[0, [k]], cell.there, (GAINS[g],), (FRAMES[k],)
             )
-            np.testing.assert_array_equal(alone[0, 0], profiles[g, k])
+            for name, values in alone.items():
+                np.testing.assert_array_equal(values[0, 0], profiles[name][g, k])
         alone = fusion.silhouette_scores(templates, seen[[k]], there)
         np.testing.assert_array_equal(alone[0], silhouettes[k])
 
