@@ -135,7 +135,7 @@ RIGHT = {
     "acn": [[[12, 11], [14, 13]], [[9, 10], [9, 12]], [[9, 10], [9, 10]]],
     "mnn": [[10, 12], [7, 8], [4, 10]],
     "correlation": [[14, 13], [11, 12], [10, 13]],
-    "likelihood": [[14, 13], [14, 13], [10, 13]],
+    "likelihood": [[14, 13], [14, 12], [8, 13]],
 }
 CATEGORIES = [[10, 14], [7, 12], [7, 9]]
 # Of silhouettes, by range (25, 50, 100 km) and frames, of 14 views in 2 phases and 2 orders;
@@ -143,7 +143,7 @@ CATEGORIES = [[10, 14], [7, 12], [7, 9]]
 SILHOUETTES = {"none": [[48, 48], [43, 48], [22, 30]], "shifted": [[48, 48], [48, 48], [30, 33]]}
 SILHOUETTE_CATEGORIES = [[9, 9], [9, 9]]
 # At 30 ns, 4 frames of either sensor and 2 draws, without super-resolution: of 28 answers.
-FUSION = {"range": 28, "infrared": 14, "both": 27}
+FUSION = {"range": 28, "infrared": 14, "both": 28}
 
 
 def right(tables, answers, **place):
