@@ -147,7 +147,9 @@ def is_multiple(aspect: xr.DataArray, spacing: float) -> xr.DataArray:
 def of_views(right: xr.DataArray, aspects: xr.DataArray | bool = True) -> Answers:
     """(view,): share of right answers to each view at some aspects, over all draws."""
     share = right.mean([dim for dim in right.dims if dim not in ("ship", "aspect")])
-    return share.where(aspects).transpose("ship", "aspect").values[:, _flags(aspects, share)].ravel()
+    return (
+        share.where(aspects).transpose("ship", "aspect").values[:, _flags(aspects, share)].ravel()
+    )
 
 
 def _flags(aspects: xr.DataArray | bool, share: xr.DataArray) -> NDArray[np.bool_]:
@@ -223,7 +225,9 @@ def category_counts(seed: int) -> dict[str, float]:
         orders = [rng.permutation(len(extents)) for _ in range(ORDERS)]
         for k, width in enumerate(PULSES):
             signal: dict[str, Any] = {"pulse_width": width * 1e-9, "cnr": CNR}
-            seen = [expected_profile(one, target_free_ifovs=TARGET_FREE, **signal) for one in extents]
+            seen = [
+                expected_profile(one, target_free_ifovs=TARGET_FREE, **signal) for one in extents
+            ]
             alike = Similarities.of(profile_vector(np.array(seen)))
             for order in orders:
                 formed = cluster(alike, vigilance=0.95, order=order)

@@ -140,7 +140,9 @@ def test_no_two_scans_have_one_stream(monkeypatch):
 
 def test_orders_of_presentation_differ_and_are_of_all_views():
     """Two of 12 views are equal by chance once in 12!, 5e8."""
-    orders = [categories.presentation_order(12, number, seed) for number in range(4) for seed in (0, 1)]
+    orders = [
+        categories.presentation_order(12, number, seed) for number in range(4) for seed in (0, 1)
+    ]
     for order in orders:
         np.testing.assert_array_equal(np.sort(order), np.arange(12))
     for first, second in combinations(orders[2:], 2):
