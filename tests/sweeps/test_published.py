@@ -158,7 +158,7 @@ def test_what_the_source_does_not_print_follows_from_what_it_does():
     middle = SOURCE["table1_sensor"]["ranges"][50]
     behind = infrared.NEDT / 4 * math.sqrt(float(middle["snr"]))
     before = behind * 10 ** (float(middle["attenuation_db"]) / 20)
-    assert infrared.CONTRAST_AT_ZERO == pytest.approx(before, rel=0.05 / 58 / 2 + 1e-3)
+    assert pytest.approx(before, rel=0.05 / 58 / 2 + 1e-3) == infrared.CONTRAST_AT_ZERO
     for distance, row in SOURCE["table1_sensor"]["ranges"].items():
         loss = infrared.EXTINCTION * distance * 1e3
         assert loss == pytest.approx(float(row["attenuation_db"]), abs=0.05)
