@@ -73,8 +73,8 @@ BOTH = (
     "grid.range=[25,50,100]",
     "infrared.range=[25,50,100]",
     "infrared.super_resolution=none",
-    "infrared.phases=3",
-    "grid.replicate=3",
+    "infrared.phases=6",
+    "grid.replicate=6",
     "classifier.name=fusion",
 )
 """Profiles and silhouettes at some places of the ship on the detector."""

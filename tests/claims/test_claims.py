@@ -60,19 +60,19 @@ class Share:
 
 
 VIEWS, DRAWS = 4 * 61, 3  # of the sweep of profiles, learned
-SEEN = 4 * 12 * 3  # of that of both sensors
+SEEN = 4 * 12 * 6  # answers of that of both sensors
 SHARES = {
     "acn, bow": Share(0.80, 4 * 10 * DRAWS, low=0.55),
     "acn, beam": Share(0.33, 4 * 11 * DRAWS, high=0.58),
     "acn": Share(0.64, VIEWS * DRAWS, high=0.77),
     "gain known": Share(0.90, VIEWS * DRAWS, low=0.78),
     "gain unknown": Share(0.83, VIEWS * DRAWS, low=0.70),
-    "infrared, 25 km": Share(0.97, SEEN, low=0.76),
-    "infrared, 100 km": Share(0.29, SEEN, high=0.53),
+    "infrared, 25 km": Share(0.98, SEEN, low=0.83),
+    "infrared, 100 km": Share(0.29, SEEN, high=0.48),
     "both, 25 km": Share(1.0, SEEN, low=0.95),
     "both, 50 km": Share(1.0, SEEN, low=0.95),
 }
-CERTAIN = 0.005  # at most this share is named wrong where none of 1,440 was
+CERTAIN = 0.005  # at most this share is named wrong where none of 2,880 was
 AREA = 0.50  # in the long run, under known ships right over unknown ones let through
 REJECTED_LESS = 0.32  # known ships kept where 76 % of answers to unknown ones are rejected
 
