@@ -67,6 +67,8 @@ SHARES = {
     "acn": Share(0.64, VIEWS * DRAWS, high=0.77),
     "gain known": Share(0.90, VIEWS * DRAWS, low=0.78),
     "gain unknown": Share(0.83, VIEWS * DRAWS, low=0.70),
+    "gain known, beam": Share(0.91, 4 * 21 * DRAWS, low=0.75),
+    "gain unknown, beam": Share(0.75, 4 * 21 * DRAWS, low=0.55),
     "infrared, 25 km": Share(0.98, SEEN, low=0.83),
     "infrared, 100 km": Share(0.29, SEEN, high=0.48),
     "both, 25 km": Share(1.0, SEEN, low=0.95),
@@ -169,7 +171,7 @@ def test_longer_pulses_form_fewer_categories(counts, name):
 
 @pytest.mark.parametrize("name", [name for name in SHARES if " km" not in name])
 def test_each_classifier_names_its_share(profiles, name):
-    """The network at the bow, hardly more than a guess abeam; likelihood everywhere."""
+    """The network at the bow, hardly more than a guess abeam; likelihood there, too."""
     hold(name, shares_of_profiles(profiles)[name])
 
 
