@@ -176,7 +176,7 @@ def shares_of_profiles(store: Path) -> dict[str, xr.DataArray]:
     named = named_by(store)
     for name in ("acn", "gain known", "gain unknown"):
         found[name] = named[name].sel(aspect=is_multiple(named[name].aspect, 1.5))
-    for name in ("gain known", "gain unknown"):  # where coarser templates would not do
+    for name in ("gain known", "gain unknown"):
         found[f"{name}, beam"] = found[name].sel(aspect=found[name].aspect >= 60)
     return found
 
