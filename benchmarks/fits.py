@@ -13,12 +13,11 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from benchmarks.phases import timed
-from benchmarks.reports import Column, Report, Sample
+from benchmarks.reports import Column, Report
 from benchmarks.sweeping import CORES, choices_of
 from ncti.classify import Similarities, cluster
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
-from ncti.irar import profile_correlation
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.run import Place
 from sweeps.experiment import EXPERIMENT
@@ -26,21 +25,33 @@ from sweeps.report.rows import source_figures
 from sweeps.stages.views import cache_folder
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "reproduction.md"
+REPORTS = (
+    *("fit_tolerance", "fit_target_free", "fit_learning_rate", "fit_inner_radius"),
+    *("spread", "protocol", "near_stern", "figures"),
+)
+"""Names of the reports of that page."""
+
 GROUPS = ("0-27°", "30-57°", "60-90°")
 FRAMES = (32, 16, 8, 4)  # the rows of the source's Tables 2 and 4
 VIEW = ("ship", "aspect")
-DRAWN = ("seed", "replicate", "phase", "order")
+DRAWN = ("seed", "replicate", "phase", "order", "draw")
 
+DRAWS = ("grid.replicate=2", "seed=[0,1,2,3]")
 MNN = ("classifier=mnn", "grid.replicate=2", "seed=[0,1,2,3,4,5,6,7]")
 TOLERANCES = (0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5)
-ACN = ("classifier.name=[acn,mnn]", "grid.pulse_width=[10,30,50]", "grid.replicate=8")
-TARGET_FREE = (0, 1000, 2000, 3000, 4000, 5000, 6000, 8000, 16000)
+ACN = ("classifier.name=[acn,mnn]", "grid.pulse_width=[10,30,50]", *DRAWS)
+TARGET_FREE = (0, 1000, 2000, 4000, 6000, 8000, 16000)
 INFRARED = ("sensor=infrared", "infrared.frame_count=16", "infrared.vigilance=0.87")
 RADII = (0.3, 0.4, 0.45, 0.5, 0.55, 0.6, 0.7)
 RATES = (0.03, 0.1, 0.2, 0.3)
 ORDERS = 24
 
 Floats = NDArray[np.float64]
+
+
+def begin(name: str) -> str:
+    """Return the line of the page behind which a report stands."""
+    return f"<!-- begin: python -m benchmarks {name} --write -->"
 
 
 def swept(overrides: Sequence[str], *groups: str) -> list[xr.Dataset]:
@@ -76,6 +87,11 @@ def percent(correct: xr.DataArray) -> xr.DataArray:
     return xr.concat(of_bins, "group").transpose(..., "group")
 
 
+def overall(correct: xr.DataArray) -> xr.DataArray:
+    """Percent of all answers that are right, (ship, aspect) pooled."""
+    return xr.where(correct >= 0, 100.0 * (correct == 1), np.nan).mean(VIEW)
+
+
 def mean_and_error(draws: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
     """Return the mean over all draws, and its standard error.
 
@@ -87,7 +103,7 @@ def mean_and_error(draws: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
     for kind in kinds:
         of_kind = draws.mean([dim for dim in kinds if dim != kind])
         variance = variance + of_kind.var(kind, ddof=1) / draws.sizes[kind]
-    return draws.mean(kinds), np.sqrt(variance)
+    return draws.mean(kinds), variance**0.5
 
 
 @dataclass(frozen=True)
@@ -121,8 +137,8 @@ class Part:
         """
         source = xr.DataArray(np.asarray(self.source, dtype=np.float64), dims=self.over)
         draws = [dim for dim in DRAWN if dim in self.ours.dims]
-        apart = np.sqrt(((self.ours.mean(draws) - source) ** 2).mean(self.over))
-        single = np.sqrt(self.ours.var(draws, ddof=1).mean(self.over))
+        apart = ((self.ours.mean(draws) - source) ** 2).mean(self.over) ** 0.5
+        single = self.ours.var(draws, ddof=1).mean(self.over) ** 0.5
         return apart.transpose(parameter).values, single.transpose(parameter).values
 
 
@@ -293,7 +309,7 @@ def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = 
     )
 
 
-def rates(values: Sequence[float] = RATES, orders: int = ORDERS) -> Report:
+def learning_rate(values: Sequence[float] = RATES, orders: int = ORDERS) -> Report:
     """Learning rate: fitted at 30 ns of Table 3, judged at 10 and 50 ns; orders of presentation."""
     (profiles,) = swept(("grid.pulse_width=[10,30,50]", "grid.frame_count=16"), "range_profile")
     table = source_figures()["table3_categories"]
@@ -321,121 +337,4 @@ def rates(values: Sequence[float] = RATES, orders: int = ORDERS) -> Report:
             f"vigilance of {table['vigilance']:g} in the grid's own order of presentation; then "
             f"mean (least–most) of {orders} random orders."
         ],
-    )
-
-
-def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1, 0.0)) -> Report:
-    """What silhouettes lose by a spread of the temperatures of ship and sea."""
-    listed = ",".join(map(str, spreads))
-    both = [
-        *(f"infrared.{one}_spread=[{listed}]" for one in ("target", "sea")),
-        "grid.zip=[[target_spread,sea_spread]]",
-    ]
-    alone = [*overrides, "grid.range=[25,50,100]", *both]
-    together = ["+experiment=fusion", "grid.frame_count=16", "infrared.frame_count=16", *both]
-    answers, detected = swept(alone, "classification/acn_infrared", "tables/detection")
-    (fused,) = swept(together, "classification/fusion")
-    rows: list[dict[str, Any]] = []
-
-    def add(what: str, correct: xr.DataArray) -> dict[str, Any]:
-        row = {"what": what}
-        for value in spreads:
-            one = correct.isel(
-                {axis_of(correct): np.flatnonzero(correct.target_spread == value)[0]}
-            )
-            row[f"bins_{value:g}"] = told(*mean_and_error(percent(one)))
-            row[f"all_{value:g}"] = told(*mean_and_error(overall(one)))
-        rows.append(row)
-        return row
-
-    for km in answers.range.values:
-        for way in answers.super_resolution.values:
-            one = answers.correct.sel(range=km, super_resolution=way)
-            row = add(f"ACN, {km:g} km, {way}", one.squeeze(drop=True))
-            for value in spreads if way == "none" else ():
-                found = detected.detection_probability.sel(range=km, super_resolution=way)
-                at = {axis_of(found): np.flatnonzero(found.target_spread == value)[0]}
-                row[f"found_{value:g}"] = f"{100 * float(found.isel(at).mean()):.0f}"
-    for km in fused.range.values:
-        for source in fused.source.values:
-            one = fused.correct.sel(range=km, source=source)
-            add(f"{source} by likelihood, {km:g} km", one.squeeze(drop=True))
-    named = [
-        *(("bins", "0-27° / 30-57° / 60-90° [%]"), ("all", "overall [%]")),
-        ("found", "detected [%]"),
-    ]
-    return Report(
-        "Silhouettes with a spread of the temperatures of ship and sea, and without",
-        (
-            Column("what", "16 frames"),
-            *(
-                Column(f"{key}_{value:g}", f"{value:g} K: {heading}")
-                for value in spreads
-                for key, heading in named
-            ),
-        ),
-        rows,
-        [
-            f"`ncti-sweep {' '.join(alone)}` and `ncti-sweep {' '.join(together)}`. Percent right "
-            "± two standard errors of the mean over draws."
-        ],
-    )
-
-
-def axis_of(values: xr.DataArray) -> str:
-    """Return the dimension along which the spread of temperatures runs."""
-    (dim,) = values.target_spread.dims
-    return str(dim)
-
-
-def overall(correct: xr.DataArray) -> xr.DataArray:
-    """Percent of all answers that are right, (ship, aspect) pooled."""
-    return xr.where(correct >= 0, 100.0 * (correct == 1), np.nan).mean(VIEW)
-
-
-CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")
-
-
-def protocol(fresh: int = 10, replicates: int = 8) -> Report:
-    """The source's protocol beside aspects that nobody learned."""
-    common = [
-        *("sensor=both", f"classifier.name=[{','.join(CLASSIFIERS)}]", "grid.frame_count=16"),
-        *(f"grid.replicate={replicates}", "infrared.range=[25,50]", "infrared.vigilance=0.87"),
-        *("infrared.frame_count=16", "infrared.super_resolution=none"),
-    ]
-    groups = [f"classification/{name}" for name in (*CLASSIFIERS, "acn_infrared")]
-    commands = [
-        [*common, "classifier.learn_in_test=[true,false]"],
-        [*common, f"grid.fresh={fresh}"],
-    ]
-    regular, drawn = ([*swept(one, *groups)] for one in commands)
-    rows: list[dict[str, Any]] = []
-    for name, learned, random in zip(groups, regular, drawn, strict=True):
-        new = ~np.isin(random.aspect.values, learned.aspect.values)
-        for km in np.atleast_1d(learned.range.values):
-            what = name.partition("/")[2].replace("_infrared", " on silhouettes")
-            row = {"what": f"{what}, {km:g} km"}
-            of = {
-                "off": learned.correct,
-                "random": random.correct.isel(aspect=new),
-            }
-            if "learn_in_test" in learned.dims:
-                of["on"] = learned.correct.sel(learn_in_test=True)
-                of["off"] = learned.correct.sel(learn_in_test=False)
-            for key, correct in of.items():
-                one = correct.sel(range=km) if "range" in correct.dims else correct
-                one = one.squeeze(drop=True)
-                row[key] = told(*mean_and_error(percent(one)))
-                row[key] += " | " + told(*mean_and_error(overall(one)))
-            rows.append(row)
-    return Report(
-        "Learned aspects and aspects that nobody learned",
-        (
-            Column("what", "16 frames, 30 ns"),
-            Column("on", "learned aspects, learning on in the test (source's protocol) [%]"),
-            Column("off", "learned aspects, learning off [%]"),
-            Column("random", "random aspects, learning off [%]"),
-        ),
-        rows,
-        [f"Commands: {'; '.join(' '.join(one) for one in commands)}"],
     )
