@@ -120,15 +120,12 @@ class Part:
         The source's figures, in percent.
     over : tuple of str
         Dimensions of the source's figures.
-    fitted : bool
-        Whether the parameter is chosen by these.
     """
 
     name: str
     ours: xr.DataArray
     source: ArrayLike
     over: tuple[str, ...] = ("group",)
-    fitted: bool = False
 
     def distance(self, parameter: str) -> tuple[Floats, Floats]:
         """Return root mean square distances for every value of the parameter.
@@ -205,7 +202,7 @@ def tolerance(overrides: Sequence[str] = MNN, values: Sequence[float] = TOLERANC
     trained, tested = percent(answers.training_correct), percent(answers.correct)
     counts = [count for count in FRAMES if count in answers.frame_count]
     parts = [
-        Part("training, fitted", trained, table["training"], fitted=True),
+        Part("training, fitted", trained, table["training"]),
         *(
             Part(f"{count} frames", tested.sel(frame_count=count), table["frames"][count])
             for count in counts
@@ -244,12 +241,10 @@ def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET
         at_30 = score.sel(pulse_width=30)
         printed = np.array([table["frames"][count] for count in counts], dtype=np.float64)
         fitted = f"{name} bow, {counts[0]} frames, fitted"
-        parts.append(
-            Part(fitted, at_30.isel(group=0, frame_count=0), printed[0, 0], (), fitted=True)
-        )
+        parts.append(Part(fitted, at_30.isel(group=0, frame_count=0), printed[0, 0], ()))
         bow = at_30.isel(group=0, frame_count=slice(1, None))
         rest = ("frame_count",)
-        parts.append(Part(f"{name} bow, fewer", bow, printed[1:, 0], rest))
+        parts.append(Part(f"{name} bow, fewer frames", bow, printed[1:, 0], rest))
         for group in (1, 2):
             of_group = at_30.isel(group=group)
             parts.append(Part(f"{name} {GROUPS[group]}", of_group, printed[:, group], rest))
@@ -292,9 +287,7 @@ def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = 
         name: score.sel(super_resolution=way, range=km).drop_vars(["super_resolution", "range"])
         for name, (way, km) in at.items()
     }
-    parts = [
-        Part(name, found[name], table[way][km], fitted=km == 25) for name, (way, km) in at.items()
-    ]
+    parts = [Part(name, found[name], table[way][km]) for name, (way, km) in at.items()]
     rows = fit_rows("inner_radius", 0.5, parts, {f"{name} [%]": found[name] for name in at})
     of_radius = formed.category_count.squeeze(drop=True).transpose("inner_radius", ...).values
     for row, one in zip(rows, of_radius, strict=True):
