@@ -38,12 +38,12 @@ DRAWN = ("seed", "replicate", "phase", "order", "draw")
 
 DRAWS = ("grid.replicate=2", "seed=[0,1,2,3]")
 MNN = ("classifier=mnn", "grid.replicate=2", "seed=[0,1,2,3,4,5,6,7]")
-TOLERANCES = (0.1, 0.25, 0.3, 0.35, 0.4, 0.5)
+TOLERANCES = (0.1, 0.3, 0.35, 0.4)
 ACN = ("classifier.name=[acn,mnn]", "grid.pulse_width=[10,30,50]", *DRAWS)
-TARGET_FREE = (0, 1000, 2000, 4000, 6000, 8000, 16000)
+TARGET_FREE = (0, 1000, 2000, 4000, 6000, 16000)
 INFRARED = ("sensor=infrared", "infrared.frame_count=16", "infrared.vigilance=0.87")
 RADII = (0.4, 0.45, 0.5, 0.55, 0.6, 0.7)
-RATES = (0.03, 0.1, 0.2, 0.3)
+RATES = (0.03, 0.1, 0.3)
 ORDERS = 24
 
 Floats = NDArray[np.float64]

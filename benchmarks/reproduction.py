@@ -22,7 +22,7 @@ FLOWN = (
     "grid.aspect=175",
 )
 NEAR = 10  # bins by which profiles of two ships may be shifted against each other
-PUT_IN = ("stern_to_hangar", "transom_ratio", "mast_position", "mast_ratio", "forward_position")
+PUT_IN = ("stern_to_hangar", "transom_ratio", "mast_position", "forward_position")
 TILTS = ("mast_tilt", "waterline_tilt", "intensity_mast_tilt", "intensity_waterline_tilt")
 
 
@@ -51,7 +51,7 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
         return row
 
     for km in answers.range.values:
-        for way in answers.super_resolution.values if km == 100 else ("none", "perfect"):
+        for way in answers.super_resolution.values if km > 25 else ("none",):
             one = answers.correct.sel(range=km, super_resolution=way)
             row = add(f"ACN, {km:g} km, {way}", one.squeeze(drop=True))
             for value in spreads if way == "none" else ():
@@ -59,7 +59,7 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
                 at = {axis_of(found): np.flatnonzero(found.target_spread == value)[0]}
                 row[f"found_{value:g}"] = f"{100 * float(found.isel(at).mean()):.0f}"
     far = fused.correct.sel(range=100)
-    for way in far.super_resolution.values:
+    for way in ("none", "shifted"):
         for channel in far.channel.values:
             if channel != "range" or way == "none":
                 what = {"range": "profile"}.get(channel, f"{channel}, {way}")
@@ -166,9 +166,10 @@ def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
         rows.append(row)
     for name in TILTS:
         if name in flights:
-            row = {"what": f"{name.replace('_', ' ')} [deg]"}
-            of_ships = {ship: flights[name].sel(ship=ship) for ship in ("duncan", "roberts")}
-            rows.append(row | {f"flight_{ship}": small(one) for ship, one in of_ships.items()})
+            row = {"what": f"{name.replace('_', ' ')}, largest of the draws [deg]"}
+            for ship in ("duncan", "roberts"):
+                row[f"flight_{ship}"] = f"{float(abs(flights[name].sel(ship=ship)).max()):.2f}"
+            rows.append(row)
     return Report(
         "Near the stern: what the models have in common, and what a flight leaves of it",
         (
@@ -269,15 +270,9 @@ def figures(replicates: int = 8) -> Report:
         ),
         (
             "Figure 19",
-            "first aspect at which a ship's category is shared with another",
-            "about 50°",
-            ", ".join(first),
-        ),
-        (
-            "Figure 19",
-            "views in shared categories before 50° and beyond",
-            "none, most",
-            f"{before:.0f} and {beyond:.0f} %",
+            "first aspect at which a ship shares a category; views that do below 50° and beyond",
+            "about 50°; none, most",
+            f"{', '.join(first)}; {before:.0f}, {beyond:.0f} %",
         ),
         (
             "Figure 20",
