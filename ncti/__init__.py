@@ -1,8 +1,8 @@
 """Ship identification by laser-radar range profiles: pure functions from ship sheet to score.
 
-Packages, in the order the data flows: `ships`, `render`, `ladar`, `infrared`, `irar`, `features`,
-`classify`, `evaluate`. Each imports only from those before it; `classify` and `evaluate` see plain
-arrays and import none of them.
+Packages, in the order the data flows: `ships`, `render`, `ladar`, `infrared`, `irar`, `search`,
+`features`, `classify`, `evaluate`. Each imports only from those before it; `classify` and
+`evaluate` see plain arrays and import none of them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ncti import classify, evaluate, features, infrared, irar, ladar, render, ships
+    from ncti import classify, evaluate, features, infrared, irar, ladar, render, search, ships
 
 __all__ = [
     "classify",
@@ -21,6 +21,7 @@ __all__ = [
     "irar",
     "ladar",
     "render",
+    "search",
     "ships",
 ]
 

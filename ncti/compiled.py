@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core import event
 
-from ncti.machine_code import folder
+from ncti.machine_code import Loops, folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -57,3 +57,15 @@ class _Announcer(event.Listener):
 
 announcer = _Announcer()
 event.register("numba:compile", announcer)
+
+
+def keep(loops: Loops) -> None:
+    """Compile loops in this process; others find their machine code, if there is a folder for it.
+
+    Nothing is logged: who calls this tells of it.
+    """
+    before, announcer.said = announcer.said, True
+    try:
+        loops.call()
+    finally:
+        announcer.said = before

@@ -1,11 +1,12 @@
-"""Where the machine code of compiled loops is kept, told without importing what compiles them."""
+"""Loops that are compiled together, and where their machine code is kept; numba is not imported."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import stat
-from collections.abc import Iterable
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -34,20 +35,34 @@ def folder() -> str:
     return str(chosen) if alone and os.access(chosen, os.W_OK | os.X_OK) else ""
 
 
-def is_kept(loops: Iterable[str]) -> bool:
-    """Return whether there is machine code of loops, of their last source.
+@dataclass(frozen=True)
+class Loops:
+    """Loops that are compiled by one call; `ncti.compiled.keep` does so.
 
-    Parameters
+    Attributes
     ----------
-    loops : iterable of str
-        Their names within `ncti`, as "render.line_sweep.sweep".
-
-    Notes
-    -----
-    By the times of files alone. Where this errs, as with another release of numba, loops are
-    compiled when they are first called.
+    of : str
+        What runs them, as "sampled frames".
+    names : tuple of str
+        Their names within `ncti`, as "render.line_sweep.sweep"; of loops that only call one another
+        the outer one.
+    call : callable
+        Runs them all on little, with arguments of the types that sweeps have.
     """
-    return bool(folder()) and all(_kept(*loop.rsplit(".", 2)) for loop in loops)
+
+    of: str
+    names: tuple[str, ...]
+    call: Callable[[], object]
+
+    def are_missing(self) -> bool:
+        """Return whether there is a folder for machine code, but none in it of the last source.
+
+        Notes
+        -----
+        By the times of files alone. Where this errs, as with another release of numba, loops are
+        compiled when they are first called.
+        """
+        return bool(folder()) and not all(_kept(*name.rsplit(".", 2)) for name in self.names)
 
 
 def _kept(*names: str) -> bool:

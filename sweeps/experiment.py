@@ -32,6 +32,9 @@ from sweeps.stages import (
     measured,
     mnn,
     run_time,
+    scan,
+    scan_targets,
+    scan_visits,
     signatures,
     silhouettes,
     views,
@@ -42,6 +45,7 @@ from sweeps.stages.views import (
     CACHE_VARIABLE,
     IRAR,
     RUN_TIME,
+    SCAN,
     Grid,
     Render,
     Sweep,
@@ -58,6 +62,7 @@ MODULES: tuple[Any, ...] = (
     *(irar, flights, corrections, signatures),
     *(classifier, acn, mnn, correlation, likelihood, fusion, measured),
     *(exact, run_time),
+    *(scan, scan_targets, scan_visits),
 )
 
 VERSIONS = (
@@ -106,7 +111,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
     def remarks(choices: Choices) -> list[str]:
         # Sensors that others name ships by, flights among them, and those of their own.
-        named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME))
+        named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME, SCAN))
         return [
             f"classifier.name has {name}, which names nothing with these sensors and ranges"
             for name in (idle(stages, choices) if named else ())

@@ -17,9 +17,18 @@ ALLOWED = {
     "ncti.normals": {"ncti.compiled"},
     "ncti.ships": {"ncti.checks"},
     "ncti.render": {"ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships"},
-    "ncti.ladar": {"ncti.checks", "ncti.compiled", "ncti.normals", "ncti.ships", "ncti.render"},
-    "ncti.infrared": {"ncti.checks", "ncti.compiled", "ncti.ships", "ncti.render"},
-    "ncti.irar": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
+    "ncti.ladar": {
+        *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.normals", "ncti.ships"),
+        "ncti.render",
+    },
+    "ncti.infrared": {
+        *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships", "ncti.render"),
+    },
+    "ncti.irar": {
+        *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships", "ncti.render"),
+        *("ncti.ladar", "ncti.infrared"),
+    },
+    "ncti.search": {"ncti.checks", "ncti.ladar", "ncti.infrared"},
     "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
     "ncti.classify": {"ncti.checks"},
     "ncti.evaluate": {"ncti.checks"},

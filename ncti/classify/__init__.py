@@ -7,10 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
+    from ncti.classify.bands import lower_band
     from ncti.classify.baselines import CorrelationNeighbour
-    from ncti.classify.fusion import fit_sharpness, fuse, label_posterior
+    from ncti.classify.calibration import fit_doubt
+    from ncti.classify.fusion import (
+        doubted,
+        fit_sharpness,
+        fuse,
+        label_posterior,
+        least_sharpness,
+    )
     from ncti.classify.gain_annealed import GainAnnealedNetwork
-    from ncti.classify.likelihood import GaussianTemplates, lower_band
+    from ncti.classify.likelihood import GaussianTemplates
     from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 
 __all__ = [
@@ -21,9 +29,12 @@ __all__ = [
     "GaussianTemplates",
     "Similarities",
     "cluster",
+    "doubted",
+    "fit_doubt",
     "fit_sharpness",
     "fuse",
     "label_posterior",
+    "least_sharpness",
     "lower_band",
 ]
 
@@ -35,10 +46,13 @@ _DEFINED_IN = {
     "GaussianTemplates": "likelihood",
     "Similarities": "vigilance_sweep",
     "cluster": "vigilance_sweep",
+    "doubted": "fusion",
+    "fit_doubt": "calibration",
     "fit_sharpness": "fusion",
     "fuse": "fusion",
     "label_posterior": "fusion",
-    "lower_band": "likelihood",
+    "least_sharpness": "fusion",
+    "lower_band": "bands",
 }
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
+
+STANDARD_ERROR = 0.5  # loss of log-likelihood one standard error from the maximum
+HALVINGS = 30
 
 Floats = NDArray[np.float64]
 
@@ -95,44 +98,102 @@ def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> flo
     wrong, the best label is about n times as likely as the rest. What is a log density already
     has the sharpness 1 and needs no fit.
     """
-    values, names, _ = _checked(scores, labels)
-    true = np.asarray(truth)
-    if true.shape != values.shape[:1] or not true.size:
-        raise ValueError(
-            f"truth has shape {true.shape}, but must be one label a sample, ({len(values)},), of "
-            "one sample or more"
-        )
-    unknown = np.setdiff1d(true, names)
-    if unknown.size:
-        raise ValueError(f"truth has {unknown[0]!r}, but must be among the labels")
+    spread, surprise = _surprise(scores, labels, truth)
+    if surprise is None:
+        return 0.0
     # Imported where it is used: scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
-    from scipy.special import logsumexp
-
-    classes, label = np.unique(names, return_inverse=True)
-    spread = float(np.ptp(values, axis=1).mean())
-    if spread == 0.0 or len(classes) == 1:
-        return 0.0
-    share = (label[:, None] == np.arange(len(classes))) / np.bincount(label)
-    # The best template of every label, and how far the others are below it: no sum is 0.
-    best = np.stack([values[:, label == k].max(axis=1) for k in range(len(classes))], axis=1)
-    behind = values - best[:, label]
-    lead = best - best.max(axis=1, keepdims=True)
-    wrong = 1.0 / (len(values) + 2)
-    wanted = np.where(true[:, None] == classes, 1.0 - wrong, wrong / (len(classes) - 1))
-
-    def surprise(log_sharpness: float) -> float:
-        sharpness = math.exp(log_sharpness)
-        density = sharpness * lead + np.log(np.exp(sharpness * behind) @ share)
-        return float((logsumexp(density, axis=1) - (wanted * density).sum(axis=1)).mean())
 
     # Scores of any size: from next to nothing on the whole spread to certainty of its smallest
     # part. Coarse steps first: means over templates may make a hill before the valley.
     steps = np.log(np.geomspace(1e-4, 1e10, 31)) - math.log(spread)
-    lowest = int(np.argmin([surprise(step) for step in steps]))
+    lowest = int(np.argmin([surprise(math.exp(step)) for step in steps]))
     bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])
-    found = minimize_scalar(surprise, bounds=bounds, method="bounded")
+    found = minimize_scalar(
+        lambda logarithm: surprise(math.exp(logarithm)), bounds=bounds, method="bounded"
+    )
     return math.exp(float(found.x))
+
+
+def least_sharpness(
+    scores: ArrayLike, labels: ArrayLike, truth: ArrayLike, *, independent: float | None = None
+) -> float:
+    """The smallest sharpness that the true labels of some samples do not speak against.
+
+    Parameters
+    ----------
+    scores, labels, truth
+        As for `fit_sharpness`.
+    independent : float, optional
+        How many of the samples are independent, such as the views that several were taken of;
+        all by default.
+
+    Returns
+    -------
+    float
+        Lower end of the 68 % likelihood interval about `fit_sharpness`: 0 where scores might as
+        well be noise.
+
+    Raises
+    ------
+    ValueError
+        As `fit_sharpness`.
+
+    Notes
+    -----
+    What a sensor adds to another must not rest on luck: noise that is given weight costs right
+    answers of the better sensor, while a little less weight costs a good sensor next to nothing.
+    The interval is one standard error wide on either side: where the log-likelihood is within 1/2
+    of its maximum (S. S. Wilks 1938, Annals of Mathematical Statistics 9, 60,
+    doi:10.1214/aoms/1177732360).
+    """
+    _, surprise = _surprise(scores, labels, truth)
+    if surprise is None:
+        return 0.0
+    best = fit_sharpness(scores, labels, truth)
+    count = len(np.asarray(truth)) if independent is None else independent
+    allowed = surprise(best) + STANDARD_ERROR / count
+    if surprise(0.0) <= allowed:
+        return 0.0
+    low, high = 0.0, best
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if surprise(middle) <= allowed else (middle, high)
+    return high
+
+
+def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: float) -> Floats:
+    """Log densities as of a sensor that says nothing with some probability.
+
+    Parameters
+    ----------
+    scores : (sample, template) array_like
+        Logarithms of the density of a sample under each template, up to a number a sample.
+    labels : (template,) array_like
+        What each template stands for.
+    doubt : float
+        That probability, from 0 to below 1; see `ncti.classify.fit_doubt`.
+
+    Returns
+    -------
+    (sample, template) float64 ndarray
+        log((1 - doubt) p + doubt u), p the density over its mean over all labels, and u = 1. The
+        most probable label stays so; what it can outweigh is bounded.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not match, a score is not finite or the doubt is out of range.
+    """
+    values, names, _ = _checked(scores, labels)
+    require("doubt", doubt, minimum=0, below=1)
+    best = values.max(axis=1, keepdims=True, initial=-np.inf)
+    if doubt == 0:
+        return np.asarray(values - best)
+    _, label, count = np.unique(names, return_inverse=True, return_counts=True)
+    weight = 1.0 / (count[label] * len(count))
+    mean = np.log(np.exp(values - best) @ weight)[:, None]
+    return np.logaddexp(math.log1p(-doubt) + values - best - mean, math.log(doubt))
 
 
 def fuse(*scores: ArrayLike, sharpness: Sequence[float]) -> Floats:
@@ -195,3 +256,42 @@ def _checked(
             f"exclude has shape {left_out.shape}, but must be {values.shape} or {names.shape}"
         )
     return values, names, left_out
+
+
+def _surprise(
+    scores: ArrayLike, labels: ArrayLike, truth: ArrayLike
+) -> tuple[float, Callable[[float], float] | None]:
+    """Spread of scores, and the mean surprise at true labels as a function of sharpness.
+
+    None for it where no sharpness matters.
+    """
+    values, names, _ = _checked(scores, labels)
+    true = np.asarray(truth)
+    if true.shape != values.shape[:1] or not true.size:
+        raise ValueError(
+            f"truth has shape {true.shape}, but must be one label a sample, ({len(values)},), of "
+            "one sample or more"
+        )
+    unknown = np.setdiff1d(true, names)
+    if unknown.size:
+        raise ValueError(f"truth has {unknown[0]!r}, but must be among the labels")
+    # Imported where it is used: scipy.special takes long.
+    from scipy.special import logsumexp
+
+    classes, label = np.unique(names, return_inverse=True)
+    spread = float(np.ptp(values, axis=1).mean())
+    if spread == 0.0 or len(classes) == 1:
+        return spread, None
+    share = (label[:, None] == np.arange(len(classes))) / np.bincount(label)
+    # The best template of every label, and how far the others are below it: no sum is 0.
+    best = np.stack([values[:, label == k].max(axis=1) for k in range(len(classes))], axis=1)
+    behind = values - best[:, label]
+    lead = best - best.max(axis=1, keepdims=True)
+    wrong = 1.0 / (len(values) + 2)
+    wanted = np.where(true[:, None] == classes, 1.0 - wrong, wrong / (len(classes) - 1))
+
+    def surprise(sharpness: float) -> float:
+        density = sharpness * lead + np.log(np.exp(sharpness * behind) @ share)
+        return float((logsumexp(density, axis=1) - (wanted * density).sum(axis=1)).mean())
+
+    return spread, surprise

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from numbers import Real
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cholesky_banded
-from scipy.linalg.lapack import dtbtrs
 from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
 from ncti.checks import require_all
+from ncti.classify.bands import (
+    checked_averages,
+    checked_moments,
+    densities,
+    mean_correlation,
+    residual_band,
+    whiten,
+)
+from ncti.classify.between import cells
+from ncti.classify.calibration import UNKNOWN_ERROR, calibrated_error
 from ncti.classify.fusion import label_posterior
 
 WIDEST = 1e6  # of any prior: flat beside what a profile tells, and its square no problem
@@ -36,6 +46,10 @@ class GaussianTemplates(BaseEstimator):
     nugget : float, default=1e-3
         Variance of independent noise in every bin of one frame, over the templates' mean
         variance.
+    template_error : float or None, default=0
+        Variance of what lies between templates, over the square of the residual's scale (see
+        `ncti.classify.between.cells`). At 0 templates are taken as exact, and as all there is:
+        aspects between them do not exist. With None it is calibrated on templates left out.
 
     Attributes
     ----------
@@ -47,6 +61,8 @@ class GaussianTemplates(BaseEstimator):
         Mean of a frame.
     cholesky_ : (template, lag, bin) float64 ndarray
         Lower Cholesky factor of one frame's covariance, nugget included, as a lower band.
+    template_error_ : float
+        As given, or as calibrated.
 
     Notes
     -----
@@ -57,9 +73,17 @@ class GaussianTemplates(BaseEstimator):
         a ~ N(1, gain_sigma^2),   b ~ N(0, floor_sigma^2 v) in all bins,
 
     v the mean of all templates' variances. Gain and shift are integrated out: they add a matrix
-    of rank two to the covariance, whose inverse and determinant follow from those of C / N by
+    of low rank to the covariance, whose inverse and determinant follow from those of C / N by
     the Woodbury identity and the matrix determinant lemma. C is held at the nominal gain,
     though the target's speckle grows with it.
+
+    Profiles are seen between the aspects of templates, too. With a template error k the average
+    has two terms more, x t + r: t the tangent at the template times the standard deviation of the
+    aspect within its cell, x ~ N(0, 1), and r ~ N(0, k R), R of the residual's scale in each bin
+    and correlated between bins as noise is. Both are the same in all frames, so that R counts N
+    times against C. x joins gain and floor. k is calibrated: every other template is left out, an
+    average of 16 frames is drawn of each, and k makes their density under the templates beside it
+    largest. Those left out lie at the edge of a cell, others within: k is rather too large.
 
     The defaults know neither gain nor floor, like a profile vector, whose floor is removed and
     whose peak is 1; both priors are then wide beside what the profile itself tells. At 0 the
@@ -81,18 +105,32 @@ class GaussianTemplates(BaseEstimator):
         "gain_sigma": [Interval(Real, 0, WIDEST, closed="both")],
         "floor_sigma": [Interval(Real, 0, WIDEST, closed="both")],
         "nugget": [Interval(Real, 0, WIDEST, closed="both")],
+        "template_error": [Interval(Real, 0, WIDEST, closed="both"), None],
     }
 
     def __init__(
-        self, *, gain_sigma: float = 1.0, floor_sigma: float = 1.0, nugget: float = 1e-3
+        self,
+        *,
+        gain_sigma: float = 1.0,
+        floor_sigma: float = 1.0,
+        nugget: float = 1e-3,
+        template_error: float | None = 0.0,
     ) -> None:
         self.gain_sigma = gain_sigma
         self.floor_sigma = floor_sigma
         self.nugget = nugget
+        self.template_error = template_error
 
     @_fit_context(prefer_skip_nested_validation=True)
     def fit(
-        self, mean: ArrayLike, covariance: ArrayLike, labels: ArrayLike, floor: ArrayLike = 0.0
+        self,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        labels: ArrayLike,
+        floor: ArrayLike = 0.0,
+        *,
+        aspect: ArrayLike | None = None,
+        rng: np.random.Generator | None = None,
     ) -> Self:
         """Take the templates.
 
@@ -108,6 +146,11 @@ class GaussianTemplates(BaseEstimator):
         floor : array_like, default=0.0
             Noise floor within `mean`, which no target gain changes: one number, (bin,),
             (template, 1) or (template, bin).
+        aspect : (template,) array_like, optional
+            Where each template was taken [degree], distinct among those of a label; needed with
+            a template error.
+        rng : numpy.random.Generator, optional
+            Draws the averages that a template error is calibrated on; needed for that.
 
         Returns
         -------
@@ -117,57 +160,97 @@ class GaussianTemplates(BaseEstimator):
         Raises
         ------
         ValueError
-            If shapes do not match, an element is not finite, or a covariance is not positive
-            definite with its nugget.
+            If shapes do not match, an element is not finite, a covariance is not positive
+            definite with its nugget, or aspects or a generator are missing or not distinct.
         """
-        means = require_all("mean", mean)
-        bands = require_all("covariance", covariance)
-        if means.ndim != 2 or not means.size:
-            raise ValueError(f"mean has shape {means.shape}, but must be (template, bin)")
-        count, bins = means.shape
-        lags = bands.shape[1] if bands.ndim == 3 else 0
-        if bands.shape != (count, lags, bins) or not 1 <= lags <= bins:
-            raise ValueError(
-                f"covariance has shape {bands.shape}, but must be ({count}, lag, {bins}) with 1 "
-                f"to {bins} lags"
-            )
-        names = np.asarray(labels)
-        if names.shape != (count,):
-            raise ValueError(f"labels has shape {names.shape}, but must be ({count},)")
-        try:
-            signal = means - require_all("floor", floor)
-        except ValueError as error:
-            if "broadcast" not in str(error):
-                raise
-            signal = np.empty(0)
-        if signal.shape != means.shape:
-            raise ValueError(
-                f"floor has shape {np.shape(floor)}, but must be one number, ({bins},), "
-                f"({count}, 1) or {means.shape}"
-            )
+        means, bands, names, signal = checked_moments(mean, covariance, labels, floor)
         self.classes_, self.labels_ = np.unique(names, return_inverse=True)
         self.mean_ = means
         variance = float(bands[:, 0].mean())
+        self._whole = bands.copy()
+        self._whole[:, 0] += self.nugget * variance
         self.cholesky_ = np.empty_like(bands)
-        # Directions of a unit of gain and of the floor's prior, whitened: all that the likelihood
-        # takes of them.
-        self._nuisance = np.empty((count, bins, 2))
-        for t, band in enumerate(bands):
-            whole = band.copy()
-            whole[0] += self.nugget * variance
+        # Directions of a unit of gain and of the floor's prior: what the likelihood takes of them
+        # is whitened, all at once where templates are exact.
+        shift = np.full_like(signal, math.sqrt(variance))
+        self._directions = np.stack([signal, shift], axis=2)
+        for t, band in enumerate(self._whole):
             try:
-                self.cholesky_[t] = cholesky_banded(whole, lower=True)
+                self.cholesky_[t] = cholesky_banded(band, lower=True)
             except LinAlgError:
                 raise ValueError(
                     f"nugget is {self.nugget!r}, but must be larger for covariance[{t}], which is "
                     "not positive definite with it"
                 ) from None
-            shift = np.full(bins, self.floor_sigma * math.sqrt(variance))
-            self._nuisance[t] = _whiten(self.cholesky_[t], np.stack([signal[t], shift], axis=1))
+        self._nuisance = np.stack(
+            [whiten(*pair) for pair in zip(self.cholesky_, self._directions, strict=True)]
+        )
+        self._correlation = mean_correlation(self._whole)
+        self.template_error_ = 0.0
+        if self.template_error != 0:
+            if aspect is None:
+                raise ValueError("aspect is None, but a template error needs one a template")
+            self.aspect_ = require_all("aspect", aspect)
+            if self.template_error is None:
+                if rng is None:
+                    raise ValueError("rng is None, but a template error is calibrated on draws")
+                self.template_error_ = UNKNOWN_ERROR
+                self._find_cells()
+                self.template_error_ = calibrated_error(self, rng)
+            else:
+                self.template_error_ = float(self.template_error)
+            self._find_cells()
         return self
 
+    def without(self, left_out: ArrayLike) -> Self:
+        """Return the classifier of the other templates, as if some had never been taken.
+
+        Parameters
+        ----------
+        left_out : (template,) array_like of bool
+            Which go. Where templates may be off, cells of their neighbours become wider.
+
+        Returns
+        -------
+        GaussianTemplates
+            Another, fitted, of the same template error and the same mean variance.
+
+        Raises
+        ------
+        ValueError
+            If shapes do not match, or no template would be left.
+        """
+        check_is_fitted(self)
+        out = np.asarray(left_out, dtype=bool)
+        if out.shape != self.labels_.shape or out.all():
+            raise ValueError(
+                f"left_out has shape {out.shape} and leaves out {out.sum()}, but must have one for "
+                f"each of {len(self.labels_)} templates and leave one"
+            )
+        rest = copy(self)
+        kept = ["labels_", "mean_", "cholesky_", "_whole", "_nuisance", "_directions"]
+        if self.template_error_:
+            kept.append("aspect_")
+        for name in kept:
+            setattr(rest, name, getattr(self, name)[~out])
+        if rest.template_error_:
+            rest._find_cells()
+        return rest
+
+    def _find_cells(self) -> None:
+        """Add what lies between templates to the directions that are unknown."""
+        cell = cells(self.mean_, self.labels_, self.aspect_, self._correlation)
+        known = self._directions[..., :2]
+        self._directions = np.concatenate([known, cell.tangent[..., None]], axis=2)
+        self._residual = cell.residual
+
     def log_likelihood(
-        self, X: ArrayLike, frame_count: ArrayLike, *, gain_sigma: ArrayLike | None = None
+        self,
+        X: ArrayLike,
+        frame_count: ArrayLike,
+        *,
+        gain_sigma: ArrayLike | None = None,
+        floor_sigma: ArrayLike | None = None,
     ) -> Floats:
         """Logarithm of the density of each average under each template.
 
@@ -177,9 +260,10 @@ class GaussianTemplates(BaseEstimator):
             Averages of frames, noise floor included.
         frame_count : int or (sample,) array_like
             Frames in each average.
-        gain_sigma : (...) array_like, optional
-            Prior standard deviations of the gain to take, one after the other, in place of the
-            classifier's own: they share the whitening of X, which is most of the work.
+        gain_sigma, floor_sigma : (...) array_like, optional
+            Prior standard deviations of gain and floor to take, one pair after the other, in
+            place of the classifier's own: they share the whitening of X, which is most of the
+            work. Their shapes are broadcast.
 
         Returns
         -------
@@ -192,36 +276,55 @@ class GaussianTemplates(BaseEstimator):
             If X is empty, has another number of bins or an element that is not finite or whose
             square overflows, a count is below 1, or a deviation is out of range.
         """
+        priors = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
+        found: Floats = self.compare(X, frame_count, **priors)[0]
+        return found
+
+    def compare(
+        self,
+        X: ArrayLike,
+        frame_count: ArrayLike,
+        *,
+        gain_sigma: ArrayLike | None = None,
+        floor_sigma: ArrayLike | None = None,
+    ) -> Floats:
+        """Log density of each average under each template, and its squared distance.
+
+        Parameters and errors are those of `log_likelihood`.
+
+        Returns
+        -------
+        (2, ..., sample, template) float64 ndarray
+            Natural logarithms, and squared Mahalanobis distances by the covariance with all
+            unknowns integrated out: chi-square with as many degrees of freedom as bins for
+            averages of a template's own, unknowns drawn from their priors.
+        """
         check_is_fitted(self)
-        samples = require_all("X", X)
-        bins = self.mean_.shape[1]
-        # LAPACK's band solver writes beyond its arrays when there is nothing to solve.
-        if samples.ndim != 2 or samples.shape[1] != bins or not samples.size:
-            raise ValueError(
-                f"X has shape {samples.shape}, but must be (sample, {bins}) with a sample or more"
+        samples, frames = checked_averages(X, frame_count, self.mean_.shape[1])
+        given = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
+        priors = np.broadcast_arrays(
+            *(
+                require_all(
+                    name, getattr(self, name) if one is None else one, minimum=0, maximum=WIDEST
+                )
+                for name, one in given.items()
             )
-        frames = require_all("frame_count", frame_count, minimum=1)
-        if frames.shape not in ((), (len(samples),)):
-            raise ValueError(
-                f"frame_count has shape {frames.shape}, but must be one number or ({len(samples)},)"
-            )
-        gains = require_all(
-            "gain_sigma",
-            self.gain_sigma if gain_sigma is None else gain_sigma,
-            minimum=0,
-            maximum=WIDEST,
         )
-        n = np.broadcast_to(frames, len(samples))
-        result = np.empty((gains.size, len(samples), len(self.mean_)))
+        pairs = np.stack([one.ravel() for one in priors], axis=1)
+        result = np.empty((2, len(pairs), len(samples), len(self.mean_)))
         with np.errstate(over="ignore", invalid="ignore"):
             for t in range(len(self.mean_)):
-                result[:, :, t] = self._log_density(t, samples, n, gains.ravel())
+                # What is the same in all frames counts once for each of them: templates that may
+                # be off have a factor for every number of frames.
+                for count in np.unique(frames) if self.template_error_ else (None,):
+                    rows = slice(None) if count is None else frames == count
+                    result[..., rows, t] = self.density(t, samples[rows], frames[rows], pairs)
         if not np.isfinite(result).all():
             raise ValueError(
                 f"X reaches {np.abs(samples).max():g}, but its squared distance to the templates "
                 "must be a finite number"
             )
-        return result.reshape(*gains.shape, len(samples), -1)
+        return result.reshape(2, *priors[0].shape, len(samples), -1)
 
     def posterior(
         self, X: ArrayLike, frame_count: ArrayLike, *, exclude: ArrayLike = False
@@ -289,52 +392,16 @@ class GaussianTemplates(BaseEstimator):
         answer = self.posterior(X, frame_count, exclude=exclude).argmax(axis=1)
         return self.classes_[answer]
 
-    def _log_density(self, template: int, samples: Floats, frames: Floats, gains: Floats) -> Floats:
-        """(gain, sample) float64 ndarray: that of averages of (sample,) frames of one template.
+    def density(self, template: int, samples: Floats, frames: Floats, priors: Floats) -> Floats:
+        """See `ncti.classify.bands.densities`; as many frames in all where templates may be off."""
+        factor, unit = self._whitened(template, float(frames[0]))
+        return densities(factor, unit, samples - self.mean_[template], frames, priors)
 
-        With U, the whitened prior directions of gain and floor, the covariance of n frames is
-        L (I + n U U') L' / n: the lemmas need the 2 x 2 matrix I + n U'U alone. A gain's
-        deviation only scales the first direction.
-        """
-        factor, unit = self.cholesky_[template], self._nuisance[template]
-        white = _whiten(factor, (samples - self.mean_[template]).T)
-        alone = frames * np.einsum("bs,bs->s", white, white)
-        alone += 2 * np.log(factor[0]).sum() + len(white) * np.log(2 * math.pi / frames)
-        gram, along = unit.T @ unit, (unit.T @ white).T
-        density: Floats = np.empty((len(gains), len(samples)))
-        for k, gain in enumerate(gains):
-            scale = np.array([gain, 1.0])
-            inner = np.eye(2) + frames[:, None, None] * (gram * np.outer(scale, scale))
-            overlap = frames[:, None] * (along * scale)
-            known = np.sum(overlap * np.linalg.solve(inner, overlap[..., None])[..., 0], axis=1)
-            density[k] = -(alone - known + np.linalg.slogdet(inner).logabsdet) / 2
-        return density
-
-
-def lower_band(covariance: ArrayLike) -> Floats:
-    """Dense symmetric matrices as lower bands of all their lags.
-
-    Parameters
-    ----------
-    covariance : (..., bin, bin) array_like
-        Symmetric; only the lower triangle is read.
-
-    Returns
-    -------
-    (..., lag, bin) float64 ndarray
-        As `scipy.linalg.cholesky_banded` takes it: element [l, n] is that of bins n + l and n,
-        zero where n + l is no bin.
-    """
-    dense = np.asarray(covariance, dtype=np.float64)
-    bins = dense.shape[-1]
-    if dense.ndim < 2 or dense.shape[-2] != bins:
-        raise ValueError(f"covariance has shape {dense.shape}, but must be (..., bin, bin)")
-    lag, n = np.mgrid[:bins, :bins]
-    inside = lag + n < bins
-    return np.where(inside, dense[..., np.where(inside, lag + n, 0), n], 0.0)
-
-
-def _whiten(factor: Floats, columns: Floats) -> Floats:
-    """L^-1 times (bin, column) columns, L a lower band."""
-    white, _ = dtbtrs(factor, columns, uplo="L")
-    return white
+    def _whitened(self, template: int, frames: float) -> tuple[Floats, Floats]:
+        """Factor of a frame's covariance, and the unknowns' directions whitened by it."""
+        if not self.template_error_:
+            return self.cholesky_[template], self._nuisance[template]
+        scale = math.sqrt(frames * self.template_error_) * self._residual[template]
+        whole = self._whole[template] + residual_band(scale, self._correlation)
+        factor = cholesky_banded(whole, lower=True)
+        return factor, whiten(factor, self._directions[template])

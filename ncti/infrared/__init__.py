@@ -1,5 +1,12 @@
 """Passive infrared: radiometry, silhouettes, thermal images, super-resolution, detection."""
 
+from ncti.infrared.bands import (
+    LONG_WAVE,
+    MID_WAVE,
+    band_contrast,
+    band_radiance,
+    radiance_slope,
+)
 from ncti.infrared.detection import detection_probability, detection_threshold
 from ncti.infrared.radiometry import (
     CONTRAST_AT_ZERO,
@@ -33,12 +40,16 @@ __all__ = [
     "EXTINCTION",
     "IFOV",
     "LEAST_CONTRAST",
+    "LONG_WAVE",
+    "MID_WAVE",
     "NEDT",
     "SPREAD",
     "SUPER_RESOLUTIONS",
     "Silhouette",
     "attenuation",
     "back_project",
+    "band_contrast",
+    "band_radiance",
     "contrast",
     "coverage_of",
     "detection_probability",
@@ -49,6 +60,7 @@ __all__ = [
     "noise_gain",
     "noise_temperature",
     "pixel_sigma",
+    "radiance_slope",
     "recombine",
     "reconstruction_error",
     "scene_gain",

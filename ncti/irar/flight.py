@@ -9,6 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
+from ncti.infrared.bands import (
+    LONG_WAVE,
+    LONG_WAVE_EXTINCTION,
+    SEA_TEMPERATURE,
+    band_contrast,
+)
+from ncti.infrared.radiometry import CONTRAST_AT_ZERO
 from ncti.irar.mirror import compass, mirror_axes
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 
@@ -67,6 +74,18 @@ class Flight:
         Passive detectors along the scan.
     nedt : float
         Noise-equivalent temperature difference of one passive sample [K].
+    band_start, band_stop : float
+        Shortest and longest wavelength of the passive detectors [m].
+    contrast_at_zero : float
+        Temperature of the ship over the sea's [K].
+    sea_temperature : float
+        Of the sea [K].
+    band_extinction : float
+        Of radiance in that band, one way [dB/m].
+    clutter : float
+        Standard deviation of the sea's own temperature, as a passive sample sees it [K].
+    clutter_length : float
+        Distance on the water at which its correlation has fallen to 1/e [m].
     jitter : float
         Standard deviation of the line of sight's attitude error, in azimuth and in elevation
         [rad].
@@ -84,7 +103,9 @@ class Flight:
     Article, 'The Infrared Airborne Radar (IRAR) System': one active detector, twelve passive ones
     along the scan, 1 m range precision, 45 deg mirror. It gives no speeds, rates, gate, carrier-
     to-noise ratio or number of samples: the defaults are assumptions that lead to its 8 to 12
-    lines a pixel at 3 to 5 km and its 0.8 m pixel at 4 km.
+    lines a pixel at 3 to 5 km and its 0.8 m pixel at 4 km. Of the passive channel it gives the
+    band, 8 to 12 um, and nothing else: the ship is as warm as that of its Table 1, noise, sea and
+    air are assumptions.
     """
 
     slant_range: float
@@ -108,6 +129,13 @@ class Flight:
     threshold: float = 4.0
     detectors: int = 12
     nedt: float = 0.4
+    band_start: float = LONG_WAVE[0]
+    band_stop: float = LONG_WAVE[1]
+    contrast_at_zero: float = CONTRAST_AT_ZERO
+    sea_temperature: float = SEA_TEMPERATURE
+    band_extinction: float = LONG_WAVE_EXTINCTION
+    clutter: float = 0.0
+    clutter_length: float = 10.0
     jitter: float = 0.0
     jitter_time: float = 0.1
 
@@ -142,6 +170,18 @@ class Flight:
         require("range_gate", self.range_gate, minimum=10, maximum=1e5)
         require("threshold", self.threshold, minimum=0, maximum=1e9)
         require("nedt", self.nedt, minimum=0, maximum=1000)
+        for name in ("band_start", "band_stop"):
+            require(name, getattr(self, name), minimum=1e-7, maximum=1e-3)
+        if not self.band_start < self.band_stop:
+            raise ValueError(
+                f"band_start is {self.band_start:g}, but must be below "
+                f"{self.band_stop:g}, band_stop"
+            )
+        require("contrast_at_zero", self.contrast_at_zero, minimum=0, maximum=1000)
+        require("sea_temperature", self.sea_temperature, minimum=100, maximum=1000)
+        require("band_extinction", self.band_extinction, minimum=0, maximum=0.01)
+        require("clutter", self.clutter, minimum=0, maximum=1000)
+        require("clutter_length", self.clutter_length, minimum=0.01, maximum=1e5)
         require("jitter", self.jitter, minimum=0, maximum=0.01)
         require("jitter_time", self.jitter_time, positive=True, maximum=1000)
         if self.climb <= 0:
@@ -169,6 +209,17 @@ class Flight:
     def pixel(self) -> float:
         """Side of an IFOV at the ship [m]."""
         return self.ifov * self.slant_range
+
+    @property
+    def contrast(self) -> float:
+        """Apparent temperature of the ship over the sea's, in the passive band [K]."""
+        return band_contrast(
+            self.slant_range,
+            band=(self.band_start, self.band_stop),
+            contrast_at_zero=self.contrast_at_zero,
+            sea_temperature=self.sea_temperature,
+            extinction=self.band_extinction,
+        )
 
     @property
     def velocity(self) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require_generator
-from ncti.infrared.radiometry import contrast
+from ncti.irar.clutter import clutter, sea_places
 from ncti.irar.flight import Flight
 from ncti.irar.receiver import noiseless, peaks
 from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
@@ -41,6 +41,13 @@ UNITS = {
     "range_sigma": "m",
     "range_gate": "m",
     "nedt": "K",
+    "band_start": "m",
+    "band_stop": "m",
+    "contrast_at_zero": "K",
+    "sea_temperature": "K",
+    "band_extinction": "dB m-1",
+    "clutter": "K",
+    "clutter_length": "m",
     "jitter": "rad",
     "jitter_time": "s",
 }
@@ -141,27 +148,43 @@ class Pass:
         The flight and its lines.
     returns : Returns
         What the ship sends back, with `flight.detectors` - 1 columns before the first sample.
+    attitude : (line, 2) float64 ndarray or None
+        Errors of the line of sight, to the right and up [rad]; None: there are none.
     """
 
     plan: ScanPlan
     returns: Returns
+    attitude: Floats | None = None
 
     @property
     def _active(self) -> Returns:
         return self.returns.without_leading(self.plan.flight.detectors - 1)
 
+    def _sea(self, rng: np.random.Generator) -> Floats:
+        """(line, column): temperature of the sea at each sample, leading columns included [K]."""
+        flight = self.plan.flight
+        columns = np.arange(1 - flight.detectors, flight.samples)
+        time = self.plan.time(columns)
+        errors = np.zeros((self.plan.lines, 2)) if self.attitude is None else self.attitude
+        along = flight.scan_angles(columns) + errors[:, :1]
+        places = sea_places(flight, time, along, np.broadcast_to(errors[:, 1:], along.shape))
+        return clutter(places, deviation=flight.clutter, length=flight.clutter_length, rng=rng)
+
     def _infrared(self, rng: np.random.Generator | None) -> NDArray[np.float32]:
         flight = self.plan.flight
-        seen = self.returns.coverage() * contrast(flight.slant_range)
-        # Detector k sees at sample j the column k before it, here when the first one saw it: in the
-        # k samples between, half a millisecond at the usual rates, the ship drifts by millimetres.
+        covered = self.returns.coverage()
+        seen = covered * flight.contrast
         last = flight.detectors - 1
         shape = (flight.detectors, self.plan.lines, flight.samples)
-        images = np.empty(shape, dtype=np.float32)
-        for k, image in enumerate(images):
-            image[...] = seen[:, last - k : last - k + flight.samples]
+        images = np.zeros(shape, dtype=np.float32)
         if rng is not None:
             images += np.float32(flight.nedt) * rng.standard_normal(shape, dtype=np.float32)
+            if flight.clutter > 0:  # drawn last, so that it changes nothing else
+                seen += (1 - covered) * self._sea(rng)
+        # Detector k sees at sample j the column k before it, here when the first one saw it: in the
+        # k samples between, half a millisecond at the usual rates, the ship drifts by millimetres.
+        for k, image in enumerate(images):
+            image += seen[:, last - k : last - k + flight.samples].astype(np.float32)
         return images
 
     def noiseless(self) -> Scan:
@@ -234,7 +257,7 @@ def fly(
         reflectivity=reflectivity,
         lambertian=lambertian,
     )
-    return Pass(plan, returns)
+    return Pass(plan, returns, attitude)
 
 
 def wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:

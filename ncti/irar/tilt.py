@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require
+
+if TYPE_CHECKING:
+    from ncti.irar.seen import Looks, Truth
 
 FINEST = 4  # cells of the truth along a pixel, at least
 _MARGIN = 8  # pixels of sea that are fitted, too
@@ -122,6 +126,8 @@ def tilts(
     best shifts of whole rows and columns, at a floor that lets no residual be an outlier, and
     lowers it by and by. The standard errors take the pixels as independent.
     """
+    from ncti.irar.seen import Looks, Truth  # numba takes long to import
+
     require("floor", floor, positive=True, maximum=1.0)
     seen, cells = _image("image", image), _image("truth", truth)
     rows, columns = seen.shape[1:]
@@ -145,8 +151,8 @@ def tilts(
     if refinement > 1:
         cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
     factor *= refinement
-    looks = _Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
-    view = _View(cells, factor)
+    looks = Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
+    view = Truth(cells, factor)
     known &= looks.count.reshape(1, rows, columns) > 0
     place = _start(seen, view, looks)
     box = _around(view.image(place, looks)[0])
@@ -159,111 +165,11 @@ def tilts(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Looks:
-    """What pixels average: pixel (flat) and place of each look about the centre [pixel]."""
-
-    pixel: NDArray[np.intp]
-    row: Floats
-    column: Floats
-    count: NDArray[np.intp]
-    shape: tuple[int, ...]
-
-    @classmethod
-    def of(cls, places: tuple[ArrayLike, ArrayLike], shape: tuple[int, ...]) -> _Looks:
-        row, column = (np.asarray(part, dtype=np.float64) for part in places)
-        if row.shape != column.shape:
-            raise ValueError(
-                f"places has rows of shape {row.shape} and columns of shape {column.shape}, but "
-                "must have as many of both"
-            )
-        rows, columns = shape
-        inside = (row >= -0.5) & (row < rows - 0.5) & (column >= -0.5) & (column < columns - 0.5)
-        row, column = row[inside], column[inside]
-        pixel = np.floor(row + 0.5).astype(np.intp) * columns + np.floor(column + 0.5).astype(
-            np.intp
-        )
-        return cls(
-            pixel,
-            row - (rows - 1) / 2,
-            column - (columns - 1) / 2,
-            np.bincount(pixel, minlength=rows * columns),
-            shape,
-        )
-
-    def within(self, rows: slice, columns: slice) -> _Looks:
-        """Those of some pixels; places are about the centre of the whole image still."""
-        number = np.full(self.shape, -1)
-        shape = number[rows, columns].shape
-        number[rows, columns] = np.arange(math.prod(shape)).reshape(shape)
-        pixel = number.ravel()[self.pixel]
-        kept = pixel >= 0
-        count = self.count.reshape(self.shape)[rows, columns].ravel()
-        return _Looks(pixel[kept], self.row[kept], self.column[kept], count, shape)
-
-
-class _View:
-    """Channels of a truth, as looks see them."""
-
-    def __init__(self, cells: Floats, factor: int) -> None:
-        self.factor = factor
-        # The ship alone, in a border so wide that what is led beyond it sees no slope.
-        border = 5
-        lit = [np.flatnonzero(cells.any(axis=(0, axis))) for axis in (2, 1)]
-        first = np.array([line[0] for line in lit])
-        self.middle = (np.array(cells.shape[1:]) - 1) / 2 - first + border
-        ship = cells[:, *(slice(line[0], line[-1] + 1) for line in lit)]
-        self.rows, self.columns = (cells / factor for cells in ship.shape[1:])
-        bordered = np.pad(ship, ((0, 0), (border, border), (border, border)))
-        self.width = bordered.shape[2]
-        self.last = np.array(bordered.shape[1:]) - 2
-        slopes = np.gradient(bordered, axis=(1, 2))
-        self.cells, self.upward, self.rightward = (
-            part.reshape(len(cells), -1) for part in (bordered, *slopes)
-        )
-        from scipy.ndimage import binary_dilation
-
-        bright = (bordered != 0).any(axis=0)
-        self.near = binary_dilation(bright, iterations=2).ravel()
-
-    def image(self, place: Floats, looks: _Looks) -> tuple[Floats, Floats]:
-        """(channel, row, column[, 6]): at a place (see `_START`), and its derivatives."""
-        up, right, mast, waterline, height, width = place
-        at_row = self.factor * (up + height * looks.row + waterline * looks.column)
-        at_column = self.factor * (right + mast * looks.row + width * looks.column)
-        at_row = np.clip(at_row + self.middle[0], 0, self.last[0])
-        at_column = np.clip(at_column + self.middle[1], 0, self.last[1])
-        first = at_row.astype(np.intp) * self.width + at_column.astype(np.intp)
-        lit = np.flatnonzero(self.near[first])
-        at_row, at_column, first = at_row[lit], at_column[lit], first[lit]
-        beyond_row, beyond_column = at_row % 1.0, at_column % 1.0
-        nearest = np.rint(at_row).astype(np.intp) * self.width + np.rint(at_column).astype(np.intp)
-        row, column, pixel = looks.row[lit], looks.column[lit], looks.pixel[lit]
-        share = 1.0 / looks.count[pixel]
-        found = np.empty((len(self.cells), 7, looks.count.size))
-        for cells, upward, rightward, sums in zip(
-            self.cells, self.upward, self.rightward, found, strict=True
-        ):
-            low = cells[first] + beyond_column * (cells[first + 1] - cells[first])
-            after = first + self.width
-            high = cells[after] + beyond_column * (cells[after + 1] - cells[after])
-            d_up = upward[nearest] * self.factor * share
-            d_right = rightward[nearest] * self.factor * share
-            parts = (
-                (low + beyond_row * (high - low)) * share,
-                *(d_up, d_right, d_right * row, d_up * column, d_up * row, d_right * column),
-            )
-            for k, part in enumerate(parts):
-                sums[k] = np.bincount(pixel, part, looks.count.size)
-        found = found.reshape(len(found), 7, *looks.shape)
-        return found[:, 0], np.moveaxis(found[:, 1:], 1, -1)
-
-
 def _fit(
     seen: Floats,
     known: NDArray[np.bool_],
-    view: _View,
-    looks: _Looks,
+    view: Truth,
+    looks: Looks,
     place: Floats,
     floor: float,
     least: float,
@@ -276,29 +182,24 @@ def _fit(
     for level, passes in steps:
         for _ in range(passes):
             model, slopes = view.image(place, looks)
-            weighted, misfit = [], []
+            if (((model > 0) & known).sum(axis=(1, 2)) < 8).any():
+                return Tilt(*[math.nan] * 6)
+            design, misfit = [], []
             for c in range(channels):
-                lit, dark = (model[c] > 0) & known[c], (model[c] == 0) & known[c]
-                if lit.sum() < 8:
-                    return Tilt(*[math.nan] * 6)
-                expected = gain[c] * model[c] + offset[c]
-                residual = seen[c] - expected
-                around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
-                spread = np.maximum(expected, 0.0) + max(level, around / scatter[c])
-                unit = residual / spread
-                bright = lit & (model[c] > model[c].max() / 5)
-                scatter[c] = max(1.4826 * np.median(np.abs(unit[bright])), least)
-                unit /= scatter[c]
+                residual = seen[c] - gain[c] * model[c] - offset[c]
+                spread = _spread(
+                    model[c], residual, known[c], gain[c], offset[c], level, scatter[c]
+                )
+                scatter[c] = _scatter(model[c], residual / spread, known[c], least)
+                unit = residual / (spread * scatter[c])
                 weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known[c]
-                terms = np.zeros((*model[c].shape, 6 + 2 * channels))
-                terms[..., :6] = gain[c] * slopes[c]
-                terms[..., 6 + c], terms[..., 6 + channels + c] = model[c], 1.0
-                terms *= (weight / spread / scatter[c])[..., None]
-                weighted.append(terms.reshape(-1, 6 + 2 * channels))
+                design.append(
+                    _terms(c, channels, gain[c], model[c], slopes[c], weight / spread / scatter[c])
+                )
                 misfit.append((unit * weight).ravel())
-            design = np.concatenate(weighted)
-            normal = np.linalg.pinv(design.T @ design, hermitian=True)
-            change = normal @ (design.T @ np.concatenate(misfit))
+            terms = np.concatenate(design)
+            normal = np.linalg.pinv(terms.T @ terms, hermitian=True)
+            change = normal @ (terms.T @ np.concatenate(misfit))
             step = np.clip(change[:6], np.negative(_STEP), _STEP)
             place = place + step
             gain = np.clip(gain + change[6 : 6 + channels], 0.2, 5.0)
@@ -307,6 +208,39 @@ def _fit(
             if np.abs(step).max() < _SETTLED * (1 if level == floor else 10):
                 break
     return _tilt(place, covariance)
+
+
+def _spread(
+    model: Floats,
+    residual: Floats,
+    known: NDArray[np.bool_],
+    gain: float,
+    offset: float,
+    level: float,
+    scatter: float,
+) -> Floats:
+    """How far residuals scatter, up to a factor: speckle as the model, noise around the ship."""
+    dark = (model == 0) & known
+    around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
+    spread: Floats = np.maximum(gain * model + offset, 0.0) + max(level, around / scatter)
+    return spread
+
+
+def _scatter(model: Floats, unit: Floats, known: NDArray[np.bool_], least: float) -> float:
+    """That factor, by the median of the ship's brighter pixels."""
+    bright = (model > model.max() / 5) & known
+    return max(1.4826 * float(np.median(np.abs(unit[bright]))), least)
+
+
+def _terms(
+    channel: int, channels: int, gain: float, model: Floats, slopes: Floats, weight: Floats
+) -> Floats:
+    """(pixel, 6 + 2 channels): weighed derivatives by place, and by gains and offsets."""
+    terms = np.zeros((*model.shape, 6 + 2 * channels))
+    terms[..., :6] = gain * slopes
+    terms[..., 6 + channel], terms[..., 6 + channels + channel] = model, 1.0
+    terms *= weight[..., None]
+    return terms.reshape(-1, terms.shape[-1])
 
 
 def _tilt(place: Floats, covariance: Floats) -> Tilt:
@@ -333,7 +267,7 @@ def _around(model: Floats) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _start(seen: Floats, view: _View, looks: _Looks) -> Floats:
+def _start(seen: Floats, view: Truth, looks: Looks) -> Floats:
     """A place from the best shifts of whole rows, then of whole columns."""
     # Imported where it is used, as other parts of scipy here: scipy.stats takes half a second.
     from scipy.stats import theilslopes

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_each
 from ncti.ladar.pulse import target_response
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
@@ -20,6 +20,7 @@ REFERENCE_BIN = 1.0  # m; the bin of the article, in which its beta-hat is state
 ERROR = 0.75  # of the difference of odd and even lines; see `RangeExtent.error`
 FARTHEST = 1e15  # m; the squares of longer slant ranges would leave float64
 MOST_BINS = 2**22  # of a range window: 4 km in bins of 1 mm
+MOST_SHIFT = 1e6  # IFOVs; places in them are then known to 1e-10
 _POINT = 1e-3  # bins; a narrower spread is a point
 _ROUNDING = 1e-8  # of a pixel; slopes of 1/_POINT over hundreds of bins leave some 1e-9
 
@@ -38,7 +39,8 @@ class RangeExtent:
     bin_width : float
         Width of a range bin [m].
     cell : (ifov, 2) int64 ndarray
-        Column and row of each IFOV on the grid whose corner is the ship origin.
+        Column and row of each IFOV; the corner of column 0 and row 0 lies `shift` to the left of
+        and below the ship origin.
     ifov : float
         Side of an IFOV [rad].
     slant_range : float
@@ -47,6 +49,8 @@ class RangeExtent:
         What odd and even lines of a line image disagree in: the fractions of all IFOVs by the
         ones less those by the others, which together are the sum of `fraction`. None of a range
         image.
+    shift : (float, float)
+        Where the ship origin lies, right and up from the corner of column 0 and row 0 [IFOV].
     """
 
     fraction: NDArray[np.float64]
@@ -56,6 +60,7 @@ class RangeExtent:
     ifov: float
     slant_range: float
     difference: NDArray[np.float64] | None = None
+    shift: tuple[float, float] = (0.0, 0.0)
 
     @property
     def error(self) -> float:
@@ -98,10 +103,16 @@ class RangeExtent:
         return self.fraction * (REFERENCE_BIN / self.bin_width)
 
     def mirrored(self) -> RangeExtent:
-        """The extent of the same ship with port and starboard swapped, seen from the other side."""
+        """The extent of the same ship with port and starboard swapped, seen from the other side.
+
+        IFOVs are mirrored, too: the ship origin then lies as far to the left as it did right.
+        """
+        right, up = self.shift
         cell = np.stack([-1 - self.cell[:, 0], self.cell[:, 1]], axis=1)
         order = np.lexsort(cell.T)  # by rows, as of `range_extent`: noise is drawn in that order
-        return replace(self, fraction=self.fraction[order], cell=cell[order])
+        return replace(
+            self, fraction=self.fraction[order], cell=cell[order], shift=(0.0 - right, up)
+        )
 
 
 def estimated_error(
@@ -124,6 +135,7 @@ def range_extent(
     window: float = 250.0,
     spread: float = 0.5,
     reflectance: str = "projected_area",
+    shift: tuple[float, float] = (0.0, 0.0),
 ) -> RangeExtent:
     """Range-extent fractions of every IFOV on the ship.
 
@@ -146,6 +158,8 @@ def range_extent(
     reflectance : str
         `projected_area`: the return follows the visible projected area, as in the article.
         `lambertian`: times the cosine of incidence, 1 / sqrt(1 + |grad r|^2).
+    shift : (float, float)
+        Where the ship origin lies in an IFOV, right and up from its corner [IFOV].
 
     Returns
     -------
@@ -160,8 +174,10 @@ def range_extent(
 
     Notes
     -----
-    Article, Appendix 1 (beta-hat) and 'Laser Radar Range Signatures'. IFOVs tile the view with
-    a corner on the line of sight through the ship origin, the centre of the 2 x 2 detector.
+    Article, Appendix 1 (beta-hat) and 'Laser Radar Range Signatures'. IFOVs tile the view, by
+    default with a corner on the line of sight through the ship origin, the centre of the 2 x 2
+    detector. A shift moves what each IFOV holds, not their sum; by a whole IFOV it only changes
+    the numbers of cells.
 
     A pixel of a grazing deck spans metres of range, so that point sampling puts the deck into
     a comb of bins (the three spikes of the article's Figure 16). Here each pixel is a uniform
@@ -185,6 +201,8 @@ def range_extent(
         raise ValueError(
             f"reflectance is {reflectance!r}, but must be projected_area or lambertian"
         )
+    require_each("shift", shift, 2, minimum=-MOST_SHIFT, maximum=MOST_SHIFT)
+    right, up = float(shift[0]), float(shift[1])
     if image.slant_range is not None and not math.isclose(image.slant_range, slant_range):
         raise ValueError(
             f"slant_range is {slant_range!r}, but must be the {image.slant_range!r} m at which "
@@ -203,6 +221,7 @@ def range_extent(
     if isinstance(image, LineImage):
         parts = image.bin(
             side=side,
+            shift=(right, up),
             slant_range=slant_range,
             near=-half_window,
             bin_width=bin_width,
@@ -220,7 +239,7 @@ def range_extent(
         r, horizontal, vertical = _places(image, slant_range)
         _check_reach(float(np.abs(r).max(initial=0.0)), half_window)
         area, half_width = _boxes(image, side=side, spread=spread, lambertian=lambertian)
-        cell, index = _tile(horizontal / side, vertical / side)
+        cell, index = _tile(horizontal / side + right, vertical / side + up)
         fraction = _bin_boxes(
             index,
             (r - half_width + half_window) / bin_width,
@@ -237,6 +256,7 @@ def range_extent(
         ifov=ifov,
         slant_range=slant_range,
         difference=difference,
+        shift=(right, up),
     )
 
 

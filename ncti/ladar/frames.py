@@ -341,10 +341,10 @@ class _Waveforms:
         self.parts = np.stack([ends - noise.rank - occupied, ends - noise.rank, ends])
         most = min(IFOVS_AT_ONCE, len(speckle.first) - 1)
         half = noise.even.shape[1]
-        sizes = (len(noise.even), len(noise.odd), half, half)
+        self.sizes = len(noise.even), len(noise.odd), half, half
         rows = min(frames, ROWS_AT_ONCE)
-        self.halves = [np.empty((rows, 2 * most, size), dtype=np.float32) for size in sizes]
-        self.magnitude = np.empty((rows, most, noise.bins), dtype=np.float32)
+        self.halves = [np.empty(rows * 2 * most * size, dtype=np.float32) for size in self.sizes]
+        self.magnitude = np.empty(rows * most * noise.bins, dtype=np.float32)
 
     def of(self, normals: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
         """Yield (frame, ifov, bin): some IFOVs at once, for at most `ROWS_AT_ONCE` frames."""
@@ -355,14 +355,18 @@ class _Waveforms:
         for start in range(0, ifovs, IFOVS_AT_ONCE):
             stop = min(start + IFOVS_AT_ONCE, ifovs)
             speckle, begin, end = self.parts[:, 2 * start : 2 * stop]
+            # Arrays of the last IFOVs lie whole in memory, too: loops are compiled for those alone.
+            rows, quadratures = len(normals), 2 * (stop - start)
             even_normals, odd_normals, even, odd = (
-                part[: len(normals), : 2 * (stop - start)] for part in self.halves
+                part[: rows * quadratures * size].reshape(rows, quadratures, size)
+                for part, size in zip(self.halves, self.sizes, strict=True)
             )
             part_noise(normals, begin, end, noise.of_even, noise.of_odd, even_normals, odd_normals)
             # One product a frame, so that no frame depends on how many there are.
             np.matmul(even_normals, noise.even, out=even)
             np.matmul(odd_normals, noise.odd, out=odd)
-            magnitude = self.magnitude[: len(normals), : stop - start]
+            magnitude = self.magnitude[: rows * (stop - start) * noise.bins]
+            magnitude = magnitude.reshape(rows, stop - start, noise.bins)
             put_magnitudes(
                 *(even, odd, normals, speckle, target.first[start : stop + 1]),
                 *(target.occupied, target.amplitude, target.reach, target.response),

@@ -4,7 +4,7 @@ from ncti.render.choice import available_engines, choose_engine, engines, start_
 from ncti.render.draw import range_image
 from ncti.render.engine import Engine, EngineError
 from ncti.render.image import Lattice, RangeImage
-from ncti.render.lines import LineImage, line_image, refined, start_lines
+from ncti.render.lines import LineImage, line_image, refined
 from ncti.render.rays import RayHits, cast_rays
 from ncti.render.view import ROLL, View
 
@@ -25,5 +25,4 @@ __all__ = [
     "range_image",
     "refined",
     "start_engine",
-    "start_lines",
 ]

@@ -338,13 +338,6 @@ def refined(mesh: trimesh.Trimesh, lines: LineImage) -> LineImage:
     )
 
 
-def start_lines() -> None:
-    """Compile the line engine, or read it from the user's cache, before workers do so each."""
-    import trimesh
-
-    line_image(trimesh.creation.box(), aspect=0.0, depression=0.0).bin(side=1.0)
-
-
 def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
     """Refuse a sensor within the ship, and more lines than there may be."""
     if view.slant_range is not None:  # behind the sensor, w is negative, and bounds are of no use

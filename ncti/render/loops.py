@@ -1,57 +1,52 @@
-"""The loops that engines run, and how one process compiles them for all."""
+"""The loops that engines run, and how they are compiled."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ncti import machine_code
+from ncti.machine_code import Loops
 
 LINES = "lines"
-_LOOPS = {
-    LINES: ("render.line_sweep.sweep", "render.pieces.bin_pieces"),
-    "embree": ("render.pixels.rays",),
-}
-_OPENGL = ("render.pixels.sampled",)
+_VIEW: dict[str, Any] = {"aspect": 30.0, "depression": 10.0}
 
 
-def loops_of(engine: str) -> tuple[str, ...]:
+def of_engine(engine: str) -> Loops:
     """Return the loops that an engine runs, or "lines", of which others compile the rest."""
-    return _LOOPS.get(engine, _OPENGL)
+    what = f"the engine {engine}"
+    if engine == LINES:
+        return Loops(what, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
+    if engine == "embree":
+        return Loops(what, ("render.pixels.rays",), _draw_by_embree)
+    return Loops(what, ("render.pixels.sampled",), _draw_without_context)
 
 
-def keep(engine: str) -> None:
-    """Compile the loops that an engine runs, and keep their machine code, if it is not kept yet.
-
-    Processes find it there afterwards, where each would compile the loops by itself. Importing
-    numba takes long, and is left out where the code is there.
-
-    Parameters
-    ----------
-    engine : str
-        An engine, or "lines".
-    """
-    if not machine_code.folder() or machine_code.is_kept(loops_of(engine)):
-        return
+def _draw_lines() -> None:
     import trimesh
 
-    from ncti.compiled import announcer
+    from ncti.render.lines import line_image
 
-    announcer.said = True  # it would tell of what was asked for
-    box, view = trimesh.creation.box((8.0, 4.0, 4.0)), {"aspect": 30.0, "depression": 10.0}
-    if engine == LINES:
-        from ncti.render.lines import line_image
+    line_image(trimesh.creation.box(), **_VIEW).bin(side=1.0)
 
-        line_image(box, **view).bin(side=1.0)
-        return
+
+def _draw_by_embree() -> None:
+    import trimesh
+
     from ncti.render.draw import range_image
+
+    range_image(trimesh.creation.box((8.0, 4.0, 4.0)), engine="embree", **_VIEW)
+
+
+def _draw_without_context() -> None:
+    """Run what OpenGL engines run, which would bind this process to one of them."""
+    import trimesh
+
     from ncti.render.solid import Solid, sampled, surface
     from ncti.render.view import Lattice, View
 
-    if engine == "embree":
-        range_image(box, engine=engine, **view)
-        return
-    # What OpenGL engines run, without a context.
-    solid, seen = Solid.of(box), View.checked(**view, roll=0.0, slant_range=None)
+    solid = Solid.of(trimesh.creation.box((8.0, 4.0, 4.0)))
+    seen = View.checked(**_VIEW, roll=0.0, slant_range=None)
     points = solid.along(seen)
     lattice = Lattice.around(points, seen, 0.25)
     sampled(solid, seen, lattice, points)

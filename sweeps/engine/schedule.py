@@ -91,7 +91,8 @@ class Schedule:
                 continue
             unknown = [key for key in cells if key not in self.spots and key not in self.failed]
             self.spots.update(find(bound, unknown))
-            missing = {key: cells[key] for key in unknown if key not in self.spots}
+            # What another stage is about to make is this one's, too.
+            missing = {k: cells[k] for k in unknown if k not in self.spots and k not in todo}
             self.progress.setdefault(bound.name, Progress()).begin(len(cells), len(missing))
             todo.update(missing)
             for group in self._groups(bound, missing.values()):

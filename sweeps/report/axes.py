@@ -12,7 +12,7 @@ import xarray as xr
 NOTHING = "–"  # where there is no figure, and where a value was left to the heading or the ship
 
 # Dimensions that are no settings: draws, which are pooled, and those of profiles and images.
-DRAWS = ("replicate", "phase", "order", "draw")
+DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
 OF_ARRAYS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),
     *("horizontal", "vertical", "aspect_low"),
@@ -24,7 +24,16 @@ BEFORE = (
     *("target_free_ifovs", "receiver"),
     *("coverage_rule", "segmentation", "inner_radius", "interpolation"),
     *("learning_rate", "vigilance", "label_rule", "score_rule", "training", "gain_sigma"),
-    *("left_out", "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing"),
+    *(
+        "learn_in_test",
+        "left_out",
+        "epochs",
+        "grow_every",
+        "mnn_learning_rate",
+        "tolerance",
+        "inputs",
+        "annealing",
+    ),
 )
 AFTER = (
     *("error", "error_parameter", "error_value", "channel", "infrared_frame_count", "frame_count"),
@@ -49,12 +58,22 @@ PHRASES = {
     "tolerance": "to an error of {}",
     "inputs": "{} inputs",
 }
-SWITCHES = {"left_out": ("", "true aspect left out"), "annealing": ("not annealed", "annealed")}
+SWITCHES = {
+    "left_out": ("", "true aspect left out"),
+    "annealing": ("not annealed", "annealed"),
+    "learn_in_test": ("no learning in the test", "learning in the test"),
+}
 
 # What a table or a picture of one setting shows where there are several: else the first.
 NOMINAL: dict[str, Any] = {
     **{"label_rule": "majority", "score_rule": "ship", "training": "expected", "left_out": False},
-    **{"inputs": "standardised", "annealing": True, "coverage_rule": 0.25, "inner_radius": 0.5},
+    **{
+        "learn_in_test": False,
+        "inputs": "standardised",
+        "annealing": True,
+        "coverage_rule": 0.25,
+        "inner_radius": 0.5,
+    },
     **{"segmentation": "matched", "interpolation": "nearest", "learning_rate": 0.1},
     **{"transom_gain": 1.0, "mast_gain": 1.0, "error_parameter": "none", "autofocus": False},
     **{"chain": "exact", "azimuth": "pixel", "mirror": "exact", "range_filter": "cluster"},

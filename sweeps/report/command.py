@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import track
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.report import flights, rows, silhouettes, tables
+from sweeps.report import flights, rows, scans, silhouettes, tables
 from sweeps.report.axes import OF_ARRAYS, Column, printable, shown
 from sweeps.report.rows import Row
 from sweeps.report.screen import (
@@ -42,7 +42,7 @@ __all__ = ["MISSING", "main", "report", "write_pictures"]
 
 OTHER_VIEWS = "The source's figures are of its own 124 views, four ships from bow to beam."
 REJECTION = "rejection_"
-OWN = {"acn_infrared", "fusion", "detection", "super_resolution", "measured"}
+OWN = {"acn_infrared", "fusion", "detection", "super_resolution", "measured", "scan"}
 """Groups of tables that are reported in a way of their own."""
 CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")  # of range profiles, the known ones first
 TOLD = 6  # names of pictures; the folder has the others
@@ -75,6 +75,7 @@ TABLES: dict[str, tuple[tuple[str, Callable[..., list[Row]], Callable[..., None]
         ),
     ),
     "measured": (("measured", flights.measured_rows, flights.print_measured),),
+    "scan": (("scan", scans.scan_rows, scans.print_scan),),
 }
 BESIDE = {"acn", "acn_infrared"}  # figures of the source's views
 
@@ -213,6 +214,7 @@ def _parts(path: Path) -> Iterator[Part]:
         flown = without_arrays(rows.read(store, "validation")).load()
         yield "flights", flights.flight_rows(flown), partial(flights.print_flights, flown)
     yield from _of(read, "measured")
+    yield from _of(read, "scan")
     for name in names:
         found = [] if {name} & {*named, *OWN, *rejected} else other_rows(read[name])
         if found:

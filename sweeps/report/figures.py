@@ -25,13 +25,16 @@ KINDS = {
     "tables": "percent correct by aspect and number of frames, beside the source's",
     "silhouettes": "infrared images, their silhouettes and log-polar maps, by range",
     "formation": "categories formed from silhouettes, by ship and aspect",
+    "profile_formation": "categories formed from range profiles, by ship and aspect",
     "table5": "percent correct of silhouettes by range and super-resolution, beside the source's",
     "classifiers": "percent correct of every classifier by aspect and number of frames",
     "fusion": "percent correct of profile, silhouette and both by aspect and range",
+    "spacing": "percent correct at aspects that nobody learned by the spacing of templates",
     "flight": "every stage of the corrections of a flight, beside the truth",
     "validation": "measured near-stern profiles beside noiseless and synthetic ones",
     "sensitivity": "what wrong flight parameters cost, with and without autofocus",
     "measured": "measured profiles named right by who learned synthetic ones",
+    "scan": "a field of regard, what is detected and named in it, and the time it takes",
     "runtime_vs_error": "error of range extents against run time, by engine",
 }
 
@@ -66,10 +69,13 @@ def draw(kind: str, path: Path) -> Figure:
     import_module("matplotlib.figure")  # which all of them need
     from sweeps.report import (
         flight_figures,
+        formation_figures,
         infrared_figures,
         run_time_figures,
+        scan_figures,
         score_figures,
         ship_figures,
+        spacing_figures,
     )
     from sweeps.report.silhouettes import fusion_rows
     from sweeps.report.tables import TITLES, classifier_rows
@@ -85,6 +91,9 @@ def draw(kind: str, path: Path) -> Figure:
         case "runtime_vs_error":
             table = read(store, "tables/run_time_samplings").load()
             return run_time_figures.draw_run_time(table)
+        case "scan":
+            found, table = read(store, "scan").load(), read(store, "tables/scan").load()
+            return scan_figures.draw_scan(found, table, store.attrs["configuration"])
         case "measured":
             return score_figures.draw_measured(read(store, "tables/measured").load())
         case "fusion":
@@ -93,13 +102,21 @@ def draw(kind: str, path: Path) -> Figure:
             names = [name for name in groups(store, "tables") if name in TITLES]
             there = {name: read(store, f"tables/{name}").load() for name in names}
             return score_figures.draw_classifiers(classifier_rows(there))
+        case "spacing":
+            names = [name for name in groups(store, "tables")]
+            scores = {name: read(store, f"tables/{name}") for name in names}
+            scores = {name: one.load() for name, one in scores.items() if "accuracy" in one}
+            return spacing_figures.draw_spacing(scores)
         case "silhouettes":
             given = store.attrs["configuration"]["infrared"]
             return infrared_figures.draw_silhouettes(read(store, "infrared"), given)
+        case "profile_formation":
+            classified = read(store, "classification/acn").load()
+            return formation_figures.draw_formation(classified, formation_figures.PROFILES)
         case "formation" | "table5":
             classified = read(store, "classification/acn_infrared").load()
             if kind == "formation":
-                return infrared_figures.draw_formation(classified)
+                return formation_figures.draw_formation(classified, formation_figures.SILHOUETTES)
             tables = read(store, "tables/acn_infrared").load()
             return score_figures.draw_table5(tables, ships=classified.sizes["ship"])
     flights = read(store, "validation")

@@ -53,6 +53,10 @@ FIGURES = {  # of corrected images and profiles: heading and digits
     "waterline_tilt": ("waterline [deg]", 2),
     "hangar_spike_offset": ("hangar [m]", 2),
 }
+TILTED = ("mast", "waterline")
+CHANNELS = {"": "both", "intensity_": "intensity", "infrared_": "infrared"}
+"""Which image a tilt is told by, and its heading; the first is of FIGURES, too."""
+
 SISTERS = ("duncan", 4.0, "roberts", 3.9)
 """Of the source's Figure 16: the synthetic ship and the measured one, with their ranges [km]."""
 
@@ -98,12 +102,17 @@ def flown_past(flights: xr.Dataset) -> list[str]:
     return names
 
 
-def _print_images(flights: xr.Dataset, console: Console) -> None:
-    shown_axes = [
+def _several_axes(flights: xr.Dataset) -> list[Axis]:
+    """The ship, and whatever else flights differ by."""
+    return [
         axis
         for axis, dim in axes_of(flights.looks).items()
         if axis == "ship" or (dim and flights.sizes[dim] > 1 and not axis.number)
     ]
+
+
+def _print_images(flights: xr.Dataset, console: Console) -> None:
+    shown_axes = _several_axes(flights)
     headings = ["looks", *(text for text, _ in FIGURES.values())]
     left = [axis.heading for axis in shown_axes]
     title = "Corrected images and profiles against the noiseless truth"
@@ -122,13 +131,33 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
     )
     if any(axis.name in SHORT for axis in shown_axes):
         note(PUT_IN, console)
+    _print_tilts(flights, shown_axes, console)
+
+
+def _print_tilts(flights: xr.Dataset, shown_axes: list[Axis], console: Console) -> None:
+    """Tilts by each image alone beside the joint ones."""
+    table = sheet(
+        "Tilts by both images together, and by each alone [deg]",
+        *(f"{what}\n{word}" for what in TILTED for word in CHANNELS.values()),
+        left=[axis.heading for axis in shown_axes],
+    )
+    names = [f"{channel}{what}_tilt" for what in TILTED for channel in CHANNELS]
+    for axes, flight in _flights(flights):
+        leans = (_mean(flight[name], 2) for name in names)
+        table.add_row(*(shown(axes[axis]) for axis in shown_axes), *leans)
+    show(table, console)
+    note(
+        "Both are fitted by one tilt, each weighed by its own noise. Clutter of the sea "
+        "(irar.clutter) is noise of the infrared image that does not average away.",
+        console,
+    )
 
 
 def _print_worst(flights: xr.Dataset, console: Console) -> None:
     """Of all flights, every draw by itself."""
     count, likeness = int(flights.looks.count()), float(flights.profile_correlation.min())
     beside = float(flights.profile_correlation_without_hangar.min())
-    leans = [float(abs(flights[f"{name}_tilt"]).max()) for name in ("mast", "waterline")]
+    leans = [float(abs(flights[f"{name}_tilt"]).max()) for name in TILTED]
     if count and not any(map(math.isnan, leans)):
         note(
             f"Worst of {count} flights, each draw by itself: correlation {likeness:.3f}, without "

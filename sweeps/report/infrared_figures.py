@@ -1,4 +1,4 @@
-"""Pictures of silhouettes: images and log-polar maps by range, and the categories they form."""
+"""Pictures of silhouettes: images and log-polar maps by range."""
 
 from __future__ import annotations
 
@@ -11,31 +11,25 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, ListedColormap, to_rgb
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ncti.features import log_polar, segment
 from ncti.infrared import contrast, pixel_sigma
 from sweeps.report.axes import nominal
-from sweeps.report.rows import setting, source_figures
+from sweeps.report.rows import setting
 from sweeps.report.score_figures import WAYS
 
-# The source's examples: its Figures 6 to 8, and 20.
-SHIP, ASPECT, FRAMES, VIGILANCE = "spruance", 60.0, 16, 0.87
+# The source's examples: its Figures 6 to 8.
+SHIP, ASPECT, FRAMES = "spruance", 60.0, 16
 
 INK, SEA, RING = "#1d3b53", "#e4ecf1", "#c1440e"
 OUTER_RADIUS: float = inspect.signature(log_polar).parameters["outer_radius"].default
 TITLES = ("image above the sea [K]", "silhouette, and the ring that is mapped", "log-polar map")
 LABELS = ("across [m]", "across [m]", "angle [°], 0 right, 90 up")
-
-# Of ships, as in the source's Figure 20: a category is a tint of its ship's.
-SHIP_COLOURS = ("#1f5fa8", "#c0392b", "#2a8c4a", "#d9a300", "#0e8a8a", "#7a5230")
-SHARED_COLOUR = "#54278f"
-
-Colour = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -223,161 +217,3 @@ def _show_map(axes: Axes, cells: NDArray[np.float64], *, inner_radius: float) ->
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_yticks([], minor=True)
     axes.set_xticks([-90, 0, 90, 180, 270])
-
-
-@dataclass(frozen=True)
-class Run:
-    """Neighbouring aspects of one ship that share a category.
-
-    The ship is its place on the axis; start and stop are half-way to the neighbours [deg]; category
-    -1 is no answer; confused says whether views of another ship share it.
-    """
-
-    ship: int
-    start: float
-    stop: float
-    category: int
-    confused: bool
-
-    @property
-    def family(self) -> str:
-        """Colour that its category is a tint of."""
-        return SHARED_COLOUR if self.confused else _ship_colour(self.ship)
-
-
-def runs_of(training: xr.Dataset) -> list[Run]:
-    """Return runs of aspects of one category, ship by ship, aspects ascending."""
-    ordered = training.transpose("ship", "aspect")
-    edges = _edges(ordered.aspect.values).tolist()
-    every = zip(ordered.training_category.values, ordered.training_confused.values, strict=True)
-    runs = []
-    for ship, (categories, confused) in enumerate(every):
-        begins = np.flatnonzero(np.diff(categories, prepend=categories[0] - 1))
-        for begin, end in zip(begins, [*begins[1:], categories.size], strict=True):
-            category, shared = int(categories[begin]), bool(confused[begin] == 1)
-            runs.append(Run(ship, edges[begin], edges[end], category, shared))
-    return runs
-
-
-def _edges(aspect: NDArray[Any]) -> NDArray[Any]:
-    """Half-way between aspects, and as far beyond the first and the last [deg]."""
-    if aspect.size == 1:
-        return np.array([aspect[0] - 1.0, aspect[0] + 1.0])
-    between = (aspect[1:] + aspect[:-1]) / 2
-    return np.array([2 * aspect[0] - between[0], *between, 2 * aspect[-1] - between[-1]])
-
-
-def draw_formation(classified: xr.Dataset) -> Figure:
-    """Draw which views share a category, from bow to beam, one strip a ship, and how often.
-
-    The first phase and order at the vigilance nearest to the source's.
-    """
-    kept = ("ship", "aspect", "vigilance", "phase", "order")
-    here = nominal(classified[["training_category", "training_confused"]], keep=kept)
-    here = here.sel(vigilance=VIGILANCE, method="nearest").sortby("aspect")
-    first = here.isel(phase=0, order=0)
-    ships = [str(name) for name in first.ship.values]
-    height = 0.6 * len(ships) + 0.35
-    figure = Figure(figsize=(10.0, 1.5 * height + 1.9), dpi=140, layout="constrained")
-    strips, share = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 0.5])
-    _show_runs(strips, runs_of(first))
-    _show_sharing(share, here)
-    for axes in (strips, share):
-        axes.set_yticks(range(len(ships)), [name.capitalize() for name in ships])
-        for k, label in enumerate(axes.get_yticklabels()):
-            label.set(color=_ship_colour(k), weight="bold")
-        axes.set_ylim(len(ships) - 0.5, -0.5)
-        axes.tick_params(axis="y", length=0)
-        axes.spines[["left", "right", "top", "bottom"]].set_visible(False)
-    strips.tick_params(axis="x", length=0)
-    counts = here.training_category.max(("ship", "aspect")).values + 1
-    answered = int((first.training_category >= 0).sum())
-    title = f"{counts.flat[0]} categories of {answered} silhouettes"
-    title += f", ACN at vigilance {first.vigilance.item():g}"
-    notes = []
-    counts = counts[counts > 0]  # a training that failed formed none
-    if counts.size > 1:
-        low, high = counts.min(), counts.max()
-        formed = f"{low}" if low == high else f"{low} to {high}"
-        notes.append(f"the first of {counts.size} trainings, which form {formed}")
-    source = source_figures()
-    theirs = source["table5_percent_correct"]
-    if (answered, first.vigilance.item()) == (source["experiment"]["views"], theirs["vigilance"]):
-        notes.append(f"the source forms {theirs['categories']}")
-    figure.suptitle("\n".join([title, *(["; ".join(notes)] if notes else [])]), fontsize=11.5)
-    return figure
-
-
-def _ship_colour(ship: int) -> str:
-    return SHIP_COLOURS[ship % len(SHIP_COLOURS)]
-
-
-def _tint(colour: str, share: float) -> Colour:
-    """So much of a colour, and white for the rest."""
-    red, green, blue = (1 - share * (1 - part) for part in to_rgb(colour))
-    return red, green, blue
-
-
-def tints_of(runs: list[Run]) -> dict[tuple[int, int], Colour]:
-    """Return colours of categories by ship and category; white where there was no answer."""
-    families: dict[str, list[int]] = {}
-    for run in runs:
-        family = families.setdefault(run.family, [])
-        if run.category not in family:
-            family.append(run.category)
-    tints = {}
-    for run in runs:
-        family = families[run.family]
-        # Neighbours are far apart: every other one is dark.
-        rank = family.index(run.category)
-        step = rank // 2 / max(1, (len(family) + 1) // 2)
-        share = (0.38 if rank % 2 else 0.74) + 0.26 * step
-        tints[run.ship, run.category] = _tint(run.family, share if run.category >= 0 else 0.0)
-    return tints
-
-
-def _show_runs(axes: Axes, runs: list[Run]) -> None:
-    """Strips of runs, each with the number of its category."""
-    tints = tints_of(runs)
-    for run in runs:
-        colour, width = tints[run.ship, run.category], run.stop - run.start
-        style: Any = {"color": colour, "edgecolor": "white", "linewidth": 1.4}
-        hatch = "////" if run.confused else None
-        axes.barh(run.ship, width, left=run.start, height=0.78, hatch=hatch, **style)
-        if run.category >= 0:
-            axes.text(
-                (run.start + run.stop) / 2,
-                run.ship,
-                str(run.category + 1),
-                ha="center",
-                va="center",
-                fontsize=10 if width > 4 else 8,
-                color="white" if sum(colour) < 1.75 else "black",
-                bbox={"fc": colour, "ec": "none", "boxstyle": "round,pad=0.15"} if hatch else None,
-            )
-    axes.set_xlim(min(run.start for run in runs), max(run.stop for run in runs))
-    shared = _tint(SHARED_COLOUR, 0.8)
-    keys = [
-        Patch(color="0.6", label="a ship's own category, a tint each"),
-        Patch(fc=shared, ec="white", hatch="////", label="a category that ships share"),
-    ]
-    place: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 0.99), "borderaxespad": 0.0}
-    axes.legend(handles=keys, ncols=2, frameon=False, fontsize=9, **place)
-
-
-def _show_sharing(axes: Axes, training: xr.Dataset) -> None:
-    """Share of all trainings in which a view's category is another ship's, too."""
-    draws = training.sizes["phase"] * training.sizes["order"]
-    known = training.training_confused.where(training.training_category >= 0)
-    share = 100 * known.mean(("phase", "order")).transpose("ship", "aspect")
-    colours = LinearSegmentedColormap.from_list("shared", ["#f1eef6", SHARED_COLOUR])
-    edges = _edges(share.aspect.values), np.arange(share.sizes["ship"] + 1) - 0.5
-    style: Any = {"vmin": 0, "vmax": 100, "edgecolor": "white", "linewidth": 0.8}
-    mesh = axes.pcolormesh(*edges, share.values, cmap=colours, **style)
-    axes.set_xlabel("aspect [°], 0 bow-on, 90 port beam")
-    axes.set_xticks(np.arange(0, float(share.aspect.max()) + 1, 15))
-    what = "one training" if draws == 1 else f"{draws} trainings"
-    axes.set_title(f"Share of {what} in which another ship has the view's category", fontsize=10)
-    bar = axes.figure.colorbar(mesh, ax=axes, pad=0.01, aspect=12)
-    bar.outline.set_visible(False)
-    bar.set_label("shared [%]", fontsize=9)

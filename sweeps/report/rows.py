@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
@@ -14,7 +15,7 @@ import xarray as xr
 import yaml
 import zarr
 
-from sweeps.report.axes import NOMINAL, Axis, axes_of
+from sweeps.report.axes import NOMINAL, OF_ARRAYS, Axis, axes_of
 
 Row = dict[str, Any]
 Column = tuple[str, Callable[[Any], Any]]  # of a table: its variable, and what makes a cell of it
@@ -106,6 +107,31 @@ def score_rows(tables: xr.Dataset, prefix: str = "", **label: Any) -> list[Row]:
     if f"{prefix}spread" in tables:
         columns["spread"] = (f"{prefix}spread", percent)
     return table_rows(tables, columns | {"n": (prefix + "n", known)}, label)
+
+
+def formation_rows(tables: xr.Dataset) -> list[Row]:
+    """Return categories formed, a row for all draws of a training: their mean, spread and ends.
+
+    `first` is the count of the first draw, `views` how many were learned.
+    """
+    formed = tables[["category_count", "view_count", "settled"]]
+    # Categories form before they are named, or tested.
+    formed = formed.drop_vars((*RULES, "learn_in_test"), errors="ignore")
+    axes = list(axes_of(formed))
+    every = (place | cell for place, cell in cells(formed, but=OF_ARRAYS))
+    rows = []
+    for place, draws in grouped(every, axes).items():
+        done = [draw for draw in draws if draw["view_count"] > 0]
+        counts = [draw["category_count"] for draw in done]
+        row: Row = dict(zip(axes, place, strict=True)) | {"trainings": len(done)}
+        row["categories"] = round(statistics.fmean(counts), 2) if counts else None
+        row["spread"] = round(statistics.pstdev(counts), 2) if counts else None
+        row |= {"least": min(counts, default=None), "most": max(counts, default=None)}
+        row["first"] = counts[0] if draws[0] in done else None
+        row["views"] = max(draw["view_count"] for draw in draws)
+        row["settled"] = bool(done) and all(draw["settled"] == 1 for draw in done)
+        rows.append(row)
+    return rows
 
 
 def together(*parts: Iterable[Row]) -> list[Row]:

@@ -9,14 +9,14 @@ import xarray as xr
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 
-from sweeps.report.axes import OF_ARRAYS, axes_of, printable, shown
+from sweeps.report.axes import axes_of, printable, shown
 from sweeps.report.rows import (
     BIN,
-    RULES,
     Row,
     beside_source,
     cells,
     finite,
+    formation_rows,
     grouped,
     nearest,
     of_one,
@@ -106,19 +106,10 @@ def print_sensor(rows: list[Row], console: Console) -> None:
 def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
     """Return categories formed from silhouettes, a row for all phases and orders of a training."""
     source, rows = source_figures()["table5_percent_correct"], []
-    formed = tables[["category_count", "view_count", "settled"]]
-    formed = formed.drop_vars(RULES, errors="ignore")  # categories form before they are named
-    axes = list(axes_of(formed))
-    every = (place | cell for place, cell in cells(formed, but=OF_ARRAYS))
-    for place, draws in grouped(every, axes).items():
-        done = [draw for draw in draws if draw["view_count"] > 0]
-        counts = [draw["category_count"] for draw in done]
-        row: Row = dict(zip(axes, place, strict=True)) | {"trainings": len(done)}
-        row["categories"] = round(sum(counts) / len(counts), 2) if counts else None
-        row |= {"least": min(counts, default=None), "most": max(counts, default=None)}
-        row["of_first_phase_and_order"] = counts[0] if draws[0] in done else None
-        row["training_silhouettes"] = max(draw["view_count"] for draw in draws)
-        row["settled"] = bool(done) and all(draw["settled"] == 1 for draw in done)
+    for row in formation_rows(tables):
+        row["of_first_phase_and_order"] = row.pop("first")
+        row["training_silhouettes"] = row.pop("views")
+        row["settled"] = row.pop("settled")
         asked = row["vigilance"] == source["vigilance"]
         rows.append(row | {"source_categories": source["categories"] if asked else None})
     return rows
@@ -178,8 +169,8 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
         words = f"{frames} frames at each of {places} places of the detector"
         note(f"{places} x {frames}: {words}", console)
     note(
-        "Means over phases and orders of presentation with 95 % Wilson intervals of one set of "
-        "views; ±: standard deviation over them. Other frames and vigilances are in the CSV",
+        "Means over phases and orders of presentation, which the 95 % Wilson intervals take in; "
+        "±: standard deviation over them. Other frames and vigilances are in the CSV",
         console,
     )
 
@@ -267,7 +258,8 @@ def print_fusion(rows: list[Row], console: Console) -> None:
         "phases, against templates of other phases; both name one ship at one aspect. Infrared "
         "frames as many as those of profiles, or the nearest number there. 95 % Wilson "
         "intervals; n in the CSV counts answers, which intervals take as fewer (Kish's design "
-        "effect) where those to one view are alike.",
+        "effect) where those to one view, or of one draw, are alike; ±: standard deviation over "
+        "draws.",
         console,
     )
 

@@ -11,14 +11,13 @@ from sweeps.report.axes import NOTHING, Axis, printable, shown, told
 from sweeps.report.rows import (
     BIN,
     ENDS,
-    RULES,
     Column,
     Row,
     as_in_source,
     axes_in,
     beside_source,
-    cells,
     finite,
+    formation_rows,
     grouped,
     has_source_views,
     of_one,
@@ -49,18 +48,17 @@ AT_LEAST = "correct_where_rejected"
 
 
 def category_rows(tables: xr.Dataset) -> list[Row]:
-    """Return categories formed in each training (the article's Table 3), a row each."""
+    """Return categories formed (the article's Table 3), a row for all orders of a training."""
     source, rows = source_figures()["table3_categories"], []
-    formed = tables[["category_count", "view_count", "settled"]]
-    # Categories form before they are named.
-    for axes, cell in cells(formed.drop_vars(RULES, errors="ignore")):
-        count, views = cell["category_count"], cell["view_count"]
-        asked = as_in_source({"receiver": tables.attrs.get("receiver")} | axes)
-        asked = asked and axes["vigilance"] == source["vigilance"]
-        theirs = source["categories"].get(axes["pulse_width_ns"]) if asked else None
-        row = {"categories": count, "training_profiles": views}
-        row["compression"] = round(views / count, 2) if count else None
-        rows.append(axes | row | {"settled": bool(cell["settled"]), "source_categories": theirs})
+    for row in formation_rows(tables):
+        asked = as_in_source({"receiver": tables.attrs.get("receiver")} | row)
+        asked = asked and row["vigilance"] == source["vigilance"]
+        theirs = source["categories"].get(row["pulse_width_ns"]) if asked else None
+        del row["first"]
+        views, settled = row.pop("views"), row.pop("settled")
+        row["training_profiles"] = views
+        row["compression"] = round(views / row["categories"], 2) if row["categories"] else None
+        rows.append(row | {"settled": settled, "source_categories": theirs})
     return rows
 
 
@@ -92,6 +90,8 @@ def print_categories(rows: list[Row], console: Console) -> None:
         show(table, console)
         if not all(row["settled"] for row in group if row["categories"]):
             note("* categories still changed in the last pass", console)
+        if any(row["trainings"] > 1 for row in group):
+            note("Means over orders of presentation; ±: standard deviation over them", console)
 
 
 def _count(row: Row | None) -> str:
@@ -99,7 +99,8 @@ def _count(row: Row | None) -> str:
         return ""
     if not row["categories"]:
         return "failed"
-    return f"{row['categories']}" + ("" if row["settled"] else "*")
+    several = f" ±{row['spread']:.1f}" if row["trainings"] > 1 else ""
+    return f"{row['categories']:.{1 if several else 0}f}{several}" + "*" * (not row["settled"])
 
 
 def print_accuracy(rows: list[Row], console: Console) -> None:
@@ -274,8 +275,8 @@ def print_rejection(rows: list[Row], console: Console) -> None:
         "ships right over unknown ships let through; 100 where every one is right before any "
         "unknown one is let through. Below each figure its 95 % Wilson interval, for that test "
         "vigilance. Answers to known and to unknown ships are counted; in the interval those of "
-        "several replicates count for less where they are alike for one view (Kish's design "
-        "effect), those of several phases and orders of presentation as one.",
+        "several draws count for less where they are alike for one view, or in one draw (Kish's "
+        "design effect).",
         console,
     )
 

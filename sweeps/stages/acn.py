@@ -1,19 +1,19 @@
 """The Adaptive Clustering Network, trained on what is noiseless and tested on averages of frames.
 
-Of the laser radar these are range profiles, presented in the grid's own order; of the infrared
-imager silhouettes, presented in several orders. The map of an empty silhouette is zero everywhere,
+Of the laser radar these are range profiles, of the infrared imager silhouettes, both presented in
+one order or several. The map of an empty silhouette is zero everywhere,
 matches no category and so names no ship, which counts as wrong.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.evaluate import wilson_interval
 from sweeps.engine.settings import Choices, Run, Setting, Settings
 from sweeps.engine.stage import Output, Stage, in_memory, plain
 from sweeps.stages import categories, classifier
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 NAME = "acn"
-DRAWS = ("phase", "order")  # what scores of silhouettes are averaged over
 
 
 @in_memory(gather=GATHERED, keep=4)
@@ -43,16 +42,13 @@ def silhouette_lessons(template_log_polar: NDArray[np.uint8], there: Views) -> L
     return Lessons.of(template_log_polar, there, classifier.map_vectors)
 
 
-@plain()
-def grid_order() -> tuple[int, int]:
-    """Return number and seed of the grid's own order of presentation."""
-    return 0, 0
+@plain(uses=(Network, Run))
+def profile_order(orders: int, seed: int) -> tuple[int, int]:
+    """Return number and seed of an order of presentation; the grid's own, 0, has no seed."""
+    return orders, seed if orders else 0
 
 
-@plain(uses=(Infrared, Run))
-def drawn_order(orders: int, seed: int) -> tuple[int, int]:
-    """Return number and seed of an order of presentation."""
-    return orders, seed
+silhouette_order = replace(profile_order, name="silhouette_order", uses=(Infrared, Run))
 
 
 def network(
@@ -101,7 +97,7 @@ def network(
         uses=uses,
         reads={**reads, "training": f"{name}_training", "names": f"{name}_names"},
         along=(*along, Network.label_rule, Network.score_rule),
-        dims=(*trained, *rules, *tested),
+        dims=(*trained, *rules, "learn_in_test", *tested),
         name=name,
     )
     return (
@@ -120,19 +116,19 @@ OF_INFRARED = Naming(
 )
 RANGE_STAGES = network(
     OF_RANGE,
-    {"lessons": "profile_lessons", "presentation": "grid_order", "tests": "averaged"},
-    along=(Grid.vigilance, Grid.frame_count),
-    trained=(*OF_PROFILES, "learning_rate", "vigilance"),
-    tested=("replicate", "frame_count"),
+    {"lessons": "profile_lessons", "presentation": "profile_order", "tests": "averaged"},
+    along=(Network.orders, Grid.vigilance, Grid.frame_count),
+    trained=(*OF_PROFILES, "order", "learning_rate", "vigilance"),
+    tested=("replicate", "ifov_phase", "frame_count"),
     learned="expected profile",
     shown="averaged profile",
     uses=(Grid, Network),
 )
 INFRARED_STAGES = network(
     OF_INFRARED,
-    {"lessons": "silhouette_lessons", "presentation": "drawn_order", "tests": "log_polar"},
+    {"lessons": "silhouette_lessons", "presentation": "silhouette_order", "tests": "log_polar"},
     along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
-    trained=(*OF_SILHOUETTES, *DRAWS, "learning_rate", "vigilance"),
+    trained=(*OF_SILHOUETTES, "phase", "order", "learning_rate", "vigilance"),
     tested=LOOK,
     learned="noiseless silhouette",
     shown="silhouette",
@@ -141,38 +137,20 @@ INFRARED_STAGES = network(
 
 
 def tabulate_silhouettes(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return scores of silhouettes by aspect bin, averaged over phases and orders with answers.
-
-    `..._spread` is their standard deviation. Intervals are those of the mean for `..._n` answers,
-    the views of one phase and order: all of them see the same views, and more looks at a view are
-    no more views.
-    """
+    """Return scores of silhouettes by aspect bin, of the ships learned, and categories formed."""
     known = classifier.known_ships(classified, choices)
     tables = formed(known, "training silhouettes")
     for prefix in ("training_", ""):
         what = f"{prefix or 'test_'}silhouettes".replace("_", " ")
         of_kinds = {} if prefix else classifier.aspects_of(choices)
         score = partial(scored, prefix=prefix, what=what)
-        found = by_aspects(known[prefix + "correct"], of_kinds, score)
-        fraction, said = found[prefix + "accuracy"]
-        # A training that failed has no answers, and any other has those of all views there are.
-        n = found[prefix + "n"][0].max(DRAWS)
-        mean = fraction.mean(DRAWS)
-        spread = f"standard deviation of that fraction over {' and '.join(DRAWS)}"
-        low, high = wilson_interval((mean.fillna(0) * n).clip(0, n), n)
-        tables |= {
-            prefix + "accuracy": (mean, f"mean {said}"),
-            prefix + "spread": (fraction.std(DRAWS), spread),
-            prefix + "ci_low": (mean.copy(data=low), found[prefix + "ci_low"][1]),
-            prefix + "ci_high": (mean.copy(data=high), found[prefix + "ci_high"][1]),
-            prefix + "n": (n, found[prefix + "n"][1]),
-        }
+        tables |= by_aspects(known[prefix + "correct"], of_kinds, score)
     return data_set(tables, known.aspect)
 
 
 SETTINGS: tuple[type[Settings], ...] = (Network,)
 STAGES: tuple[Stage, ...] = (
-    *(profile_lessons, silhouette_lessons, grid_order, drawn_order),
+    *(profile_lessons, silhouette_lessons, profile_order, silhouette_order),
     *(*RANGE_STAGES, *INFRARED_STAGES),
 )
 TABLES = (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,11 @@ from numpy.typing import NDArray
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import Settings, count, number, switch, word
+from sweeps.engine.settings import Settings, count, draws, number, switch, word
 from sweeps.stages.classifier import NONE, Arrays, Floats, Ships, Views, state
+
+if TYPE_CHECKING:
+    from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
 
 IMPORTS = ("ncti.classify.adaptive_clustering",)  # by its stages, when they are called; takes long
 Places = NDArray[np.intp]
@@ -32,7 +35,14 @@ class Network(Settings, key="classifier"):
     learn_in_test = switch(
         False,
         label="1 where test vectors move categories, too",
-        help="as in the source; those of unknown ships come last",
+        help="as in the source, in the order of presentation; those of unknown ships come last",
+        noted=True,
+    )
+    orders = draws(
+        1,
+        label="number of the order of presentation of profiles, 0 as in the grid",
+        dimension="order",
+        noted=True,
     )
     label_rule = word(
         "majority",
@@ -178,13 +188,18 @@ def answer_tests(
     answers = {name: np.full(whole, NONE) for name in ("category", "predicted", "correct")}
     answers["similarity"] = np.full(whole, np.nan)
     ship = np.indices(there.shape)[0]
+    networks = {}
+    if learn_in_test:
+        for at in np.ndindex(lead):
+            formed = {name: values[at] for name, values in training.items()}
+            networks[at] = network_of(lessons.vectors, formed)
     for f, seen in enumerate(tests):
         vectors = lessons.see(seen).astype(np.float64)
         similarities = lessons.similarities.to(vectors)
         for at in np.ndindex(lead):
             formed = {name: values[at] for name, values in training.items()}
             if learn_in_test:
-                category, cosine = match_learning(lessons.vectors, vectors, formed)
+                category, cosine = match_learning(networks[at], vectors, formed)
             else:
                 category, cosine = clustering_of(formed).match(similarities)
             category = np.where(there, category.reshape(there.shape), NONE)
@@ -203,12 +218,8 @@ def answer_tests(
     return answers | {"cell": state(answers["correct"], there)}
 
 
-def match_learning(training: Floats, tests: Floats, formed: Arrays) -> tuple[Places, Floats]:
-    """(view,) category, and cosine to it, of (view, feature) tests that move categories, too.
-
-    Tests of ships that are learned come first, in the order of the grid: what is unknown then
-    moves no category that they are held against.
-    """
+def network_of(vectors: Floats, formed: Arrays) -> AdaptiveClusteringNetwork:
+    """Return the network that formed the categories of (view, feature) vectors."""
     # Imported where it is used: scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
@@ -222,9 +233,21 @@ def match_learning(training: Floats, tests: Floats, formed: Arrays) -> tuple[Pla
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
-        network.fit(training[presented], np.indices(taught.shape)[0].reshape(-1)[presented])
+        network.fit(vectors[presented], np.indices(taught.shape)[0].reshape(-1)[presented])
+    return network
+
+
+def match_learning(
+    network: AdaptiveClusteringNetwork, tests: Floats, formed: Arrays
+) -> tuple[Places, Floats]:
+    """(view,) category, and cosine to it, of (view, feature) tests that move categories, too.
+
+    They are presented in the order of the training, those of ships that are learned first: what
+    is unknown then moves no category that they are held against.
+    """
+    taught, turn = formed["training_confused"] >= 0, formed["turn"]
     unknown = np.repeat(~taught.any(axis=1), taught.shape[1])
-    order = np.argsort(unknown, kind="stable")
     category, similarity = np.empty(len(tests), dtype=np.intp), np.empty(len(tests))
+    order = turn[np.argsort(unknown[turn], kind="stable")]
     category[order], similarity[order] = network.match(tests[order], learning=True)
     return category, similarity

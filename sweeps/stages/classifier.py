@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Choices, Settings, number, set_of, switch, word
+from sweeps.engine.settings import Choices, Run, Settings, number, set_of, switch, word
 from sweeps.engine.stage import Condition, Output, Stage, Table, in_memory, stage
-from sweeps.stages.fresh import Fresh, fresh_aspects
+from sweeps.stages.fresh import Fresh, drawn_aspects, fresh_aspects
 from sweeps.stages.scores import VIEW, data_set, formed, scored_profiles, tabulate_rejection
 from sweeps.stages.views import Grid, looks, ships
 
@@ -81,6 +81,12 @@ def names_by(name: str, sensor: str) -> Condition:
 # What is learned
 
 
+@stage(uses=(Grid, Fresh, Run), gather=(Grid.aspect,), plain=True)
+def unlearned(aspect: tuple[float, ...], fresh: int, seed: int) -> tuple[float, ...]:
+    """Return the aspects that are drawn at random, none of which is learned by itself."""
+    return drawn_aspects(aspect[0], aspect[-1], fresh, seed)
+
+
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)
 def taught(
     ship: tuple[str, ...],
@@ -88,10 +94,12 @@ def taught(
     unknown: tuple[str, ...] | None,
     training_aspect: tuple[float, ...] | None,
     template_spacing: float | None,
+    unlearned: tuple[float, ...] = (),
 ) -> Views:
     """(ship, aspect): views that are learned; ships among the others are unknown."""
     known = ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
-    learned = np.isin(aspect, aspect if training_aspect is None else training_aspect)
+    given = training_aspect
+    learned = ~np.isin(aspect, unlearned) if given is None else np.isin(aspect, given)
     if template_spacing is not None:
         steps = np.array(aspect) / template_spacing
         learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
@@ -107,7 +115,8 @@ def learned_of(choices: Choices) -> xr.DataArray:
 
     of_all = (*(choices[one] for one in GATHERED), choices.one(Classifier.unknown))
     training, spacings = choices.one(Classifier.training_aspect), choices[SPACING]
-    views = [taught(*of_all, training, one) for one in spacings]
+    drawn = fresh_aspects(choices, choices[Grid.aspect])
+    views = [taught(*of_all, training, one, drawn) for one in spacings]
     found = xr.DataArray(views, {SPACING.name: list(spacings)}, (SPACING.name, *VIEW))
     return found if len(spacings) > 1 else found.isel({SPACING.name: 0}, drop=True)
 
@@ -135,11 +144,8 @@ def check(choices: Choices) -> Choices:
     Aspects that are drawn come into the grid, and are not learned.
     """
     given = choices[Grid.aspect]
-    if drawn := fresh_aspects(choices, given):
-        if choices.one(Classifier.training_aspect) is None:
-            regular = tuple(aspect for aspect in given if aspect not in drawn)
-            choices = choices.having(Classifier.training_aspect, (regular,))
-        choices = choices.having(Grid.aspect, tuple(sorted({*given, *drawn})))
+    drawn = fresh_aspects(choices, given)
+    choices = choices.having(Grid.aspect, tuple(sorted({*given, *drawn})))
     there, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
     for name in unknown:
         if name not in there:
@@ -305,4 +311,4 @@ class Naming:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Fresh, Classifier)
-STAGES: tuple[Stage, ...] = (taught,)
+STAGES: tuple[Stage, ...] = (unlearned, taught)

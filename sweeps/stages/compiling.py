@@ -1,25 +1,51 @@
-"""The loops that draw, compiled by one process before others draw."""
+"""Loops that stages run, compiled by one process before others run them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
-from ncti.machine_code import is_kept
-from ncti.render import loops
+from ncti.infrared.loops import IMAGES
+from ncti.irar.loops import TILTS
+from ncti.ladar.loops import FRAMES
+from ncti.machine_code import Loops
+from ncti.render import choose_engine
+from ncti.render.loops import of_engine
 from sweeps.engine.settings import Choices
+from sweeps.stages.corrections import corrected
 from sweeps.stages.flights import models
-from sweeps.stages.views import Render, image
+from sweeps.stages.images import image_window
+from sweeps.stages.infrared import look
+from sweeps.stages.ladar import averaged
+from sweeps.stages.silhouettes import template_log_polar
+from sweeps.stages.views import LINES, RUN_TIME, Render, image, looks
 
-DRAW = frozenset({image.function, models.function})
+Functions = Collection[Callable[..., Any]]
+
+DRAW = frozenset(one.function for one in (image, models))
+IMAGE = frozenset(one.function for one in (look, template_log_polar, image_window))
 
 
-def compile_loops(
-    choices: Choices, functions: Collection[Callable[..., Any]], say: Callable[[str], None]
-) -> None:
-    """Compile the loops of all engines that draw, if any of some functions of stages draws."""
-    if DRAW.intersection(functions):
-        for engine in choices[Render.engine]:
-            if not is_kept(loops.loops_of(engine)):
-                say(f"compiling the loops over facets that {engine} runs, once: some seconds")
-                loops.keep(engine)
+def compile_loops(choices: Choices, functions: Functions, say: Callable[[str], None]) -> None:
+    """Compile the loops that some functions of stages run, those that are not kept yet."""
+    for loops in _loops_of(choices, functions):
+        if loops.are_missing():
+            say(f"compiling the loops of {loops.of}, once: some seconds")
+            from ncti.compiled import keep  # numba takes long to import
+
+            keep(loops)
+
+
+def _loops_of(choices: Choices, functions: Functions) -> Iterator[Loops]:
+    drawn, imaged = (not among.isdisjoint(functions) for among in (DRAW, IMAGE))
+    drawn |= looks(RUN_TIME)(choices)  # whose stages call what draws by themselves
+    engines = choices[Render.engine]
+    yield from (of_engine(one) for one in engines if drawn or (imaged and one == LINES))
+    if LINES in engines and models.function in functions:
+        yield of_engine(choose_engine("auto"))  # it needs pixels
+    if averaged.function in functions:
+        yield FRAMES
+    if imaged:
+        yield IMAGES
+    if corrected.function in functions:
+        yield TILTS

@@ -74,6 +74,10 @@ TILTS = {
     "mast_tilt_error": "standard error of that of masts, where what is left is a shear of a few "
     "degrees at most",
     "waterline_tilt_error": "standard error of that of the waterline, likewise",
+    "intensity_mast_tilt": "tilt of masts in the corrected intensity alone",
+    "intensity_waterline_tilt": "tilt of the waterline in the corrected intensity alone",
+    "infrared_mast_tilt": "tilt of masts in the corrected infrared image alone",
+    "infrared_waterline_tilt": "tilt of the waterline in the corrected infrared image alone",
     "noiseless_mast_tilt": "tilt of masts in the corrected noiseless scan, by how much ship each "
     "pixel shows",
     "noiseless_waterline_tilt": "tilt of the waterline in the corrected noiseless scan, likewise",
@@ -171,7 +175,9 @@ def corrected(
     # Tilts are of the uncut image if it shows a ship: a threshold eats into dim edges.
     seen = bool(np.count_nonzero(shown.intensity) >= LEAST_SEEN)
     truths = [widened(truth, values, pixels) for values in (truth.intensity, truth.infrared)]
-    lean = tilt(scan, [whole.intensity * seen, whole.infrared], truths)
+    images = [whole.intensity * seen, whole.infrared]
+    lean = tilt(scan, images, truths)
+    active, passive = (tilt(scan, *pair) for pair in zip(images, truths, strict=True))
     noiseless = tilt(clean, image(clean).infrared, truths[1])
     measured = library.profile(fine, belief, bins=bins.size, bin_width=bin_width)
     profiles = np.stack([measured, *(flight.cnr * models)])
@@ -188,6 +194,10 @@ def corrected(
         "waterline_tilt": np.array(lean.waterline),
         "mast_tilt_error": np.array(lean.mast_error),
         "waterline_tilt_error": np.array(lean.waterline_error),
+        "intensity_mast_tilt": np.array(active.mast),
+        "intensity_waterline_tilt": np.array(active.waterline),
+        "infrared_mast_tilt": np.array(passive.mast),
+        "infrared_waterline_tilt": np.array(passive.waterline),
         "noiseless_mast_tilt": np.array(noiseless.mast),
         "noiseless_waterline_tilt": np.array(noiseless.waterline),
         **irar.ship_pixels(fine),

@@ -39,7 +39,14 @@ def profile_draws(averaged: Profiles) -> Floats:
     Output("similarity", classifier.VIEW, label="cosine to the most similar profile learned"),
     uses=(Grid, Classifier, Correlation),
     along=(Classifier.left_out,),
-    dims=(*classifier.OF_PROFILES, "training", "left_out", "replicate", "frame_count"),
+    dims=(
+        *classifier.OF_PROFILES,
+        "training",
+        "left_out",
+        "replicate",
+        "ifov_phase",
+        "frame_count",
+    ),
 )
 def correlation(
     profile_draws: Floats,

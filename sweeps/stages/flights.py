@@ -22,7 +22,17 @@ from sweeps.engine.kinds import Value
 from sweeps.engine.settings import Choices, Run, Setting
 from sweeps.engine.stage import Stage, in_memory, plain
 from sweeps.stages import irar
-from sweeps.stages.irar import CELLS, EXACT, FLOWN, NO_ERROR, Error, Irar, Pairs, flight_of
+from sweeps.stages.irar import (
+    CELLS,
+    EXACT,
+    FLOWN,
+    NO_ERROR,
+    RECORDED,
+    Error,
+    Irar,
+    Pairs,
+    flight_of,
+)
 from sweeps.stages.ladar import Ladar, profile_bins
 from sweeps.stages.views import IRAR, LINES, Grid, ShipName, check_beam, looks
 
@@ -53,9 +63,10 @@ def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Pair
 
 
 @plain(uses=(Irar,))
-def receivers(cnr: float, range_sigma: float, threshold: float, nedt: float) -> Pairs:
+@_taking(*(one.name for one in RECORDED if one is not Grid.replicate))
+def receivers(**values: Any) -> Pairs:
     """Return the receivers of a flight."""
-    return tuple(locals().items())
+    return tuple(values.items())
 
 
 flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
@@ -194,6 +205,12 @@ def check(choices: Choices) -> Choices:
             )
     if not looks(IRAR)(choices):
         return choices
+    for values in combinations(choices, (Irar.band_start, Irar.band_stop)):
+        if not values["band_start"] < values["band_stop"]:
+            raise ConfigurationError(
+                f"irar.band_start has {values['band_start']:g}, but must be below "
+                f"{values['band_stop']:g}, irar.band_stop"
+            )
     for values in combinations(choices, (Grid.aspect, *FLOWN)):
         try:
             flight = flight_of(values.pop("aspect"), values)

@@ -7,22 +7,31 @@ are fewer.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.classify.fusion import fit_sharpness, fuse, label_posterior
+from ncti.classify.fusion import doubted, fit_sharpness, fuse, label_posterior, least_sharpness
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Arrays, Classifier, Floats, Naming, Views
 from sweeps.stages.infrared import Infrared
+from sweeps.stages.ladar import Ladar
+from sweeps.stages.likelihood import Likelihood
 from sweeps.stages.silhouettes import OF_SILHOUETTES
 from sweeps.stages.views import INFRARED, RANGE, Grid, Sweep
+
+if TYPE_CHECKING:
+    from ncti.classify.likelihood import GaussianTemplates
 
 NAME = "fusion"
 CHANNELS = ("range", "infrared", "both")
 LEAST_PHASES = 2
+EVERY = 4  # aspects, of which one is left out
+UNLIKE = -1.0  # cosine to what is left out: below that of any map
 OF_DRAWS = ("channel", "draw")
 
 
@@ -56,15 +65,47 @@ def silhouette_scores(
     return scores
 
 
-@stage(Output("silhouette_sharpness", ("phase",), "f8"))
+@stage(Output("silhouette_sharpness", ("weight", "phase"), "f8"))
 def silhouette_sharpness(silhouette_scores: NDArray[np.float32], taught: Views) -> Floats:
-    """(phase,): what a step of each silhouette's score is worth in log-probability.
+    """(weight, phase): what a step of each silhouette's score is worth in log-probability.
 
-    See `calibrate`.
+    Alone, and at the least, which is what counts beside a profile. A quarter of the views are
+    scored without templates of their own aspect: what is left out lies a whole step from the
+    next, and a fresh aspect a quarter of a step on average. See `calibrate`.
     """
     lessons = (taught.reshape(-1) & compared(silhouette_scores)).nonzero()[0]
     scores = silhouette_scores.astype(np.float64)[:, lessons[:, None], lessons]
-    return calibrate(scores, lessons // taught.shape[1])
+    ship, aspect = np.divmod(lessons, taught.shape[1])
+    place = np.unique(aspect, return_inverse=True)[1]
+    if place.max(initial=0) >= EVERY:
+        left_out = (place % EVERY == 1)[:, None] & (place[:, None] == place)
+        scores[:, left_out] = UNLIKE
+    return np.stack([calibrate(scores, ship), calibrate(scores, ship, least=True)])
+
+
+@stage(
+    Output("profile_doubt", dtype="f8"),
+    uses=(Grid, Likelihood),
+    along=(Likelihood.gain_sigma, Grid.frame_count),
+    stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
+)
+def profile_doubt(
+    profile_moments: tuple[GaussianTemplates, Views],
+    gain_sigma: tuple[float, ...],
+    frame_count: tuple[int, ...],
+    rng: np.random.Generator,
+) -> Floats:
+    """(gain_sigma, frame_count): see `ncti.classify.fit_doubt`; noise is that of one frame."""
+    # Imported where it is used: scipy takes a second.
+    from ncti.classify.calibration import fit_doubt
+
+    templates, _ = profile_moments
+    seed = int(rng.integers(2**63))
+    found = [
+        fit_doubt(templates, count, np.random.default_rng(seed), gain_sigma=gain_sigma)
+        for count in frame_count
+    ]
+    return np.stack(found, axis=1)
 
 
 NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
@@ -74,21 +115,23 @@ NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
     Output("probability", NAMING.dims, label="posterior probability of the true ship"),
     Output(
         *("sharpness", OF_DRAWS),
-        label="what a step of a sensor's score is worth in log-probability",
+        label="what a step of a sensor's score is worth in log-probability; of both: a map's",
     ),
+    Output("doubt", ("draw",), label="probability that a profile, for all it knows, says nothing"),
     uses=(Grid,),
     gather=(Grid.replicate, *GATHERED),
     at={Infrared.range: Grid.range},
     names={Infrared.frame_count: "infrared_frame_count"},
     dims=(
         *(*classifier.OF_PROFILES, "channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution"),
-        *("infrared_frame_count", "draw", "frame_count"),
+        *("infrared_frame_count", "ifov_phase", "draw", "frame_count"),
     ),
 )
 def fusion(
-    profile_scores: Floats,
+    profile_scores: Arrays,
     silhouette_scores: NDArray[np.float32],
     silhouette_sharpness: Floats,
+    profile_doubt: Floats,
     taught: Views,
     ship: tuple[str, ...],
     aspect: tuple[float, ...],
@@ -97,11 +140,14 @@ def fusion(
 
     The score of a profile is its log-likelihood, which is worth what it says: its sharpness is 1.
     That of a silhouette is given the sharpness found on the silhouettes of the *other* phases.
-    Then they are added. An empty silhouette says nothing: all its scores are 0.
+    Then they are added, the profile with its doubt and the silhouette for the least it may be
+    worth: neither outweighs the other by more than aspects left out bear out. An empty silhouette
+    says nothing: all its scores are 0.
     """
-    seen = compared(profile_scores) & compared(silhouette_scores)
+    of_profiles = profile_scores["log_density"]
+    seen = compared(of_profiles) & compared(silhouette_scores)
     views, lessons = seen.nonzero()[0], (taught.reshape(-1) & seen).nonzero()[0]
-    draws = max(len(profile_scores), len(silhouette_scores))
+    draws = max(len(of_profiles), len(silhouette_scores))
     whole = (len(CHANNELS), draws, len(ship), len(aspect))
     there = seen.reshape(whole[2:])
     named, probability = np.full(whole, NONE), np.full(whole, np.nan)
@@ -109,17 +155,30 @@ def fusion(
     for d in range(draws):
         phase = d % len(silhouette_scores)
         alone = (
-            profile_scores[d % len(profile_scores)][views[:, None], lessons],
+            of_profiles[d % len(of_profiles)][views[:, None], lessons],
             silhouette_scores[phase].astype(np.float64)[views[:, None], lessons],
         )
-        worth = 1.0, float(silhouette_sharpness[phase])
-        sharpness[:2, d] = worth
-        for c, of in enumerate(((0,), (1,), (0, 1))):
-            fused = fuse(*(alone[k] for k in of), sharpness=[worth[k] for k in of])
+        of_ship = lessons // len(aspect)
+        fitted, least = silhouette_sharpness[:, phase]
+        sharpness[:, d] = 1.0, fitted, least
+        fused = (
+            alone[0],
+            fitted * alone[1],
+            fuse(
+                *(doubted(alone[0], of_ship, doubt=float(profile_doubt)), alone[1]),
+                sharpness=(1.0, least),
+            ),
+        )
+        for c, scores in enumerate(fused):
             named[c, d, there], probability[c, d, there] = classifier.most_probable(
-                label_posterior(fused, lessons // len(aspect)), views // len(aspect)
+                label_posterior(scores, of_ship), views // len(aspect)
             )
-    return classifier.judged(named, there) | {"probability": probability, "sharpness": sharpness}
+    doubt = np.full(draws, float(profile_doubt))
+    return classifier.judged(named, there) | {
+        "probability": probability,
+        "sharpness": sharpness,
+        "doubt": doubt,
+    }
 
 
 def number_draws(replicate: tuple[int, ...], phases: tuple[int, ...]) -> Arrays:
@@ -173,17 +232,23 @@ def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(vectors / np.where(norm > 0, norm, np.float32(1)), dtype=np.float32)
 
 
-def calibrate(scores: Floats, ship: NDArray[np.intp]) -> Floats:
+def calibrate(scores: Floats, ship: NDArray[np.intp], *, least: bool = False) -> Floats:
     """(phase,): sharpness of every phase's scores, found on those of the other phases.
 
     Of (phase, view, template) scores of two phases or more, and the (view,) ship of each view and
-    of each template; see `ncti.classify.fit_sharpness`.
+    of each template; see `ncti.classify.fit_sharpness`, or `least_sharpness` of as many samples as
+    there are views.
     """
     phases = len(scores)
     found = np.empty(phases)
     for phase in range(phases):
         pooled = scores[np.arange(phases) != phase].reshape(-1, scores.shape[-1])
-        found[phase] = fit_sharpness(pooled, ship, np.tile(ship, phases - 1))
+        truth = np.tile(ship, phases - 1)
+        found[phase] = (
+            least_sharpness(pooled, ship, truth, independent=len(ship))
+            if least
+            else fit_sharpness(pooled, ship, truth)
+        )
     return found
 
 
@@ -217,6 +282,6 @@ def check(choices: Choices) -> Choices:
 
 
 STAGES: tuple[Stage, ...] = (
-    *(silhouette_scores, silhouette_sharpness, fusion, fusion_draws, fusion_states),
+    *(silhouette_scores, silhouette_sharpness, profile_doubt, fusion, fusion_draws, fusion_states),
 )
 TABLES = NAMING.tables()

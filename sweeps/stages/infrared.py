@@ -189,11 +189,11 @@ def check(choices: Choices) -> Choices:
                 choices, setting.key, where, narrowest=narrowest, beam="half infrared.ifov"
             )
     for ship in choices[Grid.ship]:
-        _check_window(choices, ship)
+        check_window(choices, ship)
     return choices
 
 
-def _check_window(choices: Choices, ship: Value) -> None:
+def check_window(choices: Choices, ship: Value) -> None:
     """Refuse a ship that images do not hold."""
     vertices = views.read_vertices(views.hull(ship))
     longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())

@@ -53,6 +53,9 @@ IN_SI = {  # settings of a flight that the library has by another name or in ano
     "ifov": ("ifov", 1e-6),
     "jitter": ("jitter", 1e-6),
     "flown_pulse_width": ("pulse_width", 1e-9),
+    "band_start": ("band_start", 1e-6),
+    "band_stop": ("band_stop", 1e-6),
+    "band_extinction": ("band_extinction", 1e-3),
 }
 OF_NO_FLIGHT = ("transom_gain", "mast_gain", "replicate")  # of the ship, and of the noise
 
@@ -163,6 +166,23 @@ class Irar(Settings, key="irar"):
     range_sigma = _axis(1, 0, 100, "m", "standard deviation of a measured range")
     threshold = _axis(4, 0, 1e9, "1", "noise powers that a peak must reach to be reported")
     nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
+    band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
+    band_stop = _axis(12, 0.1, 1000, "um", "longest wavelength of the passive detectors")
+    contrast_at_zero = _axis(
+        *(2.1585, 0, 1000, "K", "ship above sea, before the air takes its part")
+    )
+    sea_temperature = _axis(288.15, 100, 1000, "K", "temperature of the sea")
+    band_extinction = _axis(
+        *(0.5, 0, 10, "dB km-1", "extinction of radiance in the passive band, one way"),
+        help="an assumption",
+    )
+    clutter = _axis(
+        *(0, 0, 1000, "K", "standard deviation of the sea's own temperature, of a passive sample"),
+        help="infrared.sea_spread is that of the imager",
+    )
+    clutter_length = _axis(
+        10, 0.01, 1e5, "m", "distance on the water at which clutter is correlated by 1/e"
+    )
     errors = Setting(
         Errors(),
         {},
@@ -222,8 +242,14 @@ FLOWN: tuple[Setting, ...] = (
 )
 """What the beam meets, and the truth, depend on."""
 
+PASSIVE: tuple[Setting, ...] = (
+    *(Irar.band_start, Irar.band_stop, Irar.contrast_at_zero, Irar.sea_temperature),
+    *(Irar.band_extinction, Irar.clutter, Irar.clutter_length),
+)
+"""What the passive image shows; no noise is named by it."""
+
 RECORDED: tuple[Setting, ...] = (
-    *(Grid.replicate, Irar.cnr, Irar.range_sigma, Irar.threshold, Irar.nedt),
+    *(Grid.replicate, Irar.cnr, Irar.range_sigma, Irar.threshold, Irar.nedt, *PASSIVE),
 )
 """What the raw images depend on, too."""
 
@@ -235,7 +261,7 @@ CORRECTED: tuple[Setting, ...] = (
 FLIGHT: tuple[str, ...] = (  # dimensions of a flight in the store, in their order
     *(one.name for one in FLOWN if one is not Irar.pulse_width),
     *(one.name for one in (Irar.cnr, Irar.pulse_width, Irar.range_sigma, Irar.threshold)),
-    *(one.name for one in (Irar.nedt, *CORRECTED, Grid.replicate)),
+    *(one.name for one in (Irar.nedt, *PASSIVE, *CORRECTED, Grid.replicate)),
 )
 
 DIMS = ("ship", "aspect", *FLIGHT)
@@ -297,14 +323,19 @@ def draw_number(replicate: int, jitter: float) -> int:
 def received(flown: Pass, receivers: Values) -> Pass:
     """Return the same pass, met by receivers of values of `RECORDED`."""
     flight = replace(flown.plan.flight, **parameters(receivers))
-    return Pass(replace(flown.plan, flight=flight), flown.returns)
+    return replace(flown, plan=replace(flown.plan, flight=flight))
 
 
 def recorded(
     flown: Pass, course: Values, receivers: Values, *, ship: str, aspect: float, seed: int
 ) -> Scan:
-    """Return the raw images of a pass, by receivers of values of `RECORDED`."""
-    rng = cell_rng(seed, stage="flight", ship=ship, aspect=aspect, **course, **receivers)
+    """Return the raw images of a pass, by receivers of values of `RECORDED`.
+
+    Whatever the passive band sees, all else is one draw.
+    """
+    shown = {one.name for one in PASSIVE}
+    named = {name: value for name, value in receivers.items() if name not in shown}
+    rng = cell_rng(seed, stage="flight", ship=ship, aspect=aspect, **course, **named)
     return received(flown, receivers).record(rng)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -16,9 +17,10 @@ from ncti.ladar import RECEIVERS, RangeExtent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Choices, Settings, count, number, word
+from sweeps.engine.settings import Choices, Settings, count, draws, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
 from sweeps.stages import views
+from sweeps.stages.places import place
 from sweeps.stages.views import (
     INFRARED,
     LINES,
@@ -36,6 +38,7 @@ Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Profiles = NDArray[np.float32]
 Signal = tuple[tuple[str, Any], ...]  # keywords of the library
+Shift = tuple[float, float]  # right and up [IFOV]
 
 SENSOR = RANGE
 # By its stages, when they are called; takes long.
@@ -80,6 +83,14 @@ class Ladar(Settings, key="ladar"):
         FULL, RECEIVERS, label="what the receiver keeps of a returned waveform", noted=True
     )
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
+    phases = draws(
+        1,
+        label="number of the ship's place on the grid of IFOVs",
+        help="of averaged profiles, each with noise of its own; expected ones, which are learned, "
+        "have the first: its origin on a corner",
+        dimension="ifov_phase",
+        noted=True,
+    )
 
 
 def stores_moments(choices: Choices) -> bool:
@@ -110,6 +121,19 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
     )
 
 
+@plain()
+def shift() -> Shift:
+    """Return where in an IFOV the ship origin lies in what is learned: on a corner."""
+    return 0.0, 0.0
+
+
+@plain(uses=(Grid, Ladar))
+def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
+    """Return the same of what is averaged, mirrored where the other side is drawn."""
+    right, up = place(phases)
+    return (right if aspect == drawn_aspect else -right % 1), up
+
+
 @stage(
     Output(
         "fraction", ("ifov", "down_range"), "f8", label="share of each IFOV that the ship fills"
@@ -128,6 +152,7 @@ def extent(
     window: float,
     spread: float,
     reflectance: str,
+    shift: Shift,
 ) -> Arrays:
     """Return the fractions of the IFOVs that see the ship, bin by range bin."""
     found = library.range_extent(
@@ -138,6 +163,7 @@ def extent(
         window=window,
         spread=spread,
         reflectance=reflectance,
+        shift=shift,
     )
     unknown = np.full(found.down_range.shape, np.nan)
     return {
@@ -150,11 +176,26 @@ def extent(
 
 @in_memory(uses=(Grid, Ladar))
 def ifovs(
-    extent: Arrays, aspect: float, drawn_aspect: float, range: float, ifov: float, bin_width: float
+    extent: Arrays,
+    aspect: float,
+    drawn_aspect: float,
+    range: float,
+    ifov: float,
+    bin_width: float,
+    shift: Shift,
 ) -> RangeExtent:
     """Return the range extent as the library has it, mirrored where the other side was drawn."""
-    found = RangeExtent(**extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3)
+    found = RangeExtent(
+        **extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3, shift=shift
+    )
     return found if aspect == drawn_aspect else found.mirrored()
+
+
+# At the phase 0 its cells are those of what is learned.
+seen_extent = replace(extent, name="seen_extent", reads={"shift": "seen_shift"})
+seen_ifovs = replace(
+    ifovs, name="seen_ifovs", reads={"extent": "seen_extent", "shift": "seen_shift"}
+)
 
 
 @stage(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width), plain=True)
@@ -209,14 +250,16 @@ def expected(ifovs: RangeExtent, pulse_width: float, signal: Signal) -> Profiles
 
 @_profile(
     Output("averaged", ("down_range",), label="frame-averaged range profile, noise floor included"),
-    dims=(*VIEW, "replicate", "frame_count", "range", "target_free_ifovs"),
+    dims=(*VIEW, "replicate", "ifov_phase", "frame_count", "range", "target_free_ifovs"),
+    reads={"ifovs": "seen_ifovs"},
     along=(Grid.frame_count,),
     noise=PROFILES,
     stream=(
         *(Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range),
-        *(Ladar.target_free_ifovs, Grid.replicate),
+        *(Ladar.target_free_ifovs, Grid.replicate, Ladar.phases),
     ),
-    optional=(Grid.replicate,),  # the first is what a sweep without replicates draws
+    # The first of each is what a sweep without them draws.
+    optional=(Grid.replicate, Ladar.phases),
 )
 def averaged(
     ifovs: RangeExtent,
@@ -296,8 +339,8 @@ def lags(
 def nowhere(window: float, bin_width: float) -> RangeExtent:
     """Return a range extent without a ship."""
     bins = profile_bins(window, bin_width)
-    empty = {"fraction": np.zeros((0, bins.size)), "cell": np.zeros((0, 2), dtype=np.int64)}
-    return RangeExtent(**empty, down_range=bins, bin_width=bin_width, ifov=1.0, slant_range=1.0)
+    nothing, cell = np.zeros((0, bins.size)), np.zeros((0, 2), dtype=np.int64)
+    return RangeExtent(nothing, bins, bin_width, cell, ifov=1.0, slant_range=1.0)
 
 
 def check(choices: Choices) -> Choices:
@@ -354,6 +397,6 @@ def _check_window(choices: Choices) -> None:
 
 SETTINGS: tuple[type[Settings], ...] = (Ladar,)
 STAGES: tuple[Stage, ...] = (
-    *(fineness, cnr_at_range, signal, extent, ifovs, profile_error, expected, averaged, covariance),
-    *(profile_bins, lags),
+    *(fineness, cnr_at_range, signal, shift, seen_shift, extent, ifovs, seen_extent, seen_ifovs),
+    *(profile_error, expected, averaged, covariance, profile_bins, lags),
 )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ncti.classify.fusion import label_posterior
-from sweeps.engine.settings import Choices, Settings, number
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.settings import Choices, Settings, number, switch, word
 from sweeps.engine.stage import Output, Stage, in_memory, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import (
@@ -20,6 +21,7 @@ from sweeps.stages.classifier import (
     Profiles,
     Views,
 )
+from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import RANGE, Grid
 
 if TYPE_CHECKING:
@@ -27,7 +29,12 @@ if TYPE_CHECKING:
 
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
+FIT, POSTERIOR = "fit", "posterior"
 NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
+
+
+KNOWN = "classifier.aspect_known has True, but must be false where {}"
+COMPARED = "log_density", "distance"
 
 
 class Likelihood(Settings, key="classifier"):
@@ -39,16 +46,89 @@ class Likelihood(Settings, key="classifier"):
         help="0: it is known",
         noted=True,
     )
+    floor_sigma = number(
+        *(1.0, 0, 1000),
+        label="prior standard deviation of the noise floor, over that of one frame",
+        help="0: it is known",
+    )
+    aspect_known = switch(
+        False,
+        label="1 where only templates at the true aspect answer, exact ones",
+        help="of the likelihood: what a track that gives the heading would allow",
+    )
     nugget = number(
         1e-3, 1e-9, 1000, label="noise allowed for besides the model's, over its variance"
     )
+    template_error = number(
+        *(None, 0, 1000),
+        label="variance of profiles between templates, over that of half their second difference",
+        help="0: templates are exact; null: calibrated on aspects left out",
+    )
+    rejection = word(
+        FIT,
+        (FIT, POSTERIOR),
+        label="what an answer of the likelihood must reach, or it is 'unknown'",
+        help="fit: bins / (bins + squared distance of the nearest template), 1/2 where the model "
+        "holds; posterior: the probability of the ship named",
+    )
 
 
-@in_memory(uses=(Likelihood,), gather=GATHERED, keep=2)
+@stage(
+    Output("calibrated_error", dtype="f8"),
+    uses=(Grid, Likelihood),
+    gather=GATHERED,
+    stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
+)
+def calibrated_error(
+    expected: Profiles,
+    covariance: Profiles,
+    there: Views,
+    taught: Views,
+    aspect: tuple[float, ...],
+    nugget: float,
+    floor_sigma: float,
+    template_error: float | None,
+    aspect_known: bool,
+    rng: np.random.Generator,
+) -> Floats:
+    """Return the template error, of templates that are left out where it is not given."""
+    known = there & taught
+    if aspect_known:
+        return np.array(0.0)
+    if template_error is None and known.any():
+        priors = nugget, floor_sigma
+        templates = _templates(expected, covariance, known, aspect, priors, None, rng)
+        return np.array(templates.template_error_)
+    return np.array(template_error or 0.0)
+
+
+@in_memory(uses=(Grid, Likelihood), gather=GATHERED, keep=2)
 def profile_moments(
-    expected: Profiles, covariance: Profiles, there: Views, nugget: float
+    expected: Profiles,
+    covariance: Profiles,
+    there: Views,
+    taught: Views,
+    aspect: tuple[float, ...],
+    nugget: float,
+    floor_sigma: float,
+    calibrated_error: Floats,
 ) -> tuple[GaussianTemplates, Views]:
-    """Return templates of all views that are there, and the (ship, aspect) views that these are.
+    """Return templates of all views that are learned, and the (ship, aspect) views of these."""
+    known = there & taught
+    error, priors = float(calibrated_error), (nugget, floor_sigma)
+    return _templates(expected, covariance, known, aspect, priors, error), known
+
+
+def _templates(
+    expected: Profiles,
+    covariance: Profiles,
+    known: Views,
+    aspect: tuple[float, ...],
+    priors: tuple[float, float],
+    template_error: float | None,
+    rng: np.random.Generator | None = None,
+) -> GaussianTemplates:
+    """Return templates of some views, of a nugget and a prior of the floor.
 
     Their floor, which the target's gain leaves alone, is what the window's edge holds: noise, the
     ship's own IFOVs' among it.
@@ -56,14 +136,19 @@ def profile_moments(
     # Imported where it is used: scikit-learn takes a second.
     from ncti.classify.likelihood import GaussianTemplates
 
-    means = expected[there]
-    templates = GaussianTemplates(nugget=nugget)
-    templates.fit(means, covariance[there], np.nonzero(there)[0], floor=means[:, :1])
-    return templates, there
+    means = expected[known]
+    ship, column = known.nonzero()
+    nugget, floor_sigma = priors
+    templates = GaussianTemplates(
+        nugget=nugget, floor_sigma=floor_sigma, template_error=template_error
+    )
+    at = np.array(aspect)[column]
+    return templates.fit(means, covariance[known], ship, floor=means[:, :1], aspect=at, rng=rng)
 
 
 @stage(
-    Output("profile_scores", ("view", "template"), "f8"),
+    Output("log_density", ("view", "template"), "f8"),
+    Output("distance", ("view", "template"), "f8"),
     uses=(Grid, Likelihood),
     along=(Likelihood.gain_sigma, Grid.frame_count),
     gather=GATHERED,
@@ -74,52 +159,88 @@ def profile_scores(
     there: Views,
     gain_sigma: tuple[float, ...],
     frame_count: tuple[int, ...],
-) -> Floats:
-    """(gain_sigma, frame_count, view, template): log-likelihoods, NaN where a view is not there.
+) -> Arrays:
+    """Return (gain_sigma, frame_count, view, template) log densities and squared distances.
 
-    Every view is a template, of a gain as well known as `gain_sigma` says.
+    NaN where a view is not there, or the template is not learned. The gain is as well known as
+    `gain_sigma` says.
     """
     templates, known = profile_moments
     views = there.reshape(-1)
-    scores = np.full((len(gain_sigma), len(frame_count), views.size, views.size), np.nan)
+    whole = (2, len(gain_sigma), len(frame_count), views.size, views.size)
+    found = np.full(whole, np.nan)
     for f, count in enumerate(frame_count):
-        logs = templates.log_likelihood(averaged[f][there], count, gain_sigma=gain_sigma)
-        scores[:, f, views[:, None] & known.reshape(-1)] = logs.reshape(len(gain_sigma), -1)
-    return scores
+        one = templates.compare(averaged[f][there], count, gain_sigma=gain_sigma)
+        found[:, :, f, views[:, None] & known.reshape(-1)] = one.reshape(*whole[:2], -1)
+    return {"log_density": found[0], "distance": found[1]}
 
 
 @NAMING.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
+    Output("similarity", classifier.VIEW, label="fit, or posterior probability of the ship named"),
+    Output("calibrated_error", label="template error, as given or as calibrated"),
     uses=(Grid, Classifier, Likelihood),
     along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
-    dims=(*classifier.OF_PROFILES, "gain_sigma", "left_out", "replicate", "frame_count"),
+    dims=(
+        *classifier.OF_PROFILES,
+        "gain_sigma",
+        "left_out",
+        "replicate",
+        "ifov_phase",
+        "frame_count",
+    ),
 )
 def likelihood(
-    profile_scores: Floats,
-    taught: Views,
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
+    profile_moments: tuple[GaussianTemplates, Views],
+    profile_scores: Arrays,
+    averaged: Profiles,
+    there: Views,
+    gain_sigma: tuple[float, ...],
     left_out: tuple[bool, ...],
+    frame_count: tuple[int, ...],
+    rejection: str,
+    aspect_known: bool,
 ) -> Arrays:
     """Return the most probable ship, one number of frames at a time.
 
-    Where the true aspect is left out, templates of all ships at it are.
+    Where the true aspect is left out, templates of all ships at it are, and cells of those beside
+    it reach as far as it.
     """
-    shape = len(ship), len(aspect)
-    scored = np.isfinite(profile_scores[0, 0])
-    there, known = (scored.any(axis=axis).reshape(shape) for axis in (1, 0))
-    classifier.require_another_aspect(taught & known, left_out)
+    templates, known = profile_moments
+    bins = averaged.shape[-1]
+    classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(there), np.nonzero(known)
-    untaught, same = ~taught[known], of_view[:, None] == of_template
-    whole = (len(profile_scores), len(left_out), profile_scores.shape[1], *shape)
+    places: tuple[Any, ...] = (..., *np.ix_(there.reshape(-1), known.reshape(-1)))
+    whole = (len(gain_sigma), len(left_out), len(frame_count), *there.shape)
     named, probability = np.full(whole, NONE), np.full(whole, np.nan)
-    for g, k, f in np.ndindex(whole[:3]):
-        logs = profile_scores[g, f, scored].reshape(true.size, -1)
-        exclude = untaught | (same & left_out[k])
-        named[g, k, f, there], probability[g, k, f, there] = classifier.most_probable(
-            label_posterior(logs, of_ship, exclude=exclude), true
-        )
-    return classifier.judged(named, there) | {"probability": probability}
+    similarity = np.full(whole, np.nan)
+    for k, f in np.ndindex(whole[1:3]):
+        compared = np.stack([profile_scores[one][:, f][places] for one in COMPARED])
+        same = of_view[:, None] == of_template
+        exclude = (same & left_out[k]) | (~same & aspect_known)
+        if left_out[k] and templates.template_error_:
+            seen = averaged[f][there]
+            for column in np.unique(of_view):
+                rows, others = of_view == column, of_template != column
+                rest = templates.without(~others)
+                compared[(..., *np.ix_(rows, others))] = rest.compare(
+                    seen[rows], frame_count[f], gain_sigma=gain_sigma
+                )
+        for g, (logs, distance) in enumerate(zip(*compared, strict=True)):
+            posterior = label_posterior(logs, of_ship, exclude=exclude)
+            answer = named[g, k, f], probability[g, k, f], similarity[g, k, f]
+            answer[0][there], answer[1][there] = classifier.most_probable(posterior, true)
+            if rejection == FIT:
+                nearest = np.where(exclude, np.inf, distance).min(axis=1)
+                answer[2][there] = bins / (bins + nearest)
+            else:
+                answer[2][there] = posterior[1].max(axis=1)
+    error = np.full(whole[:3], templates.template_error_)
+    return classifier.judged(named, there) | {
+        "probability": probability,
+        "similarity": similarity,
+        "calibrated_error": error,
+    }
 
 
 def check(choices: Choices) -> Choices:
@@ -127,9 +248,14 @@ def check(choices: Choices) -> Choices:
     if NAMING.when(choices):
         classifier.check_receiver(choices, NAME)
         classifier.check_left_out(choices)
+        if any(choices[Likelihood.aspect_known]):
+            if any(choices[Classifier.left_out]):
+                raise ConfigurationError(KNOWN.format("classifier.left_out has True"))
+            if not classifier.learned_of(choices).any(axis=0).all():
+                raise ConfigurationError(KNOWN.format("an aspect of the grid is not learned"))
     return choices
 
 
 SETTINGS: tuple[type[Settings], ...] = (Likelihood,)
-STAGES: tuple[Stage, ...] = (profile_moments, profile_scores, likelihood)
-TABLES = NAMING.tables()
+STAGES: tuple[Stage, ...] = (calibrated_error, profile_moments, profile_scores, likelihood)
+TABLES = NAMING.tables(rejecting=True)

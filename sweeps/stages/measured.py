@@ -39,6 +39,7 @@ def acn_namer(
     there: Views,
     taught: Views,
     *,
+    presentation: tuple[int, int],
     learn_in_test: bool,
     label_rule: str,
     score_rule: str,
@@ -46,7 +47,7 @@ def acn_namer(
 ) -> Namer:
     """Train the Adaptive Clustering Network."""
     lessons = Lessons.of(profiles, there, classifier.profile_vectors)
-    formed = categories.form_categories(lessons, taught, (0, 0), **settings)
+    formed = categories.form_categories(lessons, taught, presentation, **settings)
     names = {key: one[None] for key, one in categories.name_categories(formed, label_rule).items()}
 
     def name(tests: Profiles, there: Views) -> Arrays:
@@ -100,6 +101,7 @@ def lesson(
     vigilance: float,
     learning_rate: float,
     max_passes: int,
+    profile_order: tuple[int, int],
     learn_in_test: bool,
     label_rule: str,
     score_rule: str,
@@ -108,8 +110,11 @@ def lesson(
     """Return who learns, and the settings that matter to it: others do not train it again."""
     given = locals()
     of_network = tuple(
-        (key, given[key]) for key in ("vigilance", *(one.name for one in Network.declared))
+        (one.name, given[one.name])
+        for one in (Grid.vigilance, *Network.declared)
+        if one is not Network.orders
     )
+    of_network = (("presentation", profile_order), *of_network)
     return name, {"acn": of_network, "mnn": mnn_settings}.get(name, ())
 
 

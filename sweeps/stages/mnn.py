@@ -26,7 +26,7 @@ NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
 RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
 DIMS = (
     *(*classifier.OF_PROFILES, "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs"),
-    *("annealing", "replicate", "frame_count"),
+    *("annealing", "replicate", "ifov_phase", "frame_count"),
 )
 
 # What a fitted network needs to answer: its attributes, those of both layers, and their dimensions.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.evaluate import accuracy_by_aspect, aspect_bins, replicated_accuracy, wilson_interval
+from ncti.evaluate import accuracy_by_aspect, aspect_bins, replicated_accuracy
 
 if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
     import xarray as xr
@@ -19,7 +19,8 @@ Floats = NDArray[np.floating]
 Scored: TypeAlias = "dict[str, tuple[xr.DataArray, str]]"
 VIEW = ("ship", "aspect")
 OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
-DRAWS = ("replicate", "draw")  # of the noise, over which accuracies are pooled
+# Of noise, places and orders: accuracies are means over all of them.
+DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
 PROFILES = {
     "training_correct": ("training_", "training profiles"),
     "ship_correct": ("ship_", "ships of test profiles"),
@@ -42,21 +43,29 @@ def scored(correct: xr.DataArray, prefix: str, what: str) -> Scored:
     """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
     Of (..., ship, aspect) answers: 1 where right, 0 where not, negative where nothing was asked.
-    Replicates, or draws, count for what they are: more looks at the same views.
+    Means over draws have intervals that take in views and draws (`replicated_accuracy`), and a
+    `spread`.
     """
     import xarray as xr
 
     draws = tuple(name for name in DRAWS if name in correct.dims)
     answers = correct.transpose(..., *draws, *VIEW)
-    score = (replicated_accuracy if draws else accuracy_by_aspect)(
-        answers.values == 1, answers.aspect.values, answered=answers.values >= 0
-    )
+    right, asked, aspect = answers.values == 1, answers.values >= 0, answers.aspect.values
+    score = replicated_accuracy(right, aspect, draws=len(draws), answered=asked)
     gone = (*draws, *VIEW)
     coords: dict[Any, Any] = {
         name: coord for name, coord in answers.coords.items() if not {name, *coord.dims} & {*gone}
     }
     coords["aspect_bin"] = np.array(score.labels, dtype=object)
     dims = (*answers.dims[: -len(gone)], "aspect_bin")
+    more: list[tuple[str, Floats, str]] = []
+    if draws:
+        alone = xr.DataArray(
+            accuracy_by_aspect(right, aspect, answered=asked).fraction,
+            dims=(*answers.dims[:-2], "aspect_bin"),
+        )
+        said = f"standard deviation of that fraction over {' and '.join(draws)}"
+        more = [("spread", alone.std(draws).values, said)]
     return {
         prefix + suffix: (xr.DataArray(values, coords, dims), long_name)
         for suffix, values, long_name in (
@@ -64,6 +73,7 @@ def scored(correct: xr.DataArray, prefix: str, what: str) -> Scored:
             ("ci_low", score.ci_low, "lower end of its 95 % Wilson interval"),
             ("ci_high", score.ci_high, "upper end of its 95 % Wilson interval"),
             ("n", score.n, f"number of {what}"),
+            *more,
         )
     }
 
@@ -158,7 +168,7 @@ def tabulate_rejection(
     Of the `similarity` and `correct` of a classifier, (ship,) which it has learned, the others
     being unknown, (aspect,) flags of some kinds by name, and cosines below which a test answers
     "unknown": `MEANINGS` over the classifier's axes and `aspects`, NaN without answers; means over
-    replicates, phases and orders, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`,
+    all draws, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`,
     `rejected_up_to` and `area` are of the whole characteristic, whatever the test vigilances.
 
     Notes
@@ -175,7 +185,7 @@ def tabulate_rejection(
     thresholds = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
     similarity, right = classified.similarity, classified.correct == 1
     accepted = similarity >= thresholds
-    draws = [name for name in ("replicate", "phase", "order") if name in right.dims]
+    draws = [name for name in DRAWS if name in right.dims]
     pooled = [*draws, *VIEW]
     parts = []
     for name, of_kind in aspects.items():
@@ -249,16 +259,12 @@ def _share(
     hits, answers = xr.broadcast(hits & answers, answers)
     n = answers.sum([*draws, *VIEW])
     fraction = hits.sum([*draws, *VIEW]) / n.where(n > 0)
-    if draws == ["replicate"]:
-        order = [*fraction.dims, *draws, *VIEW]
-        score = replicated_accuracy(
-            hits.transpose(*order).values,
-            np.zeros(hits.sizes["aspect"]),  # all of them together
-            answered=answers.transpose(*order).values,
-        )
-        low, high = score.ci_low[..., -1], score.ci_high[..., -1]
-    else:
-        # More looks at a view are no more views; one that failed has none.
-        views = answers.sum(VIEW).max(draws)
-        low, high = wilson_interval((fraction.fillna(0) * views).clip(0, views), views)
+    order = [*fraction.dims, *draws, *VIEW]
+    score = replicated_accuracy(
+        hits.transpose(*order).values,
+        np.zeros(hits.sizes["aspect"]),  # all of them together
+        draws=len(draws),
+        answered=answers.transpose(*order).values,
+    )
+    low, high = score.ci_low[..., -1], score.ci_high[..., -1]
     return fraction, fraction.copy(data=low), fraction.copy(data=high)

@@ -12,14 +12,12 @@ from ncti import features
 from sweeps.engine.stage import Output, Stage, stage
 from sweeps.stages.infrared import IMAGES, LOOK, VIEW, Infrared, looks_infrared
 from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at
+from sweeps.stages.places import place
 from sweeps.stages.views import STATUS, Grid
 
 ANGLES, RADII = 64, 32  # cells of the log-polar map
 IMPORTS = ("skimage.filters",)  # by its stages, when they are called; takes long
 STEPS = 255  # of a cell between empty and full
-
-# Steps of a sequence that fills the unit square evenly, however long it is: Roberts' R2.
-PLASTIC = (0.7548776662466927, 0.5698402909980532)
 
 TEMPLATE = ("coverage_rule", "inner_radius", "interpolation", "phase")
 OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
@@ -114,10 +112,9 @@ def template_log_polar(
     """(inner_radius, interpolation, phase, angle, radius): noiseless maps."""
     patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
     footprint = footprint_at(training_range, ifov)
-    # Evenly spread places on the detector, the first with the ship origin on a corner.
-    places = [(phase * PLASTIC[0] % 1, phase * PLASTIC[1] % 1) for phase in phases]
     shown = [
-        patches.covering(footprint, place, subdivision=1).target(coverage_rule) for place in places
+        patches.covering(footprint, place(phase), subdivision=1).target(coverage_rule)
+        for phase in phases
     ]
     # Without noise every threshold cuts out the same.
     return maps_of(features.segment(shown, method="otsu"), inner_radius, interpolation)

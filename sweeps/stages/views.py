@@ -25,7 +25,6 @@ from ncti.render import (
     line_image,
     range_image,
     refined,
-    start_lines,
 )
 from ncti.render.flight import depression_angle
 from sweeps.engine.errors import ConfigurationError
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
 
 IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 LINES = "lines"  # the engine without pixels
-RANGE, INFRARED, IRAR, RUN_TIME = "range", "infrared", "irar", "run_time"
+RANGE, INFRARED, IRAR, RUN_TIME, SCAN = "range", "infrared", "irar", "run_time", "scan"
 MOST_FRAMES = 10_000
 FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
 SHAPES = "it shapes arrays"  # why a setting takes one value only
@@ -249,10 +248,7 @@ def drawing_engines(choices: Choices) -> tuple[str, ...]:
             "render.tolerance has null beside numbers, but must be all null or all numbers"
         )
     words = choices[Render.engine]
-    found = tuple(sorted({drawing_engine.function(word, tolerances[0]) for word in words}))
-    if LINES in found:
-        start_lines()
-    return found
+    return tuple(sorted({drawing_engine.function(word, tolerances[0]) for word in words}))
 
 
 @plain(uses=(Grid, Scene))

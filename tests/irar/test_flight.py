@@ -158,6 +158,13 @@ RANGES = {
     "threshold": (-1, 2e9),
     "detectors": (0, 1.5, 2000),
     "nedt": (-0.1, 1001),
+    "band_start": (0, 12e-6, 2e-3),
+    "band_stop": (0, 2e-3),
+    "contrast_at_zero": (-1, 1001),
+    "sea_temperature": (0, 99, 1001),
+    "band_extinction": (-1e-4, 0.02),
+    "clutter": (-0.1, 1001),
+    "clutter_length": (0, 2e5),
     "jitter": (-1e-6, 0.02),
     "jitter_time": (0, -1, 2000),
 }

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from flown import CLEAN, flight, pole_on_box, wall
 
-from ncti.infrared import contrast
+from ncti.infrared import band_contrast
 from ncti.irar import Flight, ScanPlan, fly, plan_scan, scan_scene, time_delay_integrate
 from ncti.irar.scan import wander
 
@@ -40,12 +40,13 @@ def test_detectors_trail_each_other_over_the_ship(flown):
     plan = flown.plan
     assert scan.infrared.shape == (12, plan.lines, 120)
     seen = scan_scene(pole_on_box(60, 9, 5, 20), plan, leading=11).coverage()
-    expected = seen * contrast(plan.flight.slant_range)
+    warmth = band_contrast(plan.flight.slant_range)
+    expected = seen * warmth
     for k in range(12):
         columns = np.arange(120) - k + 11
         np.testing.assert_allclose(scan.infrared[k], expected[:, columns], rtol=1e-6)
     np.testing.assert_array_equal(scan.infrared[5, :, 5:], scan.infrared[0, :, :-5])
-    assert scan.infrared[0].max() == pytest.approx(contrast(plan.flight.slant_range), rel=1e-6)
+    assert scan.infrared[0].max() == pytest.approx(warmth, rel=1e-6)
 
 
 def test_active_and_passive_images_show_the_same_place(flown):
@@ -138,6 +139,7 @@ def test_every_parameter_is_among_the_metadata(flown):
     assert without == numbers
     assert data.attrs["aspect"] == pytest.approx(175)
     assert data.attrs["pulse_rate_units"] == "Hz" and data.attrs["ifov_units"] == "rad"
+    assert data.attrs["clutter_units"] == "K" and data.attrs["band_stop_units"] == "m"
     rebuilt = Flight(**{f.name: data.attrs[f.name] for f in dataclasses.fields(Flight)})
     assert dataclasses.replace(rebuilt, aircraft_track=None) == scan.flight
 

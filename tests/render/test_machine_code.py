@@ -12,23 +12,23 @@ from ncti.render import available_engines
 ENGINES = [*[one for one in available_engines() if one != "embree"][:1], "embree", "lines"]
 KEEP = """
 import sys
-from ncti.machine_code import is_kept
-from ncti.render.loops import keep, loops_of
-[engine] = sys.argv[1:]
-assert not is_kept(loops_of(engine))
-keep(engine)
-assert is_kept(loops_of(engine))
+from ncti.render.loops import of_engine
+loops = of_engine(sys.argv[1])
+assert loops.are_missing()
+assert "numba" not in sys.modules
+from ncti.compiled import keep
+keep(loops)
+assert not loops.are_missing()
 """
 DRAW = """
 import sys
 import numpy as np
 import trimesh
 from ncti.ladar import range_extent
-from ncti.machine_code import is_kept
 from ncti.render import line_image, range_image
-from ncti.render.loops import loops_of
+from ncti.render.loops import of_engine
 [engine] = sys.argv[1:]
-assert is_kept(loops_of(engine))
+assert not of_engine(engine).are_missing()
 assert "numba" not in sys.modules
 hull = trimesh.creation.icosphere(subdivisions=2, radius=9.0)
 for slant_range in (None, 2e4):

@@ -27,6 +27,7 @@ CLASSIFIERS = [
     "classifier.training=[expected,noisy]",
     "classifier.left_out=[false,true]",
     "classifier.gain_sigma=[0,1]",
+    "classifier.template_error=0",
     "classifier.mnn.inputs=[raw,standardised]",
     "classifier.mnn.annealing=[true,false]",
     "classifier.mnn.epochs=40",

@@ -20,7 +20,7 @@ OWN = {  # axes that each of them has several values on
     "likelihood": {"gain_sigma": [0, 1], "left_out": [False, True]},
 }
 SCALARS = {  # and axes of one value
-    "acn": {"learning_rate", "label_rule", "score_rule"},
+    "acn": {"learning_rate", "label_rule", "score_rule", "learn_in_test"},
     "mnn": {"epochs", "grow_every", "mnn_learning_rate", "tolerance"},
     "correlation": set(),
     "likelihood": set(),
@@ -32,13 +32,14 @@ COLUMNS = [
     "pulse_width_ns",
     *("target_free_ifovs", "receiver"),
     *("learning_rate", "vigilance", "label_rule", "score_rule"),
-    *("training", "gain_sigma", "left_out"),
+    *("training", "gain_sigma", "learn_in_test", "left_out"),
     *("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing"),
     "frame_count",
     "aspect_bin_deg",
     "percent_correct",
     "ci_low",
     "ci_high",
+    "spread",
     "n",
     "source_percent",
     "bound_gain_sigma",
@@ -63,7 +64,7 @@ def test_the_file_has_its_columns_and_a_row_a_cell(classified):
     # What is no setting of a classifier is empty in its rows.
     for row in rows:
         name = row["classifier"].removesuffix("_ship")
-        filled = {key for key in COLUMNS[5:18] if row[key] != ""}
+        filled = {key for key in COLUMNS[5:19] if row[key] != ""}
         assert filled == SCALARS[name] | set(OWN[name])
 
 

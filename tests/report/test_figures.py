@@ -47,7 +47,15 @@ def test_light_from_above_makes_a_deck_brighter_than_a_side_as_steep(box):
     assert solid[-3] > solid[2]
 
 
-OF_OTHERS = {"flight", "validation", "sensitivity", "measured", "runtime_vs_error"}
+OF_OTHERS = {
+    "flight",
+    "validation",
+    "sensitivity",
+    "measured",
+    "runtime_vs_error",
+    "scan",
+    "spacing",
+}
 
 
 @pytest.mark.parametrize("kind", sorted(figures.KINDS.keys() - OF_OTHERS))

@@ -37,12 +37,27 @@ COLUMNS = {  # units in the names
     "infrared_sensor": {"range_km", "frame_count", "snr", "source_snr"}
     | {"attenuation_db", "source_attenuation_db", "contrast_k", "source_contrast_k"},
     "infrared_categories": CHOICES
-    | {"vigilance", "trainings", "categories", "least", "most", "of_first_phase_and_order"}
+    | {
+        "vigilance",
+        "trainings",
+        "categories",
+        "spread",
+        "least",
+        "most",
+        "of_first_phase_and_order",
+    }
     | {"training_silhouettes", "settled", "source_categories"},
     "infrared_accuracy": CHOICES
     | INTERVAL
     | {"vigilance", "silhouettes", "range_km", "super_resolution", "frame_count", "label_rule"}
-    | {"score_rule", "frames_in_all", "aspect_bin_deg", "spread", "source_percent"},
+    | {
+        "score_rule",
+        "learn_in_test",
+        "frames_in_all",
+        "aspect_bin_deg",
+        "spread",
+        "source_percent",
+    },
     "infrared_detection": {"range_km", "coverage_rule", "frame_count", "aspect_bin_deg"}
     | {"probability", "lowest_of_views"},
     "infrared_super_resolution": {"range_km", "super_resolution", "coverage_rule", "frame_count"}

@@ -29,11 +29,13 @@ OF_FLIGHT = {  # one value each, unless a test says more
     **{"aircraft_track": np.nan, "pointing": np.nan, "ifov": 205.0, "line_rate": 119.0},
     **{"jitter_time": 0.1, "transom_gain": 1.0, "mast_gain": 1.0, "cnr": 20.0, "nedt": 0.4},
     **{"flown_pulse_width": 30.0, "autofocus": False, "mirror": "exact", "replicate": 0},
+    **{"band_start": 8.0, "band_stop": 12.0, "clutter": 0.0, "clutter_length": 10.0},
     **{"mirror_angle": 45.0, "pulse_rate": 20_000.0, "range_filter": "cluster", "chain": "exact"},
 }
 OF_PROFILES = [
     *("profile_correlation", "profile_correlation_without_hangar", "mast_tilt", "waterline_tilt"),
     *("hangar_spike_offset", "closing_speed_error", "looks"),
+    *(f"{one}_{what}_tilt" for one in ("intensity", "infrared") for what in ("mast", "waterline")),
 ]
 
 
@@ -130,6 +132,22 @@ def test_vigilances_have_rows_where_they_matter():
     text = printed(print_measured, measured_rows(made))
     lines = [cells_of(line) for line in text.splitlines() if "│ measured" in line]
     assert [line[2] for line in lines] == ["0.9", "0.95", "all"] * 2
+
+
+def test_tilts_by_each_image_stand_beside_the_joint_ones():
+    """Means over draws, a row a flight: mast by both, intensity and infrared, then waterline."""
+    made = validation(replicate=[0, 1], clutter=[0.0, 0.3])
+    lines = printed(print_flights, made, width=160).splitlines()
+    begin = next(k for k, line in enumerate(lines) if "by each alone" in line)
+    rows = [cells_of(line) for line in lines[begin:] if line.startswith("│")]
+    expected = [(ship, level) for ship in made.ship.values for level in (0.0, 0.3)]
+    assert [(row[0], float(row[1])) for row in rows[: len(expected)]] == expected
+    names = [f"{by}{what}_tilt" for what in ("mast", "waterline")
+             for by in ("", "intensity_", "infrared_")]  # fmt: skip
+    for row, (ship, level) in zip(rows, expected, strict=False):
+        one = made.sel(ship=ship, clutter=level)
+        shown = [float(cell.split()[0]) for cell in row[2:]]
+        assert shown == pytest.approx([float(one[name].mean()) for name in names], abs=0.0051)
 
 
 def test_titles_of_sensitivities_name_the_flight():

@@ -1,20 +1,18 @@
 """Pictures of the infrared channel show what the store holds."""
 
 import warnings
-from itertools import pairwise
 
 import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
-from matplotlib.patches import Rectangle
 from stores import attributes_of, opened
 
 from ncti.features import log_polar
 from sweeps.report import figures, infrared_figures, rows
 from sweeps.report.axes import nominal
-from sweeps.report.infrared_figures import Run, looks_of, runs_of, tints_of
+from sweeps.report.infrared_figures import looks_of
 from sweeps.report.score_figures import COLOURS, WAYS, draw_table5
 
 ANGLES, RADII = 64, 32  # of a map
@@ -47,8 +45,8 @@ def drawn(smoke_store):
     return made
 
 
-# Panels that have data, of the smoke store: 4 rows of 3; strips and shares; 3 bins and all.
-PANELS = {"silhouettes": 21, "formation": 2, "table5": 4}
+# Panels that have data, of the smoke store: 4 rows of 3; 3 bins and all.
+PANELS = {"silhouettes": 21, "table5": 4}
 
 
 def panels_of(figure):
@@ -147,83 +145,6 @@ def test_silhouettes_show_the_stores_images_to_scale_and_on_one_scale_a_range(
     assert [bar.get_xlabel() for bar in bars] == ["K", "K", "K"]
 
 
-def training(categories, confused, aspect):
-    dims = ("ship", "aspect")
-    return xr.Dataset(
-        {"training_category": (dims, categories), "training_confused": (dims, confused)},
-        {"ship": ["a", "b"], "aspect": aspect},
-    )
-
-
-def test_runs_join_neighbours_of_one_category_and_end_half_way():
-    runs = runs_of(
-        training([[0, 0, 1, 0], [2, 2, -1, 1]], [[0, 0, 1, 0], [0, 0, 0, 1]], [0.0, 3.0, 9.0, 12.0])
-    )
-    assert runs == [
-        Run(ship=0, start=-1.5, stop=6.0, category=0, confused=False),
-        Run(ship=0, start=6.0, stop=10.5, category=1, confused=True),
-        Run(ship=0, start=10.5, stop=13.5, category=0, confused=False),
-        Run(ship=1, start=-1.5, stop=6.0, category=2, confused=False),
-        Run(ship=1, start=6.0, stop=10.5, category=-1, confused=False),
-        Run(ship=1, start=10.5, stop=13.5, category=1, confused=True),
-    ]
-
-
-def test_runs_of_one_aspect_have_a_width():
-    (first, _) = runs_of(training([[0], [0]], [[1], [1]], [30.0]))
-    assert first.start < 30.0 < first.stop
-
-
-def test_tints_tell_categories_apart_and_join_shared_ones():
-    runs = [
-        Run(ship=ship, start=3.0 * place, stop=3.0 * place + 3.0, category=category, confused=both)
-        for ship, row in enumerate(([0, 1, 2, 3, 4, 9, 8], [0, 5, 6, -1, 7, 9, 8]))
-        for place, category in enumerate(row)
-        for both in [category in (0, 9, 8)]
-    ]
-    tints = tints_of(runs)
-    for category in (0, 9, 8):
-        assert tints[0, category] == tints[1, category]
-    assert tints[1, -1] == to_rgb("white")
-    of_categories = {category: tint for (_, category), tint in tints.items()}
-    assert len(set(of_categories.values())) == len(of_categories)
-    for first, second in pairwise(runs):
-        if first.ship == second.ship:
-            one, other = (np.array(tints[run.ship, run.category]) for run in (first, second))
-            assert np.abs(one - other).max() > 0.1
-
-
-def test_formation_prints_the_stores_categories(drawn, smoke_store):
-    classified = group(smoke_store, "classification/acn_infrared").sel(vigilance=0.87)
-    first = classified.isel(phase=0, order=0)
-    strips, share = panels_of(drawn["formation"])
-    bars = [patch for patch in strips.patches if isinstance(patch, Rectangle)]
-    numbers = [int(text.get_text()) - 1 for text in strips.texts]
-    assert len(bars) == len(numbers)
-    seen = np.full((first.sizes["ship"], first.sizes["aspect"]), -1)
-    hatched = np.zeros(seen.shape, dtype=int)
-    for bar, number in zip(bars, numbers, strict=True):
-        left, right = bar.get_x(), bar.get_x() + bar.get_width()
-        inside = (first.aspect.values > left) & (first.aspect.values < right)
-        ship = round(bar.get_y() + bar.get_height() / 2)
-        seen[ship, inside] = number
-        hatched[ship, inside] = bar.get_hatch() is not None
-    np.testing.assert_array_equal(seen, first.training_category.transpose("ship", "aspect"))
-    np.testing.assert_array_equal(hatched, first.training_confused.transpose("ship", "aspect"))
-
-    (mesh,) = share.collections
-    expected = 100 * classified.training_confused.mean(("phase", "order"))
-    np.testing.assert_allclose(
-        np.asarray(mesh.get_array()).ravel(), expected.transpose("ship", "aspect").values.ravel()
-    )
-    names = [label.get_text().lower() for label in strips.get_yticklabels()]
-    assert names == first.ship.values.tolist()
-    assert share.get_xlabel() == "aspect [°], 0 bow-on, 90 port beam"
-    count = int(first.training_category.max()) + 1
-    title = drawn["formation"].get_suptitle()
-    assert title.startswith(f"{count} categories of 14 silhouettes, ACN at vigilance 0.87")
-
-
 def lines_of(axes, colour):
     """Points, ends of the intervals and of the spread, by order of range."""
     (points,) = [
@@ -283,5 +204,5 @@ def test_source_is_drawn_beside_its_own_views_only(drawn, smoke_store):
 
 def test_pictures_leave_the_settings_of_matplotlib_alone(smoke_store):
     before = dict(matplotlib.rcParams)
-    figures.draw("formation", smoke_store)
+    figures.draw("table5", smoke_store)
     assert dict(matplotlib.rcParams) == before

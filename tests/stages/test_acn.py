@@ -17,6 +17,7 @@ from sweeps.stages.categories import (
     form_categories,
     match_learning,
     name_categories,
+    network_of,
     presentation_order,
 )
 from sweeps.stages.classifier import map_vectors, profile_vectors
@@ -104,7 +105,8 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     def matched(angle):
         tests = np.array([[3.0, 80.0], [3.0, 80.0]])
         tests[unknown] = angle, angle + 1
-        found = match_learning(lessons.vectors, unit(tests).reshape(4, 2), formed)
+        network = network_of(lessons.vectors, formed)
+        found = match_learning(network, unit(tests).reshape(4, 2), formed)
         return tuple(values.reshape(2, 2) for values in found)
 
     first, second = matched(40.0), matched(-20.0)
@@ -227,7 +229,8 @@ def test_the_stages_are_the_network(kind, learn):
         for f, one in enumerate(shown):
             if learn:
                 network.fit(vectors[turn], ship[turn])
-            category, cosine = network.match(one, learning=learn)
+            category, cosine = np.empty(ship.size, int), np.empty(ship.size)
+            category[turn], cosine[turn] = network.match(one[turn], learning=learn)
             place = (o, v, f, 0, 0)
             np.testing.assert_array_equal(found["category"][place].ravel(), category)
             np.testing.assert_allclose(found["similarity"][place].ravel(), cosine, atol=1e-12)

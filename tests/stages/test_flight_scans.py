@@ -16,6 +16,8 @@ OTHERS = {
     **{"pulse_rate": 5000.0, "range_gate": 400.0, "detectors": 4, "jitter": 100.0},
     **{"jitter_time": 1.0, "transom_gain": 0.0, "mast_gain": 3.0, "flown_pulse_width": 20.0},
     **{"replicate": 1, "cnr": 15.0, "range_sigma": 0.5, "threshold": 8.0, "nedt": 0.2},
+    **{"band_start": 7.5, "band_stop": 13.0, "contrast_at_zero": 3.0, "sea_temperature": 280.0},
+    **{"band_extinction": 0.2, "clutter": 0.1, "clutter_length": 30.0},
 }
 
 
@@ -28,6 +30,7 @@ def test_every_parameter_changes_the_scan(name, monkeypatch):
     mesh, choices = ncti.ships.load("roberts"), read()
     values = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
     values["jitter"] = 50.0 if name == "jitter_time" else 0.0
+    values["clutter"] = 0.3 if name == "clutter_length" else 0.0
     where = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
     scans = [
         scan_again(given, mesh, **where)
@@ -39,6 +42,29 @@ def test_every_parameter_changes_the_scan(name, monkeypatch):
     )
     assert first == again
     assert first != other
+
+
+def test_the_passive_band_changes_no_active_image():
+    """Speckle and all noise are one draw, whatever the band, the sea and its clutter.
+
+    Less the image of a ship as cold as the sea, that of a warm one is what she fills of a pixel,
+    times her contrast.
+    """
+    mesh, choices = ncti.ships.load("roberts"), read()
+    values = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
+    where = {"ship": "roberts", "aspect": 175.0, "seed": 3, "reflectance": "projected_area"}
+    scans = [
+        scan_again(values | changed, mesh, **where)
+        for changed in ({}, {"contrast_at_zero": 0.0}, {"clutter": 0.5}, {"band_start": 3.0})
+    ]
+    plain, cold, *others = scans
+    for other in (cold, *others):
+        np.testing.assert_array_equal(other.intensity, plain.intensity)
+        np.testing.assert_array_equal(other.range, plain.range)
+        assert not np.array_equal(other.infrared, plain.infrared)
+    filled = (plain.infrared - cold.infrared) / plain.flight.contrast
+    assert filled.min() == pytest.approx(0.0, abs=1e-6)
+    assert filled.max() == pytest.approx(1.0, abs=1e-6)  # float32
 
 
 def test_draws_share_a_pass_unless_the_line_of_sight_jitters():

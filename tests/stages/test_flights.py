@@ -120,6 +120,10 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     row, column, _ = places(scan, Correction(), belief=belief)
     spots = row - window.bottom, column - window.left
     lean = tilts([whole.intensity, whole.infrared], truths, places=spots)
+    active, passive = (
+        tilts(image, truth_, places=spots)
+        for image, truth_ in zip((whole.intensity, whole.infrared), truths, strict=True)
+    )
     clean = correct(passed.noiseless(), Correction(), belief=belief, window=window).infrared
     row, column, _ = places(passed.noiseless(), Correction(), belief=belief)
     noiseless = tilts(clean, truths[1], places=(row - window.bottom, column - window.left))
@@ -128,6 +132,10 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
         ("waterline_tilt", lean.waterline),
         ("mast_tilt_error", lean.mast_error),
         ("waterline_tilt_error", lean.waterline_error),
+        ("intensity_mast_tilt", active.mast),
+        ("intensity_waterline_tilt", active.waterline),
+        ("infrared_mast_tilt", passive.mast),
+        ("infrared_waterline_tilt", passive.waterline),
         ("noiseless_mast_tilt", noiseless.mast),
         ("noiseless_waterline_tilt", noiseless.waterline),
     ):

@@ -9,7 +9,7 @@ from range_channel import choose
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.stages import classifier
-from sweeps.stages.classifier import Classifier, aspects_of, learned_of
+from sweeps.stages.classifier import aspects_of, learned_of
 from sweeps.stages.fresh import drawn_aspects, fresh_aspects
 from sweeps.stages.scores import by_aspects, scored
 from sweeps.stages.views import Grid
@@ -54,7 +54,6 @@ def test_they_come_into_the_grid_and_are_not_learned():
     choices = chosen(grid__aspect=[0, 15, 30, 60], grid__fresh=2)
     drawn = fresh_aspects(choices, (0, 15, 30, 60))
     assert len(drawn) == 4 and choices[Grid.aspect] == tuple(sorted({0, 15, 30, 60, *drawn}))
-    assert choices.one(Classifier.training_aspect) == (0, 15, 30, 60)
     kinds = aspects_of(choices)
     assert list(kinds) == ["learned", "random"]
     aspects = np.array(choices[Grid.aspect])

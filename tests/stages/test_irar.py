@@ -167,6 +167,10 @@ TOGETHER = [
         {"aircraft_speed": 52, "errors": {"ship_speed": 42}},
         ("irar.errors.ship_speed has 42", "comes closer at 1.", "must be such that it does at 11"),
     ),
+    (
+        {"band_start": [8, 12]},
+        ("irar.band_start has 12", "must be below 12, irar.band_stop"),
+    ),
     ({"errors": {"aircraft_heading": 1}, "aircraft_heading": 360}, ("aircraft_heading has 1",)),
     (
         {"chain": "printed", "azimuth": "line"},

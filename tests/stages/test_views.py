@@ -126,7 +126,7 @@ def test_sensors_are_a_set(given, sensors):
 
 
 def test_an_unknown_sensor_is_refused():
-    words = "range, infrared, irar, run_time, both"
+    words = "range, infrared, irar, run_time, scan, both"
     with pytest.raises(ConfigurationError, match=f"must be one of {words}"):
         choose(sensor="sonar")
 

@@ -44,7 +44,8 @@ WRONG = {
     "ladar=nope": "ladar is 'nope', but must be one of first_pulse, full_profile, peak_pulse",
     "ladar=[full_profile,peak_pulse]": "but must be one choice",
     "classifier=[acn,mnn]": "but must be one choice; classifier.name takes a list",
-    "sensor=radar": "sensor is 'radar', but must be one of range, infrared, irar, run_time, both",
+    "sensor=radar": "sensor is 'radar', but must be one of range, infrared, irar, run_time, scan, "
+    "both",
     # ships
     "grid.ship=bismarck": "grid.ship has 'bismarck': ",
     "grid.ship=[duncan,x/duncan.stl]": "'duncan' is the name of another ship of the grid",

@@ -30,6 +30,10 @@ FLOWN = (
 )
 TINY = {
     "corrections": (*FLOWN, "grid.ship=roberts"),
+    "draws": (
+        *(*PROFILES, *SEEN, *MNN, "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
+        *("ladar.phases=2", "classifier.orders=2", "grid.vigilance=0.95"),
+    ),
     "fusion": (*PROFILES, *SEEN, "grid.ship=[duncan,texas]", "grid.range=50", "grid.replicate=2"),
     "measured": (
         *(*PROFILES, *MNN, "grid.aspect=175", "grid.ship=[duncan,roberts]", "irar.flown=roberts"),
@@ -39,6 +43,10 @@ TINY = {
     "runtime_vs_error": (
         *("grid.ship=[duncan,texas]", "grid.aspect=90", "render.engine=embree"),
         *("render.pixel=1", "render.roll=30", "run_time.repeats=1", "run_time.bin_width=1"),
+    ),
+    "scan": (
+        *("grid.ship=[duncan,texas]", "grid.aspect=[0,45,90]", "grid.frame_count=[2,4]"),
+        *("grid.range=50", "grid.replicate=1", "scan.known_views=4"),
     ),
     "sensitivity": (
         *(*FLOWN, *(f"irar.errors.{name}=null" for name in ("ship_speed", "ship_heading"))),

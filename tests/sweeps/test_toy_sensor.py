@@ -155,4 +155,4 @@ def test_it_is_described_and_checked_like_the_others(capsys):
 
 def test_without_it_nobody_knows_it(capsys):
     assert ran("sensor=toy") == 2
-    assert "must be one of range, infrared, irar, run_time, both" in capsys.readouterr().err
+    assert "must be one of range, infrared, irar, run_time, scan, both" in capsys.readouterr().err

@@ -14,7 +14,8 @@ SWEEPS = {
         *("grid.frame_count=[2,3,8]", "grid.vigilance=[0.9,0.97]", "grid.replicate=2"),
         *("classifier=all", "classifier.mnn.epochs=20", "classifier.left_out=[false,true]"),
         *("classifier.gain_sigma=[0,1]", "classifier.label_rule=[majority,first]"),
-        "classifier.score_rule=[ship,category]",
+        *("classifier.score_rule=[ship,category]", "classifier.orders=2", "ladar.phases=2"),
+        "classifier.learn_in_test=[false,true]",
     ),
     "infrared": (
         *("grid.ship=[duncan,texas]", "grid.aspect=[0,60]", "sensor=infrared"),
@@ -38,6 +39,10 @@ SWEEPS = {
         *("sensor=run_time", "grid.ship=duncan", "grid.aspect=60", "grid.pulse_width=[30,50]"),
         *("render.pixel=[1,2]", "render.roll=[0,30]", "ladar.spread=[0,0.5]"),
         "run_time.repeats=1",
+    ),
+    "scan": (
+        *("sensor=scan", "grid.ship=[duncan,texas]", "grid.aspect=[30,60]", "grid.range=50"),
+        *("grid.frame_count=[2,5]", "grid.replicate=2", "scan.known_views=2"),
     ),
 }
 MOST = 4  # cells of a stage that are computed alone

@@ -1,0 +1,188 @@
+"""Covariances of neighbouring bins as lower bands: what is made of them, and what they whiten."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.lapack import dtbtrs
+
+from ncti.checks import require_all
+
+Floats = NDArray[np.float64]
+
+
+def checked_moments(
+    mean: ArrayLike, covariance: ArrayLike, labels: ArrayLike, floor: ArrayLike
+) -> tuple[Floats, Floats, NDArray[Any], Floats]:
+    """Means, bands, labels, and means less the floor, of templates whose shapes fit.
+
+    Of the arguments of `ncti.classify.GaussianTemplates.fit`; `ValueError` if they do not.
+    """
+    means = require_all("mean", mean)
+    bands = require_all("covariance", covariance)
+    if means.ndim != 2 or not means.size:
+        raise ValueError(f"mean has shape {means.shape}, but must be (template, bin)")
+    count, bins = means.shape
+    lags = bands.shape[1] if bands.ndim == 3 else 0
+    if bands.shape != (count, lags, bins) or not 1 <= lags <= bins:
+        raise ValueError(
+            f"covariance has shape {bands.shape}, but must be ({count}, lag, {bins}) with 1 "
+            f"to {bins} lags"
+        )
+    names = np.asarray(labels)
+    if names.shape != (count,):
+        raise ValueError(f"labels has shape {names.shape}, but must be ({count},)")
+    try:
+        signal = means - require_all("floor", floor)
+    except ValueError as error:
+        if "broadcast" not in str(error):
+            raise
+        signal = np.empty(0)
+    if signal.shape != means.shape:
+        raise ValueError(
+            f"floor has shape {np.shape(floor)}, but must be one number, ({bins},), "
+            f"({count}, 1) or {means.shape}"
+        )
+    return means, bands, names, signal
+
+
+def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[Floats, Floats]:
+    """(sample, bin) averages and the (sample,) frames in each, or `ValueError`."""
+    samples = require_all("X", X)
+    # LAPACK's band solver writes beyond its arrays when there is nothing to solve.
+    if samples.ndim != 2 or samples.shape[1] != bins or not samples.size:
+        raise ValueError(
+            f"X has shape {samples.shape}, but must be (sample, {bins}) with a sample or more"
+        )
+    frames = require_all("frame_count", frame_count, minimum=1)
+    if frames.shape not in ((), (len(samples),)):
+        raise ValueError(
+            f"frame_count has shape {frames.shape}, but must be one number or ({len(samples)},)"
+        )
+    return samples, np.broadcast_to(frames, len(samples))
+
+
+def lower_band(covariance: ArrayLike) -> Floats:
+    """Dense symmetric matrices as lower bands of all their lags.
+
+    Parameters
+    ----------
+    covariance : (..., bin, bin) array_like
+        Symmetric; only the lower triangle is read.
+
+    Returns
+    -------
+    (..., lag, bin) float64 ndarray
+        As `scipy.linalg.cholesky_banded` takes it: element [l, n] is that of bins n + l and n,
+        zero where n + l is no bin.
+    """
+    dense = np.asarray(covariance, dtype=np.float64)
+    bins = dense.shape[-1]
+    if dense.ndim < 2 or dense.shape[-2] != bins:
+        raise ValueError(f"covariance has shape {dense.shape}, but must be (..., bin, bin)")
+    lag, n = np.mgrid[:bins, :bins]
+    inside = lag + n < bins
+    return np.where(inside, dense[..., np.where(inside, lag + n, 0), n], 0.0)
+
+
+def residual_band(residual: ArrayLike, correlation: ArrayLike) -> Floats:
+    """Covariance of a residual, as correlated between bins as noise is.
+
+    Parameters
+    ----------
+    residual : (bin,) array_like
+        Standard deviation in each bin.
+    correlation : (lag,) array_like
+        Correlation between bins so far apart, positive definite; no more lags than bins.
+
+    Returns
+    -------
+    (lag, bin) float64 ndarray
+        Lower band, as of `ncti.classify.lower_band`: positive semidefinite, as the product of a
+        Toeplitz matrix that is, element by element, with that of `residual` and itself.
+    """
+    scale, along = np.asarray(residual, dtype=np.float64), np.asarray(correlation)
+    band = np.zeros((len(along), len(scale)))
+    for lag, share in enumerate(along):
+        band[lag, : len(scale) - lag] = share * scale[: len(scale) - lag] * scale[lag:]
+    return band
+
+
+def mean_correlation(bands: ArrayLike) -> Floats:
+    """Correlation between bins by their distance, of the mean over templates and bins.
+
+    Parameters
+    ----------
+    bands : (template, lag, bin) array_like
+        Covariances as lower bands, positive definite.
+
+    Returns
+    -------
+    (lag,) float64 ndarray
+        1 at first. Positive definite, too: the sums along the diagonals of such a matrix have a
+        spectrum that is nowhere negative.
+    """
+    along: Floats = np.asarray(bands, dtype=np.float64).sum(axis=(0, 2))
+    return along / along[0]
+
+
+def whiten(factor: Floats, columns: Floats) -> Floats:
+    """L^-1 times (bin, column) columns, L a lower band."""
+    white, _ = dtbtrs(factor, columns, uplo="L")
+    return white
+
+
+def coloured(factor: Floats, white: Floats) -> Floats:
+    """L times a (bin,) vector, L a lower band."""
+    found = np.zeros_like(white)
+    for lag, band in enumerate(factor):
+        found[lag:] += band[: len(white) - lag] * white[: len(white) - lag]
+    return found
+
+
+def densities(
+    factor: Floats, unit: Floats, off: Floats, frames: Floats, priors: ArrayLike
+) -> Floats:
+    """Log densities and squared distances of averages of frames from one template.
+
+    Parameters
+    ----------
+    factor : (lag, bin) array_like
+        Lower Cholesky factor of one frame's covariance, L.
+    unit : (bin, direction) array_like
+        Unknown directions at a unit of their prior, whitened by L.
+    off : (sample, bin) array_like
+        Averages less the template's mean.
+    frames : (sample,) array_like
+        Frames in each average.
+    priors : (prior, scaled) array_like
+        Deviations that the first directions are scaled by, set after set; others keep theirs.
+
+    Returns
+    -------
+    (2, prior, sample) float64 ndarray
+        Natural logarithms of the density, and squared Mahalanobis distances.
+
+    Notes
+    -----
+    With U the directions times their deviations, the covariance of n frames is
+    L (I + n U U') L' / n. The Woodbury identity and the matrix determinant lemma need the small
+    matrix I + n U'U alone.
+    """
+    white = whiten(factor, off.T)
+    alone = frames * np.einsum("bs,bs->s", white, white)
+    size = 2 * np.log(factor[0]).sum() + len(white) * np.log(2 * math.pi / frames)
+    gram, along = unit.T @ unit, (unit.T @ white).T
+    deviations = np.asarray(priors)
+    found: Floats = np.empty((2, len(deviations), len(off)))
+    for k, prior in enumerate(deviations):
+        scale = np.append(prior, np.ones(len(gram) - len(prior)))
+        inner = np.eye(len(gram)) + frames[:, None, None] * (gram * np.outer(scale, scale))
+        overlap = frames[:, None] * (along * scale)
+        known = np.sum(overlap * np.linalg.solve(inner, overlap[..., None])[..., 0], axis=1)
+        found[1, k] = alone - known
+        found[0, k] = -(alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
+    return found

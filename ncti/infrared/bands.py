@@ -1,0 +1,195 @@
+"""Planck's law in a band, and the contrast of a warm ship that a sensor sees there."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ncti.checks import require, require_all
+from ncti.infrared.radiometry import CONTRAST_AT_ZERO, Values
+
+PLANCK = 6.62607015e-34
+"""h [J s], exact."""
+
+BOLTZMANN = 1.380649e-23
+"""k [J/K], exact."""
+
+SPEED_OF_LIGHT = 299_792_458.0
+"""c [m/s], exact."""
+
+MID_WAVE = (3e-6, 5e-6)
+"""Band of the proposed imager [m]; article, 'The NCTI Sensor Suite'."""
+
+LONG_WAVE = (8e-6, 12e-6)
+"""Band of IRAR's passive detectors [m]; article, 'The Infrared Airborne Radar (IRAR) System'."""
+
+SEA_TEMPERATURE = 288.15
+"""Of the sea [K], 15 degrees Celsius: an assumption, the article has none."""
+
+LONG_WAVE_EXTINCTION = 0.5e-3
+"""One-way extinction of radiance at 8 to 12 um [dB/m]: an assumption, of clear maritime air."""
+
+# 2 k^4 / (h^3 c^2): a black body's radiance is this, T^4, and an integral over h c / (lambda k T).
+_RADIANCE = 2 * BOLTZMANN**4 / (PLANCK**3 * SPEED_OF_LIGHT**2)
+_TERMS = 45  # exp(-45) is below the rounding of the first
+_NEAR_ZERO = 1.0  # below it the series at zero is summed
+# Of the integral of t^3 / (exp(t) - 1) from 0: coefficients of x^3, x^4, x^5, x^7, ..., from
+# Bernoulli's numbers. The next, of x^17, is 8e-13.
+_POWERS = (
+    *((3, 1 / 3), (4, -1 / 8), (5, 1 / 60), (7, -1 / 5040), (9, 1 / 272160)),
+    *((11, -1 / 13305600), (13, 1 / 622702080), (15, -691 / 19615115520000)),
+)
+
+Floats = NDArray[np.float64]
+
+
+def band_radiance(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
+    """Return the radiance of a black body between two wavelengths.
+
+    Parameters
+    ----------
+    temperature : (...) array_like
+        Above 0 [K].
+    band : (float, float)
+        Shortest and longest wavelength [m].
+
+    Returns
+    -------
+    float or (...) float64 ndarray
+        [W m-2 sr-1].
+
+    Raises
+    ------
+    ValueError
+        If a temperature or a wavelength is not above 0 or not finite, or the band is empty.
+
+    Notes
+    -----
+    L = integral of 2 h c^2 / lambda^5 / (exp(h c / (lambda k T)) - 1) over the band. With
+    x = h c / (lambda k T) that is 2 k^4 T^4 / (h^3 c^2) times the integral of x^3 / (exp(x) - 1),
+    which is summed as a series of exp(-n x), or of powers of x below 1 [1]_. Over all wavelengths
+    it is Stefan and Boltzmann's sigma T^4 / pi.
+
+    References
+    ----------
+    .. [1] W. K. Widger and M. P. Woodall, "Integration of the Planck blackbody radiation function",
+       Bull. Amer. Meteor. Soc. 57, 1217-1219 (1976).
+    """
+    warm, near, far = _reduced(temperature, band)
+    return _RADIANCE * warm**4 * (_tail(far) - _tail(near))
+
+
+def radiance_slope(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
+    """Return by how much a black body's radiance in a band rises with its temperature.
+
+    Parameters
+    ----------
+    temperature, band
+        As for `band_radiance`.
+
+    Returns
+    -------
+    float or (...) float64 ndarray
+        [W m-2 sr-1 K-1].
+
+    Raises
+    ------
+    ValueError
+        As `band_radiance`.
+
+    Notes
+    -----
+    With F(x) the integral of t^3 / (exp(t) - 1) from x on, the derivative of T^4 F(a / T) is
+    T^3 (4 F(x) + x^4 / (exp(x) - 1)).
+    """
+    warm, near, far = _reduced(temperature, band)
+    parts = [4 * _tail(x) + x**4 * np.exp(-x) / -np.expm1(-x) for x in (near, far)]
+    return _RADIANCE * warm**3 * (parts[1] - parts[0])
+
+
+def band_contrast(
+    slant_range: Values,
+    *,
+    band: tuple[float, float] = LONG_WAVE,
+    contrast_at_zero: float = CONTRAST_AT_ZERO,
+    sea_temperature: float = SEA_TEMPERATURE,
+    extinction: float = LONG_WAVE_EXTINCTION,
+) -> Values:
+    """Return the apparent temperature of a black ship against a black sea, in a band.
+
+    Parameters
+    ----------
+    slant_range : (...) array_like
+        Sensor to target [m].
+    band : (float, float)
+        Shortest and longest wavelength [m].
+    contrast_at_zero : float
+        Temperature of the ship over the sea's [K]; negative for a colder ship.
+    sea_temperature : float
+        Of the sea [K].
+    extinction : float
+        Of radiance in that band, one way [dB/m].
+
+    Returns
+    -------
+    float or (...) float64 ndarray
+        Contrast [K].
+
+    Raises
+    ------
+    ValueError
+        If a range or the extinction is negative, a temperature not above 0, the band empty, or
+        anything not finite.
+
+    Notes
+    -----
+    10^(-extinction R / 10) (L(T + dT) - L(T)) / (dL/dT)(T), L the radiance in the band: what a
+    sensor reads that is calibrated about the sea's temperature. A noise-equivalent temperature
+    difference is a noise-equivalent radiance in the same unit, so that their ratio is the
+    signal-to-noise ratio, 1 where they are equal, as the article defines it.
+
+    The decibels are of radiance; those of `ncti.infrared.contrast` are of its square, as Table 1
+    has them. Emissivity below 1 and the sky that a ship and the sea then mirror are left out.
+    """
+    distance = require_all("slant_range", slant_range, minimum=0.0)
+    require("contrast_at_zero", contrast_at_zero)
+    require("sea_temperature", sea_temperature, positive=True)
+    require("extinction", extinction, minimum=0.0)
+    ship = sea_temperature + contrast_at_zero
+    if ship <= 0:
+        raise ValueError(
+            f"contrast_at_zero is {contrast_at_zero:g}, but must be above {-sea_temperature:g}, "
+            "so that the ship is above 0 K"
+        )
+    at_ship = band_radiance(ship, band=band) - band_radiance(sea_temperature, band=band)
+    through = 10.0 ** (-extinction * distance / 10)
+    apparent: Values = through * at_ship / radiance_slope(sea_temperature, band=band)
+    return apparent
+
+
+def _reduced(temperature: ArrayLike, band: tuple[float, float]) -> tuple[Floats, Floats, Floats]:
+    """Temperatures, and h c / (lambda k T) at the shortest and the longest wavelength."""
+    warm = require_all("temperature", temperature, positive=True)
+    shortest, longest = require_all("band", band, positive=True)
+    if not shortest < longest:
+        raise ValueError(
+            f"band is {shortest:g} to {longest:g} m, but must go from a shorter to a longer "
+            "wavelength"
+        )
+    scale = PLANCK * SPEED_OF_LIGHT / (BOLTZMANN * warm)
+    return warm, scale / shortest, scale / longest
+
+
+def _tail(x: Floats) -> Floats:
+    """Integral of t^3 / (exp(t) - 1) from x on, of x above 0."""
+    far = np.maximum(x, _NEAR_ZERO)
+    found = np.zeros_like(far)
+    for n in range(1, _TERMS + 1):
+        found += np.exp(-n * far) * (((far / n + 3 / n**2) * far + 6 / n**3) * far + 6 / n**4)
+    near = np.minimum(x, _NEAR_ZERO)
+    return np.where(
+        x < _NEAR_ZERO, math.pi**4 / 15 - sum(part * near**power for power, part in _POWERS), found
+    )

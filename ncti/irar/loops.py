@@ -1,0 +1,16 @@
+"""The loop that the tilts of corrected images run, and how it is compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncti.irar.tilt import tilts
+from ncti.machine_code import Loops
+
+
+def _tilt() -> None:
+    ship = np.pad(np.ones((8, 16)), 8)
+    tilts(ship, np.kron(ship, np.ones((4, 4))))
+
+
+TILTS = Loops("tilts", ("irar.seen.add_looks",), _tilt)

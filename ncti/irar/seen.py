@@ -1,0 +1,171 @@
+"""What looks see of a truth, and how that changes with where it lies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ncti.compiled import compiled
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """What pixels average: pixel (flat) and place of each look about the centre [pixel]."""
+
+    pixel: NDArray[np.intp]
+    row: Floats
+    column: Floats
+    count: NDArray[np.intp]
+    shape: tuple[int, ...]
+
+    @classmethod
+    def of(cls, places: tuple[ArrayLike, ArrayLike], shape: tuple[int, ...]) -> Looks:
+        """Return looks at some places within an image of a shape."""
+        row, column = (np.asarray(part, dtype=np.float64) for part in places)
+        if row.shape != column.shape:
+            raise ValueError(
+                f"places has rows of shape {row.shape} and columns of shape {column.shape}, but "
+                "must have as many of both"
+            )
+        rows, columns = shape
+        inside = (row >= -0.5) & (row < rows - 0.5) & (column >= -0.5) & (column < columns - 0.5)
+        row, column = row[inside], column[inside]
+        pixel = np.floor(row + 0.5).astype(np.intp) * columns + np.floor(column + 0.5).astype(
+            np.intp
+        )
+        return cls(
+            pixel,
+            row - (rows - 1) / 2,
+            column - (columns - 1) / 2,
+            np.bincount(pixel, minlength=rows * columns),
+            shape,
+        )
+
+    def within(self, rows: slice, columns: slice) -> Looks:
+        """Those of some pixels; places are about the centre of the whole image still."""
+        number = np.full(self.shape, -1)
+        shape = number[rows, columns].shape
+        number[rows, columns] = np.arange(math.prod(shape)).reshape(shape)
+        pixel = number.ravel()[self.pixel]
+        kept = pixel >= 0
+        count = self.count.reshape(self.shape)[rows, columns].ravel()
+        return Looks(pixel[kept], self.row[kept], self.column[kept], count, shape)
+
+
+class Truth:
+    """Channels of a truth, as looks see them."""
+
+    def __init__(self, cells: Floats, factor: int) -> None:
+        self.factor = factor
+        # The ship alone, in a border so wide that what is led beyond it sees no slope.
+        border = 5
+        lit = [np.flatnonzero(cells.any(axis=(0, axis))) for axis in (2, 1)]
+        first = np.array([line[0] for line in lit])
+        self.middle = (np.array(cells.shape[1:]) - 1) / 2 - first + border
+        ship = cells[:, *(slice(line[0], line[-1] + 1) for line in lit)]
+        self.rows, self.columns = (cells / factor for cells in ship.shape[1:])
+        bordered = np.pad(ship, ((0, 0), (border, border), (border, border)))
+        self.cells = bordered
+        self.upward, self.rightward = map(np.ascontiguousarray, np.gradient(bordered, axis=(1, 2)))
+        from scipy.ndimage import binary_dilation
+
+        self.near = binary_dilation((bordered != 0).any(axis=0), iterations=2)
+
+    def image(self, place: Floats, looks: Looks) -> tuple[Floats, Floats]:
+        """(channel, row, column[, 6]): at a place (see `tilt._START`), and its derivatives."""
+        image = np.zeros((len(self.cells), looks.count.size))
+        slopes = np.zeros((*image.shape, 6))
+        add_looks(
+            image,
+            slopes,
+            self.cells,
+            self.upward,
+            self.rightward,
+            self.near,
+            self.middle,
+            self.factor,
+            place,
+            looks.pixel,
+            looks.row,
+            looks.column,
+            looks.count,
+        )
+        shape = len(image), *looks.shape
+        return image.reshape(shape), slopes.reshape(*shape, 6)
+
+
+@compiled
+def add_looks(
+    image: Floats,
+    slopes: Floats,
+    cells: Floats,
+    upward: Floats,
+    rightward: Floats,
+    near: NDArray[np.bool_],
+    middle: Floats,
+    factor: int,
+    place: Floats,
+    pixel: NDArray[np.intp],
+    row: Floats,
+    column: Floats,
+    count: NDArray[np.intp],
+) -> None:
+    """Add what looks see to the pixels that average them.
+
+    Parameters
+    ----------
+    image : (channel, pixel) float64 ndarray
+        Means over the looks of a pixel; added to.
+    slopes : (channel, pixel, 6) float64 ndarray
+        How they change with `place`; added to.
+    cells, upward, rightward : (channel, row, column) float64 ndarray
+        Brightness of the cells, 0 at the border, and its change by a cell, up and to the right.
+    near : (row, column) bool ndarray
+        Cells that are or adjoin the ship: of others nothing is seen.
+    middle : (2,) float64 ndarray
+        Row and column of the scene's middle [cell].
+    factor : int
+        Cells to a pixel, either way.
+    place : (6,) float64 ndarray
+        Where the scene lies: up, right, mast, waterline, height, width, as of `tilt.tilts`.
+    pixel : (look,) intp ndarray
+        Pixel that averages a look.
+    row, column : (look,) float64 ndarray
+        Where a look falls, from the middle of the image [pixel].
+    count : (pixel,) intp ndarray
+        Looks of each pixel.
+    """
+    last_row, last_column = cells.shape[1] - 2.0, cells.shape[2] - 2.0
+    up, right, mast, waterline, height, width = place
+    for i in range(len(pixel)):
+        y, x = row[i], column[i]
+        at_row = factor * (up + height * y + waterline * x) + middle[0]
+        at_column = factor * (right + mast * y + width * x) + middle[1]
+        at_row = min(max(at_row, 0.0), last_row)
+        at_column = min(max(at_column, 0.0), last_column)
+        r, c = int(at_row), int(at_column)
+        if not near[r, c]:
+            continue
+        beyond_row, beyond_column = at_row - r, at_column - c
+        nearest_row, nearest_column = int(np.rint(at_row)), int(np.rint(at_column))
+        p = pixel[i]
+        share = 1.0 / count[p]
+        for k in range(len(cells)):
+            low = cells[k, r, c] + beyond_column * (cells[k, r, c + 1] - cells[k, r, c])
+            high = cells[k, r + 1, c] + beyond_column * (
+                cells[k, r + 1, c + 1] - cells[k, r + 1, c]
+            )
+            image[k, p] += (low + beyond_row * (high - low)) * share
+            d_up = upward[k, nearest_row, nearest_column] * factor * share
+            d_right = rightward[k, nearest_row, nearest_column] * factor * share
+            slopes[k, p, 0] += d_up
+            slopes[k, p, 1] += d_right
+            slopes[k, p, 2] += d_right * y
+            slopes[k, p, 3] += d_up * x
+            slopes[k, p, 4] += d_up * y
+            slopes[k, p, 5] += d_right * x

@@ -1,0 +1,216 @@
+"""Picture of a scan: the field of regard with its visits, their time, and what all draws find."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+
+from sweeps.stages.scan import DECOY, NOWHERE
+
+COLOURS = {
+    "right": "#2a9d5c",
+    "wrong": "#c1440e",
+    "rejected": "#1f4e79",
+    "imager": "#e9a23b",
+    "missed": "#888888",
+    "visits": "#6aa5d8",
+}
+SAYS = {
+    "right": "named right",
+    "wrong": "called a ship, wrongly",
+    "rejected": "visited, called no ship",
+    "missed": "not detected",
+}
+PARTS = (
+    ("imaging", "imager", "imager"),
+    ("slewing", "missed", "moves"),
+    ("dwelling", "visits", "visits"),
+)
+LABELS = 2.6  # percent of the field's height, between a box and its label
+
+
+def draw_scan(scan: xr.Dataset, table: xr.Dataset, given: dict[str, Any]) -> Figure:
+    """Draw the first field at the middle range, its time line, and figures over all draws.
+
+    Parameters
+    ----------
+    scan : xarray.Dataset
+        Group `scan` of a store.
+    table : xarray.Dataset
+        Its group `tables/scan`.
+    given : dict
+        The store's configuration.
+    """
+    scan, table = (_nominal(one) for one in (scan, table))
+    place = scan
+    if "range" in scan.dims:
+        place = place.isel(range=scan.sizes["range"] // 2)
+    if "replicate" in scan.dims:
+        place = place.isel(replicate=0)
+    if "frame_count" in scan.dims:
+        place = place.isel(frame_count=-1)
+    figure = Figure(figsize=(11.0, 6.4), dpi=130, layout="constrained")
+    grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1), height_ratios=(1, 1, 0.42))
+    _field(figure.add_subplot(grid[:2, 0]), place, given)
+    _time_line(figure.add_subplot(grid[2, 0]), place, given)
+    _found(figure.add_subplot(grid[0, 1]), table)
+    _times(figure.add_subplot(grid[1:, 1]), table)
+    return figure
+
+
+def _nominal(data: xr.Dataset) -> xr.Dataset:
+    """The first value of every axis that the picture does not show."""
+    kept = ("range", "replicate", "frame_count", "target", "detection", "edge")
+    return data.isel({dim: 0 for dim in data.dims if dim not in kept})
+
+
+def outcome(source: int, named: int, accepted: bool, ships: int) -> str:
+    """Return what became of a visit: `right`, `wrong` or `rejected`."""
+    if not accepted:
+        return "rejected"
+    return "right" if source == named and source < ships else "wrong"
+
+
+def _visits(place: xr.Dataset) -> list[tuple[str, str, Any, Any]]:
+    """Outcome, label, detected and visited box of each visit, from left to right."""
+    names = place.target.values.tolist()
+    ships = len(names) - (names[-1] == DECOY)
+    found = []
+    for nth in range(place.sizes["detection"]):
+        one = place.isel(detection=nth)
+        source, named = int(one.source), int(one.named)
+        if source < NOWHERE:
+            continue
+        what = outcome(source, named, bool(one.accepted == 1), ships)
+        label = "" if source == NOWHERE else names[source]
+        if what == "wrong":
+            label = f"{label or 'sea'}, called {names[named]}"
+        found.append((what, label, one.box.values, one.visit.values))
+    return found
+
+
+def _field(axes: Axes, place: xr.Dataset, given: dict[str, Any]) -> None:
+    """Draw the field of regard: what was detected, what was visited, and what was missed."""
+    width, height = given["scan"]["width"], given["scan"]["height"]
+    degrees = np.degrees(given["ladar"]["ifov"] * 1e-6)
+    middle = np.array([np.ceil(width / degrees), np.ceil(height / degrees)]) / 2
+    seen = set()
+    for what, label, box, visit in _visits(place):
+        seen.add(what)
+        for edges, filled in ((visit, False), (box, True)):
+            corner = (edges[:2] - middle) * degrees
+            side = (edges[2:] - edges[:2]) * degrees
+            style = {"fc": COLOURS[what], "lw": 0} if filled else {"fill": False, "lw": 0.8}
+            axes.add_patch(Rectangle(corner, *side, ec=COLOURS[what], **style))
+        at = (np.array([visit[0], visit[3]]) - middle) * degrees
+        axes.annotate(
+            label, (at[0], at[1] + LABELS / 100 * height), fontsize=8, color=COLOURS[what]
+        )
+    for target in np.flatnonzero(place.hot.values == 0):
+        one = place.isel(target=target)
+        at = (np.array([one.column, one.row]) - middle) * degrees
+        axes.plot(*at, "x", color=COLOURS["missed"], ms=6)
+        where: Any = {"xytext": (5, 5), "textcoords": "offset points", "fontsize": 8}
+        axes.annotate(str(one.target.item()), at, color=COLOURS["missed"], **where)
+        seen.add("missed")
+    for what in SAYS:
+        if what in seen:
+            axes.plot([], [], "s", color=COLOURS[what], ms=6, label=SAYS[what])
+    axes.set(xlim=(-width / 2, width / 2), ylim=(-height / 2, height / 2), aspect="equal")
+    axes.set(xlabel="bearing [deg]", ylabel="elevation [deg]")
+    axes.legend(loc="upper right", fontsize=8, frameon=False, ncols=2)
+    frames = f"{int(place.frame_count)} frames"
+    axes.set_title(
+        f"Field of regard at {float(place.range):g} km, {frames}: detected (filled) and visited",
+        fontsize=10,
+    )
+
+
+def _time_line(axes: Axes, place: xr.Dataset, given: dict[str, Any]) -> None:
+    """Draw the imager and all visits, one after the other."""
+    sizes = given["scan"]
+    axes.barh(0, float(place.imaging), color=COLOURS["imager"], ec="white", lw=0.4)
+    now, visits = float(place.imaging), _visits(place)
+    for what, _, _, visit in visits:
+        now += sizes["slew_time"]
+        columns, rows = (visit[2:] - visit[:2]) // sizes["detector"]
+        taken = columns * rows * int(place.frame_count) / sizes["pulse_rate"]
+        axes.barh(0, taken, left=now, color=COLOURS[what], ec="white", lw=0.4)
+        now += taken
+    axes.set(yticks=[], xlabel="time [s]", xlim=(0, 1.01 * now))
+    axes.set_title(
+        f"Imager {float(place.imaging):.1f} s, then {len(visits)} visits: {now:.1f} s in all, "
+        f"instead of {float(place.alone):.0f} s by the laser radar alone",
+        fontsize=9,
+    )
+    axes.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _lines(table: xr.Dataset) -> tuple[Any, xr.Dataset]:
+    """Ranges, and the table with the axes range and frame count."""
+    for name in ("range", "frame_count"):
+        if name not in table.dims:
+            table = table.expand_dims(name)
+    return table.range.values, table
+
+
+def _found(axes: Axes, table: xr.Dataset) -> None:
+    """Draw shares over all draws, with intervals, by range; of the most frames."""
+    ranges, table = _lines(table)
+    last = table.isel(frame_count=-1)
+    axes.plot(ranges, 100 * last.chance, "k:", lw=1, label="detected, closed form")
+    shown = (
+        *(("detected", "missed", "ships detected"), ("right", "right", "of these named right")),
+        ("rejected", "rejected", "decoys rejected"),
+    )
+    step = 0.012 * (np.ptp(ranges) or ranges[0])
+    for nth, (name, colour, label) in enumerate(shown):
+        share = 100 * last[f"share_{name}"].values
+        ends = [100 * last[f"share_{name}_{end}"].values for end in ("low", "high")]
+        there = np.isfinite(share)
+        error = np.maximum([share - ends[0], ends[1] - share], 0)[:, there]
+        style: dict[str, Any] = {"color": COLOURS[colour], "capsize": 2, "ms": 4, "lw": 1}
+        at = ranges[there] + (nth - 1) * step
+        axes.errorbar(at, share[there], error, fmt="o-", label=label, **style)
+    axes.set(ylim=(0, 104), ylabel="%", xlabel="range [km]")
+    axes.set_title(
+        f"All {int(table.draws.max())} draws, {int(last.frame_count)} frames, 95 % intervals",
+        fontsize=9,
+    )
+    axes.legend(fontsize=7, frameon=False, loc="lower left")
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _times(axes: Axes, table: xr.Dataset) -> None:
+    """Draw the mean time by part beside that of the laser radar alone, by range and frames."""
+    ranges, table = _lines(table)
+    places, labels, at = [], [], 0.0
+    for count in table.frame_count.values:
+        for where in ranges:
+            one = table.sel(frame_count=count, range=where)
+            left = 0.0
+            for part, colour, _ in PARTS:
+                axes.barh(at, float(one[part]), left=left, color=COLOURS[colour])
+                left += float(one[part])
+            axes.barh(at, float(one.alone), color="none", ec="0.5", lw=0.8)
+            axes.text(
+                float(one.alone) * 1.02, at, f"{float(one.gain):.0f} x", va="center", fontsize=8
+            )
+            places.append(at)
+            labels.append(f"{where:g} km, {count}")
+            at += 1
+        at += 0.5
+    keys = [Patch(color=COLOURS[colour], label=label) for _, colour, label in PARTS]
+    keys.append(Patch(fc="none", ec="0.5", lw=0.8, label="laser radar alone"))
+    axes.set(yticks=places, yticklabels=labels, xlabel="mean time [s]")
+    axes.set_xlim(0, 1.15 * float(table.alone.max()))
+    axes.tick_params(axis="y", labelsize=8)
+    axes.invert_yaxis()
+    axes.legend(handles=keys, fontsize=7, frameon=False, loc="upper right")
+    axes.set_title("Time by range and frames", fontsize=9)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,71 @@
+"""Rows and the printed table of scans of the field of regard."""
+
+from __future__ import annotations
+
+import xarray as xr
+from rich.console import Console
+
+from sweeps.report.axes import NOTHING
+from sweeps.report.rows import Column, Row, finite, percent, several, table_rows
+from sweeps.report.screen import note, settings, sheet, show
+
+SHARES = ("detected", "right", "wrong", "away", "found", "decoys", "rejected", "false_rejected")
+TIMES = ("imaging", "slewing", "dwelling", "total", "alone")
+ENDS = ("low", "high")
+
+
+def scan_rows(tables: xr.Dataset) -> list[Row]:
+    """Return what scans find [%], of how many, with intervals, and the time of each part."""
+    columns: dict[str, Column] = {"draws": ("draws", int)}
+    for name in SHARES:
+        variable = f"share_{name}"
+        columns[f"percent_{name}"] = (variable, percent)
+        columns |= {f"{name}_ci_{end}": (f"{variable}_{end}", percent) for end in ENDS}
+        columns[f"{name}_of"] = (f"{variable}_of", int)
+    columns["percent_detected_in_closed_form"] = ("chance", percent)
+    columns |= {name: (name, finite) for name in ("false_a_field", "alarms_a_field")}
+    columns |= {f"{name}_s": (name, finite) for name in TIMES} | {"gain": ("gain", finite)}
+    return table_rows(tables, columns, {})
+
+
+def print_scan(rows: list[Row], console: Console) -> None:
+    """Print what is found and how long it takes: ranges and frames down."""
+    for place, group in settings(rows, ("pulse_width",), but=("range_km", "frame_count")):
+        table = sheet(
+            f"Scan of the field of regard ({place})",
+            *("range\n[km]", "frames", "ships\ndetected\n[%]", "closed\nform\n[%]"),
+            *("of these\nnamed\nright [%]", "decoys\nrejected\n[%]", "sea\nvisited,\ntimes"),
+            *("sea\nrejected\n[%]", "imager\n[s]", "moves\n[s]", "visits\n[s]", "in all\n[s]"),
+            *("laser\nradar\nalone [s]", "x as\nlong"),
+            pad_edge=False,
+            collapse_padding=True,
+        )
+        for row in group:
+            table.add_row(
+                *(f"{row['range_km']:g}", f"{row['frame_count']}"),
+                _share(row, "detected"),
+                f"{row['percent_detected_in_closed_form']:.0f}",
+                *(_share(row, name) for name in ("right", "rejected")),
+                f"{row['false_a_field']:.1f}",
+                _share(row, "false_rejected"),
+                *(f"{row[f'{name}_s']:.1f}" for name in TIMES),
+                f"{row['gain']:.1f}",
+            )
+        show(table, console)
+    one = rows[0]
+    more = "" if several(rows, but=("range_km", "frame_count")) else f", {one['draws']} draws"
+    note(
+        f"Below each share its 95 % Wilson interval{more}. Ships lie at aspects that no template "
+        "has. Named right: the most probable ship is the true one, and similar enough to be a ship "
+        "at all. Frames are those of the laser radar; alone it looks at every place of the field "
+        "for as many.",
+        console,
+    )
+
+
+def _share(row: Row, name: str) -> str:
+    """A share in per cent, with the interval below."""
+    share = row[f"percent_{name}"]
+    if share is None:
+        return NOTHING
+    return f"{share:.0f}\n{row[f'{name}_ci_low']:.0f}-{row[f'{name}_ci_high']:.0f}"
