@@ -67,6 +67,7 @@ SWITCHES = {
 # What a table or a picture of one setting shows where there are several: else the first.
 NOMINAL: dict[str, Any] = {
     **{"label_rule": "majority", "score_rule": "ship", "training": "expected", "left_out": False},
+    **{"aspects": "random", "learn_in_test": False},
     **{
         "learn_in_test": False,
         "inputs": "standardised",

@@ -74,10 +74,7 @@ class Ladar(Settings, key="ladar"):
         help="the source's 32 dB at 100 km contains its own",
     )
     target_free_ifovs = count(
-        *(4000, 0, 10**7),
-        label="target-free IFOVs accumulated a frame",
-        help="fitted to the source's scores near the bow at 30 ns",
-        noted=True,
+        4000, 0, 10**7, label="target-free IFOVs accumulated a frame", noted=True
     )
     receiver = word(
         FULL, RECEIVERS, label="what the receiver keeps of a returned waveform", noted=True

@@ -188,6 +188,19 @@ def test_point_sampling_leaves_the_comb_that_spreading_fills():
         assert (middle == 0).any() == empty
 
 
+@pytest.mark.parametrize("spread", [0.25, 0.5, 1.0])
+def test_a_row_is_spread_over_that_share_of_its_range(spread):
+    """The outermost rows of a deck, 0.25 m high, end half a spread row beyond their middles."""
+    slope = 1 / np.tan(np.radians(3.84))
+    deck = plane(width=20, height=3, slope=(0.0, slope), roll=0.0)
+    fine = {"slant_range": 1e8, "ifov": 150e-9, "bin_width": 0.05, "window": 100.0}
+    found = range_extent(deck, spread=spread, **fine)
+    seen = found.down_range[found.fraction.sum(axis=0) > 0]
+    outermost = deck.cross_range()[1][deck.hit].max()
+    end = slope * (outermost + spread * deck.pixel / 2)
+    np.testing.assert_allclose([seen.min(), seen.max()], [-end, end], rtol=0, atol=0.05)
+
+
 def test_lambertian_return_has_the_cosine_of_incidence():
     image = plane(width=20, height=20, slope=(0.75, 1.0))
     bright = range_extent(image, slant_range=1e5)

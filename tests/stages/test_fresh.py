@@ -50,6 +50,13 @@ def test_they_are_uniform_and_other_ones_of_another_seed():
     assert not set(found) & set(drawn_aspects(0.0, 90.0, 20, 4)[:5])
 
 
+def test_no_two_bins_draw_the_same_places():
+    """Of 20 aspects to a thousandth of 30 degrees, one in 30,000 pairs is equal by chance."""
+    places = np.array(drawn_aspects(0.0, 90.0, 20, 3)).reshape(3, 20) % 30
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        assert (np.abs(places[first] - places[second]) > 2e-3).sum() >= 18
+
+
 def test_they_come_into_the_grid_and_are_not_learned():
     choices = chosen(grid__aspect=[0, 15, 30, 60], grid__fresh=2)
     drawn = fresh_aspects(choices, (0, 15, 30, 60))

@@ -81,6 +81,21 @@ def test_images_of_one_depression_are_drawn_once_for_all_sensors():
     assert keys[0] == keys[1] != keys[2]
 
 
+def test_templates_are_seen_from_the_training_range_whatever_is_tested():
+    """At one altitude, where the depression goes by the range: 25 km is seen from 15.6 deg."""
+    given = {"grid__ship": "duncan", "grid__aspect": 60, "infrared__phases": 1}
+    given |= {"scene__geometry": "altitude", "infrared__training_range": 25}
+
+    def template(**more):
+        plan = Plan(EXPERIMENT, choose(**given, **more))
+        (place,) = plan.cells(plan.bound["template_log_polar"])
+        return plan.key(plan.bound["template_log_polar"], place)
+
+    at_50 = template(infrared__range=50)
+    assert at_50 == template(infrared__range=100) == template(infrared__range=[50, 100])
+    assert at_50 != template(infrared__range=50, scene__altitude=3000)
+
+
 # One cell by hand
 
 

@@ -1,0 +1,296 @@
+"""Small experiments whose every choice is drawn from one seed, and the figures they give.
+
+    PYTHONPATH=tests/claims:tests/engine:tests/sweeps:tests/convergence python -m drawn 8 1000
+
+prints their means and standard deviations over 8 seeds from 1000 on, in some 5 minutes.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from commands import opened, swept
+from metric import EDGES, FAR, PULSE, SIDE, areas, error
+from numpy.typing import NDArray
+from platformdirs import user_cache_path
+
+import ncti.ships
+from ncti.classify import Similarities, cluster
+from ncti.features import profile_vector
+from ncti.irar import (
+    Flight,
+    correct,
+    fly,
+    profile,
+    segmented,
+    ship_heading,
+    ship_window,
+    true_snapshot,
+)
+from ncti.ladar import expected_profile, lines_within, range_extent
+from ncti.ladar.reference import reference_range_extent
+from ncti.render import line_image
+
+KNOWN = ("duncan", "horne", "spruance", "texas")
+UNKNOWN = ("connole", "roberts")
+PULSES = (10, 30, 50)  # [ns]
+CNR, TARGET_FREE, DEPRESSION = 10**3.2, 4000, 3.84
+
+GRIDS, ORDERS = 2, 4
+LINED = 20
+FLIGHTS = 2
+TOLERANCE = 0.005  # of lines, after the 30 ns pulse
+
+PROFILES = (
+    "sensor=range",
+    "render.engine=lines",
+    "render.pixel=0.5",
+    f"grid.ship=[{','.join((*KNOWN, *UNKNOWN))}]",
+    f"classifier.unknown=[{','.join(UNKNOWN)}]",
+    "grid.aspect={start: 0, stop: 90, step: 1.5}",
+    "grid.fresh=8",
+    "classifier.template_spacing=[1.5,3]",
+    "grid.frame_count=16",
+    "grid.replicate=3",
+    "classifier.name=[acn,correlation,likelihood]",
+    "classifier.gain_sigma=[0,1]",
+)
+"""Four ships learned every 1.5 and every 3 degrees and two that are not, at learned and at random
+aspects, as the source's sensor sees them at 100 km."""
+
+BOTH = (
+    "sensor=both",
+    "render.engine=lines",
+    "render.pixel=0.5",
+    "grid.frame_count=16",
+    "grid.range=[25,50,100]",
+    "infrared.range=[25,50,100]",
+    "infrared.super_resolution=none",
+    "infrared.phases=6",
+    "grid.replicate=6",
+    "classifier.name=fusion",
+)
+"""Profiles and silhouettes at some places of the ship on the detector."""
+
+Answers = NDArray[np.float64]
+
+
+def stream(seed: int, what: str) -> np.random.Generator:
+    """Return the random numbers of one experiment of a seed."""
+    return np.random.default_rng([seed, *what.encode()])
+
+
+@cache
+def ship(name: str) -> Any:
+    """Return a ship's mesh."""
+    return ncti.ships.load(name)
+
+
+def sweep_of(seed: int, folder: Path, name: str, *overrides: str) -> Path:
+    """Return the store of a sweep with results of its own, and ships that are built already."""
+    results = folder / "cache"
+    results.mkdir(exist_ok=True)
+    meshes = user_cache_path("ncti-sweep") / "meshes"
+    meshes.mkdir(parents=True, exist_ok=True)
+    if not (results / "meshes").exists():
+        (results / "meshes").symlink_to(meshes, target_is_directory=True)
+    before = os.environ.get("NCTI_CACHE")
+    try:
+        done = swept(folder / f"{name}.zarr", results, f"seed={seed}", *overrides)
+    finally:
+        os.environ.pop("NCTI_CACHE", None)
+        if before is not None:
+            os.environ["NCTI_CACHE"] = before
+    assert not done.failures
+    return folder / f"{name}.zarr"
+
+
+# What is named
+
+
+def profile_sweep(seed: int, folder: Path) -> Path:
+    """Return the store of `PROFILES`."""
+    return sweep_of(seed, folder, "profiles", *PROFILES)
+
+
+def sweep_of_both(seed: int, folder: Path) -> Path:
+    """Return the store of `BOTH` at aspects 7.5 degrees apart, from one drawn at random on."""
+    first = stream(seed, "both").uniform(0, 7.5)
+    return sweep_of(
+        seed, folder, "both", f"grid.aspect={{start: {first:.3f}, stop: 90, step: 7.5}}", *BOTH
+    )
+
+
+def answers(store: Path, classifier: str, **place: Any) -> xr.DataArray:
+    """Return which answers of a classifier about ships that it has learned are right."""
+    found = opened(store, f"classification/{classifier}").correct
+    asked = found.sel({name: value for name, value in place.items() if name in found.dims})
+    known = asked.sel(ship=list(KNOWN)).squeeze(drop=True)
+    assert (known >= 0).all()
+    return known
+
+
+def is_multiple(aspect: xr.DataArray, spacing: float) -> xr.DataArray:
+    """Return which aspects [deg] are learned with a spacing."""
+    return np.abs(aspect / spacing - np.round(aspect / spacing)) < 1e-6
+
+
+def of_views(right: xr.DataArray, aspects: xr.DataArray | bool = True) -> Answers:
+    """(view,): share of right answers to each view at some aspects, over all draws."""
+    share = right.mean([dim for dim in right.dims if dim not in ("ship", "aspect")])
+    return (
+        share.where(aspects).transpose("ship", "aspect").values[:, _flags(aspects, share)].ravel()
+    )
+
+
+def _flags(aspects: xr.DataArray | bool, share: xr.DataArray) -> NDArray[np.bool_]:
+    return np.broadcast_to(np.asarray(aspects), share.sizes["aspect"])
+
+
+def named_by(store: Path) -> dict[str, xr.DataArray]:
+    """Return right answers of all classifiers of profiles, templates every 1.5 degrees."""
+    spaced = {"template_spacing": 1.5}
+    return {
+        "acn": answers(store, "acn", **spaced),
+        "correlation": answers(store, "correlation", **spaced),
+        "gain unknown": answers(store, "likelihood", gain_sigma=1, **spaced),
+        "gain known": answers(store, "likelihood", gain_sigma=0, **spaced),
+    }
+
+
+def shares_of_profiles(store: Path) -> dict[str, xr.DataArray]:
+    """Return right answers at learned aspects, of the source's protocol and of denser templates."""
+    network = answers(store, "acn", template_spacing=3.0)
+    network = network.sel(aspect=is_multiple(network.aspect, 3))
+    found = {
+        "acn, bow": network.sel(aspect=network.aspect < 30),
+        "acn, beam": network.sel(aspect=network.aspect >= 60),
+    }
+    named = named_by(store)
+    for name in ("acn", "gain known", "gain unknown"):
+        found[name] = named[name].sel(aspect=is_multiple(named[name].aspect, 1.5))
+    for name in ("gain known", "gain unknown"):
+        found[f"{name}, beam"] = found[name].sel(aspect=found[name].aspect >= 60)
+    return found
+
+
+def shares_of_both(store: Path) -> dict[str, xr.DataArray]:
+    """Return right answers by silhouettes, and by both sensors."""
+    wanted = [("infrared", 25), ("infrared", 100), ("both", 25), ("both", 50)]
+    return {
+        f"{channel}, {distance} km": answers(store, "fusion", channel=channel, range=distance)
+        for channel, distance in wanted
+    }
+
+
+def rejection(store: Path) -> xr.Dataset:
+    """Return what the correlation classifier rejects of six ships, two of them unknown."""
+    table = opened(store, "tables/rejection_correlation").sel(aspects="learned")
+    return table.sel(template_spacing=1.5).squeeze()
+
+
+# What the library makes
+
+
+def category_counts(seed: int) -> dict[str, float]:
+    """Return mean numbers of categories, by pulse width, of 31 aspects 3 degrees apart.
+
+    Of grids that begin anywhere in the first 3 degrees, presented in any order.
+    """
+    rng = stream(seed, "categories")
+    counts = np.zeros(len(PULSES))
+    for first in rng.uniform(0, 3, GRIDS):
+        extents = [
+            range_extent(
+                line_image(ship(name), aspect=aspect, depression=DEPRESSION, spacing=0.5),
+                slant_range=100e3,
+            )
+            for name in KNOWN
+            for aspect in first + 3 * np.arange(30)
+        ]
+        orders = [rng.permutation(len(extents)) for _ in range(ORDERS)]
+        for k, width in enumerate(PULSES):
+            signal: dict[str, Any] = {"pulse_width": width * 1e-9, "cnr": CNR}
+            seen = [
+                expected_profile(one, target_free_ifovs=TARGET_FREE, **signal) for one in extents
+            ]
+            alike = Similarities.of(profile_vector(np.array(seen)))
+            for order in orders:
+                formed = cluster(alike, vigilance=0.95, order=order)
+                counts[k] += formed.labels.max() + 1
+    mean = dict(zip(PULSES, counts / (GRIDS * ORDERS), strict=True))
+    return {f"categories, {width} ns": count for width, count in mean.items()} | {
+        "categories, 10 ns less 30 ns": mean[10] - mean[30],
+        "categories, 30 ns less 50 ns": mean[30] - mean[50],
+    }
+
+
+def line_errors(seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(view,) errors of profiles by lines, and their bars, at views drawn at random."""
+    rng = stream(seed, "lines")
+    errors, bars = [], []
+    for _ in range(LINED):
+        mesh = ship(str(rng.choice((*KNOWN, *UNKNOWN))))
+        view = {"aspect": float(rng.uniform(0, 360)), "depression": float(rng.uniform(0.3, 12.7))}
+        lines = lines_within(mesh, tolerance=TOLERANCE, pulse_width=PULSE, **view)
+        found = range_extent(lines, slant_range=FAR, ifov=SIDE / FAR)
+        exact = reference_range_extent(mesh, bin_edges=EDGES, side=SIDE, **view)
+        errors.append(error(areas(found).sum(axis=0), exact.area.sum(axis=0), PULSE))
+        bars.append(found.error_after(PULSE))
+    return np.array(errors), np.array(bars)
+
+
+def flown(seed: int) -> dict[str, float]:
+    """Return mean correlations of corrected profiles with noiseless ones, whole and in part.
+
+    Of flights past either ship of the source, near the stern, at 20 dB.
+    """
+    rng = stream(seed, "flights")
+    found = []
+    for _ in range(FLIGHTS):
+        mesh, aspect = ship(str(rng.choice(UNKNOWN))), float(rng.uniform(172, 178))
+        flight = Flight(
+            slant_range=float(rng.uniform(3000, 4000)),
+            ship_heading=ship_heading(aspect=aspect, sight=5),
+            cnr=100.0,
+        )
+        window = ship_window(mesh, flight)
+        truth = profile(true_snapshot(mesh, flight, window, cells=4), flight)
+        image = correct(fly(mesh, flight).record(rng), window=window)
+        measured = profile(segmented(image, flight), flight)
+        beside = np.abs(np.arange(truth.size) - truth.argmax()) > 4
+        found.append([np.corrcoef(measured[part], truth[part])[0, 1] for part in (..., beside)])
+    whole, part = np.mean(found, axis=0)
+    return {"flights": float(whole), "flights, beside the hangar": float(part)}
+
+
+def figures(seed: int, folder: Path) -> dict[str, float]:
+    """Return all figures of a seed."""
+    profiles = profile_sweep(seed, folder)
+    right = shares_of_profiles(profiles) | shares_of_both(sweep_of_both(seed, folder))
+    found = {name: float(answer.mean()) for name, answer in right.items()}
+    found["area of rejection"] = float(rejection(profiles).area)
+    return found | category_counts(seed) | flown(seed)
+
+
+def main(number: int, first: int = 1000) -> None:
+    """Print mean, deviation, least and greatest of every figure over some seeds."""
+    made = []
+    for seed in range(first, first + number):
+        with tempfile.TemporaryDirectory() as folder:
+            made.append(figures(seed, Path(folder)))
+    for name in made[0]:
+        values = np.array([one[name] for one in made])
+        spread = values.std(ddof=1) if number > 1 else np.nan
+        print(f"{name}: {values.mean():.4f} {spread:.4f} {values.min():.4f} {values.max():.4f}")
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
