@@ -383,9 +383,9 @@ def _between(views: Views) -> Sample:
     return _errors(found, exact)
 
 
-def write(report: Report, page: Path = PAGE) -> None:
+def write(report: Report, page: Path = PAGE, begin: str = BEGIN) -> None:
     """Put a report's table into its page, between the lines that mark its place."""
     text = page.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    _, after = rest.split(END)
-    page.write_text(f"{before}{BEGIN}\n\n{to_markdown(report)}\n{END}{after}", encoding="utf-8")
+    before, rest = text.split(begin)
+    _, after = rest.split(END, 1)
+    page.write_text(f"{before}{begin}\n\n{to_markdown(report)}\n{END}{after}", encoding="utf-8")

@@ -105,7 +105,8 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
     with the floor removed, 4,000 target-free IFOVs):
 
     - When to stop decides the table. The tolerance of 0.35, reached after some 215 epochs with
-      22 nodes, gives the source's Table 2 within its sampling noise; whatever the learning rate
+      22 nodes, is fitted to the training row of the source's Table 2; its test rows then come out
+      within sampling noise but for 4 frames (docs/reproduction.md). Whatever the learning rate
       and the gains, the table follows the error. Trained on, the network learns every
       broadside and loses averages of few frames.
     - Scaling. Raw profiles of a high floor do not train unless centred. One spread for all

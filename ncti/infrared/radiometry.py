@@ -36,8 +36,9 @@ IFOV = 150e-6
 SPREAD = 0.1
 """Own spread of the ship's temperature, and of the sea's, about their means [K].
 
-The article takes it from measurements that it does not print. Without it Table 5 has no reason to
-fall from 25 km to 50 km super-resolved; about 0.1 K brings that fall back.
+An assumption: the article takes it from measurements that it does not print. It hardly matters at
+25 and 50 km, and does not give Table 5's fall from 25 km to 50 km super-resolved; it decides what
+is found and named at 100 km (docs/reproduction.md has both).
 """
 
 Values = TypeVar("Values", float, NDArray[Any])

@@ -49,9 +49,9 @@ class Infrared(Settings, key="infrared"):
     nedt = quantity(library.NEDT, LEAST_NEDT, 1000, "K", "noise of one frame")
     target_spread = quantity(
         *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
-        help="of a pixel of the detector, which averaging leaves (half pixels of shifted scenes "
-        "have twice as much, which the detector averages out); of perfect of a half pixel, as the "
-        "source assumes",
+        help="assumed, and decisive at 100 km. of a pixel of the detector, which averaging leaves "
+        "(half pixels of shifted scenes have twice as much, which the detector averages out); of "
+        "perfect of a half pixel, as the source assumes",
     )
     sea_spread = quantity(
         library.SPREAD,
@@ -96,7 +96,10 @@ class Infrared(Settings, key="infrared"):
         noted=True,
     )
     inner_radius = number(
-        0.5, 0.01, 2, label="inner radius of the map, in sqrt(area / pi)", noted=True
+        *(0.5, 0.01, 2),
+        label="inner radius of the map, in sqrt(area / pi)",
+        help="a compromise between scores and categories of the source's Table 5",
+        noted=True,
     )
     interpolation = word(
         "nearest",

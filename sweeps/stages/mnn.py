@@ -59,7 +59,7 @@ class Mnn(Settings, key="classifier.mnn"):
     tolerance = number(
         *(0.35, 1e-6, 0.999),
         label="root mean square error at which training stops",
-        help="the source's scores need a short training, and this one gives them",
+        help="fitted to the training row of the source's Table 2, which needs a short training",
         noted=True,
     )
     inputs = word(

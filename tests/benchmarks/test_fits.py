@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+import xarray as xr
+
+from benchmarks import budget, fits, reproduction
+
+ASPECTS = (0.0, 15.0, 45.0, 80.0)
+
+
+def answers(values, *dims):
+    """Answers about a ship at four aspects, along further dimensions."""
+    coords = {"aspect": list(ASPECTS)}
+    return xr.DataArray(np.asarray(values)[..., None, :], coords, (*dims, "ship", "aspect"))
+
+
+def test_percent_is_by_bin_and_leaves_out_what_was_not_asked():
+    correct = answers([[1, 0, 1, -1], [1, 1, -1, 0]], "replicate")
+    np.testing.assert_array_equal(
+        fits.percent(correct), [[50.0, 100.0, np.nan], [100.0, np.nan, 0.0]]
+    )
+    np.testing.assert_allclose(fits.overall(correct), [200 / 3, 200 / 3])
+
+
+def test_the_error_of_a_mean_is_that_of_its_kinds_of_draws():
+    """Phases that shift all orders alike are three draws, however many orders each has."""
+    shift = xr.DataArray([0.0, 3.0, 6.0], dims="phase")
+    mean, error = fits.mean_and_error(shift + xr.DataArray(np.zeros(100), dims="order"))
+    assert mean == 3.0
+    assert error == pytest.approx(np.std([0, 3, 6], ddof=1) / np.sqrt(3))
+
+
+def test_the_error_of_a_mean_falls_with_independent_draws():
+    """64 draws of deviation 1: 1/8, estimated within a third at five standard deviations."""
+    draws = xr.DataArray(np.random.default_rng(1).standard_normal(64), dims="replicate")
+    assert fits.mean_and_error(draws)[1] == pytest.approx(1 / 8, rel=5 / np.sqrt(2 * 63))
+
+
+def test_a_fit_marks_the_value_nearest_to_the_source():
+    """A draw lies 10 off the mean of two; the means are 20, 0 and 5 off the source."""
+    ours = xr.DataArray(
+        [[[20.0], [40.0]], [[40.0], [60.0]], [[45.0], [65.0]]],
+        {"radius": [0.1, 0.2, 0.3]},
+        ("radius", "replicate", "group"),
+    )
+    rows = fits.fit_rows("radius", 0.3, [fits.Part("bow", ours, [50.0])], {"shown": ours})
+    assert [row["value"] for row in rows] == ["0.1", "0.2", "0.3 (default)"]
+    assert [row["bow"] for row in rows] == ["20.0 (14.1)", "0.0 (14.1) *", "5.0 (14.1)"]
+    assert rows[1]["shown"] == "50 ± 20"
+
+
+def test_profiles_are_alike_wherever_they_lie():
+    profile = np.random.default_rng(2).random(60)
+    assert reproduction.alike(np.roll(profile, 7), profile) == pytest.approx(1.0)
+    assert reproduction.alike(np.roll(profile, 30), profile) < 0.9
+
+
+def test_the_depth_of_a_profile_is_between_its_ends():
+    profile = xr.DataArray([0.0, 0.04, 0.5, 0.0, 1.0, 0.0], {"down_range": range(6)}, "down_range")
+    assert reproduction.depth(profile) == 2.0
+
+
+def test_table_1_follows_from_one_contrast():
+    _, _, printed, found = reproduction.sensor()
+    assert (printed, found) == ("0.76 K, 58.0; 0.27 K, 7.2", "0.76 K, 57.5; 0.27 K, 7.2")
+
+
+def test_the_frigates_share_components_and_not_the_stern():
+    duncan, roberts = (reproduction.components(ship) for ship in ("duncan", "roberts"))
+    assert (len(duncan), len(duncan & roberts)) == (63, 60)
+
+
+def test_a_tolerance_is_judged_by_what_it_was_not_fitted_to():
+    small = (
+        *("classifier=mnn", "grid.ship=[duncan,texas]", "grid.aspect=[0,3,30,33,60,63]"),
+        *("grid.frame_count=[8,16]", "grid.replicate=2", "seed=[0,1]", "classifier.mnn.epochs=20"),
+    )
+    report = fits.tolerance(small, (0.1, 0.35))
+    assert [row["value"] for row in report.rows] == ["0.1", "0.35 (default)"]
+    assert [column.key for column in report.columns][1:] == [
+        *("training, fitted", "16 frames", "8 frames", "training [%]", "16 frames [%]")
+    ]
+    assert sum("*" in row["training, fitted"] for row in report.rows) == 1
+
+
+def test_the_page_has_a_place_for_every_report():
+    text = fits.PAGE.read_text(encoding="utf-8")
+    assert [text.count(fits.begin(name)) for name in fits.REPORTS] == [1] * len(fits.REPORTS)
+    assert text.count(budget.END) == len(fits.REPORTS)
+    assert len(text.splitlines()) <= 200
