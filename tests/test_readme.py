@@ -55,9 +55,22 @@ def test_every_command_is_a_configuration_that_would_run(line, tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == []
 
 
-def test_every_picture_and_page_is_there():
-    root = Path(__file__).resolve().parent.parent
-    links = re.findall(r"\]\(([^)h][^)]*)\)", README)
-    assert len(links) >= 6
-    for link in links:
-        assert (root / link).exists(), link
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_picture_page_and_section_is_there(page):
+    prose = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.S)
+    for link in re.findall(r"\]\(([^)h][^)]*)\)", prose):
+        name, _, section = link.partition("#")
+        found = (page.parent / name).resolve() if name else page
+        assert found.exists(), link
+        if section:
+            titles = re.findall(r"^#+ (.*)$", found.read_text(encoding="utf-8"), re.M)
+            assert section in [anchor(title) for title in titles], link
+
+
+def anchor(title):
+    """What a section is called in a link."""
+    return re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
