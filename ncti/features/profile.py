@@ -57,11 +57,7 @@ def profile_vector(
     if values.ndim == 0 or values.shape[-1] == 0:
         raise ValueError(f"profile has shape {values.shape}, but must have bins")
     if floor is None:
-        require("edge", edge, positive=True, maximum=0.5)
-        bins = values.shape[-1]
-        count = max(1, round(edge * bins))
-        outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
-        level = outer.mean(axis=-1, keepdims=True)
+        level = estimated_floor(values, edge=edge)
     else:
         level = require_all("floor", floor, **moderate)[..., None]
     above = values - level
@@ -69,3 +65,31 @@ def profile_vector(
     # Rounding leaves a flat profile a few ulp above its own floor: that is no peak.
     flat = peak <= 1e-12 * np.abs(values).max(axis=-1, keepdims=True)
     return np.where(flat, 0.0, above / np.where(flat, 1.0, peak))
+
+
+def estimated_floor(profile: ArrayLike, *, edge: float = EDGE) -> NDArray[np.float64]:
+    """Noise floor of profiles, the mean over both edges of the window.
+
+    Parameters
+    ----------
+    profile : (..., bin) array_like
+        Range profiles.
+    edge : float
+        As for `profile_vector`.
+
+    Returns
+    -------
+    (..., 1) float64 ndarray
+        In the profile's units.
+
+    Raises
+    ------
+    ValueError
+        If the share is out of range.
+    """
+    require("edge", edge, positive=True, maximum=0.5)
+    values = np.asarray(profile, dtype=np.float64)
+    count = max(1, round(edge * values.shape[-1]))
+    outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
+    level: NDArray[np.float64] = outer.mean(axis=-1, keepdims=True)
+    return level

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.classify.fusion import label_posterior
+from ncti.features import estimated_floor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, number, switch, word
 from sweeps.engine.stage import Output, Stage, in_memory, stage
@@ -51,6 +52,11 @@ class Likelihood(Settings, key="classifier"):
         label="prior standard deviation of the noise floor, over that of one frame",
         help="0: it is known",
     )
+    floor_estimated = switch(
+        False,
+        label="1 where the floor is what the edges of the window hold, of every profile",
+        help="of the likelihood; with floor_sigma 0 the estimate is taken for the truth",
+    )
     aspect_known = switch(
         False,
         label="1 where only templates at the true aspect answer, exact ones",
@@ -90,6 +96,7 @@ def calibrated_error(
     template_error: float | None,
     aspect_known: bool,
     rng: np.random.Generator,
+    floor_estimated: bool = False,
 ) -> Floats:
     """Return the template error, of templates that are left out where it is not given."""
     known = there & taught
@@ -97,7 +104,8 @@ def calibrated_error(
         return np.array(0.0)
     if template_error is None and known.any():
         priors = nugget, floor_sigma
-        templates = _templates(expected, covariance, known, aspect, priors, None, rng)
+        means = _levelled(expected, floor_estimated)
+        templates = _templates(means, covariance, known, aspect, priors, None, rng)
         return np.array(templates.template_error_)
     return np.array(template_error or 0.0)
 
@@ -112,15 +120,22 @@ def profile_moments(
     nugget: float,
     floor_sigma: float,
     calibrated_error: Floats,
+    floor_estimated: bool = False,
 ) -> tuple[GaussianTemplates, Views]:
     """Return templates of all views that are learned, and the (ship, aspect) views of these."""
     known = there & taught
     error, priors = float(calibrated_error), (nugget, floor_sigma)
-    return _templates(expected, covariance, known, aspect, priors, error), known
+    means = _levelled(expected, floor_estimated)
+    return _templates(means, covariance, known, aspect, priors, error), known
+
+
+def _levelled(profiles: Profiles, floor_estimated: bool) -> Profiles | Floats:
+    """Return profiles, less their floors where these are estimated."""
+    return profiles - estimated_floor(profiles) if floor_estimated else profiles
 
 
 def _templates(
-    expected: Profiles,
+    expected: Profiles | Floats,
     covariance: Profiles,
     known: Views,
     aspect: tuple[float, ...],
@@ -159,6 +174,7 @@ def profile_scores(
     there: Views,
     gain_sigma: tuple[float, ...],
     frame_count: tuple[int, ...],
+    floor_estimated: bool = False,
 ) -> Arrays:
     """Return (gain_sigma, frame_count, view, template) log densities and squared distances.
 
@@ -170,7 +186,8 @@ def profile_scores(
     whole = (2, len(gain_sigma), len(frame_count), views.size, views.size)
     found = np.full(whole, np.nan)
     for f, count in enumerate(frame_count):
-        one = templates.compare(averaged[f][there], count, gain_sigma=gain_sigma)
+        seen = _levelled(averaged[f][there], floor_estimated)
+        one = templates.compare(seen, count, gain_sigma=gain_sigma)
         found[:, :, f, views[:, None] & known.reshape(-1)] = one.reshape(*whole[:2], -1)
     return {"log_density": found[0], "distance": found[1]}
 
@@ -200,6 +217,7 @@ def likelihood(
     frame_count: tuple[int, ...],
     rejection: str,
     aspect_known: bool,
+    floor_estimated: bool = False,
 ) -> Arrays:
     """Return the most probable ship, one number of frames at a time.
 
@@ -219,7 +237,7 @@ def likelihood(
         same = of_view[:, None] == of_template
         exclude = (same & left_out[k]) | (~same & aspect_known)
         if left_out[k] and templates.template_error_:
-            seen = averaged[f][there]
+            seen = _levelled(averaged[f][there], floor_estimated)
             for column in np.unique(of_view):
                 rows, others = of_view == column, of_template != column
                 rest = templates.without(~others)

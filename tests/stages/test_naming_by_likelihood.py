@@ -205,3 +205,23 @@ def test_a_known_aspect_must_be_learned(given, said):
     with pytest.raises(ConfigurationError, match=message):
         likelihood.check(choose(**known | given))
     likelihood.check(choose(**known))
+
+
+def test_an_estimated_floor_is_whatever_the_edges_hold():
+    """Any constant added to a profile or a template changes nothing; of a known floor it does."""
+    rng = np.random.default_rng(5)
+    cell = made(noise=5.0)
+    lifted = rng.uniform(-40, 40, (*cell.averaged.shape[:-1], 1)).astype(np.float32)
+    other = rng.uniform(-40, 40, (*cell.expected.shape[:-1], 1)).astype(np.float32)
+    covariance = bands(cell, variance=25.0)
+    found = {}
+    for name, up, down in (("as it is", 0, 0), ("lifted", lifted, other)):
+        here = cell.changed(expected=cell.expected + down, averaged=cell.averaged + up)
+        for estimated in BOTH:
+            given = here.expected, covariance, here.there, learned(), ASPECTS, 1e-3, 0.0
+            moments = likelihood.profile_moments(*given, np.array(0.0), estimated)
+            seen = here.averaged[0], here.there, (0.0,), FRAMES, estimated
+            found[name, estimated] = likelihood.profile_scores(moments, *seen)["log_density"]
+    scale = np.nanmax(np.abs(found["as it is", True]))
+    np.testing.assert_allclose(found["lifted", True], found["as it is", True], atol=1e-4 * scale)
+    assert np.nanmax(np.abs(found["lifted", False] - found["as it is", False])) > scale / 10

@@ -88,6 +88,7 @@ PUBLISHED = {
     "classifier.mnn.inputs": (("standardised",), OURS + "raw profiles do not train at this G"),
     "classifier.mnn.annealing": ((True,), "source: gains are annealed"),
     "classifier.floor_sigma": ((1,), OURS + "a floor not known, as of a normalised profile"),
+    "classifier.floor_estimated": ((False,), OURS + "the floor is integrated out instead"),
     "classifier.template_error": ((None,), "calibrated on aspects left out"),
     "classifier.aspect_known": ((False,), "source: no track gives the heading"),
     "classifier.rejection": (("fit",), OURS + "what needs no other ship"),
