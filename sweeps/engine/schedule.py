@@ -91,9 +91,10 @@ class Schedule:
                 continue
             unknown = [key for key in cells if key not in self.spots and key not in self.failed]
             self.spots.update(find(bound, unknown))
-            # What another stage is about to make is this one's, too.
+            # What another stage is about to make is this one's, too, and counts there.
             missing = {k: cells[k] for k in unknown if k not in self.spots and k not in todo}
-            self.progress.setdefault(bound.name, Progress()).begin(len(cells), len(missing))
+            own = sum(key not in todo for key in cells)
+            self.progress.setdefault(bound.name, Progress()).begin(own, len(missing))
             todo.update(missing)
             for group in self._groups(bound, missing.values()):
                 for source, there in self._inputs(group):

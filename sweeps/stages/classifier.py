@@ -93,7 +93,7 @@ def taught(
     aspect: tuple[float, ...],
     unknown: tuple[str, ...] | None,
     training_aspect: tuple[float, ...] | None,
-    template_spacing: float | None,
+    template_spacing: float | None = None,
     unlearned: tuple[float, ...] = (),
 ) -> Views:
     """(ship, aspect): views that are learned; ships among the others are unknown."""

@@ -29,7 +29,7 @@ def plan_of(*overrides):
 def to_make(*overrides):
     """Range extents that a sweep makes when nothing is at hand, of what is learned and tested."""
     schedule = Schedule(plan_of(*overrides))
-    schedule.resolve(lambda keys: {})
+    schedule.resolve(lambda bound, keys: {})
     extents = {"extent", "seen_extent"}
     return sum(cells for bound, cells in schedule.missing_cells() if bound.name in extents)
 
