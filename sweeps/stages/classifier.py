@@ -163,6 +163,14 @@ def check(choices: Choices) -> Choices:
                 f"classifier.training_aspect has {aspect:g}, but every value must be one of "
                 "grid.aspect"
             )
+    given = choices.one(Classifier.training_aspect)
+    drawn = fresh_aspects(choices, choices[Grid.aspect])
+    for spacing in choices[SPACING]:
+        of_all = choices[GATHERED[0]], choices[Grid.aspect], unknown, given, spacing, drawn
+        if spacing is not None and not taught(*of_all).any():
+            raise ConfigurationError(
+                f"{SPACING.key} has {spacing:g}, but must have a multiple among the aspects learned"
+            )
     return choices
 
 

@@ -97,6 +97,12 @@ def test_one_aspect_has_nothing_to_draw_between():
         chosen(grid__aspect=10, grid__fresh=3)
 
 
+def test_a_spacing_that_leaves_nothing_is_refused():
+    said = r"^classifier\.template_spacing has 7, but must have a multiple among the aspects"
+    with pytest.raises(ConfigurationError, match=said):
+        chosen(grid__aspect=[1, 2, 3], classifier__template_spacing=[1, 7])
+
+
 def test_answers_at_several_kinds_of_aspects_are_counted_apart():
     rng = np.random.default_rng(2)
     dims, coords = ("replicate", "ship", "aspect"), {"aspect": [0.0, 1.0, 30.0, 31.0, 62.0]}
