@@ -24,7 +24,6 @@ def test_time_a_cell_is_the_sum_of_its_phases():
     assert row["cells"] == math.prod(SMALL)
     phases = [row[f"{phase}_ms"] for phase in ("plan", "resolve", "execute", "write")]
     assert row["total_ms"].median == pytest.approx(sum(phases))
-    assert min(phases) > 0
 
 
 def test_the_same_again_only_looks_cells_up(tmp_path):
