@@ -129,8 +129,8 @@ def test_a_shift_moves_what_ifovs_hold_and_not_their_sum(image, shift):
     moved = range_extent(image, **flat, shift=shift)
     sums = (extent.fraction.sum(axis=0) for extent in (still, moved))
     np.testing.assert_allclose(*sums, atol=1e-9)
-    # Across a filled IFOV, the length of lines has four kinks of 1 / (sin cos) of their roll. By the
-    # Euler-Maclaurin formula the rectangle rule errs by a twelfth of that at each, times d^2.
+    # Across a filled IFOV, the length of lines has four kinks of 1 / (sin cos) of their roll. The
+    # rectangle rule errs by a twelfth of that at each, times d^2 (Euler and Maclaurin).
     slope = 2 / np.sin(2 * np.radians(image.roll))
     error = (image.resolution / 15) ** 2 * slope / 3 if isinstance(image, LineImage) else 0.0
     assert moved.fraction.sum(axis=1).max() < 1 + error + 1e-9
