@@ -3,6 +3,9 @@
 
 BIN := .venv/bin
 
+# Dependency groups that a target needs besides the project's own.
+test benchmark lint format: GROUPS = dev
+
 sweep: setup        ## the source's whole experiment; further overrides in ARGS
 	$(BIN)/ncti-sweep +experiment=paper $(ARGS)
 
@@ -25,4 +28,4 @@ format: setup
 	$(BIN)/ruff format .
 
 setup:
-	@tools/setup.sh
+	@tools/setup.sh $(GROUPS)

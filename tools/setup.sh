@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Set up everything the project needs: a render library where that is possible, a virtual
-# environment, and the locked dependencies. Safe to run again; it does only what is missing.
+# environment, and the locked dependencies, with those of the groups that are named (dev, docs).
+# Safe to run again; it does only what is missing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -57,5 +58,6 @@ if [ ! -x "$uv" ]; then
         uv=.venv/bin/uv
     }
 fi
-# --inexact keeps pip and uv itself, which are not the project's dependencies.
-"$uv" sync --quiet --compile-bytecode --locked --inexact --python .venv/bin/python
+# --inexact keeps pip and uv itself, which are not the project's dependencies, and other groups.
+"$uv" sync --quiet --compile-bytecode --locked --inexact --no-default-groups "${@/#/--group=}" \
+    --python .venv/bin/python
