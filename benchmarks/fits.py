@@ -187,9 +187,9 @@ def fit_report(
 
 
 DISTANCES = (
-    "Root mean square distance to the source's figures [points], in brackets what a single draw "
-    "is off the mean; * the least of a column. Others: percent right ± two standard errors of "
-    "the mean over draws. "
+    "Root mean square distance to the source's figures [points], in brackets that of a single "
+    "draw from the mean; * the smallest of a column. Others: percent correct ± two standard "
+    "errors of the mean over draws. "
 )
 
 

@@ -81,7 +81,7 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
         ),
         rows,
         [
-            f"`ncti-sweep {' '.join(alone)}` and `ncti-sweep {' '.join(together)}`. Percent right "
+            f"`ncti-sweep {' '.join(alone)}` and `ncti-sweep {' '.join(together)}`. Percent correct "
             "± two standard errors of the mean over draws."
         ],
     )
@@ -135,7 +135,7 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
         ),
         rows,
         [
-            " and ".join(f"`ncti-sweep {' '.join(one)}`" for one in commands) + ". Percent right "
+            " and ".join(f"`ncti-sweep {' '.join(one)}`" for one in commands) + ". Percent correct "
             "by bin, ± two standard errors of the mean over draws. Templates every 3°."
         ],
     )
@@ -185,8 +185,8 @@ def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
             f"`ncti-sweep {' '.join(overrides)}`. Landmarks: flown less noiseless. Mean ± two "
             f"standard errors of {flights.sizes['replicate']} draws. Correlations are the best "
             f"within shifts of {NEAR} m. Of the Duncan's {len(components('duncan'))} components "
-            f"{len(components('duncan') & components('roberts'))} stand in the Roberts's sheet "
-            "word for word."
+            f"{len(components('duncan') & components('roberts'))} are repeated in the "
+            "Roberts's sheet."
         ],
     )
 
