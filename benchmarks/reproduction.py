@@ -81,8 +81,8 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
         ),
         rows,
         [
-            f"`ncti-sweep {' '.join(alone)}` and `ncti-sweep {' '.join(together)}`. Percent correct "
-            "± two standard errors of the mean over draws."
+            f"`ncti-sweep {' '.join(alone)}` and `ncti-sweep {' '.join(together)}`. Percent "
+            "correct ± two standard errors of the mean over draws."
         ],
     )
 
