@@ -26,6 +26,16 @@ if ! has_library libOSMesa.so; then
     fi
 fi
 
+# The tests open reports in a real browser; Ubuntu's package of this name is a snap.
+case " $* " in *" dev "*)
+    if ! command -v chromium google-chrome chromium-browser >/dev/null; then
+        echo "setup: installing chromium"
+        apt_install --no-install-recommends chromium ||
+            echo "setup: could not; tests of reports in a browser will be skipped"
+    fi
+    ;;
+esac
+
 if [ ! -x .venv/bin/python ]; then
     python=
     for candidate in "${PYTHON:-}" python3.12 python3.11 python3.13 python3; do
