@@ -23,6 +23,7 @@ extensions = [
     "myst_nb",
     "api_pages",  # these and those below: docs/_extensions
     "mathml",
+    "names",
     "offline",
     "tutorials",
 ]

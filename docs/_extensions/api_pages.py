@@ -82,7 +82,7 @@ def plain_equations(lines: list[str]) -> Iterator[str]:
             if apart and after and len(after[0]) - len(after[0].lstrip()) > indent:
                 block = indent
                 line = line if line.endswith("::") else f"{line.rstrip()}:"
-        elif block is None and not line.lstrip().startswith((">>>", "|", ".. ")):
+        elif block is None and not line.lstrip().startswith((">>>", "| ", ".. ")):
             pieces = CODE.split(line)
             line = "".join(
                 one if CODE.fullmatch(one) else re.sub(r"(?<!\\)\|", r"\\|", one) for one in pieces

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -58,7 +59,14 @@ def copy_notebooks(app: Any) -> None:
             copy.write_text(text, encoding="utf-8")
 
 
+def link_copies(app: Any, docname: str, source: list[str]) -> None:
+    """Let links to the notebooks, as they stand in the repository, lead to the copies."""
+    folder = "../" * docname.count("/") + FOLDER
+    source[0] = re.sub(r"\]\((?:\.\./)+notebooks/(\w+\.ipynb)", rf"]({folder}/\1", source[0])
+
+
 def setup(app: Any) -> dict[str, Any]:
     """Copy the notebooks before Sphinx looks for pages."""
     app.connect("builder-inited", copy_notebooks)
+    app.connect("source-read", link_copies)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
