@@ -12,19 +12,29 @@ from sphinx.util.math import get_node_equation_number
 
 LOG = logging.getLogger(__name__)
 
+NAMESPACE = "http://www.w3.org/1998/Math/MathML"
+OPERATOR, SPACE = f"{{{NAMESPACE}}}mo", f"{{{NAMESPACE}}}mspace"
+FUNCTIONS = {"sin", "cos", "tan", "tanh", "ln", "log", "exp", "max", "min"}  # set apart by a space
+ElementTree.register_namespace("", NAMESPACE)
+
 
 def mathml(latex: str, *, display: str) -> str:
     """Return a `<math>` element. Raises ValueError for LaTeX that has no MathML equivalent here."""
     try:
-        text = convert(latex, display=display)
-        root = ElementTree.fromstring(text)
+        root = ElementTree.fromstring(convert(latex, display=display))
     except Exception as error:  # the converter raises errors of many kinds
         raise ValueError(f"equation {latex!r} cannot be converted: {error}") from error
     # The converter passes on, as an identifier, a command that it does not know.
+    for row in root.iter():
+        for place in range(len(row) - 1, 0, -1):
+            pair = row[place - 1], row[place]
+            named = any(one.text in FUNCTIONS for one in pair)
+            if named and all(one.tag != OPERATOR for one in pair):
+                row.insert(place, ElementTree.Element(SPACE, width="0.167em"))
     unknown = [one.text for one in root.iter() if (one.text or "").startswith("\\")]
     if unknown:
         raise ValueError(f"equation {latex!r} has {', '.join(map(str, unknown))}, which is unknown")
-    return text
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _converted(node: nodes.math | nodes.math_block, display: str) -> str:

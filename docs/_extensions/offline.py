@@ -7,8 +7,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-from sphinx.errors import ExtensionError
-
 # Attributes whose address a browser loads by itself.
 LOADED = {
     "script": ("src",),
@@ -76,6 +74,9 @@ def loads_of_site(folder: Path) -> list[str]:
 
 def check(app: Any, error: Exception | None) -> None:
     """Fail a build whose pages need a network."""
+    # Imported here, so that the tests of what is above do without Sphinx.
+    from sphinx.errors import ExtensionError
+
     if error is None and app.builder.format == "html":
         if found := loads_of_site(Path(app.outdir)):
             raise ExtensionError("pages need a network: " + "; ".join(found))
