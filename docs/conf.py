@@ -49,7 +49,7 @@ autosummary_generate = False
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
 numpydoc_xref_param_type = False
-default_role = "code"  # single backticks in docstrings
+default_role = "py:obj"  # single backticks in docstrings link to what they name
 
 # Appearance --------------------------------------------------------------------------------------
 html_theme = "pydata_sphinx_theme"

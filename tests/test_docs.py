@@ -12,14 +12,13 @@ import pytest
 from commands import FAST, prepared, ran
 from pages import DOCS, PAGES, ROOT, commands, fences, text_of
 
+from sweeps.experiment import EXPERIMENT
 from sweeps.report.figures import KINDS
 
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
 
 ELSEWHERE = {"engine.md"}  # tests/engine/test_sweep.py runs what is on it
-WITH_CODE = [
-    page for page in DOCS if fences(page, "python", "sh") and page.name not in ELSEWHERE
-]
+WITH_CODE = [page for page in DOCS if fences(page, "python", "sh") and page.name not in ELSEWHERE]
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +94,21 @@ def test_names_on_the_page_exist(page):
             if not hasattr(found, part):
                 import_module(f"{found.__name__}.{part}")
             found = getattr(found, part)
+
+
+GROUPS = {one.key.partition(".")[0] for one in EXPERIMENT.declared if "." in one.key}
+KEYS = {one.key for one in EXPERIMENT.declared}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_settings_on_the_page_exist(page):
+    prose = re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M)
+    own = set(re.findall(r'key="([a-z_.]+)"', text_of(page)))  # declared by code on the page
+    for key in set(re.findall(r"`([a-z_]+(?:\.[a-z_]+)+)(?:=[^`\s]*)?`", prose)):
+        if key.endswith(".py"):
+            continue
+        if key.partition(".")[0] in GROUPS and key.rpartition(".")[0] not in own:
+            assert key in KEYS, key
 
 
 def test_pages_that_load_something_elsewhere_are_found():

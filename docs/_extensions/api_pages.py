@@ -71,27 +71,47 @@ def plain_equations(lines: list[str]) -> Iterator[str]:
     An indented block behind a line that ends with a colon keeps its line breaks, and a bar, as in
     |x|, is a bar.
     """
-    block: int | None = None  # indentation of the line before the block of code that we are in
+    above: int | None = None  # indentation of the line above the block that we are in
     for number, line in enumerate(lines):
-        indent = len(line) - len(line.lstrip())
-        if block is not None and line.strip() and indent <= block:
-            block = None
-        if block is None and line.rstrip().endswith(":") and not line.lstrip().startswith((":", ".")):
-            after = [one for one in lines[number + 1 :] if one.strip()][:1]
-            apart = lines[number + 1 : number + 2] and not lines[number + 1].strip()
-            if apart and after and len(after[0]) - len(after[0].lstrip()) > indent:
-                block = indent
-                line = line if line.endswith("::") else f"{line.rstrip()}:"
-        elif block is None and not line.lstrip().startswith((">>>", "| ", ".. ")):
-            pieces = CODE.split(line)
-            line = "".join(
-                one if CODE.fullmatch(one) else re.sub(r"(?<!\\)\|", r"\\|", one) for one in pieces
-            )
-        yield line
+        if above is not None and line.strip() and indent(line) <= above:
+            above = None
+        if above is not None:
+            yield line
+        elif introduces_block(lines, number):
+            above = indent(line)
+            yield with_bars(line) if line.endswith("::") else f"{with_bars(line.rstrip())}:"
+        else:
+            yield with_bars(line)
 
 
-def mend_docstring(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Prepare a docstring that numpydoc has turned into reStructuredText."""
+def indent(line: str) -> int:
+    """Return the number of spaces that a line begins with."""
+    return len(line) - len(line.lstrip())
+
+
+def introduces_block(lines: list[str], number: int) -> bool:
+    """Return whether a line ends with a colon, and an indented block follows an empty line."""
+    line, after = lines[number], lines[number + 1 :]
+    if not line.rstrip().endswith(":") or line.lstrip().startswith((":", ".. ")):
+        return False
+    following = next((one for one in after if one.strip()), "")
+    return bool(after) and not after[0].strip() and indent(following) > indent(line)
+
+
+def with_bars(line: str) -> str:
+    """Return a line of prose in which a bar starts no substitution."""
+    if line.lstrip().startswith((">>>", "| ", ".. ")):
+        return line
+    pieces = CODE.split(line)
+    return "".join(
+        one if CODE.fullmatch(one) else re.sub(r"(?<!\\)\|", r"\\|", one) for one in pieces
+    )
+
+
+def mend_docstring(
+    app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
+) -> None:
+    """Mend what numpydoc has made of a docstring."""
     lines[:] = plain_equations(lines)
 
 

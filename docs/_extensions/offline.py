@@ -77,9 +77,10 @@ def check(app: Any, error: Exception | None) -> None:
     # Imported here, so that the tests of what is above do without Sphinx.
     from sphinx.errors import ExtensionError
 
-    if error is None and app.builder.format == "html":
-        if found := loads_of_site(Path(app.outdir)):
-            raise ExtensionError("pages need a network: " + "; ".join(found))
+    if error is not None or app.builder.format != "html":
+        return
+    if found := loads_of_site(Path(app.outdir)):
+        raise ExtensionError("pages need a network: " + "; ".join(found))
 
 
 def setup(app: Any) -> dict[str, Any]:

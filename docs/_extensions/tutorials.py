@@ -27,7 +27,7 @@ OPENED = {"flights": "flights"}
 
 
 def make_store(name: str, folder: Path) -> Path:
-    """Return the store of a name. A store that is there already is made anew only if code changed."""
+    """Return the store of a name, made anew only where code has changed since the last build."""
     folder.mkdir(parents=True, exist_ok=True)
     own = [f"store={name}.zarr", f"cache={folder / 'cache'}"]
     command = [sys.executable, "-m", "sweeps.app", *STORES[name], *own]
