@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 FOLDER = "api"
+MARKUP = (":", ".. ", "- ", "* ", ">>>", "|", "+", "=")  # begin lines that are no prose
 CODE = re.compile(r"(``.*?``|`.*?`)")  # of which nothing is escaped
 
 
@@ -68,8 +69,7 @@ def write_pages(app: Any) -> None:
 def plain_equations(lines: list[str]) -> Iterator[str]:
     """Yield the lines of a docstring with its equations as they were typed.
 
-    An indented block behind a line that ends with a colon keeps its line breaks, and a bar, as in
-    |x|, is a bar.
+    An indented block after a paragraph keeps its line breaks, and a bar, as in |x|, is a bar.
     """
     above: int | None = None  # indentation of the line above the block that we are in
     for number, line in enumerate(lines):
@@ -79,7 +79,9 @@ def plain_equations(lines: list[str]) -> Iterator[str]:
             yield line
         elif introduces_block(lines, number):
             above = indent(line)
-            yield with_bars(line) if line.endswith("::") else f"{with_bars(line.rstrip())}:"
+            yield with_bars(line)
+            if not line.endswith("::"):
+                yield from ("", f"{' ' * indent(line)}::")
         else:
             yield with_bars(line)
 
@@ -90,9 +92,9 @@ def indent(line: str) -> int:
 
 
 def introduces_block(lines: list[str], number: int) -> bool:
-    """Return whether a line ends with a colon, and an indented block follows an empty line."""
+    """Return whether a line ends a paragraph behind which an indented block follows."""
     line, after = lines[number], lines[number + 1 :]
-    if not line.rstrip().endswith(":") or line.lstrip().startswith((":", ".. ")):
+    if not line.strip() or line.lstrip().startswith(MARKUP):
         return False
     following = next((one for one in after if one.strip()), "")
     return bool(after) and not after[0].strip() and indent(following) > indent(line)
