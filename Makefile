@@ -1,10 +1,11 @@
 # `make sweep` and `make test` need nothing but make and Python; they set up the rest.
-.PHONY: sweep smoke test benchmark lint format setup
+.PHONY: sweep smoke test docs benchmark lint format setup
 
 BIN := .venv/bin
 
 # Dependency groups that a target needs besides the project's own.
 test benchmark lint format: GROUPS = dev
+docs: GROUPS = docs
 
 sweep: setup        ## the source's whole experiment; further overrides in ARGS
 	$(BIN)/ncti-sweep +experiment=paper $(ARGS)
@@ -14,6 +15,9 @@ smoke: setup        ## the same in seconds
 
 test: setup lint    ## lint, format, types, then every test, the smoke sweep among them
 	$(BIN)/pytest -q -n logical --maxprocesses 8 --dist loadfile $(ARGS)
+
+docs: setup         ## the site in docs/_build/html, from pages, docstrings and notebooks
+	$(BIN)/python -m sphinx -E -q -W --keep-going -n -j auto -b html docs docs/_build/html
 
 benchmark: setup    ## run time, memory, and error against run time
 	$(BIN)/python -m benchmarks $(ARGS)

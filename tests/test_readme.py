@@ -2,24 +2,20 @@
 
 import re
 import shlex
-from pathlib import Path
 
 import matplotlib as mpl
 import pytest
 from commands import prepared
+from pages import PAGES, ROOT, blocks, commands
 
-README = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, re.S)
+README = ROOT / "README.md"
 
 
 def test_the_lines_that_open_a_store_draw_four_curves(smoke_store, tmp_path, monkeypatch):
     mpl.use("Agg")
     (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
     monkeypatch.chdir(tmp_path)
-    (code,) = blocks("python")
+    (code,) = blocks(README, "python")
     namespace = {}
     exec(compile(code, "README.md", "exec"), namespace)
     from matplotlib import pyplot as plt
@@ -31,7 +27,7 @@ def test_the_lines_that_open_a_store_draw_four_curves(smoke_store, tmp_path, mon
 
 
 def test_the_lines_that_fly_past_a_ship_see_one():
-    (code,) = blocks("py")
+    (code,) = blocks(README, "py")
     found = {}
     exec(compile(code, "README.md", "exec"), found)
     assert found["raw"].intensity.shape == found["scan"].intensity.shape
@@ -40,10 +36,10 @@ def test_the_lines_that_fly_past_a_ship_see_one():
 
 
 COMMANDS = [
-    line.split("#")[0]
-    for block in blocks("sh")
-    for line in block.splitlines()
-    if line.startswith("ncti-sweep") and "--" not in line
+    line
+    for block in blocks(README, "sh")
+    for line in commands(block, "ncti-sweep")
+    if "--" not in line
 ]
 
 
@@ -53,10 +49,6 @@ def test_every_command_is_a_configuration_that_would_run(line, tmp_path, monkeyp
     assert len(COMMANDS) >= 5
     assert prepared(*shlex.split(line)[1:])
     assert list(tmp_path.iterdir()) == []
-
-
-ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

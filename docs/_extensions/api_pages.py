@@ -1,0 +1,132 @@
+"""Reference pages of the packages of `ncti`, one a package, of what its `__all__` names."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+FOLDER = "api"
+MARKUP = (":", ".. ", "- ", "* ", ">>>", "|", "+", "=")  # begin lines that are no prose
+CODE = re.compile(r"(``.*?``|`.*?`)")  # of which nothing is escaped
+
+
+def origins(package: ModuleType) -> dict[str, str]:
+    """Return where each name of a package is imported from, such as `ncti.ladar.pulse.kernel`."""
+    return {
+        one.asname or one.name: f"{node.module}.{one.name}"
+        for node in ast.walk(ast.parse(inspect.getsource(package)))
+        if isinstance(node, ast.ImportFrom) and node.module
+        for one in node.names
+    }
+
+
+def page_of(name: str) -> str:
+    """Return the page of a package as reStructuredText: summaries, then every member."""
+    package = import_module(name)
+    members = {one: getattr(package, one) for one in sorted(package.__all__, key=str.lower)}
+    functions = [one for one, member in members.items() if inspect.isroutine(member)]
+    classes = [one for one, member in members.items() if inspect.isclass(member)]
+    constants = [one for one in members if one not in {*functions, *classes}]
+    parts = [name, "=" * len(name), "", f".. automodule:: {name}", "", f".. currentmodule:: {name}"]
+    listed = "".join(f"   {one}\n" for one in functions + classes)
+    if listed:
+        parts += ["", ".. autosummary::", "   :nosignatures:", "", listed]
+    for title, names, directive in (
+        ("Functions", functions, "autofunction"),
+        ("Classes", classes, "autoclass"),
+    ):
+        parts += ["", title, "-" * len(title), ""] if names else []
+        for one in names:
+            parts += [f".. {directive}:: {one}"]
+            parts += ["   :members:", ""] if directive == "autoclass" else [""]
+    if constants:
+        parts += ["", "Constants", "---------", ""]
+        # A constant has its docstring where it is assigned.
+        origin = origins(package)
+        parts += [f".. autodata:: {origin.get(one, f'{name}.{one}')}" for one in constants]
+    return "\n".join(parts) + "\n"
+
+
+def write_pages(app: Any) -> None:
+    """Write the pages that have changed."""
+    folder = Path(app.srcdir) / FOLDER
+    folder.mkdir(exist_ok=True)
+    wanted = {folder / f"ncti.{one}.rst": f"ncti.{one}" for one in import_module("ncti").__all__}
+    for path in {*folder.glob("*.rst")} - {*wanted}:
+        path.unlink()
+    for path, name in wanted.items():
+        text = page_of(name)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def plain_equations(lines: list[str]) -> Iterator[str]:
+    """Yield the lines of a docstring with its equations as they were typed.
+
+    An indented block after a paragraph keeps its line breaks, and a bar, as in |x|, is a bar.
+    """
+    above: int | None = None  # indentation of the line above the block that we are in
+    for number, line in enumerate(lines):
+        if above is not None and line.strip() and indent(line) <= above:
+            above = None
+        if above is not None:
+            yield line
+        elif introduces_block(lines, number):
+            above = indent(line)
+            yield with_bars(line)
+            if not line.endswith("::"):
+                yield from ("", f"{' ' * indent(line)}::")
+        else:
+            yield with_bars(line)
+
+
+def indent(line: str) -> int:
+    """Return the number of spaces that a line begins with."""
+    return len(line) - len(line.lstrip())
+
+
+def introduces_block(lines: list[str], number: int) -> bool:
+    """Return whether a line ends a paragraph behind which an indented block follows."""
+    line, after = lines[number], lines[number + 1 :]
+    if not line.strip() or line.lstrip().startswith(MARKUP):
+        return False
+    following = next((one for one in after if one.strip()), "")
+    return bool(after) and not after[0].strip() and indent(following) > indent(line)
+
+
+def with_bars(line: str) -> str:
+    """Return a line of prose in which a bar starts no substitution."""
+    if line.lstrip().startswith((">>>", "| ", ".. ")):
+        return line
+    pieces = CODE.split(line)
+    return "".join(
+        one if CODE.fullmatch(one) else re.sub(r"(?<!\\)\|", r"\\|", one) for one in pieces
+    )
+
+
+def mend_docstring(
+    app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
+) -> None:
+    """Mend what numpydoc has made of a docstring."""
+    lines[:] = plain_equations(lines)
+
+
+def skip(app: Any, what: str, name: str, obj: Any, skipped: bool, options: Any) -> bool | None:
+    """Leave out the methods that scikit-learn adds to every estimator."""
+    return True if re.fullmatch(r"set_\w+_request", name) else None
+
+
+def setup(app: Any) -> dict[str, Any]:
+    """Write the pages before Sphinx looks for pages."""
+    app.setup_extension("sphinx.ext.autodoc")
+    connect: Callable[..., Any] = app.connect
+    connect("builder-inited", write_pages, priority=100)
+    connect("autodoc-process-docstring", mend_docstring, priority=900)  # behind numpydoc
+    connect("autodoc-skip-member", skip)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,34 @@
+"""README and the pages of the documentation, and what stands in their code blocks."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+MADE = ("_build", "api", "tutorials")  # by a build of the site
+DOCS = sorted(
+    page
+    for page in (ROOT / "docs").rglob("*.md")
+    if page.relative_to(ROOT / "docs").parts[0] not in MADE
+)
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
+
+
+def text_of(page):
+    return page.read_text(encoding="utf-8")
+
+
+def fences(page, *languages):
+    """Language and content of the code blocks in some languages, in order."""
+    found = re.findall(r"^```(\w*)\n(.*?)^```", text_of(page), re.S | re.M)
+    return [(language, block) for language, block in found if language in languages]
+
+
+def blocks(page, language):
+    return [block for _, block in fences(page, language)]
+
+
+def commands(block, name):
+    """Lines of a block that call a command, without their comments."""
+    whole = block.replace("\\\n", " ")
+    lines = (line.split(" #")[0].strip() for line in whole.splitlines())
+    return [line for line in lines if line.startswith(f"{name} ")]

@@ -1,0 +1,141 @@
+"""The pages of the documentation: their code runs, their commands are valid, their names exist."""
+
+import importlib.util
+import re
+import shlex
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from commands import FAST, prepared, ran
+from pages import DOCS, PAGES, ROOT, commands, fences, text_of
+
+from sweeps.experiment import EXPERIMENT
+from sweeps.report.figures import KINDS
+
+sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
+
+ELSEWHERE = {"engine.md"}  # tests/engine/test_sweep.py runs what is on it
+WITH_CODE = [page for page in DOCS if fences(page, "python", "sh") and page.name not in ELSEWHERE]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Cache of finished results that the pages share."""
+    return tmp_path_factory.mktemp("cache")
+
+
+def of_file(code):
+    """The name of the file that a block is to be saved as, if its first line says so."""
+    found = re.match(r"# (\w+\.py)\n", code)
+    return found and found[1]
+
+
+def imported(name):
+    spec = importlib.util.spec_from_file_location(Path(name).stem, name)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module.__name__] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
+def test_what_is_on_the_page_runs(page, smoke_store, results, tmp_path, monkeypatch, capsys):
+    """Code is executed, scripts of the page are run, and other commands composed, in order."""
+    mpl.use("Agg")
+    (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    namespace = {}
+    for language, block in fences(page, "python", "sh"):
+        if language == "python" and (name := of_file(block)):
+            Path(name).write_text(block, encoding="utf-8")
+        elif language == "python":
+            exec(compile(block, page.name, "exec"), namespace)
+        for line in commands(block, "ncti-sweep") if language == "sh" else ():
+            if " --" not in line:
+                assert prepared(*shlex.split(line)[1:]), line
+        for line in commands(block, "python") if language == "sh" else ():
+            name, *arguments = shlex.split(line)[1:]
+            if name == "-m":
+                assert arguments[0] in ("benchmarks", "sweeps.report.figures"), line
+                continue
+            module = imported(name)
+            status = ran(*arguments, *FAST, f"cache={results}", modules=(module,))
+            assert status == 0, capsys.readouterr().err
+    from matplotlib import pyplot as plt
+
+    plt.close("all")
+
+
+def test_the_gallery_has_every_figure_and_the_command_that_draws_it():
+    page = ROOT / "docs" / "gallery.md"
+    drawn, stores = {}, set()
+    for _, block in fences(page, "sh"):
+        stores |= {re.search(r"store=(\S+)", one)[1] for one in commands(block, "ncti-sweep")}
+        for line in commands(block, "python"):
+            kind, *store, picture = shlex.split(line)[3:]
+            assert set(store) <= stores, f"{line}: no command above makes the store"
+            drawn[kind] = picture
+    assert set(drawn) == {*KINDS, "ships"}
+    shown = re.findall(r"!\[[^\]]+\]\((.*?)\)", text_of(page))
+    assert shown == list(drawn.values())
+    assert {path.name for path in page.parent.glob("*.png")} == {*shown}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_names_on_the_page_exist(page):
+    prose = re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M)
+    for name in set(re.findall(r"`((?:ncti|sweeps)(?:\.\w+)+)`", prose)):
+        found, *rest = import_module(name.partition(".")[0]), *name.split(".")[1:]
+        for part in rest:
+            if not hasattr(found, part):
+                import_module(f"{found.__name__}.{part}")
+            found = getattr(found, part)
+
+
+GROUPS = {one.key.partition(".")[0] for one in EXPERIMENT.declared if "." in one.key}
+KEYS = {one.key for one in EXPERIMENT.declared}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_settings_on_the_page_exist(page):
+    prose = re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M)
+    own = set(re.findall(r'key="([a-z_.]+)"', text_of(page)))  # declared by code on the page
+    for key in set(re.findall(r"`([a-z_]+(?:\.[a-z_]+)+)(?:=[^`\s]*)?`", prose)):
+        if key.endswith(".py"):
+            continue
+        if key.partition(".")[0] in GROUPS and key.rpartition(".")[0] not in own:
+            assert key in KEYS, key
+
+
+def test_pages_that_load_something_elsewhere_are_found():
+    from offline import loads_of_page
+
+    for page, found in {
+        '<script src="https://cdn.example/a.js"></script>': ["https://cdn.example/a.js"],
+        '<link rel="stylesheet" href="//cdn.example/a.css">': ["//cdn.example/a.css"],
+        '<img src="http://example.org/a.png">': ["http://example.org/a.png"],
+        "<style>@font-face {src: url('https://x.example/f.woff')}</style>": [
+            "https://x.example/f.woff"
+        ],
+        '<p style="background: url(https://x.example/a.png)">': ["https://x.example/a.png"],
+        '<a href="https://doi.org/10.1000/1">a paper</a>': [],
+        '<script src="_static/a.js"></script><img src="data:image/png;base64,AAAA">': [],
+        "<p>url(https://x.example) as text</p>": [],
+    }.items():
+        assert loads_of_page(page) == found, page
+
+
+def test_equations_become_mathml_or_are_refused():
+    pytest.importorskip("latex2mathml")
+    pytest.importorskip("sphinx")
+    from mathml import mathml
+
+    assert "<mfrac>" in mathml(r"\frac{1}{2}", display="inline")
+    assert mathml(r"\cos a \cos b", display="block").count("mspace") == 3
+    for wrong in (r"\begin{aligned} a &= b \end{aligned}", r"\unheard{x}"):
+        with pytest.raises(ValueError, match="equation"):
+            mathml(wrong, display="block")
