@@ -337,9 +337,7 @@ def settings_table(settings: Iterable[Setting]) -> str:
         about = ". ".join(filter(None, (one.label, one.help)))
         axis = f"one value: {one.fixed}" if one.fixed else ""
         allowed = "; ".join(filter(None, (one.kind.allowed, axis)))
-        required = one.default is None and one.fallback is None and not one.kind.null
-        default = "required" if required else _written(one.default)
-        rows.append((f"`{one.key}`", default, unit, allowed, about))
+        rows.append((f"`{one.key}`", _written(one.default), unit, allowed, about))
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 

@@ -203,7 +203,7 @@ def check_window(choices: Choices, ship: Value) -> None:
         if needed > allowed:
             raise ConfigurationError(
                 f"{setting.key} is {allowed:g} m, but must be at least {math.ceil(needed)} m to "
-                f"hold {ship}"
+                f"hold {ship}{views.hint(ship)}"
             )
 
 

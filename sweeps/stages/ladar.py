@@ -388,7 +388,7 @@ def _check_window(choices: Choices) -> None:
         if needed > window:
             raise ConfigurationError(
                 f"ladar.window is {window:g} m, but must be at least {needed:.0f} m to hold {ship} "
-                f"and leave {EDGE:.0%} free at each end"
+                f"and leave {EDGE:.0%} free at each end{views.hint(ship)}"
             )
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ncti.ships import Transform
 
 GROUP = "ships"
-ASPECT, DEPRESSION = 57.0, 12.0  # of the picture [deg]: bow to the right, from the port bow
+ASPECT, DEPRESSION = 57.0, 12.0  # of the picture [deg]: from the port bow, which is on the left
 ROWS, COLUMNS = 80, 200  # of the picture
 LIGHT = np.array([0.4, 0.6, 0.69])  # towards the light: right, up, towards the eye
 AMBIENT, KEYLIGHT = 0.3, 0.7
@@ -98,7 +98,7 @@ def warning(findings: tuple[str, ...], mend: Transform | None, ship: ShipName | 
     words = " and ".join(filter(None, (", ".join(findings[:-1]), findings[-1])))
     entries = [str(mend)] if str(mend) else []
     if ship is None:
-        return f"{words}; if so, use {{{entries[0]}}}" if entries else f"{words}; as it is, it fits"
+        return f"{words}; if so, use {f'{{{entries[0]}}}' if entries else 'no transform'}"
     known = ship_name(ship.source)
     named = [f"name: {_quoted(ship)}"] if ship != known else []
     source = ship.source if known == ship.source else os.path.relpath(ship.source)

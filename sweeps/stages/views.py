@@ -296,6 +296,15 @@ def description(hull: Hull) -> ncti.ships.Description:
     return ncti.ships.describe(hull.source, cache=_built(), **asdict(hull.transform))
 
 
+def hint(ship: ShipName) -> str:
+    """Return, for the end of a message, what looks wrong with a ship; empty where nothing does."""
+    found = description(hull.function(ship))
+    if found.mend is None:
+        return ""
+    mend = f"{{{found.mend}}}" if str(found.mend) else "no transform"
+    return f"; {ship} {found.findings[0]}: if so, use {mend}"
+
+
 def _built() -> Path:
     """Return the folder of built ships."""
     return cache_folder() / "meshes"
