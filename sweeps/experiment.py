@@ -31,6 +31,7 @@ from sweeps.stages import (
     likelihood,
     measured,
     mnn,
+    portraits,
     run_time,
     scan,
     scan_targets,
@@ -58,7 +59,7 @@ from sweeps.stages.views import (
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
 
 MODULES: tuple[Any, ...] = (
-    *(views, ladar, infrared, images, silhouettes),
+    *(views, portraits, ladar, infrared, images, silhouettes),
     *(irar, flights, corrections, signatures),
     *(classifier, acn, mnn, correlation, likelihood, fusion, measured),
     *(exact, run_time),
@@ -119,7 +120,9 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
     def attributes(choices: Choices) -> dict[str, Any]:
         digests = {str(ship): hull.function(ship).digest for ship in choices[Grid.ship]}
-        return {"mesh_digests": digests}
+        transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
+        given = {label: words for label, words in transforms.items() if words}
+        return {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
 
     return Experiment(
         "ncti-sweep",
@@ -131,6 +134,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         check=check,
         checking="checking what is asked for, and building its ships",
         remarks=remarks,
+        about=portraits.about,
         prepare=compile_loops,
         versions=VERSIONS,
         attributes=attributes,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache as memoised
 from importlib import metadata, resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,8 +17,12 @@ from ncti.ships import cache as store
 from ncti.ships import meshes, sheets
 from ncti.ships.build import Ship, build
 from ncti.ships.errors import ShipError, shown
+from ncti.ships.orientation import Diagnosis
+from ncti.ships.transform import Transform
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import trimesh
     from numpy.typing import NDArray
 
@@ -55,37 +59,55 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(f.stem for f in files if f.suffix == ".yaml" and f.stem != "templates"))
 
 
-def digest(name_or_path: str | Path) -> str:
+def digest(name_or_path: str | Path, **transform: Any) -> str:
     """Content hash of a ship, without building it.
 
     Parameters
     ----------
     name_or_path : str or Path
         As for `load`.
+    **transform
+        `up`, `forward`, `scale` and `offset`, as for `load`.
 
     Returns
     -------
     str
         SHA-256 of all that shapes the mesh: the sheet and the equipment templates, or the mesh
-        file; and the source of this package with the version of its solid modeller. On one
-        machine and installation, equal digests mean equal meshes, bit for bit.
+        file; the transform; and the source of this package with the version of its solid modeller.
+        On one machine and installation, equal digests mean equal meshes, bit for bit.
 
     Raises
     ------
     ShipError
-        When there is no such ship or file, or the file's name is no label.
+        When there is no such ship or file, the file's name is no label, or a value of the
+        transform is not allowed.
     """
-    return _find(name_or_path).digest
+    return Transform(**transform).digest(_find(name_or_path).digest)
 
 
-def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimesh.Trimesh:
+def load(
+    name_or_path: str | Path,
+    *,
+    up: str = "z",
+    forward: str | None = None,
+    scale: float = 1.0,
+    offset: Sequence[float] = (0.0, 0.0, 0.0),
+    cache: str | Path | None = None,
+) -> trimesh.Trimesh:
     """A ship's mesh, watertight and wound outward.
 
     Parameters
     ----------
     name_or_path : str or Path
-        One of `names()`, or the path of a sheet (.yaml, .yml) or of a mesh in ship axes and
-        metres (.stl, .obj, .glb). The name of a file, without its suffix, labels the ship.
+        One of `names()`, or the path of a sheet (.yaml, .yml) or of a mesh (.stl, .obj, .glb). The
+        name of a file, without its suffix, labels the ship.
+    up, forward : {"x", "y", "z", "-x", "-y", "-z"}
+        Axes of the file that point up and to the bow; see `Transform`. `forward` is x where it is
+        not given and `up` is not along x.
+    scale : float
+        Metres in a unit of the file: 0.001 for millimetres.
+    offset : (3,) sequence of float
+        Added after turning and scaling [m]: forward, to port, up.
     cache : str or Path, optional
         Folder that keeps built ships; the user's cache folder by default.
 
@@ -94,33 +116,153 @@ def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimes
     trimesh.Trimesh
         Ship axes [m]: x to the bow, y to port, z up, origin amidships on the waterline; only
         what is above the waterline. `metadata` has `name`, `digest`, and `loa` and `beam` [m],
-        which for a sheet are those of the hull itself, without what overhangs it.
+        which for a sheet are those of the hull itself, without what overhangs it; and `findings`
+        and `mend` of `describe`.
 
     Raises
     ------
     ShipError
-        When there is no such ship or file, or the sheet or mesh is not fit to be used.
+        When there is no such ship or file, the sheet or mesh is not fit to be used, or a value of
+        the transform is not allowed.
+
+    See Also
+    --------
+    describe : measures of a ship, and signs that its mesh lies in other axes.
+
+    Examples
+    --------
+    >>> import ncti.ships
+    >>> half = ncti.ships.load("duncan", scale=0.5)
+    >>> print(f"{half.extents[0]:.1f} m")
+    67.8 m
     """
     # Imported where it is used: trimesh takes half a second.
     import trimesh
 
     source = _find(name_or_path)
-    ship = _solid(source, cache)
+    transform = Transform(up=up, forward=forward, scale=scale, offset=offset)
+    ship, diagnosis = _solid(source, transform, cache)
     mesh = trimesh.Trimesh(ship.vertices, ship.faces, process=False)
-    mesh.metadata.update(name=source.name, digest=source.digest, loa=ship.loa, beam=ship.beam)
+    mesh.metadata.update(name=source.name, digest=transform.digest(source.digest))
+    mesh.metadata.update(loa=ship.loa, beam=ship.beam)
+    mesh.metadata.update(findings=diagnosis.findings, mend=_whole(transform, diagnosis))
     return mesh
 
 
-def vertices(name_or_path: str | Path, *, cache: str | Path | None = None) -> NDArray[np.float64]:
-    """Vertices of a ship's mesh, `(vertex, 3)` [m], sooner than `load`; refuses what that does."""
-    return _solid(_find(name_or_path), cache).vertices
+@dataclass(frozen=True, eq=False)
+class Description:
+    """Measures of a ship above the waterline, and signs that its mesh is not in the ship frame.
+
+    Attributes
+    ----------
+    name : str
+        Name of the ship, or of its file without the suffix.
+    length, beam, height : float
+        Extents along x, y and z [m].
+    facets : int
+        Number of facets.
+    vertices : (vertex, 3) float64 ndarray
+        Corners [m].
+    findings : tuple of str
+        What looks wrong, as "lies on its side"; empty where nothing does.
+    mend : Transform or None
+        Transform of the file that would mend all of that, instead of the one given.
+    """
+
+    name: str
+    length: float
+    beam: float
+    height: float
+    facets: int
+    vertices: NDArray[np.float64] = field(repr=False)
+    findings: tuple[str, ...] = ()
+    mend: Transform | None = None
+
+    @property
+    def measures(self) -> str:
+        """Length x beam x height and facets, as text."""
+        size = f"{self.length:.1f} x {self.beam:.1f} x {self.height:.1f} m"
+        return f"{size}, {self.facets:,} facets"
 
 
-def _solid(source: _Source, cache: str | Path | None) -> Ship:
+def describe(
+    name_or_path: str | Path,
+    *,
+    up: str = "z",
+    forward: str | None = None,
+    scale: float = 1.0,
+    offset: Sequence[float] = (0.0, 0.0, 0.0),
+    cache: str | Path | None = None,
+) -> Description:
+    """Return the measures of a ship, and what looks wrong with the axes or origin of its mesh.
+
+    Parameters
+    ----------
+    name_or_path, up, forward, scale, offset, cache
+        As for `load`.
+
+    Returns
+    -------
+    Description
+        Without findings for a sheet that is not transformed: it is built in the ship frame.
+
+    Raises
+    ------
+    ShipError
+        As `load`.
+
+    See Also
+    --------
+    load : the mesh itself.
+    Transform : axes, unit and origin of a mesh file.
+
+    Notes
+    -----
+    Suspicious is a ship that floats above the water, lies on its side or stands on end, is upside
+    down, has its length along y, its origin outside the middle half of its length or beam, or no
+    hull below a waterline at the height of its keel. A mesh that is right may be suspicious, so
+    that nothing is refused for it.
+
+    Examples
+    --------
+    >>> import ncti.ships
+    >>> print(ncti.ships.describe("duncan").measures)
+    135.6 x 13.7 x 31.2 m, 43,672 facets
+    >>> wrong = ncti.ships.describe("duncan", offset=[60, 0, 3])
+    >>> wrong.findings
+    ('has its origin at the stern', 'floats 3.0 m above the water')
+    >>> wrong.mend.is_identity
+    True
+    """
+    source = _find(name_or_path)
+    transform = Transform(up=up, forward=forward, scale=scale, offset=offset)
+    ship, diagnosis = _solid(source, transform, cache)
+    length, beam, height = (float(extent) for extent in np.ptp(ship.vertices, axis=0))
+    return Description(
+        source.name,
+        length,
+        beam,
+        height,
+        len(ship.faces),
+        ship.vertices,
+        diagnosis.findings,
+        _whole(transform, diagnosis),
+    )
+
+
+def _whole(given: Transform, diagnosis: Diagnosis) -> Transform | None:
+    """Return the transform of a file that mends what a given one leaves wrong."""
+    return None if diagnosis.mend is None else given.then(diagnosis.mend)
+
+
+def _solid(
+    source: _Source, transform: Transform, cache: str | Path | None
+) -> tuple[Ship, Diagnosis]:
     if not source.is_sheet:
-        corners, faces = meshes.read(source.content, source.suffix, where=f"mesh {source.name}")
-        loa, beam, _ = (float(extent) for extent in np.ptp(corners, axis=0))
-        return Ship(corners, faces, loa, beam)
+        where = f"mesh {source.name}"
+        placed = meshes.read(source.content, source.suffix, transform, where=where)
+        loa, beam, _ = (float(extent) for extent in np.ptp(placed.vertices, axis=0))
+        return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis
     folder = store.default_folder() if cache is None else Path(cache)
     path = folder / f"{source.digest}.npz"
     ship = store.read(path)
@@ -128,7 +270,11 @@ def _solid(source: _Source, cache: str | Path | None) -> Ship:
         text, templates = _text(source), _templates().decode()
         ship = build(sheets.parse(text, templates, where=source.name))
         store.write(path, ship)
-    return ship
+    if transform.is_identity:
+        return ship, Diagnosis()
+    placed = meshes.place(ship.vertices, ship.faces, transform, where=f"ship {source.name}")
+    loa, beam = ship.loa * transform.scale, ship.beam * transform.scale
+    return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis
 
 
 def _find(name_or_path: str | Path) -> _Source:

@@ -1,8 +1,9 @@
-"""A user's own mesh: an STL, OBJ or GLB in ship axes and metres, checked before it is let in."""
+"""A user's own mesh: an STL, OBJ or GLB, put into the ship frame and checked."""
 
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from ncti.ships.errors import ShipError
 from ncti.ships.lofting import union
+from ncti.ships.orientation import Diagnosis, diagnose
+from ncti.ships.transform import Transform
 
 if TYPE_CHECKING:
     import trimesh
@@ -18,8 +21,32 @@ if TYPE_CHECKING:
 SMALLEST, LARGEST = 1.0, 1000.0  # extent of anything that may pass for a ship in metres [m]
 
 
-def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Vertices [m] and facets of a mesh file: closed, wound outward, above the waterline.
+UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
+UNITS["kilometres"] = 1000.0
+SHORTEST_SHIP, LONGEST_SHIP = 10.0, 460.0  # [m]; what a unit is guessed by
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A mesh in the ship frame, and signs that it is not.
+
+    Attributes
+    ----------
+    vertices : (vertex, 3) float64 ndarray
+        Corners above the waterline [m].
+    faces : (facet, 3) int32 ndarray
+        Corners of each facet, counter-clockwise from outside.
+    diagnosis : Diagnosis
+        Of the mesh with what lies below the waterline.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    diagnosis: Diagnosis
+
+
+def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Placed:
+    """Return the mesh of a file: closed, wound outward, above the waterline.
 
     Several geometries, each closed, are united; ones which only together are closed (a hull
     split by material) are joined. What lies below the waterline is cut off and closed.
@@ -30,8 +57,15 @@ def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], 
         Content of the file.
     suffix : str
         Its kind: ".stl", ".obj" or ".glb".
+    transform : Transform
+        From the file's coordinates to the ship frame.
     where : str
         What to call the mesh in messages.
+
+    Returns
+    -------
+    Placed
+        The mesh, with signs that the transform is wrong.
 
     Raises
     ------
@@ -39,34 +73,66 @@ def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], 
         When the file is corrupt, or its mesh is empty, not finite, not in metres, open, wound
         inconsistently or inside out, or lies under water.
     """
+    return _placed(_parts(data, suffix, where), transform, where)
+
+
+def place(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], transform: Transform, *, where: str
+) -> Placed:
+    """Return a built ship after a transform, as `read` does; raises the same."""
     # Imported where it is used: trimesh takes half a second.
     import trimesh
 
-    parts = _parts(data, suffix, where)
+    return _placed([trimesh.Trimesh(vertices, faces, process=False)], transform, where)
+
+
+def _placed(parts: list[trimesh.Trimesh], transform: Transform, where: str) -> Placed:
+    import trimesh
+
+    if not transform.is_identity:
+        with np.errstate(all="ignore"):  # what is not finite is refused below
+            for part in parts:
+                part.vertices = transform.apply(part.vertices)
     if not all(np.isfinite(part.vertices).all() for part in parts):
         raise ShipError(f"{where} has vertices that are NaN or infinite, but all must be finite.")
     whole = _merged(trimesh.util.concatenate(parts))
     if len(whole.faces) == 0:
         raise ShipError(f"{where} is empty, but must have facets.")
-    extent = float(whole.extents.max())
-    if not SMALLEST <= extent <= LARGEST:
-        raise ShipError(
-            f"{where} is {extent:g} across in its own unit, but must be in metres, "
-            f"{SMALLEST:g} to {LARGEST:g} m."
-        )
-    if whole.vertices[:, 2].max() <= 0:
-        raise ShipError(f"{where} lies wholly under water, but only z > 0 m counts.")
+    _check_size(float(whole.extents.max()), transform.scale, where)
     parts = [_merged(part) for part in parts]
     unite = len(parts) > 1 and all(part.is_watertight for part in parts)
+    diagnosis = diagnose(np.asarray(whole.vertices), np.asarray(whole.faces))
+    if whole.vertices[:, 2].max() <= 0:
+        mend = diagnosis.mend and transform.then(diagnosis.mend)
+        advice = f" ({{{mend}}} would lift it)" if mend else ""
+        raise ShipError(f"{where} lies wholly under water, but only z > 0 m counts{advice}.")
     for part in parts if unite else [whole]:
         _check_closed(part, where)
     if not unite and whole.vertices[:, 2].min() >= 0:
-        return np.array(whole.vertices, dtype=np.float64), np.array(whole.faces, dtype=np.int32)
+        vertices = np.array(whole.vertices, dtype=np.float64)
+        return Placed(vertices, np.array(whole.faces, dtype=np.int32), diagnosis)
     solid = union([_solid(part, where) for part in (parts if unite else [whole])])
     if whole.vertices[:, 2].min() < 0:
         solid = solid.trim_by_plane((0, 0, 1), 0)
     mesh = solid.to_mesh64()
-    return np.array(mesh.vert_properties[:, :3]), np.array(mesh.tri_verts, dtype=np.int32)
+    vertices = np.array(mesh.vert_properties[:, :3])
+    return Placed(vertices, np.array(mesh.tri_verts, dtype=np.int32), diagnosis)
+
+
+def _check_size(extent: float, scale: float, where: str) -> None:
+    """Refuse what is no ship in metres, and name the units in which it would be one."""
+    if SMALLEST <= extent <= LARGEST:
+        return
+    guesses = ", ".join(
+        f"scale: {scale * unit:g} makes it {extent * unit:.4g} m if it is in {name}"
+        for name, unit in UNITS.items()
+        if SHORTEST_SHIP <= extent * unit <= LONGEST_SHIP and scale == 1.0
+    )
+    own = "in its own unit" if scale == 1.0 else f"with scale {scale:g}"
+    raise ShipError(
+        f"{where} is {extent:g} across {own}, but must be in metres, {SMALLEST:g} to "
+        f"{LARGEST:g} m{f' ({guesses})' if guesses else ''}."
+    )
 
 
 def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:

@@ -7,7 +7,7 @@ import os
 import re
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -126,6 +126,7 @@ class Command:
             sweeps = self._checked(jobs)
             if sweeps and all(choices.one(Run.dry_run) for choices, _ in sweeps):
                 for choices, store in sweeps:
+                    self._say_all(experiment.about(choices))
                     self._preview(choices, store)
                 return ALL_DONE
             if jobs and master and master.hydra.runtime.choices["hydra/launcher"] == FUSED:
@@ -246,8 +247,8 @@ class Command:
             keys = {key.lstrip("+~") for job in jobs for key in job.overrides}
             unread = Plan(self.experiment, choices).unread(keys)
             remarks = [f"{key} is set, but nothing that is asked for reads it" for key in unread]
-            for sentence in (*remarks, *self.experiment.remarks(choices)):
-                say(self.name, sentence)
+            self._say_all((*remarks, *self.experiment.remarks(choices)))
+            self._say_all(self.experiment.about(choices))
             if choices.one(Run.dry_run):  # where Hydra has expanded the jobs
                 self._preview(choices, store)
                 continue
@@ -273,6 +274,10 @@ class Command:
                 say(self.name, f"the store is whole, but cannot be reported: {reason(error)}")
         show(summary(finished.progress, finished.seconds), error=True)
         return finished
+
+    def _say_all(self, sentences: Iterable[str]) -> None:
+        for sentence in sentences:
+            say(self.name, sentence)
 
     def place(self, choices: Choices, store: Path) -> Place:
         """Where a sweep runs."""

@@ -169,6 +169,26 @@ class Text(Kind):
 
 
 @dataclass(frozen=True)
+class Vector(Kind):
+    """So many finite numbers in a list: one value, which is a tuple."""
+
+    size: int
+    element: Number = field(default_factory=Number)
+
+    @property
+    def allowed(self) -> str:
+        """See `Kind.allowed`."""
+        return f"a list of {self.size}, each {self.element.allowed}"
+
+    def values(self, key: str, given: Any) -> tuple[Value, ...]:
+        """See `Kind.values`."""
+        listed = self._listed(key, given)
+        if len(listed) != self.size or not all(map(self.element._holds, listed)):
+            raise ValueError(f"{key} is {shown(given)}, but must be {self.allowed}")
+        return (tuple(map(self.element._read, listed)),)
+
+
+@dataclass(frozen=True)
 class SetOf(Kind):
     """A set of values of another kind that belong together: one value, which is a tuple.
 

@@ -149,6 +149,8 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
             "grid.zip has settings whose values differ between jobs of one store; put them into "
             "the store's path for a store each"
         )
+    for setting in experiment.declared:
+        _check_alike(setting, [value for job in jobs for value in job.choices[setting]])
     differing = [
         setting
         for setting in experiment.declared
@@ -170,6 +172,18 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
     }
     joint = _bound_together(jobs, differing) if differing else []
     return Choices({**first.values, **union}, (*first.joint, *joint))
+
+
+def _check_alike(setting: Setting, values: Sequence[Value]) -> None:
+    """Refuse equal values of different origin, which one store could not tell apart."""
+    origins: dict[Value, Any] = {}
+    for value in values:
+        origin = getattr(value, "origin", None)
+        if origins.setdefault(value, origin) != origin:
+            raise ConfigurationError(
+                f"{setting.key} has {str(value)!r} for two things in jobs of one store, but their "
+                "names must differ; name one of them, or put it into the store's path"
+            )
 
 
 def _bound_together(jobs: Sequence[Job], differing: Sequence[Setting]) -> list[Joint]:

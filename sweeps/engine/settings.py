@@ -20,7 +20,20 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Count, Draws, Groups, Kind, Number, SetOf, Switch, Text, Value, Word
+from sweeps.engine.kinds import (
+    Count,
+    Draws,
+    Groups,
+    Kind,
+    Number,
+    SetOf,
+    Switch,
+    Text,
+    Value,
+    Vector,
+    Word,
+    shown,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +63,11 @@ class Setting:
         """CF attributes of its coordinate."""
         worded = isinstance(self.kind, Word | Text)
         return ({} if worded else {"units": self.unit}) | {"long_name": self.label}
+
+    @property
+    def entries(self) -> tuple[Setting, ...]:
+        """Keys of a mapping that may be one of its values, as `read_entries` reads it."""
+        return getattr(self.kind, "entries", ())
 
     def values(self, given: Any) -> tuple[Value, ...]:
         """Values of what a user gave, in ascending order; raises `ConfigurationError`."""
@@ -123,6 +141,12 @@ def switch(default: Any, **about: Any) -> Setting:
 def text(default: str | None, **about: Any) -> Setting:
     """Setting that is a text, such as a path; the rest as of `Setting`."""
     return Setting(Text(null=default is None), default, **about)
+
+
+def vector(default: Any, size: int, low: float, high: float, **about: Any) -> Setting:
+    """Setting whose one value is a list of so many finite numbers; the rest as of `Setting`."""
+    about.setdefault("fixed", "its numbers belong together")
+    return Setting(Vector(size, Number(low, high)), default, **about)
 
 
 def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...] = ()) -> Setting:
@@ -255,6 +279,28 @@ def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choic
     return Choices(values)
 
 
+def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any]) -> dict[str, Any]:
+    """Values by name of a mapping that is one value of a setting, checked as settings are.
+
+    `entries` are what it may have; those without a default it must have.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first key that is wrong, its value and what is allowed.
+    """
+    by_name = {one.name: one for one in entries}
+    for name in given:
+        if name not in by_name:
+            raise ConfigurationError(
+                f"{key}.{name} is no key of the configuration; {key} has {', '.join(by_name)}"
+            )
+    for name, one in by_name.items():
+        if name not in given and one.default is None and not one.kind.null:
+            raise ConfigurationError(f"{key} is {shown(given)}, but must have {name}")
+    return {name: one.values(given.get(name, one.default))[0] for name, one in by_name.items()}
+
+
 def nested(settings: Iterable[Setting]) -> dict[str, Any]:
     """Settings by the words of their keys, group within group."""
     tree: dict[str, Any] = {}
@@ -281,9 +327,12 @@ def flatten(settings: Iterable[Setting], tree: Mapping[str, Any]) -> dict[str, A
 
 
 def settings_table(settings: Iterable[Setting]) -> str:
-    """Markdown table of settings: key, default, unit, what is allowed and what it is."""
+    """Markdown table of settings: key, default, unit, what is allowed and what it is.
+
+    Keys of a mapping that may be a value of a setting stand below that.
+    """
     rows = [("key", "default", "unit", "allowed", "what it is"), ("---",) * 5]
-    for one in settings:
+    for one in (entry for setting in settings for entry in (setting, *setting.entries)):
         unit = "" if one.unit == "1" else one.unit
         about = ". ".join(filter(None, (one.label, one.help)))
         axis = f"one value: {one.fixed}" if one.fixed else ""

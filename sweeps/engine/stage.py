@@ -186,6 +186,7 @@ class Experiment:
     check: Callable[[Choices], Choices] = nothing_to_check
     checking: str = "checking what is asked for"  # what is said while `check` takes a while
     remarks: Callable[[Choices], list[str]] = lambda choices: []  # sentences for the user
+    about: Callable[[Choices], list[str]] = lambda choices: []  # lines on what is swept
     versions: tuple[str, ...] = ()  # distributions that the store's attributes have
     attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # further ones
     # Called where workers start on this machine, with the functions of the stages whose results are

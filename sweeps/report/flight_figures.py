@@ -24,7 +24,8 @@ from sweeps.report.axes import nominal, shown, which
 from sweeps.report.flights import GAINS, SISTERS, STERN, TITLED, flown_past, put_in
 from sweeps.report.rows import setting
 from sweeps.stages.irar import FLOWN, RATES, RECORDED, scan_again, surface
-from sweeps.stages.views import hull, read_mesh, ship_name
+from sweeps.stages.ships import ship_name
+from sweeps.stages.views import hull, read_mesh
 
 STRIPES = 12.0  # m of range that run once through the colours, as in the source's images
 MARGIN = 12  # pixels around the ship in corrected images

@@ -19,7 +19,8 @@ from sweeps.engine.stage import Output, Stage, stage
 from sweeps.stages import irar
 from sweeps.stages.irar import CELLS, DIMS, EXACT, NO_ERROR, Arrays, Error, Irar
 from sweeps.stages.ladar import Ladar, profile_bins
-from sweeps.stages.views import IRAR, STATUS, Grid, ShipName, looks
+from sweeps.stages.ships import ShipName
+from sweeps.stages.views import IRAR, STATUS, Grid, looks
 
 if TYPE_CHECKING:
     import trimesh

@@ -34,7 +34,8 @@ from sweeps.stages.irar import (
     flight_of,
 )
 from sweeps.stages.ladar import Ladar, profile_bins
-from sweeps.stages.views import IRAR, LINES, Grid, ShipName, check_beam, looks
+from sweeps.stages.ships import ShipName
+from sweeps.stages.views import IRAR, LINES, Grid, check_beam, looks
 
 if TYPE_CHECKING:
     import trimesh

@@ -195,7 +195,7 @@ def check(choices: Choices) -> Choices:
 
 def check_window(choices: Choices, ship: Value) -> None:
     """Refuse a ship that images do not hold."""
-    vertices = views.read_vertices(views.hull(ship))
+    vertices = views.description(views.hull(ship)).vertices
     longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
     highest = float(vertices[:, 2].max())
     for setting, needed in ((Infrared.window_length, longest), (Infrared.window_height, highest)):
@@ -203,7 +203,7 @@ def check_window(choices: Choices, ship: Value) -> None:
         if needed > allowed:
             raise ConfigurationError(
                 f"{setting.key} is {allowed:g} m, but must be at least {math.ceil(needed)} m to "
-                f"hold {ship}"
+                f"hold {ship}{views.hint(ship)}"
             )
 
 

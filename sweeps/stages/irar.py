@@ -17,7 +17,8 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Kind, Number, Value
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Setting, Settings, count, number, set_of, switch, word
-from sweeps.stages.views import IRAR, MOST_FRAMES, Grid, quantity, ships
+from sweeps.stages.ships import ships
+from sweeps.stages.views import IRAR, MOST_FRAMES, Grid, quantity
 
 if TYPE_CHECKING:
     import trimesh

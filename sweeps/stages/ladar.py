@@ -381,14 +381,14 @@ def _check_window(choices: Choices) -> None:
     window = choices.one(Ladar.window)
     longest = max(choices[Grid.pulse_width]) * 1e-9 * SPEED_OF_LIGHT
     for ship in choices[Grid.ship]:
-        reach = float(np.linalg.norm(views.read_vertices(views.hull(ship)), axis=1).max())
+        reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())
         # The returned pulse reaches beyond the ship, and both ends of the window must stay free
         # of it for the noise floor to be read there.
         needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)
         if needed > window:
             raise ConfigurationError(
                 f"ladar.window is {window:g} m, but must be at least {needed:.0f} m to hold {ship} "
-                f"and leave {EDGE:.0%} free at each end"
+                f"and leave {EDGE:.0%} free at each end{views.hint(ship)}"
             )
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -27,84 +26,25 @@ from ncti.render import (
     refined,
 )
 from ncti.render.flight import depression_angle
+from ncti.ships import Transform
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Text, Value, ascending, shown
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
 from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
+from sweeps.stages.ships import ShipFile, ShipName, ships
 
 if TYPE_CHECKING:
-    import numpy as np
     import trimesh
-    from numpy.typing import NDArray
 
 IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 LINES = "lines"  # the engine without pixels
 RANGE, INFRARED, IRAR, RUN_TIME, SCAN = "range", "infrared", "irar", "run_time", "scan"
 MOST_FRAMES = 10_000
 FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
+AS_IT_IS = Transform()  # of a mesh that is in the ship frame
 SHAPES = "it shapes arrays"  # why a setting takes one value only
 
 CACHE_VARIABLE = "NCTI_CACHE"
 """Name of the environment variable with the cache folder, whose `meshes` keeps built ships."""
-
-
-class ShipName(str):
-    """Label of a ship, its name or the stem of its file, with what `ncti.ships.load` takes."""
-
-    source: str
-
-    def __new__(cls, label: str, source: str) -> ShipName:
-        """Make a label with its source: a name, or the absolute path of a sheet or mesh."""
-        name = super().__new__(cls, label)
-        name.source = source
-        return name
-
-    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
-        """Return the arguments that make an equal one when unpickled."""
-        return str(self), self.source
-
-
-@dataclass(frozen=True)
-class Ships(Text):
-    """Ships: names, or paths of sheets and meshes; one, or several."""
-
-    @property
-    def allowed(self) -> str:
-        """See `sweeps.engine.kinds.Kind.allowed`."""
-        return "a ship, or a list of ships"
-
-    def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """Labels in ascending order, each a `ShipName`; see `sweeps.engine.kinds.Kind.values`."""
-        names = [given] if isinstance(given, str) else given
-        if not isinstance(names, Sequence) or not all(
-            isinstance(name, str) and name for name in names
-        ):
-            raise ConfigurationError(f"{key} is {shown(given)}, but must be {self.allowed}")
-        ascending(key, names)
-        found: set[ShipName] = set()
-        for name in names:
-            ship = ship_name(name)
-            if ship in found:
-                raise ConfigurationError(
-                    f"{key} has {name!r}, but {str(ship)!r} is the name of another ship of the grid"
-                )
-            found.add(ship)
-        return tuple(sorted(found))
-
-
-def ship_name(name: str) -> ShipName:
-    """Return the label of a name or path, with its source."""
-    if isinstance(name, ShipName):
-        return name
-    path = Path(name)
-    if name in ncti.ships.names() or not path.suffix:
-        return ShipName(path.name, name)
-    return ShipName(path.stem, str(path.absolute()))
-
-
-def ships(default: Any, **about: Any) -> Setting:
-    """Setting that is a ship or several; the rest as of `Setting`."""
-    return Setting(Ships(null=default is None), default, **about)
 
 
 def quantity(default: Any, low: float, high: float, unit: str, label: str, **about: Any) -> Setting:
@@ -124,7 +64,13 @@ class Sweep(Settings):
 class Grid(Settings, key="grid"):
     """The grid."""
 
-    ship = ships(["duncan", "horne", "spruance", "texas"], label="ship", shown=True)
+    ship = ships(
+        ["duncan", "horne", "spruance", "texas"],
+        label="ship",
+        help="a known name, a path, or a mapping of the keys below",
+        entries=ShipFile.declared,
+        shown=True,
+    )
     aspect = number(
         {"start": 0, "stop": 90, "step": 3},
         low=0,
@@ -204,10 +150,14 @@ class Render(Settings, key="render"):
 
 @dataclass(frozen=True)
 class Hull:
-    """What a mesh is made from: a name or path, and the hash of its content and builder's code."""
+    """What a mesh is made from: a name or path, how it is turned, scaled and shifted, and a hash.
+
+    The hash is of its content, its transform and its builder's code.
+    """
 
     source: str
     digest: str
+    transform: Transform = AS_IT_IS
 
     @property
     def identity(self) -> str:
@@ -219,7 +169,8 @@ class Hull:
 def hull(ship: ShipName) -> Hull:
     """Return what a ship's mesh is made from; `ConfigurationError` if there is no such ship."""
     try:
-        return Hull(ship.source, ncti.ships.digest(ship.source))
+        digest = ncti.ships.digest(ship.source, **asdict(ship.transform))
+        return Hull(ship.source, digest, ship.transform)
     except ncti.ships.ShipError as error:
         raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
 
@@ -328,7 +279,7 @@ def cache_folder() -> Path:
 @lru_cache(maxsize=16)
 def read_mesh(hull: Hull) -> trimesh.Trimesh:
     """Return a ship's mesh, kept for this process; ValueError if it changed, or is not fit."""
-    found = ncti.ships.load(hull.source, cache=cache_folder() / "meshes")
+    found = ncti.ships.load(hull.source, cache=_built(), **asdict(hull.transform))
     if found.metadata["digest"] != hull.digest:
         raise ValueError(f"{hull.source} was changed while the sweep ran")
     return found
@@ -340,9 +291,23 @@ def _is_symmetric(hull: Hull) -> bool:
 
 
 @lru_cache(maxsize=16)
-def read_vertices(hull: Hull) -> NDArray[np.float64]:
-    """Return vertices of a ship, `(vertex, 3)` [m], sooner than `read_mesh`."""
-    return ncti.ships.vertices(hull.source, cache=cache_folder() / "meshes")
+def description(hull: Hull) -> ncti.ships.Description:
+    """Return measures and vertices of a ship, sooner than `read_mesh`; ValueError if not fit."""
+    return ncti.ships.describe(hull.source, cache=_built(), **asdict(hull.transform))
+
+
+def hint(ship: ShipName) -> str:
+    """Return, for the end of a message, what looks wrong with a ship; empty where nothing does."""
+    found = description(hull.function(ship))
+    if found.mend is None:
+        return ""
+    mend = f"{{{found.mend}}}" if str(found.mend) else "no transform"
+    return f"; {ship} {found.findings[0]}: if so, use {mend}"
+
+
+def _built() -> Path:
+    """Return the folder of built ships."""
+    return cache_folder() / "meshes"
 
 
 def looks(sensor: str) -> Condition:
@@ -354,7 +319,7 @@ def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) ships that are not there, or not fit to be used."""
     for ship in choices[Grid.ship]:
         try:
-            read_vertices(hull(ship))
+            description(hull(ship))
         except ConfigurationError:
             raise
         except ValueError as error:

@@ -14,6 +14,7 @@ from sweeps.engine.seeds import cell_rng
 from sweeps.experiment import MODULES
 from sweeps.stages import ladar, views
 from sweeps.stages.ladar import Ladar
+from sweeps.stages.ships import ship_name
 
 BEAM = (150.0, 1.0, 250.0, 0.5, "projected_area")  # ifov, bin_width, window, spread, reflectance
 
@@ -25,7 +26,7 @@ def signal(cnr, receiver="full_profile"):
 
 @pytest.fixture(scope="module")
 def image():
-    mesh = views.mesh(views.hull(views.ship_name("duncan")))
+    mesh = views.mesh(views.hull(ship_name("duncan")))
     return views.image(mesh, 63.0, 3.84, "embree", 0.5, 0, views.ROLL, ())
 
 
@@ -140,7 +141,7 @@ def test_what_makes_no_sense_together_is_refused(given, said):
 
 
 def test_a_window_holds_every_ship_with_both_ends_free():
-    hull = views.hull(views.ship_name("spruance"))
+    hull = views.hull(ship_name("spruance"))
     reach = np.linalg.norm(views.read_mesh(hull).vertices, axis=1).max()
     pulse = 30e-9 * SPEED_OF_LIGHT / math.sqrt(2)
     needed = (2 * reach + pulse) / (1 - 2 * EDGE)

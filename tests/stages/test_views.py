@@ -15,7 +15,8 @@ from sweeps.engine.plan import Plan
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Experiment, Output, plain, stage, value_token
 from sweeps.stages import ladar, views
-from sweeps.stages.views import Grid, Hull, Sweep, ship_name
+from sweeps.stages.ships import ship_name
+from sweeps.stages.views import Grid, Hull, Sweep
 
 
 @pytest.fixture
@@ -98,7 +99,7 @@ def test_a_ship_that_changed_is_refused(box):
 def test_meshes_are_kept_where_the_environment_says(tmp_path, monkeypatch):
     loaded = []
 
-    def load(source, *, cache):
+    def load(source, *, cache, **transform):
         loaded.append((source, cache))
         return trimesh.Trimesh(metadata={"digest": "d"})
 

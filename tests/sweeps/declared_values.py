@@ -10,7 +10,7 @@ import numpy as np
 from sweeps.engine.kinds import Count, Draws, Groups, Kind, Number, SetOf, Switch, Text, Word, shown
 from sweeps.engine.settings import Setting
 from sweeps.stages.irar import Errors
-from sweeps.stages.views import Ships
+from sweeps.stages.ships import Ships
 
 DIFFER, EMPTY = "more than once, but values must differ", "is empty, but must hold at least one"
 STEPS = "start, stop and step"
@@ -98,9 +98,12 @@ def wrong(setting: Setting) -> list[tuple[Any, str, str]]:
             odd = (0, -1, kind.high + 1, 2.5, True, math.nan, None, "many", [1], {})
             return [(value, shown(value), kind.allowed) for value in odd]
         case Text():
-            odd = (7, math.nan, True, {"a": 1}, *([] if kind.null else [None]))
+            odd = [7, math.nan, True, {"a": 1}, *([] if kind.null else [None])]
             ships = isinstance(kind, Ships)
-            found = [(value, shown(value), kind.allowed) for value in odd]
+            entries = kind.entries if isinstance(kind, Ships) else ()
+            found = [({"a": 1}, ".a", "path, name, up, forward, scale, offset")] * bool(entries)
+            odd = [value for value in odd if not (entries and isinstance(value, dict))]
+            found += [(value, shown(value), kind.allowed) for value in odd]
             return [*found, ("", "''" if ships else "empty", kind.allowed), *_lists(two(kind)[0])]
     refused = [(value, shown(value), kind.allowed) for value in _odd(kind)]
     if isinstance(kind, Number | Count):

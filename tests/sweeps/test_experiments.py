@@ -144,7 +144,7 @@ def test_every_experiment_runs(name, folder, results, capsys):
 
 # Ships that are not flown past have no answers.
 NOT_ASKED = {("measured", "status_measured"): -1}
-PIXELS = {"image", "infrared_image", "intensity", "range_image"}
+PIXELS = {"picture", "image", "infrared_image", "intensity", "range_image"}
 
 
 def asked(values, group, flown):

@@ -1,0 +1,246 @@
+"""Signs that a mesh is not in the ship frame, and the transform that would put it there.
+
+A ship is long, alike on both sides, and sparse at the top: areas of its cross-sections along the
+three axes show which of them is which. Everything is relative to the mesh's own size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.ships.transform import Transform
+
+Floats = NDArray[np.float64]
+
+SECTIONS = 64  # along each axis
+UNLIKE = 0.3  # asymmetry from which an axis may be the vertical one; six ships: 0.96, others 0.2
+LONGER = 1.1  # by which y must be longer than x to be the length
+HEAVY = 0.55  # place of the centre of volume, of the height, above which a ship may be upside down
+SHORT = 0.5  # length of the lowest sections over that of the highest, below which it is
+FINER = 1.3  # ratio of sections at both ends from which the finer one is taken as the bow
+OFF_CENTRE = 0.25  # distance of the origin from the middle, of length or beam
+AFLOAT = 0.005  # height of the lowest point above the water, of the height, that rounding leaves
+KEEL = 0.75  # area of the lowest section over that of one higher, below which the lowest is a keel
+DRAUGHT = 1 / 3  # of the beam, where it is not known
+
+LOW, HIGH = (0.03, 0.06, 0.1), (0.9, 0.94, 0.97)  # of the height
+BOTTOM, ABOVE_BOTTOM = 0.005, 0.08  # of the height
+ENDS = 0.1  # of the length
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Signs that a mesh is not in the ship frame: verb phrases, and what would mend them all."""
+
+    findings: tuple[str, ...] = ()
+    mend: Transform | None = None
+
+
+def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
+    """Return signs that a mesh is not in the ship frame.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float64 ndarray
+        Corners [m], those below the waterline among them.
+    faces : (facet, 3) integer ndarray
+        Corners of each facet of a closed mesh, counter-clockwise from outside.
+
+    Returns
+    -------
+    Diagnosis
+        Nothing for a mesh that may be in the ship frame.
+
+    Notes
+    -----
+    The vertical axis is the one along which areas of sections are least symmetric; its upper end is
+    the one with short sections. Of the two others the longer is the length, and the bow its finer
+    end, which is a guess. A box is as symmetric along all of its axes, and only its extents count.
+
+    Not found: a bow that points aft, a mirror image, a ship on its side that is as symmetric that
+    way, and a flat-bottomed hull that stands on its keel.
+    """
+    if not len(vertices) or not (np.ptp(vertices, axis=0) > 0).all():
+        return Diagnosis()
+    turn, findings = _turn(vertices, faces)
+    shift, others = _shift(turn.apply(vertices), faces)
+    findings += others
+    if not findings:
+        return Diagnosis()
+    offset = [round(value, 2) for value in shift]
+    return Diagnosis(tuple(findings), Transform(up=turn.up, forward=turn.forward, offset=offset))
+
+
+def _turn(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list[str]]:
+    """Return the rotation to ship axes, and what is wrong with those of the mesh."""
+    extent = np.ptp(vertices, axis=0)
+    areas = [section_areas(vertices, faces, axis) for axis in range(3)]
+    vertical, along = _vertical_and_length(extent, [_asymmetry(area) for area in areas])
+    down = _points_down(vertices, faces, vertical, along, areas[vertical])
+    if (vertical, along, down) == (2, 0, False):
+        return Transform(), []
+    end = max(1, round(ENDS * SECTIONS))
+    first, last = (float(areas[along][part].mean()) for part in (slice(end), slice(-end, None)))
+    # Positive where both ends are alike.
+    backward = last > FINER * first
+    up, forward = (
+        ("-" if negative else "") + "xyz"[axis]
+        for axis, negative in ((vertical, down), (along, backward))
+    )
+    if vertical != 2:
+        finding = "stands on end" if along == 2 else "lies on its side"
+    elif down:
+        finding = "is upside down"
+    else:
+        finding = "has its length along y"
+    return Transform(up=up, forward=forward), [finding]
+
+
+def _vertical_and_length(extent: Floats, asymmetry: list[float]) -> tuple[int, int]:
+    """Return the axes that are the vertical one and the length: z and x if they may be."""
+    least = int(np.argmax(asymmetry))
+    vertical = 2
+    # A length may be as unlike at its ends, but no height is the longest of three in a hull.
+    if least != int(np.argmax(extent)) and asymmetry[least] > max(UNLIKE, 2 * asymmetry[2]):
+        vertical = least
+    if vertical == 2:
+        return 2, 1 if extent[1] > LONGER * extent[0] else 0
+    first, second = (axis for axis in range(3) if axis != vertical)
+    return vertical, first if extent[first] >= extent[second] else second
+
+
+def _points_down(
+    vertices: Floats, faces: NDArray[np.integer], vertical: int, along: int, areas: Floats
+) -> bool:
+    """Return whether what is short and light is at the lower end of the vertical axis."""
+    middles = (np.arange(SECTIONS) + 0.5) / SECTIONS
+    if float(middles @ areas) <= HEAVY * float(areas.sum()):
+        return False
+    low, high = (
+        max(_section_length(vertices, faces, vertical, along, height) for height in heights)
+        for heights in (LOW, HIGH)
+    )
+    return low < SHORT * high
+
+
+def _shift(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Floats, list[str]]:
+    """Return the offset [m] to the ship's origin, and what is wrong with that of the mesh."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    (length, beam, height), middle = high - low, (low + high) / 2
+    shift, findings = np.zeros(3), []
+    if abs(middle[0]) > OFF_CENTRE * length:
+        shift[0] = -middle[0]
+        findings.append(_origin_along(low[0], high[0]))
+    if abs(middle[1]) > OFF_CENTRE * beam:
+        shift[1] = -middle[1]
+        findings.append(f"has its origin {abs(middle[1]):.1f} m off its centreline")
+    if high[2] <= 0:
+        shift[2] = -low[2]
+        findings.append("lies wholly under water")
+    elif low[2] > AFLOAT * height:
+        shift[2] = -low[2]
+        findings.append(f"floats {low[2]:.1f} m above the water")
+    if low[2] + shift[2] >= -AFLOAT * height and _has_keel(vertices, faces):
+        shift[2] -= min(DRAUGHT * beam, height / 2)
+        findings.append("has its waterline at its keel (draught taken as a third of the beam)")
+    return shift, findings
+
+
+def _origin_along(low: float, high: float) -> str:
+    end, beyond = ("stern", low) if abs(low) < abs(high) else ("bow", -high)
+    if abs(beyond) <= OFF_CENTRE * (high - low):
+        return f"has its origin at the {end}"
+    return f"has its origin {abs(low + high) / 2:.1f} m from amidships"
+
+
+def _has_keel(vertices: Floats, faces: NDArray[np.integer]) -> bool:
+    """Return whether the lowest section is much smaller than those above, as that of a keel."""
+    low, above = section_areas(vertices, faces, 2, places=np.array([BOTTOM, ABOVE_BOTTOM]))
+    return bool(low < KEEL * above)
+
+
+def _asymmetry(areas: Floats) -> float:
+    """Return the share of volume that would have to move to make both ends alike, 0 to 1."""
+    whole = float(areas.sum())
+    return float(np.abs(areas - areas[::-1]).sum()) / (2 * whole) if whole > 0 else 0.0
+
+
+def section_areas(
+    vertices: Floats,
+    faces: NDArray[np.integer],
+    axis: int,
+    *,
+    places: Floats | None = None,
+) -> Floats:
+    """Return areas of sections of a closed mesh across one of its axes.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float64 ndarray
+        Corners [m].
+    faces : (facet, 3) integer ndarray
+        Corners of each facet, counter-clockwise from outside.
+    axis : int
+        0, 1 or 2.
+    places : (section,) float64 ndarray, optional
+        Where sections are, as a share of the extent; `SECTIONS` evenly spaced ones by default.
+
+    Returns
+    -------
+    (section,) float64 ndarray
+        Areas [m2], 0 or more.
+
+    Notes
+    -----
+    The part of the surface beyond a section and the section itself are closed, so the area is the
+    sum of normal components along the axis over all facets beyond it. A facet that the section
+    cuts counts by the share of its extent that is beyond it: exact for a facet along the axis or
+    across it, and for the mean over all sections that cut it to the order of its size.
+    """
+    if places is None:
+        places = (np.arange(SECTIONS) + 0.5) / SECTIONS
+    corners = vertices[faces]
+    edges = corners[:, 1:] - corners[:, :1]
+    one, other = (k for k in range(3) if k != axis)
+    normal = (edges[:, 0, one] * edges[:, 1, other] - edges[:, 0, other] * edges[:, 1, one]) / 2
+    normal *= -1.0 if axis == 1 else 1.0  # y, z, x turn the other way than x, y, z without y
+    along = corners[:, :, axis]
+    low, high = along.min(axis=1), along.max(axis=1)
+    start, extent = float(vertices[:, axis].min()), float(np.ptp(vertices[:, axis]))
+    cuts = start + extent * places
+    level = high - low <= 1e-6 * extent
+    found = _sum_beyond(high[level], normal[level], cuts)
+    # Shares beyond a cut are ramps from `low` to `high`: differences of two ramps without end.
+    slope = normal[~level] / (high - low)[~level]
+    for ends, sign in ((high, 1.0), (low, -1.0)):
+        place = ends[~level] - start
+        found += sign * _sum_beyond(ends[~level], slope * place, cuts)
+        found -= sign * _sum_beyond(ends[~level], slope, cuts) * (cuts - start)
+    return np.maximum(found, 0.0)
+
+
+def _sum_beyond(places: Floats, weights: Floats, cuts: Floats) -> Floats:
+    """Return the sum of weights at places beyond each of some ascending cuts."""
+    number = np.searchsorted(cuts, places, side="left")
+    inside = np.bincount(number, weights, len(cuts) + 1).astype(np.float64)
+    beyond: Floats = np.cumsum(inside[::-1])[::-1][1:]
+    return beyond
+
+
+def _section_length(
+    vertices: Floats, faces: NDArray[np.integer], axis: int, along: int, place: float
+) -> float:
+    """Return the extent [m] along one axis of the section across another, at a share of it."""
+    heights = vertices[:, axis]
+    cut = float(heights.min()) + place * float(np.ptp(heights))
+    ends = np.concatenate([faces, np.roll(faces, -1, axis=1)]).reshape(2, -1)
+    low, high = heights[ends] - cut
+    crossing = (low > 0) != (high > 0)
+    if not crossing.any():
+        return 0.0
+    share = low[crossing] / (low - high)[crossing]
+    first, second = vertices[ends[:, crossing], along]
+    return float(np.ptp(first + share * (second - first)))

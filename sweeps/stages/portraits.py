@@ -1,0 +1,132 @@
+"""The group `ships` of a store: measures and a picture of each ship, and what looks wrong with it.
+
+A report needs no mesh file to show what was swept.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.render import View, cast_rays
+from ncti.ships.errors import printable
+from sweeps.engine.settings import Choices
+from sweeps.engine.stage import Output, Stage, stage
+from sweeps.stages.ships import ShipName, ship_name
+from sweeps.stages.views import Grid, description, hull
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from ncti.ships import Transform
+
+GROUP = "ships"
+ASPECT, DEPRESSION = 57.0, 12.0  # of the picture [deg]: from the port bow, which is on the left
+ROWS, COLUMNS = 80, 200  # of the picture
+LIGHT = np.array([0.4, 0.6, 0.69])  # towards the light: right, up, towards the eye
+AMBIENT, KEYLIGHT = 0.3, 0.7
+LEVELS = 255  # of the picture's brightness
+LONGEST_WARNING = 300  # characters
+MOST_LINES = 12  # of ships, on the screen
+
+
+@stage(
+    Output("length", dtype="f8", label="length above the waterline", unit="m"),
+    Output("beam", dtype="f8", label="beam above the waterline", unit="m"),
+    Output("height", dtype="f8", label="height above the waterline", unit="m"),
+    Output("facets", dtype="i4", label="facets of the mesh"),
+    Output("pixel", dtype="f8", label="pixel of the picture", unit="m"),
+    Output(
+        "picture",
+        ("row", "column"),
+        label="brightness from 0 to 1 of the ship from its port bow; NaN: background",
+        attrs={"aspect_deg": ASPECT, "depression_deg": DEPRESSION, "row_0": "lowest"},
+    ),
+    Output(
+        "warning",
+        dtype=f"U{LONGEST_WARNING}",
+        label="what looks wrong with the axes or origin of the mesh; empty: nothing",
+    ),
+    group=GROUP,
+    also=("embreex", "manifold3d", "networkx", "trimesh"),
+)
+def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
+    """Return a ship's measures, its picture, and what looks wrong with its mesh."""
+    length, beam, height = mesh.extents
+    pixel, picture = drawn(mesh)
+    return {
+        **{"length": length, "beam": beam, "height": height},
+        **{"facets": len(mesh.faces), "pixel": pixel, "picture": picture},
+        "warning": warning(mesh.metadata["findings"], mesh.metadata["mend"])[:LONGEST_WARNING],
+    }
+
+
+def drawn(mesh: trimesh.Trimesh) -> tuple[float, NDArray[np.float32]]:
+    """Return the pixel [m] and the brightness, (row, column), of a ship that fills the picture.
+
+    Row 0 is the lowest. Every ray through the middle of a pixel sees the nearest facet, lit as a
+    diffuse surface by a lamp above the right shoulder; NaN where it meets none.
+    """
+    right, up, away = View(ASPECT, DEPRESSION, roll=0.0).axes
+    corners = np.asarray(mesh.vertices)
+    across, high, depth = corners @ right, corners @ up, corners @ away
+    pixel = float(max(np.ptp(across) / (COLUMNS - 2), np.ptp(high) / (ROWS - 2)))
+    column = (np.arange(COLUMNS) - (COLUMNS - 1) / 2) * pixel + (across.min() + across.max()) / 2
+    row = (np.arange(ROWS) - (ROWS - 1) / 2) * pixel + (high.min() + high.max()) / 2
+    origin = row[:, None, None] * up + column[:, None] * right + (depth.min() - 10.0) * away
+    origin = origin.reshape(-1, 3)
+    hits = cast_rays(mesh, origin, np.broadcast_to(away, origin.shape))
+    normal = np.asarray(mesh.face_normals)[hits.facet] @ np.array([right, up, -away]).T
+    lit = np.maximum(normal @ (LIGHT / np.linalg.norm(LIGHT)), 0.0)
+    picture = np.full(ROWS * COLUMNS, np.nan, dtype=np.float32)
+    picture[hits.ray] = np.round((AMBIENT + KEYLIGHT * lit) * LEVELS) / LEVELS
+    return pixel, picture.reshape(ROWS, COLUMNS)
+
+
+def warning(findings: tuple[str, ...], mend: Transform | None, ship: ShipName | None = None) -> str:
+    """Return what looks wrong with a ship, and what would mend it; empty where nothing does.
+
+    With a ship, that is the argument of a command, as a shell takes it.
+    """
+    if mend is None:
+        return ""
+    words = " and ".join(filter(None, (", ".join(findings[:-1]), findings[-1])))
+    entries = [str(mend)] if str(mend) else []
+    if ship is None:
+        return f"{words}; if so, use {f'{{{entries[0]}}}' if entries else 'no transform'}"
+    known = ship_name(ship.source)
+    named = [f"name: {_quoted(ship)}"] if ship != known else []
+    source = ship.source if known == ship.source else os.path.relpath(ship.source)
+    given = ", ".join((f"path: {_quoted(source)}", *named, *entries))
+    return f"{words}; if so, use {shlex.quote(f'{Grid.ship.key}={{{given}}}')}"
+
+
+def _quoted(word: str) -> str:
+    """Return a text as Hydra reads it inside a mapping."""
+    if re.fullmatch(r"[\w./-]+", word, re.ASCII):
+        return str(word)
+    escaped = word.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def about(choices: Choices) -> list[str]:
+    """Return a line for each ship of a sweep, some at most, and one for each that looks wrong."""
+    ships = [(ship, description(hull.function(ship))) for ship in choices[Grid.ship]]
+    width = max(len(ship) for ship, _ in ships[:MOST_LINES])
+    lines = [f"{ship:<{width}}  {one.measures}" for ship, one in ships[:MOST_LINES]]
+    if left := [one.length for _, one in ships[MOST_LINES:]]:
+        lines.append(f"and {len(left)} more ships, {min(left):.1f} to {max(left):.1f} m long")
+    lines += [
+        f"warning: {ship} {warning(one.findings, one.mend, ship)}"
+        for ship, one in ships
+        if one.findings
+    ]
+    return [printable(line) for line in lines]
+
+
+STAGES: tuple[Stage, ...] = (portrait,)

@@ -1,0 +1,157 @@
+"""Ships of a configuration: names, paths, and mesh files with their axes, unit and origin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ncti.ships import ShipError, Transform, names
+from ncti.ships.loading import LONGEST_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
+from ncti.ships.transform import AXES, FARTHEST, LARGEST_SCALE, SMALLEST_SCALE
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.kinds import Text, Value, Word, ascending, shown
+from sweeps.engine.settings import Setting, Settings, number, read_entries, text, vector, word
+
+SUFFIXES = SHEET_SUFFIXES + MESH_SUFFIXES
+_ONE = "it is of one ship"
+
+
+class ShipFile(Settings, key="grid.ship"):
+    """A ship with the axes, unit and origin of its file."""
+
+    path = Setting(Text(), None, "name of a known ship, or path of a sheet or mesh; required", fixed=_ONE)
+    name = text(None, label="label of the ship; null: its name, or its file's", fixed=_ONE)
+    up = word("z", AXES, label="axis of the file that points up", fixed=_ONE)
+    forward = Setting(
+        Word(AXES, null=True),
+        None,
+        "axis of the file that points to the bow",
+        help="null: x; -z where up is x, z where it is -x",
+        fixed=_ONE,
+    )
+    scale = number(
+        1.0,
+        SMALLEST_SCALE,
+        LARGEST_SCALE,
+        label="metres in a unit of the file",
+        help="0.001 for millimetres",
+        fixed=_ONE,
+    )
+    offset = vector(
+        [0.0, 0.0, 0.0],
+        3,
+        -FARTHEST,
+        FARTHEST,
+        unit="m",
+        label="shift forward, to port and up",
+        help="after turning and scaling; the origin is amidships on the waterline",
+    )
+
+
+class ShipName(str):
+    """Label of a ship: its name or the stem of its file, with what it is loaded by.
+
+    Equal labels are equal whatever they are loaded by, since stores know labels only.
+    """
+
+    source: str
+    transform: Transform
+
+    def __new__(cls, label: str, source: str, transform: Transform | None = None) -> ShipName:
+        """Make a label with its source: a name, or the absolute path of a sheet or mesh."""
+        name = super().__new__(cls, label)
+        name.source = source
+        name.transform = Transform() if transform is None else transform
+        return name
+
+    def __getnewargs__(self) -> tuple[str, str, Transform]:  # type: ignore[override]
+        """Return the arguments that make an equal one when unpickled."""
+        return str(self), self.source, self.transform
+
+    @property
+    def origin(self) -> tuple[str, Transform]:
+        """What tells it from another value of the same label."""
+        return self.source, self.transform
+
+
+@dataclass(frozen=True)
+class Ships(Text):
+    """Ships: names, or paths of sheets and meshes; one, or several.
+
+    With `entries`, mappings of these are ships, too.
+    """
+
+    entries: tuple[Setting, ...] = ()
+
+    @property
+    def allowed(self) -> str:
+        """See `sweeps.engine.kinds.Kind.allowed`."""
+        return "a ship, or a list of ships"
+
+    def values(self, key: str, given: Any) -> tuple[Value, ...]:
+        """Labels in ascending order, each a `ShipName`; see `sweeps.engine.kinds.Kind.values`."""
+        listed = [given] if isinstance(given, str | Mapping) else given
+        if not isinstance(listed, Sequence) or not all(map(self._is_ship, listed)):
+            raise ConfigurationError(f"{key} is {shown(given)}, but must be {self.allowed}")
+        words = [one for one in listed if isinstance(one, str)]
+        if words or not listed:
+            ascending(key, words)
+        found: set[ShipName] = set()
+        for one in listed:
+            ship = ship_name(one) if isinstance(one, str) else self._read_file(key, one)
+            if ship in found:
+                raise ConfigurationError(
+                    f"{key} has {shown(one)}, but {str(ship)!r} is the name of another ship of the "
+                    "grid"
+                )
+            found.add(ship)
+        return tuple(sorted(found))
+
+    def _is_ship(self, given: Any) -> bool:
+        if isinstance(given, str):
+            return given != ""
+        return bool(self.entries) and isinstance(given, Mapping)
+
+    def _read_file(self, key: str, given: Mapping[Any, Any]) -> ShipName:
+        """Return the ship of a mapping; `ConfigurationError` if it is wrong."""
+        entries = read_entries(self.entries, key, given)
+        path, label = entries.pop("path"), entries.pop("name")
+        try:
+            transform = Transform(**entries)
+        except ShipError as error:
+            raise ConfigurationError(f"{key} is {shown(dict(given))}: {error}") from error
+        ship = ship_name(path)
+        if label is None:
+            return ShipName(str(ship), ship.source, transform)
+        if not (label.strip() and label.isprintable() and len(label) <= LONGEST_LABEL):
+            raise ConfigurationError(
+                f"{key}.name is {shown(label)}, but must be 1 to {LONGEST_LABEL} printable "
+                "characters"
+            )
+        if _is_path(label):
+            raise ConfigurationError(
+                f"{key}.name is {shown(label)}, but must not end as a file of a ship does, in "
+                f"{', '.join(SUFFIXES)}"
+            )
+        return ShipName(label, ship.source, transform)
+
+
+def ship_name(name: str) -> ShipName:
+    """Return the label of a name or path, with its source."""
+    if isinstance(name, ShipName):
+        return name
+    if not _is_path(name):
+        return ShipName(name, name)
+    path = Path(name)
+    return ShipName(path.stem, str(path.absolute()))
+
+
+def _is_path(name: str) -> bool:
+    return name not in names() and Path(name).suffix.lower() in SUFFIXES
+
+
+def ships(default: Any, *, entries: tuple[Setting, ...] = (), **about: Any) -> Setting:
+    """Setting that is a ship or several; the rest as of `Setting`."""
+    return Setting(Ships(null=default is None, entries=entries), default, **about)
