@@ -73,6 +73,13 @@ def position_count(width: float, height: float, *, element: float, detector: int
     -----
     The article's detector has 2 x 2 elements of 150 urad, and its field 2 x 3 deg: 117 x 175
     positions.
+
+    Examples
+    --------
+    >>> from math import radians
+    >>> from ncti.search import position_count
+    >>> position_count(radians(2), radians(3), element=150e-6)
+    20475
     """
     require("width", width, positive=True)
     require("height", height, positive=True)
