@@ -11,7 +11,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ncti import classify, evaluate, features, infrared, irar, ladar, render, search, ships
+    from ncti import (
+        classify,
+        evaluate,
+        features,
+        infrared,
+        irar,
+        ladar,
+        render,
+        search,
+        ships,
+        simulate,
+    )
 
 __all__ = [
     "classify",
@@ -23,6 +34,7 @@ __all__ = [
     "render",
     "search",
     "ships",
+    "simulate",
 ]
 
 

@@ -8,6 +8,9 @@ from ncti.checks import require
 
 EARTH_RADIUS = 6371e3  # m, mean
 
+DEPRESSION = 3.84
+"""Depression of the line of sight [deg] from 22,000 ft at 100 km, over a flat sea."""
+
 
 def depression_angle(
     slant_range: float, *, altitude: float, earth_radius: float = EARTH_RADIUS
