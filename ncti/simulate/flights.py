@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.checks import require
 from ncti.irar import (
     Correction,
     Flight,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 PARAMETERS = frozenset(field.name for field in fields(Flight)) - {"slant_range", "ship_heading"}
+AZIMUTHS = ("aircraft_heading", "offset")  # whose sum is that of the line of sight
 INTENSITY, TEMPERATURE = "intensity over noise power", "temperature above the sea"  # of plots
 
 
@@ -103,7 +105,10 @@ def flight(
             f"{unknown[0]} is no parameter of a flight, but must be one of "
             f"{', '.join(sorted(PARAMETERS))}"
         )
-    sight = parameters.get("aircraft_heading", 0.0) + parameters.get("offset", Flight.offset)
+    azimuths = [parameters.get(name, getattr(Flight, name)) for name in AZIMUTHS]
+    for name, azimuth in zip(AZIMUTHS, azimuths, strict=True):
+        require(name, azimuth, minimum=-360.0, maximum=360.0)
+    sight = sum(azimuths)
     heading = ship_heading(aspect=aspect, sight=sight)
     passed = Flight(slant_range=slant_range, ship_heading=heading, **parameters)
     stream = generator(rng, aspect=aspect)
