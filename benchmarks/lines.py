@@ -39,7 +39,9 @@ from ncti.ladar import (
 )
 from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import ROLL, choose_engine, lines
+from ncti.render import lines
+from ncti.render.choice import choose_engine
+from ncti.render.view import ROLL
 from sweeps.stages.views import LINES, Render, image
 
 FAR = 1e12  # [m]: wavefronts are as flat as those of the reference

@@ -21,10 +21,11 @@ from benchmarks.reports import Column, Report, Sample
 from benchmarks.views import DEPRESSION
 from ncti.infrared import contrast, silhouette, thermal_images
 from ncti.ladar import RangeExtent, cumulative_average, frames, range_extent, sample_frames
-from ncti.render import ROLL, LineImage, View, line_image, lines, range_image, surfaces
+from ncti.render import LineImage, line_image, lines, range_image, surfaces
 from ncti.render.line_sweep import cross, project
 from ncti.render.solid import Solid
 from ncti.render.surfaces import Surfaces
+from ncti.render.view import ROLL, View
 
 SLANT_RANGE = 50e3  # [m]
 SIGNAL: dict[str, Any] = {"pulse_width": 30e-9, "cnr": 10**3.2}

@@ -1,7 +1,7 @@
-"""Ships: from a sheet, or a user's own mesh, to one watertight solid above the waterline."""
+"""Ships: watertight solids above the waterline, from sheets or a user's own meshes."""
 
 from ncti.ships.errors import ShipError
-from ncti.ships.loading import digest, load, names, vertices
+from ncti.ships.loading import digest, load, names
 from ncti.ships.symmetry import is_symmetric
 
-__all__ = ["ShipError", "digest", "is_symmetric", "load", "names", "vertices"]
+__all__ = ["ShipError", "digest", "is_symmetric", "load", "names"]

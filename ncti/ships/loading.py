@@ -1,4 +1,4 @@
-"""The door of the room: a name or a path in, a checked mesh out."""
+"""Loading of ships, by name or path, as checked meshes."""
 
 from __future__ import annotations
 
@@ -49,14 +49,25 @@ class _Source:
 
 
 def names() -> tuple[str, ...]:
-    """The ships that come with the library."""
+    """Return the names of the ships that come with the library.
+
+    See Also
+    --------
+    load : Takes these names, and paths.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> "duncan" in ncti.ships.names()
+    True
+    """
     sheets_folder = resources.files("ncti.ships") / "sheets"
     files = (Path(entry.name) for entry in sheets_folder.iterdir())
     return tuple(sorted(f.stem for f in files if f.suffix == ".yaml" and f.stem != "templates"))
 
 
 def digest(name_or_path: str | Path) -> str:
-    """Content hash of a ship, without building it.
+    """Return the content hash of a ship, without building it.
 
     Parameters
     ----------
@@ -73,13 +84,23 @@ def digest(name_or_path: str | Path) -> str:
     Raises
     ------
     ShipError
-        When there is no such ship or file, or the file's name is no label.
+        If there is no such ship or file, or the file's name cannot label a ship.
+
+    See Also
+    --------
+    load : Keeps the hash of a mesh as ``metadata["digest"]``.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> len(ncti.ships.digest("duncan"))
+    64
     """
     return _find(name_or_path).digest
 
 
 def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimesh.Trimesh:
-    """A ship's mesh, watertight and wound outward.
+    """Return the mesh of a ship, watertight and with outward facets.
 
     Parameters
     ----------
@@ -87,19 +108,31 @@ def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimes
         One of `names()`, or the path of a sheet (.yaml, .yml) or of a mesh in ship axes and
         metres (.stl, .obj, .glb). The name of a file, without its suffix, labels the ship.
     cache : str or Path, optional
-        Folder that keeps built ships; the user's cache folder by default.
+        Folder of built ships; by default in the user's cache folder.
 
     Returns
     -------
     trimesh.Trimesh
-        Ship axes [m]: x to the bow, y to port, z up, origin amidships on the waterline; only
-        what is above the waterline. `metadata` has `name`, `digest`, and `loa` and `beam` [m],
-        which for a sheet are those of the hull itself, without what overhangs it.
+        Vertices in ship axes [m]: x to the bow, y to port, z up, origin amidships on the
+        waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, and
+        `loa` and `beam` [m], which for a sheet are those of the hull without overhanging parts.
 
     Raises
     ------
     ShipError
-        When there is no such ship or file, or the sheet or mesh is not fit to be used.
+        If there is no such ship or file, or the sheet or mesh is invalid.
+
+    See Also
+    --------
+    names : Names of the packaged ships.
+    ncti.render.range_image, ncti.render.line_image : Views of a mesh.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> ship = ncti.ships.load("duncan")
+    >>> ship.is_watertight, ship.metadata["loa"]
+    (True, 135.6)
     """
     # Imported where it is used: trimesh takes half a second.
     import trimesh
@@ -112,7 +145,7 @@ def load(name_or_path: str | Path, *, cache: str | Path | None = None) -> trimes
 
 
 def vertices(name_or_path: str | Path, *, cache: str | Path | None = None) -> NDArray[np.float64]:
-    """Vertices of a ship's mesh, `(vertex, 3)` [m], sooner than `load`; refuses what that does."""
+    """Return the vertices of a ship, (vertex, 3) [m], faster than `load`, with the same errors."""
     return _solid(_find(name_or_path), cache).vertices
 
 
@@ -166,7 +199,7 @@ def _check_label(path: Path) -> None:
 
 
 def _content(path: Path, megabytes: int) -> bytes:
-    """What a regular file holds; a pipe may never say anything, and a device never end."""
+    """Return the content of a regular file; reading a pipe or device might never end."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise ShipError(f"ship file '{path}' is no regular file, but must be one.")
     most = megabytes * 10**6
@@ -182,7 +215,7 @@ def _content(path: Path, megabytes: int) -> bytes:
 
 
 def _open_without_waiting(path: str, flags: int) -> int:
-    # In case a pipe has taken the place of the file that was there a moment ago.
+    # In case a pipe has replaced the file since it was checked.
     return os.open(path, flags | os.O_NONBLOCK)
 
 
@@ -200,7 +233,7 @@ def _templates() -> bytes:
 
 @memoised
 def _builder() -> bytes:
-    """What shapes a mesh besides its sheet: the code of this package and the solid modeller."""
+    """Return what a mesh depends on besides its sheet: this package's code, the solid modeller."""
     modules = sorted(
         (entry.name, entry.read_bytes())
         for entry in resources.files("ncti.ships").iterdir()

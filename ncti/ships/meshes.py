@@ -1,4 +1,4 @@
-"""A user's own mesh: an STL, OBJ or GLB in ship axes and metres, checked before it is let in."""
+"""Meshes of users: STL, OBJ or GLB in ship axes and metres, checked as they are read."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ SMALLEST, LARGEST = 1.0, 1000.0  # extent of anything that may pass for a ship i
 
 
 def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Vertices [m] and facets of a mesh file: closed, wound outward, above the waterline.
+    """Return vertices [m] and facets of a mesh file: closed, wound outward, above the waterline.
 
-    Several geometries, each closed, are united; ones which only together are closed (a hull
-    split by material) are joined. What lies below the waterline is cut off and closed.
+    Several geometries, each closed, are united; geometries that are closed only together (a hull
+    split by material) are joined. Parts below the waterline are cut off and the cut is closed.
 
     Parameters
     ----------
@@ -31,12 +31,12 @@ def read(data: bytes, suffix: str, *, where: str) -> tuple[NDArray[np.float64], 
     suffix : str
         Its kind: ".stl", ".obj" or ".glb".
     where : str
-        What to call the mesh in messages.
+        Name of the mesh in messages.
 
     Raises
     ------
     ShipError
-        When the file is corrupt, or its mesh is empty, not finite, not in metres, open, wound
+        If the file is corrupt, or its mesh is empty, not finite, not in metres, open, wound
         inconsistently or inside out, or lies under water.
     """
     # Imported where it is used: trimesh takes half a second.
@@ -76,7 +76,7 @@ def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:
     try:
         scene = trimesh.load_scene(_stream(data, kind), file_type=kind, process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # a parser meets a corrupt file in whichever way it likes
+    except Exception as error:  # parsers raise anything on a corrupt file
         raise ShipError(f"{where} cannot be read as {kind.upper()}: {error!s:.80}.") from None
     if not parts:
         raise ShipError(f"{where} is empty, but must have facets.")
@@ -84,10 +84,10 @@ def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:
 
 
 def _stream(data: bytes, kind: str) -> io.BytesIO | io.StringIO:
-    """The file as trimesh takes it: text as text, for trimesh cannot read all of it by itself.
+    """Return the file as a stream for trimesh: text formats as text.
 
     Names and comments in other encodings than UTF-8 are read as Latin-1, in which any bytes are
-    text; what shapes the mesh is ASCII in both.
+    text; the geometry itself is ASCII in both.
     """
     if kind == "glb" or (kind == "stl" and _is_binary_stl(data)):
         return io.BytesIO(data)
@@ -98,12 +98,12 @@ def _stream(data: bytes, kind: str) -> io.BytesIO | io.StringIO:
 
 
 def _is_binary_stl(data: bytes) -> bool:
-    """Whether it is as long as a header of 80 bytes, a count and so many facets of 50 bytes."""
+    """Return whether the length is that of a header of 80 bytes, a count and facets of 50 bytes."""
     return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 def _merged(mesh: Any) -> trimesh.Trimesh:
-    """Equal corners made one, and facets without area by corners dropped."""
+    """Return a mesh with equal vertices merged and facets of fewer than three vertices dropped."""
     import trimesh
 
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)

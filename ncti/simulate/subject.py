@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.checks import require
-from ncti.render import ROLL
+from ncti.render.view import ROLL
 from ncti.ships import load
 
 if TYPE_CHECKING:

@@ -15,18 +15,11 @@ from platformdirs import user_cache_path
 
 import ncti.ships
 from ncti.ladar import lines_within
-from ncti.render import (
-    ROLL,
-    EngineError,
-    LineImage,
-    RangeImage,
-    choose_engine,
-    engines,
-    line_image,
-    range_image,
-    refined,
-)
+from ncti.render import EngineError, LineImage, RangeImage, line_image, range_image, refined
+from ncti.render.choice import choose_engine, engines
 from ncti.render.flight import DEPRESSION, depression_angle
+from ncti.render.view import ROLL
+from ncti.ships.loading import vertices
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Text, Value, ascending, shown
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
@@ -342,7 +335,7 @@ def _is_symmetric(hull: Hull) -> bool:
 @lru_cache(maxsize=16)
 def read_vertices(hull: Hull) -> NDArray[np.float64]:
     """Return vertices of a ship, `(vertex, 3)` [m], sooner than `read_mesh`."""
-    return ncti.ships.vertices(hull.source, cache=cache_folder() / "meshes")
+    return vertices(hull.source, cache=cache_folder() / "meshes")
 
 
 def looks(sensor: str) -> Condition:

@@ -10,15 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from ncti.render import (
-    EngineError,
-    available_engines,
-    choice,
-    choose_engine,
-    engines,
-    range_image,
-    start_engine,
-)
+from ncti.render import EngineError, available_engines, choice, range_image
+from ncti.render.choice import choose_engine, engines, start_engine
 
 ASPECTS = (0.0, 12.7, 37.3, 90.0, 141.9, 203.0)
 

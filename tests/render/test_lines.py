@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from manifold3d import CrossSection, FillRule
 
 import ncti.ships
-from ncti.render import View, cast_rays, line_image, refined
+from ncti.render import cast_rays, line_image, refined
+from ncti.render.view import View
 
 ship = cache(ncti.ships.load)
 
