@@ -18,7 +18,7 @@ def of_engine(engine: str) -> Loops:
     if engine == LINES:
         return Loops(what, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
     if engine == "embree":
-        return Loops(what, ("render.pixels.rays",), _draw_by_embree)
+        return Loops(what, ("render.pixels.rays", "render.spans.spans"), _draw_by_embree)
     return Loops(what, ("render.pixels.sampled",), _draw_without_context)
 
 

@@ -128,7 +128,7 @@ def surface(
     facet : (row * col,) float32 or int32 ndarray
         Which facet each pixel sees, -1 for none.
     from_behind : bool
-        Whether facets that face away are seen; otherwise they count as edge-on.
+        True if facets that face away are seen; otherwise they count as edge-on.
 
     Returns
     -------
@@ -205,10 +205,10 @@ def covered(
     solid, view, lattice, points
         As of `surface`.
     """
-    from ncti.render import pixels
+    from ncti.render.spans import spans
 
     seen, faces, margin = _placed(solid, view, lattice, points)
-    return pixels.spans(seen, faces, lattice.shape, margin)
+    return spans(seen, faces, lattice.shape, margin)
 
 
 def _placed(
