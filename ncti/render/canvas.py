@@ -79,7 +79,7 @@ class _Facets(pyrender.Primitive):
     """Facets, with vertices in such an order that vertex i is the last of facet i.
 
     A `flat` output of the vertex shader is that of a facet's last vertex, so the number of that
-    vertex tells the facet; `gl_PrimitiveID` would too, and is slower in Mesa by a third.
+    vertex gives the facet; `gl_PrimitiveID` would too, but is slower in Mesa by a third.
     Other corners use any copy of their vertex, and vertices that are nowhere last come at the end.
     """
 
@@ -109,7 +109,7 @@ class _Facets(pyrender.Primitive):
 class _FacetRenderer(pyrender.Renderer):
     """pyrender's renderer with a depth pass of our own.
 
-    pyrender's walks through the scene, and asks and sets for every image what stays the same; that
+    pyrender's walks through the scene, and queries and sets constant state for every image; that
     takes a tenth of the time of a small image. Its framebuffer has four samples a pixel, of which
     it then picks one that is not at the centre, and a depth buffer of 24 bits. It multiplies
     projection, view and model in the shader, in float32; here they are one matrix.

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.render.surfaces import Surfaces
+from ncti.render.threads import swept
 from ncti.render.view import ROLL, View
 
 if TYPE_CHECKING:
@@ -28,9 +26,6 @@ PHASE = 21845 / 2**16
 """Place of the lines from the line of sight through the ship origin [spacing]: a third, since hulls
 seen from the bow are mirrored about that line and lines should not be; of sixteen binary digits, so
 that lines refined by halving lie where finer lines do, to the bit."""
-
-FEWEST = 64
-"""Fewest lines of a thread."""
 
 MAX_LINES = 2**20
 """Most lines of a view: more would be a spacing given in other units."""
@@ -325,7 +320,7 @@ def line_image(
     _check(bounds, view, spacing, surfaces)
     seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
     first, *crossings = cross(point, bounds, surfaces.edge, seen, float(spacing), float(phase))
-    line, piece, surface = _swept(crossings, surfaces=len(surfaces.area))
+    line, piece, surface = swept(crossings, surfaces=len(surfaces.area))
     return LineImage(
         line + first,
         piece,
@@ -392,54 +387,13 @@ def refined(mesh: trimesh.Trimesh, lines: LineImage) -> LineImage:
 
 
 def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
-    """Refuse a sensor within the ship, and more lines than there may be."""
+    """Refuse a sensor within the ship, and more lines than are allowed."""
     if view.slant_range is not None:  # behind the sensor, w is negative, and bounds are of no use
         away = (surfaces.vertices + surfaces.centre) @ view.axes[2]
         view.check_clear(float(away.min()))
     lines = (bounds[1, 1] - bounds[1, 0]) / spacing
     if lines > MAX_LINES:
         raise ValueError(
-            f"spacing is {spacing:g} m, which makes {lines:.0f} lines: there may be {MAX_LINES}."
+            f"spacing is {spacing:g} m, which makes {lines:.0f} lines, but at most "
+            f"{MAX_LINES} are allowed."
         )
-
-
-def _swept(
-    crossings: Sequence[Any], *, surfaces: int
-) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
-    """Return the pieces of all lines, swept in as many parts as there are threads."""
-    from ncti.render.line_sweep import sweep
-
-    start, order, crossing = crossings
-    lines = len(start) - 1
-    parts = max(1, min(_threads(), lines // FEWEST))
-    inner = np.searchsorted(start, np.arange(1, parts) * start[-1] // parts)
-    cuts = [0, *inner.tolist(), lines]
-
-    def part(number: int) -> tuple[NDArray[np.int64], Floats, NDArray[np.int32]]:
-        room = 1
-        while True:  # surfaces that run through one another make more pieces than crossings
-            some = start[cuts[number] : cuts[number + 1] + 1]
-            count, piece, surface = sweep(some, order, crossing, surfaces, room)
-            if not len(count) or count[0] >= 0:
-                return count, piece, surface
-            room *= 4
-
-    swept = [part(0)] if parts == 1 else list(_pool(parts, os.getpid()).map(part, range(parts)))
-    counts, piece, surface = (
-        found[0] if parts == 1 else np.concatenate(found) for found in zip(*swept, strict=True)
-    )
-    return np.repeat(np.arange(lines, dtype=np.int32), counts), piece, surface
-
-
-def _threads() -> int:
-    given = os.environ.get("OMP_NUM_THREADS", "")
-    if given.isdigit() and int(given):
-        return int(given)
-    affinity = getattr(os, "sched_getaffinity", None)  # Linux has it
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
-
-
-@cache
-def _pool(threads: int, process: int) -> ThreadPoolExecutor:
-    """Return a pool of threads of this process, since threads do not survive a fork."""
-    return ThreadPoolExecutor(threads, thread_name_prefix="lines")

@@ -19,8 +19,8 @@ KEPT = 8
 """Ships kept, here and on a canvas: the six packaged ones and two of the user's."""
 
 STEEPEST = 1e-4
-"""Smallest cosine of incidence told from edge-on. A facet so steep is narrower than a rasteriser's
-grid, and seen by chance; the bound keeps its slope finite."""
+"""Smallest cosine of incidence that is not edge-on. A steeper facet is narrower than the grid of a
+rasteriser and seen by chance; the bound keeps its slope finite."""
 
 
 STEEP = 0.1
@@ -37,7 +37,7 @@ class Solid:
     centre : (3,) float64 ndarray
         Middle of the bounding box, in the ship frame [m].
     vertices : (vertex, 3) float64 ndarray
-        Vertices relative to `centre` [m]: what an engine may round to float32.
+        Vertices relative to `centre` [m], which engines may round to float32.
     faces : (facet, 3) int32 ndarray
         Vertices of each facet, counter-clockwise from outside.
     normals : (facet, 3) float64 ndarray

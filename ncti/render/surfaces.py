@@ -78,7 +78,7 @@ class Surfaces:
         area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
         moment = np.einsum("ij,ij->i", area, corner[:, 0] + solid.centre)
 
-        # Half-edges of a pair run in opposite directions; what is left over has one side only.
+        # Half-edges of a pair run in opposite directions; the rest have one side only.
         start, stop = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
         low, high = np.minimum(start, stop), np.maximum(start, stop)
         order = np.lexsort((start > stop, high, low))

@@ -12,7 +12,7 @@ from ncti.ladar.pulse import SPEED_OF_LIGHT
 DETECTOR = 2
 """Elements of the laser radar's detector along either side; article, 'NCTI Sensor Suite'."""
 
-_ROUNDING = 1e-9  # of an element: what fits but for rounding needs no further position
+_ROUNDING = 1e-9  # of an element: rounding makes no further position
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -151,7 +151,7 @@ def build(sheet: Sheet) -> Ship:
     Raises
     ------
     ShipError
-        When a component floats: a part of it touches neither the hull nor what stands on it.
+        If a component floats: a part of it touches neither the hull nor anything attached to it.
     """
     hull = sheet.hull.solid()
     pieces = [piece(sheet, component) for component in sheet.components]
@@ -176,6 +176,6 @@ def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:
         }
         raise ShipError(
             f"{sheet.name}: {', '.join(sorted(names))} would float in the air, "
-            "but every component must touch the hull or what stands on it."
+            "but every component must be attached to the hull."
         )
     return ship

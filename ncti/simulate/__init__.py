@@ -7,7 +7,7 @@ Examples
 >>> profile.dims
 ('down_range',)
 
-`profile.plot()` draws it, and `profile.expected.plot()` what many frames average to.
+`profile.plot()` draws it, and `profile.expected.plot()` adds the average of many frames.
 """
 
 from ncti.simulate.flights import flight

@@ -25,6 +25,7 @@ PRELUDE = """
 import json, os, signal, sys
 import numpy as np, trimesh
 from ncti.render import *
+from ncti.render.choice import choose_engine, engines, start_engine
 ball = trimesh.creation.icosphere(3, radius=8)
 hull = trimesh.creation.box((60, 9, 5))
 mast = trimesh.creation.cylinder(0.3, 20, sections=12).apply_translation((5, 0, 10))
