@@ -15,7 +15,9 @@ from benchmarks.reports import Column, Report, Sample
 from benchmarks.views import DEPRESSION
 from ncti.ladar import range_extent
 from ncti.ladar.pulse import target_kernel
-from ncti.render import ROLL, choose_engine, range_image
+from ncti.render import range_image
+from ncti.render.choice import choose_engine
+from ncti.render.view import ROLL
 
 SLANT_RANGE = 100e3  # [m]
 PULSE_WIDTH = 30e-9  # [s]

@@ -29,7 +29,9 @@ from ncti.ladar import (
 )
 from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import ROLL, choose_engine, line_image
+from ncti.render import line_image
+from ncti.render.choice import choose_engine
+from ncti.render.view import ROLL
 from sweeps.stages.views import Render, image
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "error_budget.md"

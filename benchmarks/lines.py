@@ -39,7 +39,9 @@ from ncti.ladar import (
 )
 from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import ROLL, choose_engine, lines
+from ncti.render import threads
+from ncti.render.choice import choose_engine
+from ncti.render.view import ROLL
 from sweeps.stages.views import LINES, Render, image
 
 FAR = 1e12  # [m]: wavefronts are as flat as those of the reference
@@ -88,7 +90,7 @@ def measure(
     """
     ways = _ways()
     found: dict[str, list[dict[str, float]]] = {way: [] for way in ways}
-    with threadpool_limits(1), patched(lines, "_threads", lambda: 1):
+    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
         for mesh in map(ncti.ships.load, ships):
             for aspect in aspects:
                 taken = _times(mesh, aspect, list(ways.values()), repeats)

@@ -13,9 +13,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ncti.render import LineImage, View, line_image, range_image
+from ncti.render import LineImage, line_image, range_image
 from ncti.render.opengl import bind_platform
-from ncti.render.view import Lattice
+from ncti.render.view import Lattice, View
 
 Seen = NDArray[np.floating] | LineImage
 """Down-range of every pixel that sees the ship, (hit,) [m], or what lines see of it."""

@@ -21,10 +21,11 @@ from benchmarks.reports import Column, Report, Sample
 from benchmarks.views import DEPRESSION
 from ncti.infrared import contrast, silhouette, thermal_images
 from ncti.ladar import RangeExtent, cumulative_average, frames, range_extent, sample_frames
-from ncti.render import ROLL, LineImage, View, line_image, lines, range_image, surfaces
+from ncti.render import LineImage, line_image, lines, range_image, surfaces, threads
 from ncti.render.line_sweep import cross, project
 from ncti.render.solid import Solid
 from ncti.render.surfaces import Surfaces
+from ncti.render.view import ROLL, View
 
 SLANT_RANGE = 50e3  # [m]
 SIGNAL: dict[str, Any] = {"pulse_width": 30e-9, "cnr": 10**3.2}
@@ -81,7 +82,7 @@ def measure(ship: str, *, repeats: int) -> Report:
         One row a skip.
     """
     rows = []
-    with threadpool_limits(1), patched(lines, "_threads", lambda: 1):
+    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
         for skip in skips(ncti.ships.load(ship), source_task()):
             with_, without = timed(skip, turns=TURNS * repeats)
             rows.append(
@@ -188,7 +189,7 @@ def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
     _, *crossings = cross(point, bounds, hull.edge, seen, 0.25, lines.PHASE)
-    line, piece, _ = lines._swept(crossings, surfaces=len(used))
+    line, piece, _ = threads.swept(crossings, surfaces=len(used))
     length = piece[:, 1] - piece[:, 0]
     sums = [np.bincount(line, part) for part in (length, length * piece[:, 2:].sum(axis=1) / 2)]
     return np.stack(sums, axis=1)

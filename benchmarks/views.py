@@ -28,7 +28,8 @@ from benchmarks.methods import (
 from benchmarks.reports import Column, Report, Sample
 from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import LineImage, View, available_engines
+from ncti.render import LineImage, available_engines
+from ncti.render.view import View
 from sweeps.engine.process import ONE_THREAD, environment
 
 DEPRESSION = 3.84  # of the source's experiment [deg]

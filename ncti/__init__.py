@@ -1,8 +1,34 @@
-"""Ship identification by laser-radar range profiles: pure functions from ship sheet to score.
+"""Ship identification by laser radar and passive infrared: pure functions from ship to score.
 
-Packages, in the order the data flows: `ships`, `render`, `ladar`, `infrared`, `irar`, `search`,
-`features`, `classify`, `evaluate`. Each imports only from those before it; `classify` and
-`evaluate` see plain arrays and import none of them.
+Packages, in the order of the data flow, each imported when it is first used:
+
+- `ships`: ships by name, or from a user's own sheet or mesh
+- `render`: range images of a ship, by pixels or exact along lines
+- `ladar`: range profiles of the laser radar, with speckle and noise
+- `infrared`: silhouettes and thermal images, their contrast and noise
+- `irar`: flights of the infrared airborne radar, and corrections of their scans
+- `search`: detection in a field of regard, and the duration of a search
+- `features`: profile vectors, segmented silhouettes and log-polar maps
+- `classify`: classifiers of such vectors, as scikit-learn estimators
+- `evaluate`: accuracy with confidence intervals
+
+`simulate` joins the first of them: one call returns a range profile, an infrared image or a flight
+as an xarray object, with units, ready to plot.
+
+Examples
+--------
+The range profile of a ship at 100 km, averaged over 16 frames, and its features by hand:
+
+>>> import numpy as np
+>>> import ncti
+>>> profile = ncti.simulate.range_profile("duncan", aspect=37, pulse_width=30e-9, frames=16)
+>>> ship = ncti.ships.load("duncan")
+>>> lines = ncti.render.line_image(ship, aspect=37, depression=3.84)
+>>> extent = ncti.ladar.range_extent(lines, slant_range=100e3)
+>>> expected = ncti.ladar.expected_profile(extent, pulse_width=30e-9, cnr=10**3.2)
+>>> vector = ncti.features.profile_vector(expected)
+>>> bool(np.corrcoef(vector, profile.expected)[0, 1] > 0.999)
+True
 """
 
 from __future__ import annotations
@@ -11,7 +37,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ncti import classify, evaluate, features, infrared, irar, ladar, render, search, ships
+    from ncti import (
+        classify,
+        evaluate,
+        features,
+        infrared,
+        irar,
+        ladar,
+        render,
+        search,
+        ships,
+        simulate,
+    )
 
 __all__ = [
     "classify",
@@ -23,6 +60,7 @@ __all__ = [
     "render",
     "search",
     "ships",
+    "simulate",
 ]
 
 

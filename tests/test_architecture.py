@@ -30,6 +30,9 @@ ALLOWED = {
     },
     "ncti.search": {"ncti.checks", "ncti.ladar", "ncti.infrared"},
     "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
+    "ncti.simulate": {
+        *("ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared", "ncti.irar"),
+    },
     "ncti.classify": {"ncti.checks"},
     "ncti.evaluate": {"ncti.checks"},
 }

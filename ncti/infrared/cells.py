@@ -72,7 +72,7 @@ def places_of_bits(
     columns : int
         Pixels a row.
     pixel, corner : float, (float, float)
-        As `ncti.render.Lattice` has pixel and origin [m].
+        As `ncti.render.image.Lattice` has pixel and origin [m].
     turn : (float, float)
         Cosine and sine of its roll.
     """

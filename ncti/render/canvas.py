@@ -1,4 +1,4 @@
-"""pyrender's renderer and scene, set up to draw facet numbers.
+"""Drawing of facet numbers by pyrender's renderer and scene.
 
 Importing this module imports OpenGL: `ncti.render.opengl.bind_platform` comes before.
 """
@@ -41,7 +41,7 @@ class Canvas:
         clip: NDArray[np.float64],
         shape: tuple[int, int],
     ) -> NDArray[np.float32]:
-        """The number of the facet behind each pixel, -1 where there is none.
+        """Return the number of the facet behind each pixel, -1 where there is none.
 
         Parameters
         ----------
@@ -62,7 +62,7 @@ class Canvas:
         return self._renderer.draw(self._uploaded(solid), facets, clip, shape)
 
     def _uploaded(self, solid: Solid) -> _Facets:
-        """The facets of a ship, in the context."""
+        """Return the facets of a ship, uploaded to the context."""
         node = self._nodes.pop(solid, None)
         if node is None:
             node = self._scene.add(pyrender.Mesh([_Facets(solid)]))
@@ -79,7 +79,7 @@ class _Facets(pyrender.Primitive):
     """Facets, with vertices in such an order that vertex i is the last of facet i.
 
     A `flat` output of the vertex shader is that of a facet's last vertex, so the number of that
-    vertex tells the facet; `gl_PrimitiveID` would too, and is slower in Mesa by a third.
+    vertex gives the facet; `gl_PrimitiveID` would too, but is slower in Mesa by a third.
     Other corners use any copy of their vertex, and vertices that are nowhere last come at the end.
     """
 
@@ -91,7 +91,7 @@ class _Facets(pyrender.Primitive):
         copy[rest] = facets + np.arange(len(rest))
         self._numbers = copy[solid.faces].astype(np.uint32)
         self._numbers[:, 2] = np.arange(facets)
-        # Which facets are drawn is said anew for each image; pyrender makes the buffer for it.
+        # pyrender makes the index buffer; its content is set for each image.
         super().__init__(
             positions=solid.vertices[np.concatenate([last, rest])], indices=self._numbers[:1]
         )
@@ -109,7 +109,7 @@ class _Facets(pyrender.Primitive):
 class _FacetRenderer(pyrender.Renderer):
     """pyrender's renderer with a depth pass of our own.
 
-    pyrender's walks through the scene, and asks and sets for every image what stays the same; that
+    pyrender's walks through the scene, and queries and sets constant state for every image; that
     takes a tenth of the time of a small image. Its framebuffer has four samples a pixel, of which
     it then picks one that is not at the centre, and a depth buffer of 24 bits. It multiplies
     projection, view and model in the shader, in float32; here they are one matrix.
@@ -130,10 +130,10 @@ class _FacetRenderer(pyrender.Renderer):
         self._shape = (0, 0)
 
     def __del__(self) -> None:
-        """Leave what is in the context to the context, which may not be this thread's."""
+        """Do nothing: the context, perhaps of another thread, frees its own objects."""
 
     def upload(self, scene: pyrender.Scene) -> None:
-        """Upload what is new in a scene, and free what has left it."""
+        """Upload new objects of a scene, and free removed ones."""
         self._update_context(scene, pyrender.RenderFlags.DEPTH_ONLY)
 
     def draw(
@@ -143,7 +143,7 @@ class _FacetRenderer(pyrender.Renderer):
         clip: NDArray[np.float64],
         shape: tuple[int, int],
     ) -> NDArray[np.float32]:
-        """The number of the facet behind each pixel: see `Canvas.draw`."""
+        """Return the number of the facet behind each pixel: see `Canvas.draw`."""
         rows, columns = shape
         if shape != self._shape:
             self._resize(rows, columns)
@@ -169,7 +169,7 @@ class _FacetRenderer(pyrender.Renderer):
 
 
 def _make_context(platform: str) -> Any:
-    """A current context; images have framebuffers of their own, so its surface has one pixel."""
+    """Return a current context, of one pixel: images have framebuffers of their own."""
     context = OSMesaPlatform(1, 1) if platform == "osmesa" else _software_egl()
     context.init_context()
     context.make_current()
@@ -179,9 +179,9 @@ def _make_context(platform: str) -> Any:
 
 
 def _software_egl() -> Any:
-    """EGL on Mesa's software device where it is listed: the image must not depend on the machine.
+    """Return EGL on Mesa's software device, so that images do not depend on the machine.
 
-    Without it, the default device; which differs at silhouettes at most.
+    If that device is not listed, the default one: it differs at silhouettes at most.
     """
     from pyrender.platforms import egl
 

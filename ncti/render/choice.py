@@ -1,4 +1,4 @@
-"""Which engines can run here, and the choice of one."""
+"""Choice of an engine among those that can run here."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ncti.render.opengl import bound_platform
 
 @dataclass(frozen=True)
 class _Requirement:
-    """What an engine needs: for each library one of several files, and the packages with them."""
+    """Needs of an engine: for each library one of several files, and the packages with them."""
 
     libraries: tuple[tuple[str, ...], ...]
     packages: str
@@ -31,7 +31,7 @@ _REQUIREMENTS = {
 
 
 def engines() -> tuple[str, ...]:
-    """Names of all engines, in the order that "auto" prefers."""
+    """Return the names of all engines, in the order that "auto" prefers."""
     return tuple(_REQUIREMENTS)
 
 
@@ -48,15 +48,25 @@ def _present(name: str) -> bool:
 
 
 def available_engines() -> tuple[str, ...]:
-    """Names of the engines whose libraries this machine has, in the order that "auto" prefers.
+    """Return the engines whose libraries this machine has, in the order that "auto" prefers.
 
-    Looks for the libraries only: neither pyrender nor OpenGL is imported.
+    Only the libraries are looked for: neither pyrender nor OpenGL is imported.
+
+    See Also
+    --------
+    range_image : Takes one of these names.
+
+    Examples
+    --------
+    >>> from ncti.render import available_engines
+    >>> "embree" in available_engines()
+    True
     """
     return tuple(name for name in engines() if _present(name))
 
 
 def choose_engine(name: str) -> str:
-    """The engine that a name asks for.
+    """Return the name of an engine that can run here.
 
     Parameters
     ----------
@@ -72,9 +82,9 @@ def choose_engine(name: str) -> str:
     Raises
     ------
     ValueError
-        When there is no engine of that name.
+        If there is no engine of that name.
     EngineError
-        When it cannot run here.
+        If it cannot run here.
     """
     if name == "auto":
         with _lock:  # an engine that another thread is starting rules out others
@@ -92,14 +102,14 @@ def choose_engine(name: str) -> str:
 
 
 def start_engine(name: str) -> Engine:
-    """The engine of a name, started on first use and kept for this process.
+    """Return the engine of a name, started on first use and kept for this process.
 
-    Threads may ask at once: one starts the engine, and the others wait for it.
+    Threads may call this at once: one starts the engine, and the others wait for it.
 
     Raises
     ------
     ValueError, EngineError
-        As `choose_engine`; also when the libraries are there and cannot draw.
+        As `choose_engine`; also if the libraries are there but cannot draw.
     """
     with _lock:
         name = choose_engine(name)

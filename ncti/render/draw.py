@@ -1,4 +1,4 @@
-"""From a mesh and a view to its range image."""
+"""Range images of meshes."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def range_image(
     roll: float = ROLL,
     slant_range: float | None = None,
 ) -> RangeImage:
-    """What a sensor sees of a ship: range and slope of every pixel.
+    """Return the range image of a ship: range and slope of every pixel.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        Closed mesh with outward facets, in the ship frame [m]. All of it is drawn: a mesh that
-        reaches below the waterline shows what is there.
+        Closed mesh with outward facets, in the ship frame [m]. All of it is drawn, parts below
+        the waterline included.
     aspect : float
         Bearing of the sensor from the ship [deg], 0 at the bow, growing to port.
     depression : float
@@ -38,7 +38,7 @@ def range_image(
     pixel : float
         Pixel side at the range of the ship origin [m].
     engine : {"osmesa", "egl", "embree", "auto"}
-        What draws.
+        Rendering engine; "auto" is the first of these that can run here.
     roll : float
         Rotation of the pixel lattice about the line of sight [deg].
     slant_range : float, optional
@@ -52,14 +52,31 @@ def range_image(
     Raises
     ------
     ValueError
-        When a parameter is out of its range, or the mesh is empty or not finite.
+        If a parameter is out of its range, or the mesh is empty or not finite.
     EngineError
-        When the engine cannot run here.
+        If the engine cannot run here.
+
+    See Also
+    --------
+    line_image : The same view along lines, without pixels.
+    available_engines : Names of engines that can run here.
+    ncti.ladar.range_extent : The share of each range bin in a range image.
 
     Notes
     -----
-    A pixel is a sample at its centre. The engine tells which facet it sees; range and slope are
+    A pixel is a sample at its centre. The engine finds the facet behind it; range and slope are
     those of the facet's plane there, in float64, perspective and wavefront curvature included.
+
+    Examples
+    --------
+    A box 40 m long and 8 m wide, seen from the bow, 3 m above its middle:
+
+    >>> import trimesh
+    >>> from ncti.render import range_image
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> image = range_image(box, aspect=0, depression=0, roll=0, engine="embree")
+    >>> image.down_range.shape, float(image.down_range.min())
+    ((24, 32), -20.0)
     """
     require("pixel", pixel, positive=True)
     view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)

@@ -1,4 +1,4 @@
-"""Visible facets by ray casting, with Embree: needs nothing but a package from PyPI."""
+"""Visible facets by ray casting with Embree, which is a package from PyPI."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class EmbreeEngine:
     def visible(
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
     ) -> NDArray[np.int32]:
-        """The facet that each pixel sees, -1 for none."""
+        """Return the facet that each pixel sees, -1 for none."""
         from ncti.render.pixels import rays  # numba takes long to import
 
         # From the near plane, so that float32 sees distances of the size of the ship only.
@@ -48,7 +48,7 @@ class EmbreeEngine:
     def cast(
         self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]
     ) -> NDArray[np.intp]:
-        """(ray,): first facet on each ray from near the solid, about its centre; -1 if none."""
+        """Return the (ray,) first facets on rays that start near the solid; -1 if none."""
         with self._lock:
             facet: NDArray[np.intp] = self._scene(solid).run(start, direction)
         return facet

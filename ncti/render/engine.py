@@ -1,4 +1,4 @@
-"""What a rendering engine is."""
+"""Interface of rendering engines."""
 
 from __future__ import annotations
 
@@ -12,15 +12,27 @@ from ncti.render.view import Lattice, View
 
 
 class EngineError(RuntimeError):
-    """A rendering engine cannot run here."""
+    """Error of a rendering engine that cannot run here; its message names what to install.
+
+    See Also
+    --------
+    available_engines : Names of those that can.
+
+    Examples
+    --------
+    >>> from ncti.render import EngineError
+    >>> raise EngineError("render engine egl cannot run here, because ...")
+    Traceback (most recent call last):
+    ncti.render.engine.EngineError: render engine egl cannot run here, because ...
+    """
 
 
 class Engine(Protocol):
-    """What sees which facet of a ship lies behind each pixel centre.
+    """Rendering engine: finds the facet of a ship behind each pixel centre.
 
-    That is all an engine is asked: the range and the slope of what is seen follow from the
-    facets in float64, once for all engines (`ncti.render.solid.surface`), so that no engine's
-    arithmetic is in them.
+    An engine does nothing else: range and slope follow from the facets in float64, by the same
+    code for all engines (`ncti.render.solid.surface`), so that they do not depend on an engine's
+    arithmetic.
 
     Attributes
     ----------
@@ -33,12 +45,12 @@ class Engine(Protocol):
     def visible(
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
     ) -> NDArray[np.float32] | NDArray[np.int32]:
-        """The facet that each pixel sees.
+        """Return the facet that each pixel sees.
 
         Parameters
         ----------
         solid, view, lattice
-            What is seen, from where, and by which pixels.
+            Ship, view and pixels.
         points : (3, vertex) float64 ndarray
             Vertices along the axes of the view, from the ship origin [m].
 

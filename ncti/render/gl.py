@@ -14,7 +14,7 @@ from ncti.render.solid import Solid, sampled
 from ncti.render.view import Lattice, View, clip_matrix
 
 MAX_FACETS = 2**24
-"""Facets are numbered in a float32 colour, exact up to here."""
+"""Most facets: their numbers are float32 colours, exact up to here."""
 
 
 def _open_canvas(platform: str) -> Any:
@@ -47,7 +47,7 @@ class PyrenderEngine:
     def visible(
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
     ) -> NDArray[np.float32]:
-        """The facet that each pixel sees, -1 for none."""
+        """Return the facet that each pixel sees, -1 for none."""
         if len(solid.faces) > MAX_FACETS:
             raise ValueError(
                 f"mesh has {len(solid.faces)} facets: OpenGL engines take at most {MAX_FACETS}."

@@ -1,4 +1,4 @@
-"""The range image: the one hub between geometry and sensing."""
+"""Range images and their pixel lattices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Where the pixels of a range image lie across the line of sight.
+    """Places of the pixels of a range image across the line of sight.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Lattice:
     def cross_range_at(
         self, rows: NDArray[np.integer], cols: NDArray[np.integer]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Horizontal and vertical coordinates [m] of some pixel centres."""
+        """Return horizontal and vertical coordinates [m] of some pixel centres."""
         column = self.origin[0] + self.pixel * cols
         row = self.origin[1] + self.pixel * rows
         cos, sin = self.turn
@@ -43,7 +43,7 @@ class Lattice:
 
 @dataclass(frozen=True, eq=False)
 class RangeImage:
-    """What an aircraft sees of a ship: the range of every pixel, and how it slopes.
+    """Range image of a ship: range and slope of every pixel.
 
     The pixel lattice is rolled about the line of sight by `roll`, so rows and columns are
     not horizontal and vertical; `cross_range` gives the unrolled coordinates.
@@ -68,6 +68,24 @@ class RangeImage:
         View angles [deg].
     slant_range : float or None
         Distance from the sensor to the ship origin [m]; None in the far field.
+
+    See Also
+    --------
+    range_image : Draws one.
+    LineImage : The same along lines.
+    ncti.ladar.range_extent, ncti.infrared.silhouette : What sensors resolve of it.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from ncti.render import range_image
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> image = range_image(box, aspect=90, depression=0, pixel=0.5, engine="embree")
+    >>> area = image.hit.sum() * image.pixel**2  # of its side, 240 m^2
+    >>> abs(float(area) - 240) < 5
+    True
+    >>> image.to_xarray().down_range.attrs["units"]
+    'm'
     """
 
     down_range: NDArray[np.float64]
@@ -81,21 +99,21 @@ class RangeImage:
 
     @property
     def hit(self) -> NDArray[np.bool_]:
-        """(row, col) bool ndarray: where the line of sight meets the ship."""
+        """(row, col) bool ndarray: True where the line of sight meets the ship."""
         return ~np.isnan(self.down_range)
 
     @property
     def resolution(self) -> float:
-        """Pixel side [m], which IFOVs must be as wide as."""
+        """Pixel side [m], the least width of an IFOV."""
         return self.pixel
 
     @property
     def lattice(self) -> Lattice:
-        """Where the pixels lie."""
+        """Places of the pixels."""
         return Lattice(self.pixel, self.origin, self.roll)
 
     def cross_range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Horizontal and vertical coordinates of the pixel centres.
+        """Return horizontal and vertical coordinates of the pixel centres.
 
         Returns
         -------
@@ -109,11 +127,11 @@ class RangeImage:
     def cross_range_at(
         self, rows: NDArray[np.integer], cols: NDArray[np.integer]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Horizontal and vertical coordinates [m] of some pixel centres, as `cross_range`."""
+        """Return horizontal and vertical coordinates [m] of some pixels, as `cross_range`."""
         return self.lattice.cross_range_at(rows, cols)
 
     def to_xarray(self) -> xr.Dataset:
-        """The image as an xarray data set with units, on its own (rolled) axes."""
+        """Return the image as an xarray data set with units, on its own (rolled) axes."""
         import xarray as xr
 
         rows, cols = self.down_range.shape

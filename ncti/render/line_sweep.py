@@ -2,7 +2,7 @@
 
 Lines run along the columns' axis of a view, `spacing` apart. Where a line crosses an edge between
 two surfaces, one of them ends and the other begins. Crossings sorted along the line are swept with
-a short list of the surfaces that the line is over; the nearest of them is what the sensor sees.
+a short list of the surfaces that the line is over; the sensor sees the nearest of them.
 """
 
 from __future__ import annotations

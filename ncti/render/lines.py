@@ -1,19 +1,17 @@
-"""The visible pieces of a view, exact along parallel lines: no pixels, no rays, no OpenGL."""
+"""Views of ships that are exact along parallel lines, without pixels, rays or OpenGL."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.render.surfaces import Surfaces
+from ncti.render.threads import swept
 from ncti.render.view import ROLL, View
 
 if TYPE_CHECKING:
@@ -29,16 +27,13 @@ PHASE = 21845 / 2**16
 seen from the bow are mirrored about that line and lines should not be; of sixteen binary digits, so
 that lines refined by halving lie where finer lines do, to the bit."""
 
-FEWEST = 64
-"""Lines that are worth a thread of their own."""
-
 MAX_LINES = 2**20
 """Most lines of a view: more would be a spacing given in other units."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineImage:
-    """What an aircraft sees of a ship along parallel lines, exactly.
+    """View of a ship along parallel lines, exact along each line.
 
     Lines run along the columns' axis of the view, which is rolled about the line of sight. Each
     stands for a strip as wide as their spacing. A piece is a part of a line along which one flat
@@ -63,6 +58,22 @@ class LineImage:
         View angles [deg].
     slant_range : float or None
         Distance from the sensor to the ship origin [m]; None in the far field.
+
+    See Also
+    --------
+    line_image : Draws one.
+    refined : Halves the spacing.
+    RangeImage : The same by pixels.
+    ncti.ladar.range_extent, ncti.infrared.silhouette : What sensors resolve of it.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from ncti.render import line_image
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> lines = line_image(box, aspect=0, depression=0, roll=0)
+    >>> lines.spacing, float(lines.down_range.min())
+    (0.25, -20.0)
     """
 
     line: NDArray[np.int32]
@@ -78,7 +89,7 @@ class LineImage:
 
     @property
     def resolution(self) -> float:
-        """Spacing [m], which IFOVs must be as wide as."""
+        """Spacing [m], the least width of an IFOV."""
         return self.spacing
 
     @property
@@ -115,14 +126,14 @@ class LineImage:
         return np.asarray(self.line + self.phase, dtype=np.float64) * self.spacing
 
     def cross_range(self) -> tuple[Floats, Floats]:
-        """Horizontal and vertical coordinates [m] of the ends of pieces, (piece, 2) each."""
+        """Return horizontal and vertical coordinates [m] of the ends of pieces, (piece, 2)."""
         y = self._height[:, None]
         cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
         return self.piece[:, :2] * cos - y * sin, self.piece[:, :2] * sin + y * cos
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Least and greatest horizontal, and vertical, coordinate of pieces [m]; none, of none."""
+        """Least and greatest horizontal, and vertical, coordinate of pieces [m]; empty of none."""
         if not self.line.size:
             return np.zeros(0), np.zeros(0)
         horizontal, vertical = (np.array([ends.min(), ends.max()]) for ends in self.cross_range())
@@ -139,14 +150,14 @@ class LineImage:
         bin_count: int = 1,
         weight: Floats | None = None,
     ) -> Parts:
-        """How much of the view the ship fills, by square cell and range bin.
+        """Return the area that the ship fills of each square cell and range bin.
 
         Parameters
         ----------
         side : float
             Side of a cell [m].
         shift : (float, float)
-            Where in a cell the ship origin lies, right and up from its corner [cell].
+            Place of the ship origin in a cell, right and up from its corner [cell].
         slant_range : float, optional
             Range whose wavefront curves down-range [m]; that of the view when not given.
         near : float
@@ -156,7 +167,7 @@ class LineImage:
         bin_count : int
             Number of bins.
         weight : (piece,) float64 ndarray, optional
-            What the area of a piece is multiplied by.
+            Factors of the areas of pieces.
 
         Returns
         -------
@@ -193,7 +204,7 @@ class LineImage:
         )
 
     def to_xarray(self) -> xr.Dataset:
-        """The pieces as an xarray data set with units."""
+        """Return the pieces as an xarray data set with units."""
         import xarray as xr
 
         horizontal, vertical = self.cross_range()
@@ -229,7 +240,7 @@ def line_image(
     slant_range: float | None = None,
     phase: float = PHASE,
 ) -> LineImage:
-    """The visible pieces of a ship along parallel lines, exactly.
+    """Return the view of a ship along parallel lines, exact along each line.
 
     Parameters
     ----------
@@ -258,22 +269,45 @@ def line_image(
     Raises
     ------
     ValueError
-        When a parameter is out of its range, or the mesh is empty or not finite.
+        If a parameter is out of its range, or the mesh is empty or not finite.
+
+    See Also
+    --------
+    refined : The same view by lines half as far apart.
+    range_image : The same view by pixels.
+    ncti.ladar.lines_within : Lines as fine as an accuracy needs.
+    ncti.ladar.range_extent : The share of each range bin, and its error.
 
     Notes
     -----
-    N. Max, 'Antialiasing scan-line data', IEEE Computer Graphics and Applications 10(1), 1990;
-    T. R. Jones and R. N. Perry, 'Antialiasing with line samples', Rendering Techniques 2000,
-    doi:10.1007/978-3-7091-6303-0_18; T. Auzinger, M. Wimmer and S. Jeschke, 'Non-sampled
-    anti-aliasing', Vision, Modeling and Visualization 2013.
+    Lines sample a view exactly in one direction [1]_, [2]_, [3]_. The remaining error is that of
+    the integral across the lines, by the rectangle rule. It falls with the spacing to the power
+    1.6. Ship edges that are parallel to a line would make it larger, so lines are rolled (see
+    `ncti.render.view.ROLL`).
 
-    What is left to err is the integral across the lines, by the rectangle rule. Its error falls
-    with the spacing to the power 1.6: ship edges that are parallel to a line make it worse, so
-    lines are rolled (see `ROLL`).
+    Coplanar facets count as one surface (`ncti.render.surfaces.Surfaces`), so a line crosses few
+    edges. Threads share the lines, as many as OMP_NUM_THREADS says or the process has processors;
+    the result does not depend on their number.
 
-    Coplanar facets count as one surface (`Surfaces`), so a line crosses few edges. Threads share
-    the lines, as many as OMP_NUM_THREADS says or the process has processors; the result is the
-    same, bit for bit.
+    References
+    ----------
+    .. [1] N. Max, "Antialiasing scan-line data", IEEE Computer Graphics and Applications 10(1),
+       1990.
+    .. [2] T. R. Jones and R. N. Perry, "Antialiasing with line samples", Rendering Techniques,
+       2000, doi:10.1007/978-3-7091-6303-0_18.
+    .. [3] T. Auzinger, M. Wimmer and S. Jeschke, "Non-sampled anti-aliasing", Vision, Modeling and
+       Visualization, 2013.
+
+    Examples
+    --------
+    The side of a box 40 m long and 6 m high:
+
+    >>> import trimesh
+    >>> from ncti.render import line_image
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> lines = line_image(box, aspect=90, depression=0, spacing=0.25)
+    >>> round(float(lines.area.sum()), 1)
+    240.0
     """
     from ncti.render.line_sweep import cross, face, project
 
@@ -286,7 +320,7 @@ def line_image(
     _check(bounds, view, spacing, surfaces)
     seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
     first, *crossings = cross(point, bounds, surfaces.edge, seen, float(spacing), float(phase))
-    line, piece, surface = _swept(crossings, surfaces=len(surfaces.area))
+    line, piece, surface = swept(crossings, surfaces=len(surfaces.area))
     return LineImage(
         line + first,
         piece,
@@ -302,19 +336,33 @@ def line_image(
 
 
 def refined(mesh: trimesh.Trimesh, lines: LineImage) -> LineImage:
-    """The same view by lines half as far apart: those there are, and new ones between them.
+    """Return a view by lines half as far apart: the given lines, and new ones between them.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        The ship of the lines.
+        Ship of the view.
     lines : LineImage
-        Its lines.
+        View of it.
 
     Returns
     -------
     LineImage
-        As `line_image` of half the spacing with twice the phase, for half the cost.
+        As `line_image` of half the spacing with twice the phase, at half the cost.
+
+    See Also
+    --------
+    line_image : The first lines.
+    ncti.ladar.lines_within : Refines until an accuracy is reached.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from ncti.render import line_image, refined
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> lines = line_image(box, aspect=30, depression=4, spacing=0.5)
+    >>> refined(box, lines).spacing
+    0.25
     """
     between = line_image(
         mesh,
@@ -339,54 +387,13 @@ def refined(mesh: trimesh.Trimesh, lines: LineImage) -> LineImage:
 
 
 def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
-    """Refuse a sensor within the ship, and more lines than there may be."""
+    """Refuse a sensor within the ship, and more lines than are allowed."""
     if view.slant_range is not None:  # behind the sensor, w is negative, and bounds are of no use
         away = (surfaces.vertices + surfaces.centre) @ view.axes[2]
         view.check_clear(float(away.min()))
     lines = (bounds[1, 1] - bounds[1, 0]) / spacing
     if lines > MAX_LINES:
         raise ValueError(
-            f"spacing is {spacing:g} m, which makes {lines:.0f} lines: there may be {MAX_LINES}."
+            f"spacing is {spacing:g} m, which makes {lines:.0f} lines, but at most "
+            f"{MAX_LINES} are allowed."
         )
-
-
-def _swept(
-    crossings: Sequence[Any], *, surfaces: int
-) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
-    """Pieces of all lines, swept in as many parts as there are threads."""
-    from ncti.render.line_sweep import sweep
-
-    start, order, crossing = crossings
-    lines = len(start) - 1
-    parts = max(1, min(_threads(), lines // FEWEST))
-    inner = np.searchsorted(start, np.arange(1, parts) * start[-1] // parts)
-    cuts = [0, *inner.tolist(), lines]
-
-    def part(number: int) -> tuple[NDArray[np.int64], Floats, NDArray[np.int32]]:
-        room = 1
-        while True:  # surfaces that run through one another make more pieces than crossings
-            some = start[cuts[number] : cuts[number + 1] + 1]
-            count, piece, surface = sweep(some, order, crossing, surfaces, room)
-            if not len(count) or count[0] >= 0:
-                return count, piece, surface
-            room *= 4
-
-    swept = [part(0)] if parts == 1 else list(_pool(parts, os.getpid()).map(part, range(parts)))
-    counts, piece, surface = (
-        found[0] if parts == 1 else np.concatenate(found) for found in zip(*swept, strict=True)
-    )
-    return np.repeat(np.arange(lines, dtype=np.int32), counts), piece, surface
-
-
-def _threads() -> int:
-    given = os.environ.get("OMP_NUM_THREADS", "")
-    if given.isdigit() and int(given):
-        return int(given)
-    affinity = getattr(os, "sched_getaffinity", None)  # Linux has it
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
-
-
-@cache
-def _pool(threads: int, process: int) -> ThreadPoolExecutor:
-    """Threads of this process: they do not survive a fork."""
-    return ThreadPoolExecutor(threads, thread_name_prefix="lines")

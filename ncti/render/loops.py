@@ -1,4 +1,4 @@
-"""The loops that engines run, and how they are compiled."""
+"""Compiled loops of the engines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def of_engine(engine: str) -> Loops:
     if engine == LINES:
         return Loops(what, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
     if engine == "embree":
-        return Loops(what, ("render.pixels.rays",), _draw_by_embree)
+        return Loops(what, ("render.pixels.rays", "render.spans.spans"), _draw_by_embree)
     return Loops(what, ("render.pixels.sampled",), _draw_without_context)
 
 
@@ -39,7 +39,7 @@ def _draw_by_embree() -> None:
 
 
 def _draw_without_context() -> None:
-    """Run what OpenGL engines run, which would bind this process to one of them."""
+    """Run the loops of OpenGL engines, without an engine, which would bind OpenGL for good."""
     import trimesh
 
     from ncti.render.solid import Solid, sampled, surface

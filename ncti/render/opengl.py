@@ -1,4 +1,4 @@
-"""Choosing PyOpenGL's platform, once in a process, and mending its OSMesa binding."""
+"""Choice of PyOpenGL's platform, once in a process, and repairs of its OSMesa binding."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from ncti.render.engine import EngineError
 
 _process: int | None = None
-"""The process that was bound."""
+"""Process that was bound."""
 
 
 def bind_platform(name: str) -> None:
@@ -25,7 +25,7 @@ def bind_platform(name: str) -> None:
     Raises
     ------
     EngineError
-        When PyOpenGL is already bound to another platform in this process, or was bound before
+        If PyOpenGL is already bound to another platform in this process, or was bound before
         this process was forked.
     """
     global _process
@@ -52,9 +52,9 @@ def bind_platform(name: str) -> None:
 
 
 def bound_platform() -> str | None:
-    """The platform that PyOpenGL loads its functions from, None while it is not imported.
+    """Return the platform that PyOpenGL loads its functions from, None before it is imported.
 
-    Waits while another thread is importing it: halfway, it is bound to nothing that has a name.
+    Waits while another thread imports it: until that ends, the platform has no name.
     """
     platform = sys.modules.get("OpenGL.platform")
     if platform is None:
@@ -65,11 +65,11 @@ def bound_platform() -> str | None:
 
 
 def mend_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
-    """Add what pyrender needs of OSMesa and PyOpenGL lacks.
+    """Add to PyOpenGL the parts of OSMesa that pyrender needs.
 
     pyrender pins PyOpenGL 3.1.0, where the binding has no `OSMesaCreateContextAttribs`, without
     which there is no OpenGL 3.3, none of its constants, and no hash of a context, by which pyrender
-    and PyOpenGL keep what belongs to one. Later versions have these, but there too two handles of
+    and PyOpenGL keep the objects of one. Later versions have these, but there too two handles of
     one context are not equal, so that pyrender would compile its shaders anew for every image.
 
     Parameters

@@ -17,7 +17,7 @@ NOTHING = 1e-8
 
 
 class Parts(NamedTuple):
-    """What a grid of square cells sees of a ship.
+    """Area of a ship by square cell and range bin.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def bin_pieces(
     bin_width: float,
     bins: int,
 ) -> tuple[NDArray[np.int64], Floats, float]:
-    """Return how much of the view the pieces cover, by cell and range bin.
+    """Return the area that pieces cover, by cell and range bin.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""What a view's pixels ask of the facets of a ship, as compiled loops.
+"""Facets, rays and surfaces of the pixels of a view, as compiled loops.
 
 Most facets of a ship are smaller than a pixel or seen from behind, and no pixel centre is within
-them: an engine that is not shown them draws the same image.
+them: an engine draws the same image without them.
 """
 
 from __future__ import annotations
@@ -17,11 +17,8 @@ from ncti.render.solid import STEEP, STEEPEST
 
 Floats = NDArray[np.float64]
 
-STRIP = 8
-"""Rows that share their first and last column on a ship: finding those of each row takes longer."""
-
 BATCH = 256
-"""Facets tried at once, so few that their corners stay in the processor's nearest cache."""
+"""Facets tried at once, few enough that their corners stay in the first cache."""
 
 ROWS = 4
 """Rows of a facet that are tried for the whole batch; four facets in five have no more."""
@@ -32,14 +29,14 @@ COVERS, MORE = 1, 2
 
 @compiled
 def place(points: Floats, curvature: float, pixel: float, column: float, row: float) -> Floats:
-    """Return (vertex, 2): where vertices are seen, in pixels from the centre of pixel [0, 0].
+    """Return (vertex, 2) places of vertices, in pixels from the centre of pixel [0, 0].
 
     Parameters
     ----------
     points : (3, vertex) float64 ndarray
         Coordinates along the axes of the view [m].
     curvature : float
-        Of the wavefront [1/m].
+        Curvature of the wavefront [1/m].
     pixel : float
         Pixel side [m].
     column, row : float
@@ -60,12 +57,12 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     Parameters
     ----------
     seen : (vertex, 2) float64 ndarray
-        Where vertices are seen [pixel].
+        Places of vertices [pixel].
     faces : (facet, 3) int32 ndarray
         Vertices of each facet, counter-clockwise from outside.
     margin : float
-        How far an engine may take vertices to be from there along either axis [pixel]. No facet
-        is left out that has a centre within it then.
+        Largest distance by which an engine may move vertices along either axis [pixel]. Facets
+        that then have a centre within them are kept.
 
     Notes
     -----
@@ -73,7 +70,7 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy x.
 
     The loops of `_in_front` and `_covering` hold arithmetic alone, so that they are compiled to
-    vector instructions; what chooses and looks up facets is done between them.
+    vector instructions; facets are chosen and looked up between them.
     """
     found = np.empty(len(faces) + 1, np.int32)
     number = 0
@@ -88,7 +85,7 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
             batch[0, e], batch[1, e] = seen[i, 0], seen[i, 1]
             batch[2, e], batch[3, e] = seen[j, 0], seen[j, 1]
             batch[4, e], batch[5, e] = seen[k, 0], seen[k, 1]
-        # Keep candidates by the bounding box, with no branch: the processor could not foresee it.
+        # Keep candidates by the bounding box, without a branch, which could not be predicted.
         _in_front(batch, size, margin, state)
         candidates = 0
         for e in range(size):
@@ -159,7 +156,7 @@ def _covers_later(corner: Floats, e: int, margin: float) -> int:
 def _box(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, margin: float
 ) -> tuple[float, float, float, float]:
-    """Return where a facet ends: left, right, below and above, a margin out."""
+    """Return the bounds of a facet: left, right, below and above, a margin out."""
     return (
         min(ax, min(bx, cx)) - margin,
         max(ax, max(bx, cx)) + margin,
@@ -212,65 +209,6 @@ def _covers(triangle: tuple[Any, ...], row: float) -> bool:
 
 
 @compiled
-def spans(
-    seen: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
-) -> NDArray[np.int64]:
-    """Return (row, 2): the first column of each row that may see the ship, and one past the last.
-
-    Parameters
-    ----------
-    seen, faces, margin
-        As of `sampled`; from whichever side facets are seen.
-    shape : (int, int)
-        Rows and columns of the image.
-    """
-    rows, columns = shape
-    strips = (rows - 1) // STRIP + 1
-    reach = np.empty((strips, 2))
-    reach[:, 0], reach[:, 1] = np.inf, -np.inf
-    for f in range(len(faces)):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay = seen[i, 0], seen[i, 1]
-        bx, by = seen[j, 0], seen[j, 1]
-        cx, cy = seen[k, 0], seen[k, 1]
-        first, last = _strips(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
-        if first == last:  # of a facet so low, the whole width will do
-            reach[first, 0] = min(reach[first, 0], min(ax, min(bx, cx)) - margin)
-            reach[first, 1] = max(reach[first, 1], max(ax, max(bx, cx)) + margin)
-        elif first < last:
-            _widen(reach, ax, ay, bx, by, margin)
-            _widen(reach, bx, by, cx, cy, margin)
-            _widen(reach, cx, cy, ax, ay, margin)
-    found = np.zeros((rows, 2), np.int64)
-    for row in range(rows):
-        left, right = reach[row // STRIP]
-        if left <= right:
-            found[row, 0] = max(math.ceil(left), 0)
-            found[row, 1] = max(min(math.floor(right) + 1, columns), found[row, 0])
-    return found
-
-
-@compiled
-def _strips(low: float, high: float, strips: int, margin: float) -> tuple[int, int]:
-    """Return the first and the last strip with a row between two places, or nearly."""
-    first = max(math.ceil(low - margin), 0) // STRIP
-    return first, min(math.floor(high + margin) // STRIP, strips - 1)
-
-
-@compiled
-def _widen(reach: Floats, x: float, y: float, u: float, v: float, margin: float) -> None:
-    """Widen the reach of strips by a side from (x, y) to (u, v) that is moved by up to a margin."""
-    left, right = min(x, u) - margin, max(x, u) + margin
-    slope = (u - x) / (v - y) if abs(v - y) > 1e-9 else 0.0
-    broad = abs(slope) * ((STRIP - 1) / 2 + margin) + margin if slope != 0.0 else np.inf
-    first, last = _strips(min(y, v), max(y, v), len(reach), margin)
-    for strip in range(first, last + 1):
-        middle = x + (strip * STRIP + (STRIP - 1) / 2 - y) * slope
-        reach[strip, 0] = min(reach[strip, 0], max(left, middle - broad))
-        reach[strip, 1] = max(reach[strip, 1], min(right, middle + broad))
-
-
-@compiled
 def rays(
     span: NDArray[np.int64],
     columns: int,
@@ -294,22 +232,22 @@ def rays(
     pixel : float
         Pixel side [m].
     axes : (3, 3) float64 ndarray
-        Of the view.
+        Axes of the view.
     curvature : float
-        Of the wavefront [1/m].
+        Curvature of the wavefront [1/m].
     near : float
-        Down-range that rays start at [m].
+        Down-range at which rays start [m].
     start : (3,) float64 ndarray
-        Where the line of sight through the ship origin does.
+        Start of the ray through the ship origin [m].
 
     Returns
     -------
     index : (ray,) int64 ndarray
         Flat index of the pixels, ascending.
     start : (ray, 3) float32 ndarray
-        Where rays start [m].
+        Starts of the rays [m].
     direction : (ray, 3) float32 ndarray
-        Where they go; one for all in the far field.
+        Directions of the rays; one for all in the far field.
     """
     number = np.sum(span[:, 1] - span[:, 0])
     index = np.empty(number, np.int64)
@@ -359,15 +297,15 @@ def surface(
     pixel : float
         Pixel side [m].
     axes : (3, 3) float64 ndarray
-        Of the view.
+        Axes of the view.
     curvature : float
-        Of the wavefront [1/m].
+        Curvature of the wavefront [1/m].
     normals, offsets, faces
-        Of the solid.
+        As of `ncti.render.solid.Solid`.
     away : (vertex,) float64 ndarray
         Down-range of vertices [m].
     from_behind : bool
-        Whether facets that face away are seen; otherwise they count as edge-on.
+        True if facets that face away are seen; otherwise they count as edge-on.
     """
     rows, columns = shape
     down_range = np.empty((rows, columns))

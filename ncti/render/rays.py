@@ -1,4 +1,4 @@
-"""Single lines of sight: where each meets a ship, for sensors that move while they look."""
+"""Intersections of rays with ships, for sensors that move while they look."""
 
 from __future__ import annotations
 
@@ -19,18 +19,33 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class RayHits:
-    """Where rays meet a ship.
+    """Intersections of rays with a ship.
 
     Attributes
     ----------
     ray : (hit,) intp ndarray
-        Which rays meet it, ascending.
+        Numbers of the rays that meet it, ascending.
     distance : (hit,) float64 ndarray
-        From the ray's origin, along it [m].
+        Distance from the ray's origin [m].
     facet : (hit,) intp ndarray
-        Facet of the mesh that it meets.
+        Number of the facet that is met.
     cosine : (hit,) float64 ndarray
-        Of the angle between the ray and the facet's normal, 1 face-on.
+        Cosine of the angle between the ray and the facet's normal, 1 face-on.
+
+    See Also
+    --------
+    cast_rays : Returns them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.render import cast_rays
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> slanted = np.array([[-0.8, 0.0, -0.6]])
+    >>> hits = cast_rays(box, np.array([[40.0, 0.0, 15.0]]), slanted)
+    >>> float(hits.distance[0]), float(hits.cosine[0])
+    (25.0, 0.8)
     """
 
     ray: NDArray[np.intp]
@@ -40,31 +55,48 @@ class RayHits:
 
 
 def cast_rays(mesh: trimesh.Trimesh, origin: Floats, direction: Floats) -> RayHits:
-    """Where lines of sight first meet a ship.
+    """Return the first intersections of rays with a ship.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
         The ship, in its frame.
     origin : (ray, 3) float64 ndarray
-        Where rays start [m], outside the ship and however far from it.
+        Origins of the rays [m], outside the ship at any distance.
     direction : (ray, 3) float64 ndarray
         Unit vectors.
 
     Returns
     -------
     RayHits
-        Those that meet it.
+        Intersections of those rays that meet the ship.
 
     Raises
     ------
     ValueError
         If the arrays do not match, or the mesh has no facets or a vertex that is not finite.
 
+    See Also
+    --------
+    range_image : Parallel lines of sight on a lattice of pixels.
+
     Notes
     -----
     Embree finds the facet in float32, from points that are moved along the rays to near the ship;
     the distance is that to the facet's plane in float64, as for a range image.
+
+    Examples
+    --------
+    Two rays towards the bow, 1 m above the waterline and 10 m above the deck:
+
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.render import cast_rays
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> origin = np.array([[1000.0, 0.0, 1.0], [1000.0, 0.0, 13.0]])
+    >>> hits = cast_rays(box, origin, np.array([[-1.0, 0.0, 0.0]] * 2))
+    >>> hits.ray, hits.distance
+    (array([0]), array([980.]))
     """
     if origin.shape != direction.shape or origin.ndim != 2 or origin.shape[1] != 3:
         raise ValueError(
@@ -75,14 +107,14 @@ def cast_rays(mesh: trimesh.Trimesh, origin: Floats, direction: Floats) -> RayHi
     radius = float(np.linalg.norm(solid.vertices, axis=1).max())
     offset = origin - solid.centre
     nearest = -np.einsum("ij,ij->i", offset, direction)
-    # Rays that pass the sphere about the ship meet nothing of it.
+    # Rays that miss the sphere about the ship miss the ship.
     passing = np.einsum("ij,ij->i", offset, offset) - nearest**2
     near = np.flatnonzero((passing <= (radius + 1.0) ** 2) & (nearest > -radius))
     if not len(near):
         none = np.empty(0, dtype=np.intp)
         return RayHits(none, np.empty(0), none, np.empty(0))
     along = direction[near]
-    # An origin among masts is inside the sphere, and what lies behind it is not seen.
+    # An origin among masts is inside the sphere, and parts behind it are not seen.
     start = offset[near] + np.maximum(nearest[near] - radius - 1.0, 0.0)[:, None] * along
     facet = _embree.cast(solid, start.astype(np.float32), along.astype(np.float32))
     hit = np.flatnonzero(facet >= 0)
@@ -94,7 +126,7 @@ def cast_rays(mesh: trimesh.Trimesh, origin: Floats, direction: Floats) -> RayHi
 def _meet(
     solid: Solid, origin: Floats, direction: Floats, facet: NDArray[np.intp]
 ) -> tuple[Floats, NDArray[np.intp], Floats]:
-    """Distance, facet and cosine of incidence of rays that meet the planes of facets."""
+    """Return distance, facet and cosine of incidence where rays meet the planes of facets."""
     normal = solid.normals.take(facet, axis=0)
     cosine = towards(-np.einsum("ij,ij->i", normal, direction))
     distance = (np.einsum("ij,ij->i", normal, origin) - solid.offsets.take(facet)) / cosine

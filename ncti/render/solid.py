@@ -1,4 +1,4 @@
-"""A ship ready to be drawn: its facets as arrays, and the range of what a pixel sees of them."""
+"""Facets of a ship as arrays, and range and slope of the points that pixels see on them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     import trimesh
 
 KEPT = 8
-"""Ships kept ready, here and on a canvas: the six of the study and two of the user's."""
+"""Ships kept, here and on a canvas: the six packaged ones and two of the user's."""
 
 STEEPEST = 1e-4
-"""Smallest cosine of incidence told from edge-on. A facet so steep is narrower than a rasteriser's
-grid, and seen by chance; the bound keeps its slope finite."""
+"""Smallest cosine of incidence that is not edge-on. A steeper facet is narrower than the grid of a
+rasteriser and seen by chance; the bound keeps its slope finite."""
 
 
 STEEP = 0.1
@@ -37,7 +37,7 @@ class Solid:
     centre : (3,) float64 ndarray
         Middle of the bounding box, in the ship frame [m].
     vertices : (vertex, 3) float64 ndarray
-        Vertices relative to `centre` [m]: what an engine may round to float32.
+        Vertices relative to `centre` [m], which engines may round to float32.
     faces : (facet, 3) int32 ndarray
         Vertices of each facet, counter-clockwise from outside.
     normals : (facet, 3) float64 ndarray
@@ -54,7 +54,7 @@ class Solid:
 
     @classmethod
     def of(cls, mesh: trimesh.Trimesh) -> Solid:
-        """The solid of a mesh, made once for each content that the mesh has had.
+        """Return the solid of a mesh, made once for each content of the mesh.
 
         Raises
         ------
@@ -100,7 +100,7 @@ _lock = Lock()
 
 
 def towards(cosine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cosines of incidence kept off zero: as they are on facets seen from behind, below 0."""
+    """Return cosines of incidence, kept off zero; those below 0 are of facets from behind."""
     return np.where(cosine < -STEEPEST, cosine, np.maximum(cosine, STEEPEST))
 
 
@@ -113,7 +113,7 @@ def surface(
     *,
     from_behind: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Down-range and its gradient where lines of sight meet facets, exactly.
+    """Return down-range and its gradient where lines of sight meet facets, exactly.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def surface(
     facet : (row * col,) float32 or int32 ndarray
         Which facet each pixel sees, -1 for none.
     from_behind : bool
-        Whether facets that face away are seen; otherwise they count as edge-on.
+        True if facets that face away are seen; otherwise they count as edge-on.
 
     Returns
     -------
@@ -181,7 +181,7 @@ ROUNDING = 2.0**-20
 def sampled(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> NDArray[np.int32]:
-    """(facet,) int32 ndarray: facets that a pixel centre may see, if nothing is before them.
+    """Return the (facet,) facets that have a pixel centre, hidden ones included, as int32.
 
     All others are seen from behind or lie between the centres, and drawing them changes nothing.
 
@@ -198,23 +198,23 @@ def sampled(
 def covered(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """(row, 2) int64 ndarray: first column of each row that may see the ship, and past the last.
+    """Return (row, 2) int64: first column of each row that may see the ship, and past the last.
 
     Parameters
     ----------
     solid, view, lattice, points
         As of `surface`.
     """
-    from ncti.render import pixels
+    from ncti.render.spans import spans
 
     seen, faces, margin = _placed(solid, view, lattice, points)
-    return pixels.spans(seen, faces, lattice.shape, margin)
+    return spans(seen, faces, lattice.shape, margin)
 
 
 def _placed(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
-    """Where vertices are seen [pixel], facets, and how far engines may move vertices [pixel]."""
+    """Return places of vertices [pixel], facets, and how far engines move vertices [pixel]."""
     from ncti.render import pixels
 
     column, row = lattice.first_column + 0.5, lattice.first_row + 0.5

@@ -1,4 +1,4 @@
-"""A ship as flat surfaces and the edges between them, so that lines cross nothing but edges."""
+"""Flat surfaces of a ship and the edges between them, so that lines cross few edges."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Surfaces:
         area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
         moment = np.einsum("ij,ij->i", area, corner[:, 0] + solid.centre)
 
-        # Half-edges of a pair run in opposite directions; what is left over has one side only.
+        # Half-edges of a pair run in opposite directions; the rest have one side only.
         start, stop = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
         low, high = np.minimum(start, stop), np.maximum(start, stop)
         order = np.lexsort((start > stop, high, low))
@@ -111,12 +111,12 @@ class Surfaces:
 
 
 def _sums(surface: NDArray[np.intp], vectors: Floats, size: int) -> Floats:
-    """Sum of the vectors of the facets of each surface."""
+    """Return the sum of the vectors of the facets of each surface."""
     return np.stack([np.bincount(surface, part, size) for part in vectors.T], 1).astype(np.float64)
 
 
 def _distinct(faces: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[np.intp]]:
-    """Facets that have three corners, each once, and which of those given they are.
+    """Return facets with three corners, each once, and their numbers among those given.
 
     Twice the same facet in one surface would begin twice on a line before it ends.
     """
@@ -133,7 +133,7 @@ def _distinct(faces: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[
 def _pairs(
     low: NDArray[np.integer], high: NDArray[np.integer], ahead: NDArray[np.bool_]
 ) -> NDArray[np.intp]:
-    """First of each two half-edges that run to and fro between the same vertices, as sorted.
+    """Return the first of each two half-edges that run both ways between the same vertices.
 
     Where more than two share an edge, one to and one fro at most are a pair.
     """
@@ -149,7 +149,7 @@ def _merged(
     left: NDArray[np.integer],
     right: NDArray[np.integer],
 ) -> NDArray[np.intp]:
-    """Surface of each facet: coplanar neighbours are one, where all of it lies in a plane."""
+    """Return the surface of each facet: coplanar neighbours are one, if all lie in a plane."""
     from scipy.sparse import coo_array  # takes long to import
     from scipy.sparse.csgraph import connected_components
 

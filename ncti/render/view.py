@@ -1,4 +1,4 @@
-"""The geometry of a view: axes, the rolled lattice of pixels, and one matrix for any distance.
+"""Geometry of a view: axes, the rolled lattice of pixels, and one matrix for any distance.
 
 A view has three axes fixed in the ship frame: `column` and `row` of the image, which are
 `right` and `up` rotated by the roll, and `away`, along the line of sight from the sensor. With
@@ -33,7 +33,7 @@ MAX_SIDE = 16384
 
 @dataclass(frozen=True)
 class View:
-    """Where a ship is seen from.
+    """Direction and distance from which a ship is seen.
 
     Attributes
     ----------
@@ -56,12 +56,12 @@ class View:
     def checked(
         cls, *, aspect: float, depression: float, roll: float, slant_range: float | None
     ) -> View:
-        """The view of some angles [deg] and a slant range [m].
+        """Return the view of some angles [deg] and a slant range [m].
 
         Raises
         ------
         ValueError
-            When one of them is out of its range.
+            If one of them is out of its range.
         """
         require("aspect", aspect, minimum=-360.0, maximum=360.0)
         require("depression", depression, minimum=0.0, maximum=90.0)
@@ -77,12 +77,12 @@ class View:
         return 0.0 if self.slant_range is None else 1.0 / self.slant_range
 
     def check_clear(self, nearest: float) -> None:
-        """Refuse a sensor that is not clear of the ship, whose nearest point is given [m].
+        """Raise unless the sensor is clear of the ship, whose nearest point is given [m].
 
         Raises
         ------
         ValueError
-            When the ship reaches the sensor.
+            If the ship reaches the sensor.
         """
         if self.slant_range is not None and self.slant_range <= -nearest:
             raise ValueError(
@@ -131,7 +131,7 @@ class Lattice:
 
     @classmethod
     def around(cls, points: NDArray[np.float64], view: View, pixel: float) -> Lattice:
-        """The smallest lattice that covers `points`.
+        """Return the smallest lattice that covers `points`.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class Lattice:
         Raises
         ------
         ValueError
-            When the sensor is not clear of the ship, or the image would be too large.
+            If the sensor is not clear of the ship, or the image would be too large.
         """
         low, high = points.min(axis=1), points.max(axis=1)
         nearest, farthest = float(low[2]), float(high[2])
@@ -180,7 +180,7 @@ class Lattice:
         return (self.first_column + 0.5) * self.pixel, (self.first_row + 0.5) * self.pixel
 
     def centres(self, index: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Coordinates along column and row [m] of the pixels of flat index `index`."""
+        """Return coordinates along column and row [m] of the pixels of flat index `index`."""
         row, column = np.divmod(index, self.columns)
         return (
             (column + (self.first_column + 0.5)) * self.pixel,
@@ -191,7 +191,7 @@ class Lattice:
 def clip_matrix(
     view: View, lattice: Lattice, *, centre: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Projection, view and model in one matrix, composed in float64.
+    """Return projection, view and model in one matrix, composed in float64.
 
     Parameters
     ----------

@@ -1,14 +1,7 @@
-"""Search of a field of regard: passive detection, visits by the laser radar, and their time."""
+"""Search of a field of regard: passive detection, laser-radar visits, and their schedule."""
 
 from ncti.search.field import Box, Detection, Field, cue, detect, elevation, thermal_field
-from ncti.search.schedule import (
-    Schedule,
-    dwell,
-    imaging_time,
-    most_pulses,
-    position_count,
-    schedule,
-)
+from ncti.search.schedule import Schedule, imaging_time, most_pulses, position_count, schedule
 
 __all__ = [
     "Box",
@@ -17,7 +10,6 @@ __all__ = [
     "Schedule",
     "cue",
     "detect",
-    "dwell",
     "elevation",
     "imaging_time",
     "most_pulses",

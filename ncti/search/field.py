@@ -1,4 +1,4 @@
-"""The field of regard: where targets lie in it, its thermal image, and what is detected there."""
+"""Field of regard: places of targets, thermal image, and detection."""
 
 from __future__ import annotations
 
@@ -17,7 +17,18 @@ Pixels = NDArray[np.int64]
 
 
 class Box(NamedTuple):
-    """Pixels of a rectangle: the first column and row, and those behind the last."""
+    """Rectangle of pixels: the first column and row, and one past the last.
+
+    See Also
+    --------
+    Field.box, Detection, cue
+
+    Examples
+    --------
+    >>> from ncti.search import Box
+    >>> Box(left=2, bottom=0, right=5, top=1).size
+    (3, 1)
+    """
 
     left: int
     bottom: int
@@ -26,28 +37,42 @@ class Box(NamedTuple):
 
     @property
     def size(self) -> tuple[int, int]:
-        """Columns and rows."""
+        """Number of columns and rows."""
         return self.right - self.left, self.top - self.bottom
 
     def less(self, column: int, row: int) -> Box:
-        """Return the same pixels, counted from another one."""
+        """Return the same pixels, counted from another pixel."""
         return Box(self.left - column, self.bottom - row, self.right - column, self.top - row)
 
     def holds(self, cells: Pixels) -> NDArray[np.bool_]:
-        """(cell,) bool ndarray: which of some (cell, 2) columns and rows are inside."""
+        """Return (cell,) bool: True for those of (cell, 2) columns and rows that are inside."""
         return np.all((cells >= self[:2]) & (cells < self[2:]), axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Field:
-    """A field of regard on pixels of one size.
+    """Field of regard, divided into square pixels.
 
     Attributes
     ----------
     width, height : float
-        Its sides, in azimuth and in elevation [rad].
+        Sides of the field, in azimuth and in elevation [rad].
     ifov : float
         Side of a pixel [rad].
+
+    See Also
+    --------
+    thermal_field : Image of a field.
+    elevation : Place of a target in it.
+
+    Examples
+    --------
+    >>> from ncti.search import Field
+    >>> field = Field(width=0.03, height=0.015, ifov=150e-6)
+    >>> field.shape
+    (100, 200)
+    >>> field.pixel(0.0, 0.0)  # its middle
+    (100, 50)
     """
 
     width: float
@@ -60,18 +85,18 @@ class Field:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of pixels that cover it."""
+        """Rows and columns of pixels that cover the field."""
         rows, columns = (math.ceil(side / self.ifov) for side in (self.height, self.width))
         return rows, columns
 
     @property
     def box(self) -> Box:
-        """All its pixels."""
+        """All pixels of the field."""
         rows, columns = self.shape
         return Box(0, 0, columns, rows)
 
     def pixel(self, bearing: float, elevation: float) -> tuple[int, int]:
-        """Column and row of the pixel corner nearest to a direction from the field's middle [rad].
+        """Return column and row of the pixel corner nearest to a direction from the middle [rad].
 
         A target's origin lies on a corner: its IFOVs are those of `ncti.ladar.RangeExtent`.
         """
@@ -81,14 +106,27 @@ class Field:
 
 @dataclass(frozen=True, kw_only=True)
 class Detection:
-    """Pixels above the threshold that one ship could have.
+    """Pixels above the threshold that may belong to one ship.
 
     Attributes
     ----------
     box : Box
-        Their bounding box.
+        Bounding box of the pixels.
     pixel : (pixel, 2) int64 ndarray
-        Column and row of each.
+        Column and row of each pixel.
+
+    See Also
+    --------
+    detect : Returns detections.
+    cue : Pixels for the laser radar to visit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.search import detect
+    >>> [found] = detect(np.eye(3), threshold=0.5, reach=(1, 1))
+    >>> found.box, len(found.pixel)
+    (Box(left=0, bottom=0, right=3, top=3), 3)
     """
 
     box: Box
@@ -96,7 +134,7 @@ class Detection:
 
 
 def elevation(slant_range: float, *, middle_range: float, depression: float) -> float:
-    """Return where a target on a flat sea lies above the middle of the field.
+    """Return the elevation of a target on a flat sea from the middle of the field.
 
     Parameters
     ----------
@@ -110,16 +148,28 @@ def elevation(slant_range: float, *, middle_range: float, depression: float) -> 
     Returns
     -------
     float
-        Elevation of the target less that of the middle [rad]: above 0 behind it.
+        Elevation of the target less that of the middle [rad], positive behind it.
 
     Raises
     ------
     ValueError
         If a parameter is out of range, or the target nearer than the sea below the sensor.
 
+    See Also
+    --------
+    Field.pixel : Pixel of a bearing and an elevation.
+
     Notes
     -----
-    The sensor is as high above either: slant_range sin(d) = middle_range sin(depression).
+    The height of the sensor is the same for both: slant_range sin(d) = middle_range
+    sin(depression).
+
+    Examples
+    --------
+    >>> from math import radians
+    >>> from ncti.search import elevation
+    >>> 1e3 * elevation(101e3, middle_range=100e3, depression=radians(3.84))  # [mrad]
+    0.664
     """
     require("slant_range", slant_range, positive=True)
     require("middle_range", middle_range, positive=True)
@@ -151,9 +201,9 @@ def thermal_field(
     field : Field
         The field of regard.
     targets : sequence of (pixel, 2) int64 ndarray
-        Column and row of the pixels that show each target; those outside the field are not seen.
+        Column and row of the pixels that show each target; pixels outside the field are ignored.
     contrasts : sequence of float
-        Mean temperature of each against the mean sea [K]. Of two in one pixel the later counts.
+        Mean temperature of each against the mean sea [K]. In a shared pixel the later one counts.
     frame_count : int
         Frames averaged.
     rng : numpy.random.Generator
@@ -170,6 +220,23 @@ def thermal_field(
     ------
     ValueError
         If a parameter is out of range, or there are not as many contrasts as targets.
+
+    See Also
+    --------
+    detect : Finds ships in the image.
+    ncti.infrared.thermal_images : Image of one ship.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.search import Field, thermal_field
+    >>> field = Field(width=0.00295, height=0.00145, ifov=150e-6)
+    >>> ship = np.array([[4, 5], [5, 5]])
+    >>> calm = {"nedt": 0.0, "target_spread": 0.0, "sea_spread": 0.0}
+    >>> rng = np.random.default_rng(0)
+    >>> image = thermal_field(field, [ship], [0.7], frame_count=16, rng=rng, **calm)
+    >>> image.shape, image[5, 3:7]
+    ((10, 20), array([0. , 0.7, 0.7, 0. ]))
     """
     signal, shown = np.zeros(field.shape), np.zeros(field.shape, dtype=bool)
     for pixel, contrast in zip(targets, contrasts, strict=True):
@@ -191,32 +258,46 @@ def thermal_field(
 def detect(
     image: NDArray[np.float64], *, threshold: float, reach: tuple[int, int]
 ) -> tuple[Detection, ...]:
-    """Return detections: pixels above a threshold, those together that one ship could have.
+    """Return detections: pixels above a threshold, grouped by the reach of a ship.
 
     Parameters
     ----------
     image : (row, column) float64 ndarray
         Temperature against the mean sea [K].
     threshold : float
-        That of `ncti.infrared.detection_threshold` [K].
+        Threshold, as of `ncti.infrared.detection_threshold` [K].
     reach : (int, int)
-        How many columns and rows two pixels of one ship differ by at most.
+        Largest difference of columns, and of rows, between two pixels of one ship.
 
     Returns
     -------
     tuple of Detection
-        By their left side. Every pixel above the threshold is in exactly one of them.
+        Sorted by left side. Every pixel above the threshold belongs to exactly one.
 
     Raises
     ------
     ValueError
-        If the reach is negative, or the threshold no number.
+        If the reach is negative, or the threshold is not a number.
+
+    See Also
+    --------
+    cue : Pixels for the laser radar to visit.
+    ncti.infrared.detection_threshold : Threshold of a false-alarm probability.
 
     Notes
     -----
-    Single linkage: pixels within reach of one another belong together, and so do those that
-    others join. One ship never makes two detections; false alarms in its reach become part of its
-    detection, and widen it.
+    Single linkage: pixels within reach of one another are grouped, and groups that share a pixel
+    are merged. One ship never makes two detections. False alarms within its reach join its
+    detection and widen it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.search import detect
+    >>> image = np.zeros((5, 30))
+    >>> image[2, [3, 5, 20]] = 1.0
+    >>> [found.box.left for found in detect(image, threshold=0.5, reach=(4, 2))]
+    [3, 20]
     """
     require("threshold", threshold)
     for steps in reach:
@@ -246,7 +327,7 @@ def _box(pixel: Pixels) -> Box:
 
 
 def cue(box: Box, *, reach: tuple[int, int], detector: int) -> Box:
-    """Return what a visit covers: wherever a ship with all of some pixels could reach.
+    """Return the pixels of a visit: all that a ship with the detected pixels could reach.
 
     Parameters
     ----------
@@ -255,18 +336,32 @@ def cue(box: Box, *, reach: tuple[int, int], detector: int) -> Box:
     reach : (int, int)
         As for `detect`.
     detector : int
-        Elements along either side of the detector, whose places the result is made of.
+        Elements along either side of the detector.
 
     Returns
     -------
     Box
-        A whole number of places of the detector. It holds the whole ship, if the pixels are those
-        of one: 2 reach + 1 columns for a single pixel, reach + 1 for a ship seen from end to end.
+        A whole number of positions of the detector. It holds the whole ship, if the pixels are
+        those of one: 2 reach + 1 columns for a single pixel, reach + 1 for a ship that is detected
+        from end to end.
 
     Raises
     ------
     ValueError
         If the detector has no element.
+
+    See Also
+    --------
+    detect : Boxes of detected pixels.
+    position_count : Positions of the detector in such a box.
+
+    Examples
+    --------
+    One pixel of a ship that reaches over six columns and two rows:
+
+    >>> from ncti.search import Box, cue
+    >>> cue(Box(10, 4, 11, 5), reach=(6, 2), detector=2)
+    Box(left=4, bottom=2, right=18, top=8)
     """
     require("detector", detector, minimum=1, whole=True)
     first, last = [], []

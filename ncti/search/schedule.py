@@ -1,4 +1,4 @@
-"""Time that a field of regard takes, by the imager, by visits, and by the laser radar alone."""
+"""Duration of a search, by imager and visits, or by the laser radar alone."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ncti.ladar.pulse import SPEED_OF_LIGHT
 DETECTOR = 2
 """Elements of the laser radar's detector along either side; article, 'NCTI Sensor Suite'."""
 
-_ROUNDING = 1e-9  # of an element: what fits but for rounding needs no further position
+_ROUNDING = 1e-9  # of an element: rounding makes no further position
 
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """What a search takes, part by part [s].
+    """Durations of the parts of a search [s].
 
     Attributes
     ----------
@@ -28,7 +28,18 @@ class Schedule:
     dwelling : float
         Frames of the laser radar on its visits.
     alone : float
-        Frames of the laser radar over the whole field, which visits make unnecessary.
+        Frames of the laser radar over the whole field, without an imager.
+
+    See Also
+    --------
+    schedule : Returns one.
+
+    Examples
+    --------
+    >>> from ncti.search import Schedule
+    >>> search = Schedule(imaging=1.0, slewing=0.5, dwelling=0.5, alone=200.0)
+    >>> search.total, search.gain
+    (2.0, 100.0)
     """
 
     imaging: float
@@ -38,24 +49,24 @@ class Schedule:
 
     @property
     def total(self) -> float:
-        """Time of the whole search [s]."""
+        """Duration of the whole search [s]."""
         return self.imaging + self.slewing + self.dwelling
 
     @property
     def gain(self) -> float:
-        """How many times longer the laser radar alone takes."""
+        """Duration by the laser radar alone, over that of the search."""
         return self.alone / self.total
 
 
 def position_count(width: float, height: float, *, element: float, detector: int = DETECTOR) -> int:
-    """Return how many places of a square detector cover a rectangle.
+    """Return the number of positions of a square detector that cover a rectangle.
 
     Parameters
     ----------
     width, height : float
         Sides of the rectangle, in the unit of `element`; above 0.
     element : float
-        Side of what one detector element sees.
+        Side of the field of view of one detector element.
     detector : int
         Elements along either side of the detector.
 
@@ -69,10 +80,26 @@ def position_count(width: float, height: float, *, element: float, detector: int
     ValueError
         If a parameter is out of range.
 
+    See Also
+    --------
+    schedule : Duration of a search.
+
     Notes
     -----
-    The article's detector has 2 x 2 elements of 150 urad, and its field 2 x 3 deg: 117 x 175
+    The detector of [1]_ has 2 x 2 elements of 150 urad and its field is 2 x 3 deg: 117 x 175
     positions.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, MIT Lincoln Laboratory, 'NCTI Sensor Suite'.
+
+    Examples
+    --------
+    >>> from math import radians
+    >>> from ncti.search import position_count
+    >>> position_count(radians(2), radians(3), element=150e-6)
+    20475
     """
     require("width", width, positive=True)
     require("height", height, positive=True)
@@ -83,14 +110,14 @@ def position_count(width: float, height: float, *, element: float, detector: int
 
 
 def dwell(positions: int, *, frame_count: int, pulse_rate: float) -> float:
-    """Return the time of some frames at each of some positions.
+    """Return the duration of frames at positions of the detector.
 
     Parameters
     ----------
     positions : int
-        Places of the detector.
+        Number of positions.
     frame_count : int
-        Frames at each; a frame is one pulse.
+        Frames at each position; a frame is one pulse.
     pulse_rate : float
         Pulses a second [Hz].
 
@@ -111,7 +138,7 @@ def dwell(positions: int, *, frame_count: int, pulse_rate: float) -> float:
 
 
 def most_pulses(slant_range: float) -> float:
-    """Return the pulse rate at which a pulse is back when the next one leaves.
+    """Return the highest pulse rate without range ambiguity.
 
     Parameters
     ----------
@@ -121,12 +148,22 @@ def most_pulses(slant_range: float) -> float:
     Returns
     -------
     float
-        c / (2 slant_range) [Hz]: 1,499 Hz at 100 km. Faster pulses leave a range ambiguous.
+        c / (2 slant_range) [Hz], at which a pulse returns when the next one leaves.
 
     Raises
     ------
     ValueError
         If the range is not positive and finite.
+
+    See Also
+    --------
+    schedule : Duration of a search.
+
+    Examples
+    --------
+    >>> from ncti.search import most_pulses
+    >>> round(most_pulses(100e3))
+    1499
     """
     require("slant_range", slant_range, positive=True)
     return SPEED_OF_LIGHT / (2 * slant_range)
@@ -142,7 +179,7 @@ def imaging_time(
     frame_rate: float,
     slew_time: float,
 ) -> float:
-    """Return the time in which a staring imager steps over a field.
+    """Return the duration of a scan of a field by a staring imager.
 
     Parameters
     ----------
@@ -153,21 +190,34 @@ def imaging_time(
     pixels : int
         Pixels along either side of its array.
     frame_count : int
-        Frames at each place.
+        Frames at each position.
     frame_rate : float
         Frames a second [Hz].
     slew_time : float
-        Time of a move between places [s].
+        Duration of a move between positions [s].
 
     Returns
     -------
     float
-        places frame_count / frame_rate + (places - 1) slew_time [s].
+        positions frame_count / frame_rate + (positions - 1) slew_time [s].
 
     Raises
     ------
     ValueError
         If a parameter is out of range.
+
+    See Also
+    --------
+    schedule : Duration of a search.
+
+    Examples
+    --------
+    An array of 256 x 256 pixels covers 0.03 x 0.03 rad in one position:
+
+    >>> from ncti.search import imaging_time
+    >>> field = {"width": 0.03, "height": 0.03, "ifov": 150e-6, "pixels": 256}
+    >>> imaging_time(**field, frame_count=16, frame_rate=64.0, slew_time=0.5)
+    0.25
     """
     require("frame_rate", frame_rate, positive=True)
     require("slew_time", slew_time, minimum=0.0)
@@ -185,32 +235,46 @@ def schedule(
     pulse_rate: float,
     slew_time: float,
 ) -> Schedule:
-    """Return the time of a search with some visits, beside that of a scan of the whole field.
+    """Return the durations of a search with visits, and of a scan of the whole field.
 
     Parameters
     ----------
     visits : sequence of int
-        Positions of the detector on each visit.
+        Number of positions of the detector on each visit.
     imaging : float
-        Time of the imager [s]; see `imaging_time`.
+        Duration of the imager's scan [s]; see `imaging_time`.
     whole : int
-        Positions of the detector over the whole field.
+        Number of positions of the detector over the whole field.
     frame_count : int
         Frames at each position.
     pulse_rate : float
         Pulses a second [Hz].
     slew_time : float
-        Time of a move to a visit [s]; steps within a visit take none.
+        Duration of a move to a visit [s]; steps within a visit take no time.
 
     Returns
     -------
     Schedule
-        Time by part.
+        Durations of the parts.
 
     Raises
     ------
     ValueError
         If a parameter is out of range.
+
+    See Also
+    --------
+    imaging_time, position_count, most_pulses
+
+    Examples
+    --------
+    Two visits of 40 positions each in a field of 20,475:
+
+    >>> from ncti.search import schedule
+    >>> pulses = {"frame_count": 16, "pulse_rate": 1000.0}
+    >>> found = schedule([40, 40], imaging=2.0, whole=20_475, slew_time=0.5, **pulses)
+    >>> found.total, found.alone
+    (4.28, 327.6)
     """
     require("imaging", imaging, minimum=0.0)
     require("slew_time", slew_time, minimum=0.0)

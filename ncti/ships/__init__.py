@@ -1,4 +1,4 @@
-"""Ships: from a sheet, or a user's own mesh, to one watertight solid above the waterline."""
+"""Ships: watertight solids above the waterline, from sheets or a user's own meshes."""
 
 from ncti.ships.errors import ShipError
 from ncti.ships.loading import Description, describe, digest, load, names

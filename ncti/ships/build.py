@@ -1,4 +1,4 @@
-"""From a sheet to one watertight solid: place every component, add, cut, clip and check."""
+"""Building of ships: components are placed, united, cut, clipped and checked."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Ship:
     faces : (m, 3) int32 ndarray
         Facets, counter-clockwise from outside.
     loa, beam : float
-        Length and beam of the hull itself [m], without what overhangs it.
+        Length and beam of the hull itself [m], without overhanging parts.
     """
 
     vertices: NDArray[np.float64]
@@ -80,7 +80,7 @@ def _made(part: Part, sink: float) -> Manifold:
 
 
 def equipment(parts: tuple[Part, ...], *, azimuth: float, sink: float = MOUNT_SINK) -> Manifold:
-    """A template's instance about its mount axis, pointing to `azimuth` [deg, 90 to starboard]."""
+    """Return equipment about its mount axis, pointing to `azimuth` [deg, 90 to starboard]."""
     made = [
         _made(part, sink if part.at[2] == 0 else PART_SINK).translate(part.at) for part in parts
     ]
@@ -101,7 +101,7 @@ def _windows(sheet: Sheet, component: Component) -> Manifold:
 
 
 def _single(sheet: Sheet, component: Component) -> Manifold:
-    """One copy of a component about its own origin."""
+    """Return one copy of a component about its own origin."""
     sizes: dict[str, Any] = dict(component.sizes)
     match component.prim:
         case "eq":
@@ -122,7 +122,7 @@ def _single(sheet: Sheet, component: Component) -> Manifold:
 
 
 def piece(sheet: Sheet, component: Component) -> Piece:
-    """The solid of one component with all its copies."""
+    """Return the solid of one component with all its copies."""
     one = _single(sheet, component)
     if one.status() != Error.NoError or one.volume() <= 0:
         raise ShipError(
@@ -136,7 +136,7 @@ def piece(sheet: Sheet, component: Component) -> Piece:
 
 
 def build(sheet: Sheet) -> Ship:
-    """Build a ship.
+    """Build a ship from its sheet.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def build(sheet: Sheet) -> Ship:
     Raises
     ------
     ShipError
-        When a component floats: a part of it touches neither the hull nor what stands on it.
+        If a component floats: a part of it touches neither the hull nor anything attached to it.
     """
     hull = sheet.hull.solid()
     pieces = [piece(sheet, component) for component in sheet.components]
@@ -167,7 +167,7 @@ def build(sheet: Sheet) -> Ship:
 
 
 def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:
-    """The outer shell; cavities nobody can see are filled, and whatever floats is refused."""
+    """Return the outer shell: hidden cavities are filled, and detached components refused."""
     shells = [shell for shell in solid.decompose() if shell.volume() > 0]
     ship, *adrift = sorted(shells, key=Manifold.volume, reverse=True)
     if adrift:
@@ -176,6 +176,6 @@ def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:
         }
         raise ShipError(
             f"{sheet.name}: {', '.join(sorted(names))} would float in the air, "
-            "but every component must touch the hull or what stands on it."
+            "but every component must be attached to the hull."
         )
     return ship

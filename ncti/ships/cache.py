@@ -1,4 +1,4 @@
-"""Built ships on disk: one file a digest, written whole or not at all."""
+"""Cache of built ships on disk: one file a digest, written atomically."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from ncti.ships.build import Ship
 
 
 def default_folder() -> Path:
-    """Where built ships are kept unless the caller says otherwise."""
+    """Return the default folder of built ships."""
     return Path(platformdirs.user_cache_dir("ncti-sweep")) / "meshes"
 
 
 def read(path: Path) -> Ship | None:
-    """The ship in a file, bit for bit as it was written; None when it is absent or damaged."""
+    """Return the ship in a file, bit for bit as written, or None if it is absent or damaged."""
     try:
         with zipfile.ZipFile(path) as archive:
             if archive.testzip() is not None:  # every byte against its checksum
                 return None
         with np.load(path, allow_pickle=False) as file:
             ship = Ship(file["vertices"], file["faces"], float(file["loa"]), float(file["beam"]))
-    except Exception:  # a damaged file fails in whichever way it likes
+    except Exception:  # a damaged file may raise anything
         return None
     kinds = (ship.vertices.dtype, ship.faces.dtype)
     return ship if kinds == (np.float64, np.int32) and ship.faces.ndim == 2 else None
 
 
 def write(path: Path, ship: Ship) -> None:
-    """Keep a ship; two processes may write the same one at once.
+    """Write a ship to a file; two processes may write the same one at once.
 
-    A folder that cannot be written costs a rebuild next time and nothing else.
+    If the folder cannot be written, the ship is built again next time.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What one value of a sheet may be. Each check returns the value, ready for use, or refuses it."""
+"""Checks of single values of a sheet: each returns the value, ready for use, or refuses it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Check = Callable[[Any], Any]
 
 
 class Refused(Exception):
-    """The value is not allowed; the message says what is."""
+    """Error of a value that is not allowed; its message says what is allowed."""
 
 
 def number(value: Any, low: float = -1000.0, high: float = 1000.0) -> float:
-    """A finite number within bounds."""
+    """Return a finite number within bounds."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not low <= value <= high:
         raise Refused(f"a number between {low:g} and {high:g}")
@@ -33,28 +33,28 @@ slope = partial(number, low=-80.0, high=80.0)  # [deg]
 
 
 def count(value: Any, low: int = 1, high: int = 100) -> int:
-    """A whole number within bounds."""
+    """Return a whole number within bounds."""
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
         raise Refused(f"a whole number between {low} and {high}")
     return value
 
 
 def flag(value: Any) -> bool:
-    """True or false."""
+    """Return true or false."""
     if not isinstance(value, bool):
         raise Refused("true or false")
     return value
 
 
 def text(value: Any) -> str:
-    """Some text."""
+    """Return a text that is not empty."""
     if not isinstance(value, str) or not value:
         raise Refused("a text")
     return value
 
 
 def one_of(*names: str) -> Check:
-    """One of a few words."""
+    """Return the check of a value that is one of a few words."""
 
     def check(value: Any) -> Any:
         if value not in names:
@@ -65,14 +65,14 @@ def one_of(*names: str) -> Check:
 
 
 def pair(value: Any) -> tuple[float, float]:
-    """Two numbers."""
+    """Return two numbers."""
     if not isinstance(value, list) or len(value) != 2:
         raise Refused("a list of two numbers")
     return number(value[0]), number(value[1])
 
 
 def span(value: Any) -> tuple[float, float]:
-    """Two numbers, the greater last."""
+    """Return two numbers, the greater last."""
     first, last = pair(value)
     if first >= last:
         raise Refused("a list of two growing numbers")
@@ -80,7 +80,7 @@ def span(value: Any) -> tuple[float, float]:
 
 
 def points(value: Any, *, columns: int, rows: int) -> NDArray[np.float64]:
-    """A list of at least so many points."""
+    """Return the points of a list of at least `rows`, as an array."""
     is_table = isinstance(value, list) and len(value) >= rows
     if not is_table or any(not isinstance(row, list) or len(row) != columns for row in value):
         raise Refused(f"a list of at least {rows} lists of {columns} numbers")
@@ -88,7 +88,7 @@ def points(value: Any, *, columns: int, rows: int) -> NDArray[np.float64]:
 
 
 def path(value: Any) -> NDArray[np.float64]:
-    """Points in space that lead on."""
+    """Return the nodes of a path, no two of which coincide and which nowhere turns back."""
     nodes = points(value, columns=3, rows=2)
     step = np.diff(nodes, axis=0)
     length = np.linalg.norm(step, axis=1, keepdims=True)
@@ -98,7 +98,7 @@ def path(value: Any) -> NDArray[np.float64]:
 
 
 def polygon(value: Any) -> NDArray[np.float64]:
-    """Corners that enclose an area; returned turning from the first axis to the second."""
+    """Return the corners of a polygon, turning from the first axis to the second."""
     corners = points(value, columns=2, rows=3)
     ahead = np.roll(corners, -1, axis=0)
     area = float(np.sum(corners[:, 0] * ahead[:, 1] - corners[:, 1] * ahead[:, 0]) / 2)

@@ -1,4 +1,4 @@
-"""YAML text in, plain values out, at a cost that is bounded whatever the text."""
+"""Reading of YAML with bounded cost, whatever the text."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import yaml
 
 from ncti.ships.errors import ShipError, shown
 
-# The packaged sheets have up to 2,300 values, nested 6 deep. An alias counts as often as it is
-# used: a few lines of aliases to aliases stand for more values than a machine can hold.
+# The packaged sheets have up to 2,300 values, nested 6 deep. An alias counts each time it is
+# used: a few lines of aliases to aliases stand for more values than fit into memory.
 MOST_VALUES = 50_000
 DEEPEST = 30
 LONGEST = 10_000  # characters of one value
 
-# That of libyaml, where PyYAML has it, takes a tenth of the time.
+# The loader of libyaml, if PyYAML has it, takes a tenth of the time.
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def read(where: str, text: str) -> Any:
-    """What a YAML text says.
+    """Return the value of a YAML text.
 
     Parameters
     ----------
     where : str
-        What to call the text in messages.
+        Name of the text in messages.
     text : str
         One document of plain YAML.
 
@@ -36,21 +36,21 @@ def read(where: str, text: str) -> Any:
     Raises
     ------
     ShipError
-        When it is not YAML, or larger or deeper than a sheet has any use for.
+        If it is not YAML, or larger or nested deeper than any sheet.
     """
     try:
         _check_size(where, text)
         return yaml.load(text, LOADER)
     except ShipError:
         raise
-    except Exception as error:  # a tag may promise what its text does not keep, in any way
+    except Exception as error:  # constructors of tags may raise anything
         line = getattr(getattr(error, "problem_mark", None), "line", None)
         at = "" if line is None else f" (line {line + 1})"
         raise ShipError(f"{where}: is not valid YAML{at}.") from None
 
 
 def _check_size(where: str, text: str) -> None:
-    """Refuse what would take long to build, before anything is built."""
+    """Refuse texts that would take long to build, before anything is built."""
     values = 0
     size_of: dict[str | None, int | None] = {}  # by anchor; None while it is still open
     opened: list[tuple[str | None, int]] = []  # anchors, and how many values came before

@@ -1,4 +1,4 @@
-"""The one error of this package, and how a value stands in its message."""
+"""The error of this package, and the text of a value in its message."""
 
 from __future__ import annotations
 
@@ -9,9 +9,22 @@ LONGEST = 1000  # characters of a message
 
 
 class ShipError(ValueError):
-    """A ship that cannot be loaded: one sentence naming the value and what is allowed.
+    """Error of a ship that cannot be loaded, in one sentence with the value and what is allowed.
 
-    Names and paths are a user's own, so what cannot be printed is escaped.
+    Names and paths are a user's own, so characters that cannot be printed are escaped.
+
+    See Also
+    --------
+    load : Raises it.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> try:
+    ...     ncti.ships.load("bismarck")
+    ... except ncti.ships.ShipError as error:
+    ...     print(error)
+    unknown ship 'bismarck', known are connole, duncan, ...
     """
 
     def __init__(self, message: str) -> None:
@@ -20,12 +33,12 @@ class ShipError(ValueError):
 
 
 def printable(text: str) -> str:
-    """Text with what a terminal would obey, or cannot show, as backslash escapes."""
+    """Return text with control and unprintable characters as backslash escapes."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def shown(value: Any) -> str:
-    """A value as text of at most 60 characters, at a cost that its size does not set.
+    """Return a value as text of at most 60 characters, in a time independent of its size.
 
     An alias in YAML is a few bytes and may stand for millions of values.
     """

@@ -1,4 +1,4 @@
-"""Fittings that follow something else: the deck edge, a path along it, or the face of a house."""
+"""Fittings that follow the deck edge, a path, or the face of a deckhouse."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def along_edge(hull: Hull, edge: tuple[float, float], *, inset: float, pitch: fl
 
 
 def _stretch(path: Points, pitch: float) -> Points:
-    """Nodes along a path about `pitch` apart, its corners among them."""
+    """Return nodes along a path about `pitch` apart, its corners among them."""
     nodes = [path[:1]]
     for before, after in pairwise(path):
         count = max(1, round(float(np.linalg.norm(after - before)) / pitch))
@@ -45,14 +45,14 @@ def _fence(
 
 
 def rail(*, path: Points, height: float, pitch: float) -> Manifold:
-    """Life-lines: 40 mm stanchions and three 15 mm wires."""
+    """Return life-lines: 40 mm stanchions and three 15 mm wires."""
     nodes = _stretch(path, pitch)
     levels = np.array([0.33, 0.66, 0.98])
     return _fence(nodes, height, levels=levels, post=0.028, bar=0.01, sides=3)
 
 
 def net(*, path: Points, height: float, pitch: float) -> Manifold:
-    """Safety net raised on its frames, 10 to 20 % solid."""
+    """Return a safety net raised on its frames, 10 to 20 % solid."""
     nodes = _stretch(path, pitch)
     levels = np.array([0.1, 0.4, 0.7, 0.98])
     return _fence(nodes, height, levels=levels, post=0.05, bar=0.03, sides=4)
@@ -68,7 +68,7 @@ def bulwark(
     width: float,
     flare: float,
 ) -> Manifold:
-    """Plating above the deck edge of the bow, both sides.
+    """Return plating above the deck edge of the bow, both sides.
 
     Its top falls from `stem_top` to `aft_top` [m] over the stretch `edge`, then to the deck at
     `end`. It leans outward by `flare` [deg], less and less towards the stem where both sides meet.
@@ -99,7 +99,7 @@ def windows(
     pitch: float,
     depth: float,
 ) -> Manifold:
-    """Room to cut away for panes in the front and sides of a house, sills at z = 0.
+    """Return the cut for panes in the front and sides of a house, sills at z = 0.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def windows(
 
 
 def _pane(face: Points, outward: Points, height: float, depth: float) -> Manifold:
-    """Slab from `depth` inside a face, (bottom/top, left/right, 2), to 0.1 m outside it."""
+    """Return a slab from `depth` inside a face, (bottom/top, left/right, 2), to 0.1 m outside."""
     rings = []
     for reach in (-depth, 0.1):
         (left, right), (top_left, top_right) = face + reach * outward

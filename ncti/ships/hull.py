@@ -65,7 +65,7 @@ class Hull:
         return PchipInterpolator(x[wet], half[wet])
 
     def deck_edge(self, x: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Half-breadth and height of the weather deck at side [m].
+        """Return half-breadth and height of the weather deck at side [m].
 
         Monotone cubics keep the fairing within the stations: no bulge exceeds the beam, and a
         break of deck (two stations 0.1 m apart) stays a step.
@@ -74,7 +74,7 @@ class Hull:
         return edge[..., 1], edge[..., 0]
 
     def _flare_head(self, x: NDArray[np.float64], deck: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height [m] at which a section reaches its breadth at the deck.
+        """Return the height [m] at which a section reaches its breadth at the deck.
 
         It is the deck, but over the last 20 m before a break of deck it comes down to the
         lower deck, so that the side runs on through the break without a jog.
@@ -88,7 +88,7 @@ class Hull:
         return head
 
     def solid(self) -> Manifold:
-        """The hull from the waterline to the weather deck."""
+        """Return the hull from the waterline to the weather deck."""
         every_metre = np.arange(0, self.loa)
         given = self.stations[:, 0]
         fresh = np.abs(every_metre[:, None] - given).min(axis=1) > 0.05

@@ -1,4 +1,4 @@
-"""The door of the room: a name or a path in, a checked mesh out."""
+"""Loading of ships, by name or path, as checked meshes."""
 
 from __future__ import annotations
 
@@ -53,14 +53,25 @@ class _Source:
 
 
 def names() -> tuple[str, ...]:
-    """The ships that come with the library."""
+    """Return the names of the ships that come with the library.
+
+    See Also
+    --------
+    load : Takes these names, and paths.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> "duncan" in ncti.ships.names()
+    True
+    """
     sheets_folder = resources.files("ncti.ships") / "sheets"
     files = (Path(entry.name) for entry in sheets_folder.iterdir())
     return tuple(sorted(f.stem for f in files if f.suffix == ".yaml" and f.stem != "templates"))
 
 
 def digest(name_or_path: str | Path, **transform: Any) -> str:
-    """Content hash of a ship, without building it.
+    """Return the content hash of a ship, without building it.
 
     Parameters
     ----------
@@ -79,8 +90,18 @@ def digest(name_or_path: str | Path, **transform: Any) -> str:
     Raises
     ------
     ShipError
-        When there is no such ship or file, the file's name is no label, or a value of the
+        If there is no such ship or file, the file's name cannot label a ship, or a value of the
         transform is not allowed.
+
+    See Also
+    --------
+    load : Keeps the hash of a mesh as ``metadata["digest"]``.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> len(ncti.ships.digest("duncan"))
+    64
     """
     return Transform(**transform).digest(_find(name_or_path).digest)
 
@@ -94,7 +115,7 @@ def load(
     offset: Sequence[float] = (0.0, 0.0, 0.0),
     cache: str | Path | None = None,
 ) -> trimesh.Trimesh:
-    """A ship's mesh, watertight and wound outward.
+    """Return the mesh of a ship, watertight and with outward facets.
 
     Parameters
     ----------
@@ -109,29 +130,34 @@ def load(
     offset : (3,) sequence of float
         Added after turning and scaling [m]: forward, to port, up.
     cache : str or Path, optional
-        Folder that keeps built ships; the user's cache folder by default.
+        Folder of built ships; by default in the user's cache folder.
 
     Returns
     -------
     trimesh.Trimesh
-        Ship axes [m]: x to the bow, y to port, z up, origin amidships on the waterline; only
-        what is above the waterline. `metadata` has `name`, `digest`, and `loa` and `beam` [m],
-        which for a sheet are those of the hull itself, without what overhangs it; and `findings`
-        and `mend` of `describe`.
+        Vertices in ship axes [m]: x to the bow, y to port, z up, origin amidships on the
+        waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
+        and `beam` [m], which for a sheet are those of the hull without overhanging parts, and
+        `findings` and `mend` of `describe`.
 
     Raises
     ------
     ShipError
-        When there is no such ship or file, the sheet or mesh is not fit to be used, or a value of
-        the transform is not allowed.
+        If there is no such ship or file, the sheet or mesh is invalid, or a value of the transform
+        is not allowed.
 
     See Also
     --------
-    describe : measures of a ship, and signs that its mesh lies in other axes.
+    describe : Size of a ship, and signs that its mesh has other axes.
+    names : Names of the packaged ships.
+    ncti.render.range_image, ncti.render.line_image : Views of a mesh.
 
     Examples
     --------
-    >>> import ncti.ships
+    >>> import ncti
+    >>> ship = ncti.ships.load("duncan")
+    >>> ship.is_watertight, ship.metadata["loa"]
+    (True, 135.6)
     >>> half = ncti.ships.load("duncan", scale=0.5)
     >>> print(f"{half.extents[0]:.1f} m")
     67.8 m
@@ -312,7 +338,7 @@ def _check_label(path: Path) -> None:
 
 
 def _content(path: Path, megabytes: int) -> bytes:
-    """What a regular file holds; a pipe may never say anything, and a device never end."""
+    """Return the content of a regular file; reading a pipe or device might never end."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise ShipError(f"ship file '{path}' is no regular file, but must be one.")
     most = megabytes * 10**6
@@ -328,7 +354,7 @@ def _content(path: Path, megabytes: int) -> bytes:
 
 
 def _open_without_waiting(path: str, flags: int) -> int:
-    # In case a pipe has taken the place of the file that was there a moment ago.
+    # In case a pipe has replaced the file since it was checked.
     return os.open(path, flags | os.O_NONBLOCK)
 
 
@@ -346,7 +372,7 @@ def _templates() -> bytes:
 
 @memoised
 def _builder() -> bytes:
-    """What shapes a mesh besides its sheet: the code of this package and the solid modeller."""
+    """Return what a mesh depends on besides its sheet: this package's code, the solid modeller."""
     modules = sorted(
         (entry.name, entry.read_bytes())
         for entry in resources.files("ncti.ships").iterdir()

@@ -1,4 +1,4 @@
-"""Skins through rings and bars along paths: the two ways every curved solid is made."""
+"""Solids as skins through rings and as bars along paths."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ Points = NDArray[np.float64]
 
 
 def union(solids: list[Manifold]) -> Manifold:
-    """Boolean union of any number of solids."""
+    """Return the union of any number of solids."""
     return Manifold.batch_boolean(solids, OpType.Add)
 
 
 def loft(
     rings: ArrayLike, *, closed: bool = False, cap: NDArray[np.int64] | None = None
 ) -> Manifold:
-    """Skin through a sequence of rings.
+    """Return the skin through a sequence of rings.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def loft(
 
 
 def tube(path: ArrayLike, radius: ArrayLike, *, sides: int = 6, closed: bool = False) -> Manifold:
-    """Round bar along a polyline, mitred at its bends.
+    """Return a round bar along a polyline, mitred at its bends.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A user's own mesh: an STL, OBJ or GLB, put into the ship frame and checked."""
+"""Meshes of users: STL, OBJ or GLB, transformed to ship axes and checked as they are read."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class Placed:
 def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Placed:
     """Return the mesh of a file: closed, wound outward, above the waterline.
 
-    Several geometries, each closed, are united; ones which only together are closed (a hull
-    split by material) are joined. What lies below the waterline is cut off and closed.
+    Several geometries, each closed, are united; geometries that are closed only together (a hull
+    split by material) are joined. Parts below the waterline are cut off and the cut is closed.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Place
     transform : Transform
         From the file's coordinates to the ship frame.
     where : str
-        What to call the mesh in messages.
+        Name of the mesh in messages.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Place
     Raises
     ------
     ShipError
-        When the file is corrupt, or its mesh is empty, not finite, not in metres, open, wound
+        If the file is corrupt, or its mesh is empty, not finite, not in metres, open, wound
         inconsistently or inside out, or lies under water.
     """
     return _placed(_parts(data, suffix, where), transform, where)
@@ -142,7 +142,7 @@ def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:
     try:
         scene = trimesh.load_scene(_stream(data, kind), file_type=kind, process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # a parser meets a corrupt file in whichever way it likes
+    except Exception as error:  # parsers raise anything on a corrupt file
         raise ShipError(f"{where} cannot be read as {kind.upper()}: {error!s:.80}.") from None
     if not parts:
         raise ShipError(f"{where} is empty, but must have facets.")
@@ -150,10 +150,10 @@ def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:
 
 
 def _stream(data: bytes, kind: str) -> io.BytesIO | io.StringIO:
-    """The file as trimesh takes it: text as text, for trimesh cannot read all of it by itself.
+    """Return the file as a stream for trimesh: text formats as text.
 
     Names and comments in other encodings than UTF-8 are read as Latin-1, in which any bytes are
-    text; what shapes the mesh is ASCII in both.
+    text; the geometry itself is ASCII in both.
     """
     if kind == "glb" or (kind == "stl" and _is_binary_stl(data)):
         return io.BytesIO(data)
@@ -164,12 +164,12 @@ def _stream(data: bytes, kind: str) -> io.BytesIO | io.StringIO:
 
 
 def _is_binary_stl(data: bytes) -> bool:
-    """Whether it is as long as a header of 80 bytes, a count and so many facets of 50 bytes."""
+    """Return whether the length is that of a header of 80 bytes, a count and facets of 50 bytes."""
     return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 def _merged(mesh: Any) -> trimesh.Trimesh:
-    """Equal corners made one, and facets without area by corners dropped."""
+    """Return a mesh with equal vertices merged and facets of fewer than three vertices dropped."""
     import trimesh
 
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)

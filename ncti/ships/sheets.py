@@ -1,7 +1,7 @@
-"""Ship sheets: YAML text in, checked and frozen dataclasses out. `sheets/README.md` has the rules.
+"""Reading of ship sheets into checked, frozen dataclasses; `sheets/README.md` has the rules.
 
-Nothing is built here. Everything a user can get wrong in a sheet is refused here, before any
-solid is made, by a `ShipError` that names the value and what is allowed.
+Errors in a sheet are found here, before any solid is made: a `ShipError` names the value and what
+is allowed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ncti.ships.vocabulary import COPIES, KEYS, PARTS, PRIMITIVES, REMARKS, Prim
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A primitive, where it is [m] and the keyword arguments of its builder."""
+    """A primitive, its place [m], and the keyword arguments of its builder."""
 
     prim: str
     at: tuple[float, float, float]
@@ -31,18 +31,18 @@ class Part:
 
     @property
     def cuts(self) -> bool:
-        """Whether it takes material away."""
+        """True if it takes material away."""
         return PRIMITIVES[self.prim].cuts
 
     @property
     def stands(self) -> bool:
-        """Whether it has a base to sink into what bears it."""
+        """True if it has a base that is sunk into the part below it."""
         return PRIMITIVES[self.prim].stands
 
 
 @dataclass(frozen=True, eq=False)
 class Component(Part):
-    """A named part of a ship with its copies: plan offsets [m], and their mirror image or not."""
+    """A named part of a ship with its copies: plan offsets [m], mirrored or not."""
 
     name: str
     offsets: tuple[tuple[float, float], ...]
@@ -51,7 +51,7 @@ class Component(Part):
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A ship as its sheet describes it, in sheet axes."""
+    """Content of a sheet, in sheet axes."""
 
     name: str
     hull: Hull
@@ -226,7 +226,7 @@ def parse(text: str, templates: str, *, where: str) -> Sheet:
     templates : str
         YAML of the equipment templates; the sheet's own `templates` come on top.
     where : str
-        What to call the sheet in messages.
+        Name of the sheet in messages.
 
     Raises
     ------

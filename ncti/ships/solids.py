@@ -1,4 +1,4 @@
-"""Closed solids in metres, each about its own origin: what ship sheets are made of.
+"""Closed solids in metres, each about its own origin: the primitives of ship sheets.
 
 Every solid is a watertight `manifold3d.Manifold`. A component's axes are x aft, y to starboard
 and z up; a template's are u along the pointing axis, v to its right and w up. The functions
@@ -39,7 +39,7 @@ def box(
     yaw: float = 0.0,
     sink: float = 0.0,
 ) -> Manifold:
-    """Box or frustum standing on its base; `yaw` [deg] turns it as an azimuth, 90 to starboard."""
+    """Return a box or frustum on its base; `yaw` [deg] turns it as an azimuth, 90 to starboard."""
     top_length = length if top_length is None else top_length
     top_width = width if top_width is None else top_width
     under = -sink / height
@@ -67,7 +67,7 @@ def prism(
     shape: str = "box",
     sink: float = 0.0,
 ) -> Manifold:
-    """Tapered tower; `shape` "oval" gives it an elliptical section (a mack)."""
+    """Return a tapered tower; `shape` "oval" gives it an elliptical section (a mack)."""
     if shape == "box":
         return box(
             length=length,
@@ -95,7 +95,7 @@ def prism(
 def house_plan(
     outline: Points, height: float, top_scale: float = 1.0, front_rake: float = 0.0
 ) -> tuple[Points, Points]:
-    """Bottom and top polygon of a house.
+    """Return the bottom and top polygon of a house.
 
     The top shrinks by `top_scale` about the mean of the corners, and its foremost corners move
     aft by height tan(`front_rake`) [deg]; a negative rake leans the front forward.
@@ -115,7 +115,7 @@ def house(
     front_rake: float = 0.0,
     sink: float = 0.0,
 ) -> Manifold:
-    """House over a plan polygon, see `house_plan`."""
+    """Return a house over a plan polygon, see `house_plan`."""
     bottom, top = house_plan(outline, height, top_scale, front_rake)
     foot = bottom - (top - bottom) * sink / height
     rings = [np.column_stack([p, np.full(len(p), z)]) for p, z in ((foot, -sink), (top, height))]
@@ -125,7 +125,7 @@ def house(
 def cylinder(
     *, radius: float, height: float, top_radius: float | None = None, sink: float = 0.0
 ) -> Manifold:
-    """Upright cylinder, cone or tapered pole."""
+    """Return an upright cylinder, cone or tapered pole."""
     top_radius = radius if top_radius is None else top_radius
     solid = Manifold.cylinder(
         height + sink, radius, top_radius, _round_sides(max(radius, top_radius))
@@ -134,53 +134,53 @@ def cylinder(
 
 
 def sphere(*, radius: float) -> Manifold:
-    """Sphere about its centre."""
+    """Return a sphere about its centre."""
     return Manifold.sphere(radius, 48)
 
 
 def ellipsoid(*, length_radius: float, width_radius: float, height_radius: float) -> Manifold:
-    """Ellipsoid about its centre."""
+    """Return an ellipsoid about its centre."""
     return Manifold.sphere(1.0, 48).scale((length_radius, width_radius, height_radius))
 
 
 def yard(*, width: float, radius: float) -> Manifold:
-    """Level tube of full `width` athwart, about its middle."""
+    """Return a level tube of full `width` athwart, about its middle."""
     return tube([[0.0, -width / 2, 0.0], [0.0, width / 2, 0.0]], radius, sides=_round_sides(radius))
 
 
 def beam(*, length: float, width: float, height: float, elevation: float = 0.0) -> Manifold:
-    """Rectangular beam whose axis starts at the origin and rises at `elevation` [deg]."""
+    """Return a rectangular beam whose axis starts at the origin and rises at `elevation` [deg]."""
     section = _rectangle(height, width, 0.0)[:, [2, 1, 0]]
     far = section + np.array([length, 0, 0])
     return loft(pitched(np.array([section, far]), elevation))
 
 
 def barrel(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
-    """Round bar whose axis starts at the origin and rises at `elevation` [deg]."""
+    """Return a round bar whose axis starts at the origin and rises at `elevation` [deg]."""
     path = pitched([[0.0, 0.0, 0.0], [length, 0.0, 0.0]], elevation)
     return tube(path, radius, sides=max(12, _round_sides(radius)))
 
 
 def trunnion(*, length: float, radius: float) -> Manifold:
-    """Round bar from the origin along the second axis (a trunnion)."""
+    """Return a round bar from the origin along the second axis (a trunnion)."""
     return tube([[0.0, 0.0, 0.0], [0.0, length, 0.0]], radius, sides=_round_sides(radius))
 
 
 def drum(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
-    """Round bar about its middle, its axis pointing forward and up by `elevation` [deg]."""
+    """Return a round bar about its middle, its axis forward and up by `elevation` [deg]."""
     path = pitched([[-length / 2, 0.0, 0.0], [length / 2, 0.0, 0.0]], elevation)
     return tube(path, radius, sides=max(24, _round_sides(radius)))
 
 
 def plate(*, width: float, height: float, thickness: float, tilt: float = 0.0) -> Manifold:
-    """Flat antenna about its centre, leaned back by `tilt` [deg]."""
+    """Return a flat antenna about its centre, leaned back by `tilt` [deg]."""
     face = _rectangle(height, width, 0.0)[:, [2, 1, 0]]
     half = np.array([thickness / 2, 0, 0])
     return loft(pitched(np.array([face - half, face + half]), tilt))
 
 
 def dish(*, radius: float, depth: float) -> Manifold:
-    """Paraboloid reflector 0.1 m thick facing the first axis; the origin is the rim's centre."""
+    """Return a paraboloid reflector 0.1 m thick along the first axis, about its rim's centre."""
     across = np.linspace(0, radius, 7)
     bowl = depth * ((across / radius) ** 2 - 1)
     front = np.column_stack([across, bowl])
@@ -191,7 +191,7 @@ def dish(*, radius: float, depth: float) -> Manifold:
 
 
 def mesh_dish(*, width: float, height: float, depth: float, tilt: float = 0.0) -> Manifold:
-    """Open-work reflector of curved bars; the origin is its vertex, `tilt` [deg] leans it back."""
+    """Return an open-work reflector of bars about its vertex, leaned back by `tilt` [deg]."""
     half_width, half_height = width / 2, height / 2
 
     def bowl(across: Points, up: Points) -> Points:
@@ -241,7 +241,7 @@ def lattice(
     top_shift: float = 0.0,
     sink: float = 0.0,
 ) -> Manifold:
-    """Open mast of three or four legs with `bays` storeys of X braces and girths.
+    """Return an open mast of three or four legs with `bays` storeys of X braces and girths.
 
     The legs run 0.1 m past the top, into the platform they carry.
     """
@@ -269,7 +269,7 @@ def lattice(
 
 
 def boat(*, length: float, width: float, height: float) -> Manifold:
-    """Double-ended whaleboat standing on its keel."""
+    """Return a double-ended whaleboat standing on its keel."""
     along = np.linspace(-1, 1, 13)
     fullness = np.maximum(1 - along**4, 0.05)
     angle = np.linspace(-np.pi, 0, 9)
@@ -286,7 +286,7 @@ def boat(*, length: float, width: float, height: float) -> Manifold:
 
 
 def recess(*, length: float, width: float, height: float, face: str = "aft") -> Manifold:
-    """Room to cut away behind an opening on the side `face`, with 0.2 m of air before it.
+    """Return the cut behind an opening on the side `face`, with 0.2 m of air before it.
 
     `length` is fore-aft, `width` athwart; the origin is the middle of the sill.
     """
@@ -302,5 +302,5 @@ def recess(*, length: float, width: float, height: float, face: str = "aft") -> 
 
 
 def step(*, length: float, width: float, height: float) -> Manifold:
-    """Room to cut away aft of a break of deck, which leaves its face vertical."""
+    """Return the cut aft of a break of deck, which leaves its face vertical."""
     return Manifold.cube((length, width, height)).translate((0.0, -width / 2, 0.0))

@@ -1,4 +1,4 @@
-"""Whether port and starboard of a ship are alike."""
+"""Mirror symmetry of ships, port against starboard."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import trimesh
 
 THINNEST = 1e-3
-"""Mean thickness [m] above which a part that has no mirror image counts."""
+"""Mean thickness [m] above which a part without a mirror image makes a ship asymmetric."""
 
 BALANCED = 1e-4
 """Greatest centre of mass [m] and products of inertia over mass [m^2] that rounding leaves of a
@@ -29,18 +29,35 @@ def is_symmetric(mesh: trimesh.Trimesh) -> bool:
     Returns
     -------
     bool
-        True if what is left of the ship without its mirror image has no part that is thicker, on
-        average, than `THINNEST`.
+        True if the difference of the ship and its mirror image has no part that is thicker than
+        1 mm on average.
+
+    See Also
+    --------
+    load : Meshes of ships.
 
     Notes
     -----
     The solids are compared, because facets of a symmetric ship need not be mirror images of each
-    other: how a flat side is cut into triangles depends on the order of what was united. The mean
+    other: the triangles of a flat side depend on the order in which parts were united. The mean
     thickness of a part is twice its volume over its surface, which is the thickness of a plate
     and half the diameter of a pole.
 
-    That takes a second for a ship of 44,000 facets, so moments come first: a ship whose mass is
-    not balanced about the plane y = 0 is not compared.
+    The comparison takes a second for a ship of 44,000 facets, so moments come first: a ship whose
+    mass is not balanced about the plane y = 0 is not compared.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from ncti.ships import is_symmetric
+    >>> hull = trimesh.creation.box((100.0, 12.0, 8.0))
+    >>> is_symmetric(hull)
+    True
+    >>> deckhouse = trimesh.creation.box((10.0, 4.0, 4.0))
+    >>> deckhouse.apply_translation((0.0, 3.0, 6.5))  # to port
+    <trimesh.Trimesh(vertices.shape=(8, 3), faces.shape=(12, 3))>
+    >>> is_symmetric(trimesh.util.concatenate([hull, deckhouse]))
+    False
     """
     balance = (
         mesh.center_mass[1],

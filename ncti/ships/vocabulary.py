@@ -9,7 +9,7 @@ from ncti.ships import checks
 
 
 class Key(NamedTuple):
-    """What a key of a sheet is called in `solids` and `fittings`, and how it is checked."""
+    """Name of a sheet's key in `solids` and `fittings`, and its check."""
 
     parameter: str
     check: checks.Check
@@ -67,7 +67,7 @@ class Primitive(NamedTuple):
     cuts: bool = False  # takes material away
 
     def describe(self) -> str:
-        """The keys, for a message."""
+        """Return the keys, for a message."""
         return ", ".join([*self.place, *sorted(self.needs)])
 
 

@@ -14,7 +14,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from ncti.render import EngineError, choose_engine, engines
+from ncti.render import EngineError
+from ncti.render.choice import choose_engine, engines
 
 Result = TypeVar("Result")
 

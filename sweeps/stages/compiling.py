@@ -9,7 +9,7 @@ from ncti.infrared.loops import IMAGES
 from ncti.irar.loops import TILTS
 from ncti.ladar.loops import FRAMES
 from ncti.machine_code import Loops
-from ncti.render import choose_engine
+from ncti.render.choice import choose_engine
 from ncti.render.loops import of_engine
 from sweeps.engine.settings import Choices
 from sweeps.stages.corrections import corrected

@@ -17,7 +17,8 @@ from ncti.infrared import (
     silhouette,
     thermal_images,
 )
-from ncti.render import Lattice, LineImage, RangeImage
+from ncti.render import LineImage, RangeImage
+from ncti.render.image import Lattice
 from sweeps.engine.seeds import cell_rng
 
 MARGIN = 4  # pixels of sea around a ship

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from ncti import ladar as library
 from ncti.ladar import RangeExtent
-from ncti.render import ROLL, available_engines, engines
+from ncti.render import available_engines
+from ncti.render.choice import engines
+from ncti.render.view import ROLL
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, Table, in_memory

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.render import ROLL
+from ncti.render.view import ROLL
 from sweeps.engine.settings import Choices
 
 if TYPE_CHECKING:

@@ -14,18 +14,10 @@ from platformdirs import user_cache_path
 
 import ncti.ships
 from ncti.ladar import lines_within
-from ncti.render import (
-    ROLL,
-    EngineError,
-    LineImage,
-    RangeImage,
-    choose_engine,
-    engines,
-    line_image,
-    range_image,
-    refined,
-)
-from ncti.render.flight import depression_angle
+from ncti.render import EngineError, LineImage, RangeImage, line_image, range_image, refined
+from ncti.render.choice import choose_engine, engines
+from ncti.render.flight import DEPRESSION, depression_angle
+from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
@@ -101,7 +93,7 @@ class Scene(Settings, key="scene"):
         label="what is the same at every range: the depression, or the altitude",
     )
     depression = quantity(
-        *(3.84, 0, 90, "degree", "depression of the line of sight at the target"),
+        *(DEPRESSION, 0, 90, "degree", "depression of the line of sight at the target"),
         help="where geometry is fixed; 22,000 ft at 100 km over a flat sea",
     )
     altitude = quantity(6705.6, 1, 50e3, "m", "altitude of the aircraft", help="22,000 ft")

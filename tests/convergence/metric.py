@@ -9,7 +9,8 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.ladar import RangeExtent, range_extent
-from ncti.render import ROLL, range_image
+from ncti.render import range_image
+from ncti.render.view import ROLL
 
 Floats = NDArray[np.float64]
 

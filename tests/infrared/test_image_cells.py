@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as arrays
 from ncti.infrared import coverage_of
 from ncti.infrared.cells import bounding_box, places_of_bits
 from ncti.infrared.scene import HALO, _draw
-from ncti.render import Lattice
+from ncti.render.image import Lattice
 
 LENGTHS = st.floats(-200, 200)
 SMALL_MASKS = arrays.arrays(

@@ -9,7 +9,8 @@ from warm_views import SHIPS, plate, points, ship
 
 import ncti.ships
 from ncti.infrared import coverage_of, silhouette
-from ncti.render import View, line_image
+from ncti.render import line_image
+from ncti.render.view import View
 
 phases = st.tuples(*[st.floats(0, 1, exclude_max=True)] * 2)
 

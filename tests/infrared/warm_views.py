@@ -4,7 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from ncti.render import ROLL, RangeImage, range_image
+from ncti.render import RangeImage, range_image
+from ncti.render.view import ROLL
 from ncti.ships import load
 
 SHIPS = ("duncan", "horne", "spruance", "texas")

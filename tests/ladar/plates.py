@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ncti.render import ROLL, RangeImage
+from ncti.render import RangeImage
+from ncti.render.view import ROLL
 
 
 def plane(*, width, height, slope=(0.0, 0.0), offset=0.0, pixel=0.25, roll=ROLL, slant_range=None):

@@ -10,15 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from ncti.render import (
-    EngineError,
-    available_engines,
-    choice,
-    choose_engine,
-    engines,
-    range_image,
-    start_engine,
-)
+from ncti.render import EngineError, available_engines, choice, range_image
+from ncti.render.choice import choose_engine, engines, start_engine
 
 ASPECTS = (0.0, 12.7, 37.3, 90.0, 141.9, 203.0)
 
@@ -32,6 +25,7 @@ PRELUDE = """
 import json, os, signal, sys
 import numpy as np, trimesh
 from ncti.render import *
+from ncti.render.choice import choose_engine, engines, start_engine
 ball = trimesh.creation.icosphere(3, radius=8)
 hull = trimesh.creation.box((60, 9, 5))
 mast = trimesh.creation.cylinder(0.3, 20, sections=12).apply_translation((5, 0, 10))

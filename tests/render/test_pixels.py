@@ -7,9 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ncti import ships
-from ncti.render import View, available_engines, pixels, start_engine
+from ncti.render import available_engines, pixels
+from ncti.render.choice import start_engine
 from ncti.render.solid import KEPT, STEEP, STEEPEST, Solid, covered, sampled, surface
-from ncti.render.view import Lattice, clip_matrix
+from ncti.render.view import Lattice, View, clip_matrix
 
 VIEWS = [(0.0, 3.84, None, 0.25), (33.3, 11.0, 4e3, 0.6), (90.0, 0.0, None, 0.25)]
 Long = np.longdouble

@@ -9,9 +9,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from traced_box import plane_down_range, trace
 
-from ncti.render import ROLL, View, choose_engine, range_image
+from ncti.render import range_image
+from ncti.render.choice import choose_engine
 from ncti.render.solid import Solid, surface
-from ncti.render.view import Lattice
+from ncti.render.view import ROLL, Lattice, View
 
 OPENGL = choose_engine("auto")
 ENGINES = sorted({OPENGL, "embree"})

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from traced_box import Long, axes
 
-from ncti.render import View, cast_rays, range_image
+from ncti.render import cast_rays, range_image
+from ncti.render.view import View
 
 SHAPE = (60.0, 9.0, 5.0)
 LOW, HIGH = -np.array(SHAPE) / 2, np.array(SHAPE) / 2

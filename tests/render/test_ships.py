@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from ncti import ships
-from ncti.render import View, choose_engine, range_image
+from ncti.render import range_image
+from ncti.render.choice import choose_engine
+from ncti.render.view import View
 
 OPENGL = choose_engine("auto")
 VIEWS = [

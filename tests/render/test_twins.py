@@ -8,7 +8,8 @@ import trimesh
 
 import ncti.ships
 from ncti.ladar import range_extent
-from ncti.render import ROLL, line_image, range_image
+from ncti.render import line_image, range_image
+from ncti.render.view import ROLL
 
 ship = cache(ncti.ships.load)
 PORT = {"aspect": 40.0, "depression": 3.84, "roll": ROLL}

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ncti.search import dwell, imaging_time, most_pulses, position_count, schedule
+from ncti.search import imaging_time, most_pulses, position_count, schedule
+from ncti.search.schedule import dwell
 
 IFOV = 150e-6
 SOURCE = {"width": math.radians(3), "height": math.radians(2)}

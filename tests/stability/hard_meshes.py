@@ -4,7 +4,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
-from ncti.render import View, available_engines, line_image, range_image
+from ncti.render import available_engines, line_image, range_image
+from ncti.render.view import View
 
 LOW, HIGH = np.array([-60.0, -7.0, -2.0]), np.array([70.0, 9.0, 12.0])
 ENGINES = ("lines", *(name for name in ("embree", "osmesa") if name in available_engines()))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ncti.ladar import range_extent
-from ncti.render import View
+from ncti.render.view import View
 
 EPS = np.finfo(np.float64).eps
 DEPRESSIONS = (0.0, 1e-6, 89.999, math.nextafter(90.0, 0.0), 90.0)

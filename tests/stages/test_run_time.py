@@ -138,12 +138,12 @@ def test_samplings_take_turns_beside_the_yardstick(monkeypatch):
 
 
 def test_a_view_is_timed_on_one_thread(tmp_path, cache, monkeypatch):
-    from ncti.render import lines
+    from ncti.render import threads
 
     found = []
 
     def times(mesh, look, pixel, roll, spread, repeats):
-        found.append((lines._threads(), os.environ["OPENBLAS_NUM_THREADS"]))
+        found.append((threads.thread_count(), os.environ["OPENBLAS_NUM_THREADS"]))
         return np.ones((2, repeats, len(pixel) * len(roll) * len(spread)))
 
     monkeypatch.setenv("OMP_NUM_THREADS", "2")

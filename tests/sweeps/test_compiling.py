@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ncti.render import choose_engine
+from ncti.render.choice import choose_engine
 
 FEW = "grid.aspect=[0,90]", "grid.pulse_width=30", "infrared.range=50", "classifier.name=[acn]"
 SMOKE = "+experiment=smoke", *FEW

@@ -5,7 +5,8 @@ import pytest
 from commands import FAST, chosen, groups_of, ran
 from declared_values import ends
 
-from ncti.render import available_engines, engines
+from ncti.render import available_engines
+from ncti.render.choice import engines
 from sweeps.engine.kinds import Word
 from sweeps.experiment import EXPERIMENT, conf_folder
 from sweeps.stages.classifier import Classifier

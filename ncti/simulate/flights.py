@@ -1,0 +1,164 @@
+"""Scans of a ship by the infrared airborne radar, raw and corrected."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require
+from ncti.irar import (
+    Correction,
+    Flight,
+    Scan,
+    Snapshot,
+    correct,
+    fly,
+    segmented,
+    ship_heading,
+    ship_window,
+    time_delay_integrate,
+)
+from ncti.simulate.subject import Ship, coordinates, generator, mesh_of, seed_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PARAMETERS = frozenset(field.name for field in fields(Flight)) - {"slant_range", "ship_heading"}
+AZIMUTHS = ("aircraft_heading", "offset")  # whose sum is that of the line of sight
+INTENSITY, TEMPERATURE = "intensity over noise power", "temperature above the sea"  # of plots
+
+
+def flight(
+    ship: Ship,
+    *,
+    aspect: float,
+    slant_range: float = 3900.0,
+    correction: Correction | None = None,
+    rng: int | np.random.Generator = 0,
+    **parameters: Any,
+) -> xr.Dataset:
+    """Simulate a flight past a ship, and correct its scan for motion and mirror.
+
+    Parameters
+    ----------
+    ship : str, Path or trimesh.Trimesh
+        A name of `ncti.ships.names()`, the path of a sheet or mesh, or a closed mesh in the ship
+        frame [m].
+    aspect : float
+        Bearing of the aircraft from the ship in the snapshot [deg], 0 at the bow, growing to port.
+    slant_range : float
+        Aircraft to ship origin in the snapshot [m].
+    correction : ncti.irar.Correction, optional
+        How the scan is corrected; exactly, when not given.
+    rng : int or numpy.random.Generator
+        Seed, or source of randomness.
+    **parameters
+        Other parameters of `ncti.irar.Flight`, as depression, aircraft_speed, cnr, jitter; the
+        heading of the ship follows from the aspect.
+
+    Returns
+    -------
+    xarray.Dataset
+        `intensity`, `range` and `infrared` (line, sample), as recorded, and the same after
+        correction, with the sea removed from the first two, (vertical, horizontal) on the target:
+        `corrected_intensity` in noise powers, `corrected_range` from the ship origin [m],
+        `corrected_infrared` above the sea [K]. Every parameter of the flight is an attribute.
+
+    Raises
+    ------
+    ValueError
+        If the ship cannot be loaded, a parameter is unknown or out of its range, or the flight
+        cannot see the whole ship.
+
+    See Also
+    --------
+    range_profile : The ship as the laser radar sees it.
+    ncti.irar.fly : The pass, of which any number of scans can be drawn.
+    ncti.irar.correct : The corrections.
+
+    Notes
+    -----
+    Scan and corrections follow 'Data Processing' of [1]_.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, MIT Lincoln Laboratory, 'The Infrared Airborne Radar (IRAR) System'.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> coarse = {"ifov": 500e-6, "samples": 60, "line_rate": 60.0}
+    >>> scan = ncti.simulate.flight("roberts", aspect=175, slant_range=3000, **coarse)
+    >>> scan.corrected_range.dims, scan.corrected_range.attrs["units"]
+    (('vertical', 'horizontal'), 'm')
+
+    ``scan.intensity.plot()`` draws the raw scan, ``scan.corrected_intensity.plot()`` the ship, and
+    ``scan.corrected_range.plot(robust=True)`` its range image without the few false ranges.
+    """
+    unknown = sorted(set(parameters) - PARAMETERS)
+    if unknown:
+        raise ValueError(
+            f"{unknown[0]} is no parameter of a flight, but must be one of "
+            f"{', '.join(sorted(PARAMETERS))}"
+        )
+    azimuths = [parameters.get(name, getattr(Flight, name)) for name in AZIMUTHS]
+    for name, azimuth in zip(AZIMUTHS, azimuths, strict=True):
+        require(name, azimuth, minimum=-360.0, maximum=360.0)
+    sight = sum(azimuths)
+    heading = ship_heading(aspect=aspect, sight=sight)
+    passed = Flight(slant_range=slant_range, ship_heading=heading, **parameters)
+    stream = generator(rng, aspect=aspect)
+    mesh = mesh_of(ship)
+    scan = fly(mesh, passed, rng=stream).record(stream)
+    window = ship_window(mesh, scan.flight)
+    snapshot = segmented(correct(scan, correction, window=window), scan.flight)
+    images = _raw(scan).merge(_corrected(snapshot, scan.flight))
+    return images.assign_coords(coordinates(mesh, aspect=aspect)).assign_attrs(seed_of(rng))
+
+
+def _raw(scan: Scan) -> xr.Dataset:
+    """Return the raw images, those of the passive detectors as one, with short labels."""
+    found = scan.to_xarray()
+    infrared = ("line", "sample"), time_delay_integrate(scan.infrared), found.infrared.attrs
+    found = found.drop_dims("detector").assign(infrared=infrared)
+    labels = {
+        "intensity": INTENSITY,
+        "infrared": TEMPERATURE,
+        "range": "range of the strongest return",
+        "line": "line",
+        "sample": "sample",
+    }
+    for name, label in labels.items():
+        found[name].attrs["long_name"] = label
+    return found
+
+
+def _corrected(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
+    """Return the corrected images over places on the target."""
+    # Imported where it is used: xarray takes a third of a second.
+    import xarray as xr
+
+    images: dict[str, tuple[NDArray[np.float64], str, str]] = {
+        "intensity": (snapshot.intensity, "1", INTENSITY),
+        "range": (snapshot.range - flight.slant_range, "m", "down-range"),
+        "infrared": (snapshot.infrared, "K", TEMPERATURE),
+    }
+    places = {"vertical": snapshot.row, "horizontal": snapshot.column}
+    return xr.Dataset(
+        {
+            f"corrected_{name}": (tuple(places), values, {"units": unit, "long_name": label})
+            for name, (values, unit, label) in images.items()
+        },
+        coords={
+            name: (
+                name,
+                place * flight.pixel,
+                {"units": "m", "long_name": f"{name} cross-range"},
+            )
+            for name, place in places.items()
+        },
+    )

@@ -1,0 +1,170 @@
+"""Thermal images of a ship, averaged over frames."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ncti.checks import require
+from ncti.infrared import IFOV, contrast, image, silhouette
+from ncti.render import line_image
+from ncti.render.flight import DEPRESSION
+from ncti.simulate.subject import (
+    SPACING,
+    Ship,
+    check_frames,
+    coordinates,
+    generator,
+    mesh_of,
+    roll_at,
+    seed_of,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LINES_A_PIXEL = 8
+"""Least lines across a pixel of the image."""
+
+MARGIN = 4
+"""Pixels of sea on every side of the ship."""
+
+
+def infrared_image(
+    ship: Ship,
+    *,
+    aspect: float,
+    slant_range: float = 50e3,
+    frames: int = 16,
+    super_resolution: str = "none",
+    depression: float = DEPRESSION,
+    ifov: float = IFOV,
+    phase: tuple[float, float] = (0.0, 0.0),
+    rng: int | np.random.Generator = 0,
+    **scene: Any,
+) -> xr.DataArray:
+    """Simulate the passive-infrared image of a ship, averaged over frames.
+
+    Parameters
+    ----------
+    ship : str, Path or trimesh.Trimesh
+        A name of `ncti.ships.names()`, the path of a sheet or mesh, or a closed mesh in the ship
+        frame [m].
+    aspect : float
+        Bearing of the sensor from the ship [deg], 0 at the bow, growing to port.
+    slant_range : float
+        Sensor to ship origin [m].
+    frames : int
+        Frames averaged; at each of four positions with super-resolution `shifted`.
+    super_resolution : {"none", "perfect", "shifted"}
+        Pixels of the detector, or half of them, as of `ncti.infrared.image`.
+    depression : float
+        Angle of the line of sight below the horizontal [deg].
+    ifov : float
+        Side of a detector pixel [rad].
+    phase : (float, float)
+        Place of the ship origin in a pixel of the image, right and up from its corner [pixel].
+    rng : int or numpy.random.Generator
+        Seed, or source of randomness.
+    **scene
+        Other parameters of `ncti.infrared.image`: coverage_rule, contrast_at_zero, extinction,
+        nedt, target_spread, sea_spread.
+
+    Returns
+    -------
+    (vertical, horizontal) xarray.DataArray
+        Temperature above the mean sea [K], over places on the target [m]. The attribute
+        `contrast_K` is the ship's mean temperature at this range.
+
+    Raises
+    ------
+    ValueError
+        If the ship cannot be loaded, or a parameter is out of its range.
+
+    See Also
+    --------
+    range_profile : The ship as the laser radar sees it.
+    ncti.infrared.image : The image of a range image, as an array.
+    ncti.features.segment : The silhouette in such an image.
+
+    Notes
+    -----
+    A template of the ship on the detector's pixels, filled from two Gaussians [1]_.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, MIT Lincoln Laboratory, Appendix 2.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> image = ncti.simulate.infrared_image("duncan", aspect=37, slant_range=50e3)
+    >>> image.dims, image.attrs["units"]
+    (('vertical', 'horizontal'), 'K')
+
+    ``image.plot()`` draws it. Columns are as far apart as a pixel is wide at 50 km [m]:
+
+    >>> float(image.horizontal.diff("horizontal").mean())
+    7.5
+    """
+    require("aspect", aspect, minimum=-360.0, maximum=360.0)
+    require("slant_range", slant_range, positive=True, maximum=1e9)
+    require("ifov", ifov, positive=True, maximum=1.0)
+    frames = check_frames(frames)
+    stream = generator(rng, aspect=aspect)
+    mesh = mesh_of(ship)
+    footprint = ifov * slant_range * (1.0 if super_resolution == "none" else 0.5)
+    lines = line_image(
+        mesh,
+        aspect=aspect,
+        depression=depression,
+        roll=roll_at(aspect),
+        spacing=min(SPACING, footprint / LINES_A_PIXEL),
+    )
+    temperature = image(
+        lines,
+        slant_range=slant_range,
+        frame_count=frames,
+        rng=stream,
+        ifov=ifov,
+        phase=phase,
+        margin=MARGIN,
+        super_resolution=super_resolution,
+        **scene,
+    )
+    left, bottom = silhouette(lines, footprint=footprint, phase=phase, margin=MARGIN).origin
+    # Imported where it is used: xarray takes a third of a second.
+    import xarray as xr
+
+    rows, columns = temperature.shape
+    places = {"vertical": (bottom, rows), "horizontal": (left, columns)}
+    air = {key: scene[key] for key in ("contrast_at_zero", "extinction") if key in scene}
+    return xr.DataArray(
+        temperature,
+        dims=("vertical", "horizontal"),
+        name="image",
+        coords={
+            **coordinates(mesh, aspect=aspect),
+            **{
+                name: (
+                    name,
+                    first + footprint * np.arange(count),
+                    {"units": "m", "long_name": f"{name} cross-range"},
+                )
+                for name, (first, count) in places.items()
+            },
+        },
+        attrs={
+            "units": "K",
+            "long_name": "temperature above the sea",
+            "slant_range_km": slant_range / 1e3,
+            "depression_deg": float(depression),
+            "frame_count": frames,
+            "super_resolution": super_resolution,
+            "ifov_urad": round(ifov * 1e6, 9),
+            "contrast_K": contrast(float(slant_range), **air),
+            **seed_of(rng),
+        },
+    )

@@ -1,0 +1,95 @@
+"""The ship that is simulated, its coordinates in results, and the source of randomness."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ncti.checks import require
+from ncti.render.view import ROLL
+from ncti.ships import load
+
+if TYPE_CHECKING:
+    import trimesh
+
+Ship = Any
+"""A name of `ncti.ships.names()`, the path of a sheet or mesh, or a mesh in the ship frame."""
+
+SPACING = 0.25
+"""Distance between lines [m] that views start from, as the pixel of sweeps."""
+
+
+def mesh_of(ship: Ship) -> trimesh.Trimesh:
+    """Return the mesh of a ship, which is a name, a path, or the mesh itself.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these, or cannot be loaded.
+    """
+    if isinstance(ship, str | Path):
+        return load(ship)
+    # Imported where it is used: trimesh takes half a second.
+    import trimesh
+
+    if isinstance(ship, trimesh.Trimesh):
+        return ship
+    raise ValueError(
+        f"ship is of type {type(ship).__name__}, but must be a name, a path or a trimesh.Trimesh"
+    )
+
+
+def coordinates(mesh: trimesh.Trimesh, *, aspect: Any) -> dict[str, Any]:
+    """Return coordinates of a result: the ship, and the aspect [deg].
+
+    xarray makes the title of a plot from those that are single values, in at most 50 characters.
+    """
+    dims = ("aspect",) if np.ndim(aspect) else ()
+    degrees = {"units": "degree", "long_name": "aspect"}
+    return {
+        "ship": ((), mesh.metadata.get("name", "mesh"), {"long_name": "ship"}),
+        "aspect": (dims, np.asarray(aspect, dtype=np.float64), degrees),
+    }
+
+
+def roll_at(aspect: float) -> float:
+    """Return the roll of the lines [deg], mirrored for views of the starboard side.
+
+    A ship whose sides are alike then has equal views from both.
+    """
+    return ROLL if aspect % 360 <= 180 else -ROLL
+
+
+def check_frames(frames: int) -> int:
+    """Return the number of frames; ValueError unless it is a whole number above 0."""
+    require("frames", frames, whole=True, minimum=1, maximum=2**53)
+    return int(frames)
+
+
+def generator(rng: int | np.random.Generator, *, aspect: float) -> np.random.Generator:
+    """Return the source of randomness of one view.
+
+    A seed gives each aspect a stream of its own, so that a result does not depend on which other
+    aspects are asked for; a generator is used as it is.
+
+    Raises
+    ------
+    ValueError
+        If it is neither.
+    """
+    if isinstance(rng, np.random.Generator):
+        return rng
+    if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
+        raise ValueError(
+            f"rng is {rng!r:.60}, but must be a seed, a whole number from 0 on, or a "
+            "numpy.random.Generator"
+        )
+    words = np.array([aspect + 0.0]).view(np.uint32)  # -0.0 as 0.0
+    return np.random.default_rng(np.random.SeedSequence(int(rng), spawn_key=words.tolist()))
+
+
+def seed_of(rng: int | np.random.Generator) -> dict[str, int]:
+    """Return the seed as an attribute; nothing of a generator, which has none to repeat."""
+    return {} if isinstance(rng, np.random.Generator) else {"seed": int(rng)}

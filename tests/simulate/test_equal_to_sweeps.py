@@ -1,0 +1,157 @@
+"""Simulations are what a sweep of the same settings stores, noise of the same stream included."""
+
+import inspect
+
+import numpy as np
+import pytest
+from commands import chosen, opened, swept
+
+from ncti import simulate
+from ncti.ladar import noise_floor
+from sweeps.engine.seeds import cell_rng
+from sweeps.stages.infrared import Infrared
+from sweeps.stages.irar import FLOWN, PASSIVE, RECORDED, Irar
+from sweeps.stages.ladar import Ladar
+from sweeps.stages.views import Grid, Scene
+
+SHIP, ASPECT, PULSE, RANGE = "texas", 40.0, 30.0, 50.0
+FRAMES = (4, 16)
+FREE = 200
+ACCURACY = 0.01  # which lines 0.25 m apart keep, so that the imager sees the same ones
+
+FLIGHT = {"samples": 60, "line_rate": 60.0, "detectors": 3, "pulse_rate": 4000.0}
+PIXEL = 7.5  # of the imager at 50 km [m]
+EDGE = 2  # pixels of the window
+FLOAT32 = 2.0**-24  # rounding of what a store keeps
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, cache):
+    path = tmp_path_factory.mktemp("simulate") / "s.zarr"
+    swept(
+        path,
+        cache,
+        *(f"grid.ship={SHIP}", f"grid.aspect={ASPECT}", f"grid.pulse_width={PULSE}"),
+        *(f"grid.range={RANGE}", f"grid.frame_count={list(FRAMES)}", "sensor=both", "seed=5"),
+        *(f"ladar.target_free_ifovs={FREE}", f"render.tolerance={ACCURACY}"),
+        *("infrared.phases=1", "infrared.orders=1", "classifier.name=acn"),
+    )
+    return path
+
+
+def profile(frames):
+    name = {"ship": SHIP, "aspect": ASPECT, "pulse_width": PULSE, "range": RANGE}
+    rng = cell_rng(5, stage="range_profile", target_free_ifovs=FREE, **name)
+    return simulate.range_profile(
+        SHIP,
+        aspect=ASPECT,
+        pulse_width=PULSE * 1e-9,
+        slant_range=RANGE * 1e3,
+        frames=frames,
+        accuracy=ACCURACY,
+        target_free_ifovs=FREE,
+        rng=rng,
+    )
+
+
+@pytest.mark.parametrize("frames", FRAMES)
+def test_profiles_are_those_of_a_sweep_less_the_floor(store, frames):
+    kept = opened(store, "range_profile").sel(frame_count=frames).squeeze()
+    found = profile(frames)
+    np.testing.assert_array_equal(found.down_range, kept.down_range)
+    floors = []
+    for ours, theirs in ((found.expected, kept.expected), (found, kept.averaged)):
+        floor = theirs - ours.values
+        floors.append(float(floor.mean()))
+        # one number, up to the rounding of the store, twice that of a sum near it
+        assert float(abs(floor - floors[-1]).max()) <= 2 * FLOAT32 * float(theirs.max())
+    # the same floor of both: that of a whole number of IFOVs, those with target and those without
+    np.testing.assert_allclose(floors[0], floors[1], rtol=2 * FLOAT32)
+    ifovs = floors[0] / noise_floor()
+    assert ifovs > FREE
+    assert ifovs == pytest.approx(round(ifovs), rel=4 * FLOAT32)
+    assert found.attrs["error_bound"] == pytest.approx(float(kept.profile_error), rel=1e-6)
+    assert found.attrs["accuracy_reached"] == "yes"
+    assert int(kept.within_tolerance) == 1
+
+
+@pytest.mark.parametrize("way", ["none", "perfect", "shifted"])
+def test_images_are_those_of_a_sweep(store, way):
+    place = {"super_resolution": way, "frame_count": 16}
+    kept = opened(store, "infrared").image.sel(place).squeeze()
+    named = {"ship": SHIP, "aspect": ASPECT, "range": RANGE}
+    across, up = cell_rng(5, stage="infrared_place", **named).random(2)
+    cells = 1 if way == "none" else 2  # of a pixel of the detector, along a side
+    found = simulate.infrared_image(
+        SHIP,
+        aspect=ASPECT,
+        slant_range=RANGE * 1e3,
+        super_resolution=way,
+        phase=(across * cells % 1, up * cells % 1),
+        rng=cell_rng(5, stage="infrared", super_resolution=way, **named),
+    )
+    # Noise further than four pixels from those that show the ship depends on the window.
+    ours = found[EDGE:-EDGE, EDGE:-EDGE].astype(np.float32)
+    theirs = np.lib.stride_tricks.sliding_window_view(kept.values, ours.shape)
+    [(row, column)] = np.argwhere((theirs == ours.values).all(axis=(-2, -1)))
+    # The store has one place for every ship's pixels, which are off by the place of its origin in
+    # a pixel, and by a whole one if that pushes the ship over its border.
+    off = (
+        (kept.vertical[row] - ours.vertical[0]) / PIXEL - up,
+        (kept.horizontal[column] - ours.horizontal[0]) / PIXEL - across,
+    )
+    np.testing.assert_allclose(off, np.round(off), atol=1e-9)
+    assert np.abs(off).max() < 1.5
+
+
+def test_flights_are_those_of_a_sweep(tmp_path, cache):
+    given = (
+        *("sensor=irar", "grid.ship=roberts", "grid.aspect=175", "render.engine=embree"),
+        *("irar.range=3", "irar.ifov=500", "classifier.name=acn", "seed=5"),
+        *(f"irar.{name}={value}" for name, value in FLIGHT.items()),
+    )
+    swept(tmp_path / "f.zarr", cache, *given)
+    kept = opened(tmp_path / "f.zarr", "validation").squeeze()
+    # What names the stream of a flight: all that the raw images depend on but the passive band.
+    choices = chosen(*given)
+    named = {one.name: choices.one(one) for one in {*FLOWN, *RECORDED} - {*PASSIVE}}
+    found = simulate.flight(
+        "roberts",
+        aspect=175,
+        slant_range=3000,
+        ifov=500e-6,
+        rng=cell_rng(5, stage="flight", ship="roberts", aspect=175.0, **named),
+        **FLIGHT,
+    )
+    for ours, theirs in (
+        ("corrected_intensity", "intensity"),
+        ("corrected_range", "range_image"),
+        ("corrected_infrared", "infrared_image"),
+    ):
+        image = found[ours].astype(np.float32)
+        np.testing.assert_array_equal(image, kept[theirs])
+    np.testing.assert_allclose(found.vertical, kept.row * 1.5)
+    np.testing.assert_allclose(found.horizontal, kept.column * 1.5)
+
+
+def test_defaults_are_those_of_sweeps():
+    """In units of the configuration."""
+    profile, image, flight = (
+        {name: one.default for name, one in inspect.signature(function).parameters.items()}
+        for function in (simulate.range_profile, simulate.infrared_image, simulate.flight)
+    )
+    same = [
+        (profile["depression"], Scene.depression, 1),
+        (profile["pulse_width"], Grid.pulse_width, 1e9),
+        (profile["slant_range"], Grid.range, 1e-3),
+        (profile["ifov"], Ladar.ifov, 1e6),
+        (profile["bin_width"], Ladar.bin_width, 1),
+        (profile["window"], Ladar.window, 1),
+        (profile["target_free_ifovs"], Ladar.target_free_ifovs, 1),
+        (image["depression"], Scene.depression, 1),
+        (image["ifov"], Infrared.ifov, 1e6),
+        (flight["slant_range"], Irar.range, 1e-3),
+    ]
+    for value, setting, unit in same:
+        assert value * unit == pytest.approx(setting.default), setting.key
+    assert Scene.geometry.default == "fixed"

@@ -1,0 +1,156 @@
+"""Public names of the library are documented alike: summary, example, See Also, reference."""
+
+import inspect
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
+
+import pytest
+
+import ncti
+
+ARTICLE = (
+    '"Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln Laboratory '
+    "Journal"
+)
+OF_A_SOURCE = r"\barticle\b|\b(Equation|Table|Figure|Appendix) [A-Z0-9]"
+NO_SUMMARY = r"(What|Where|When|How|Whether|That|Who|Whose|Which|Why)\b"
+
+
+def sections(text: str) -> dict[str, str]:
+    """Text of each section of a docstring by its title; what is before the first is its body."""
+    parts = re.split(r"^(\S.*)\n-{3,}\n", text, flags=re.MULTILINE)
+    return {"body": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
+
+
+def see_also(text: str) -> Iterator[str]:
+    """Names that a See Also section lists."""
+    for line in text.splitlines():
+        if line and not line.startswith(" "):
+            yield from re.split(r",\s*", line.split(" : ")[0].strip())
+
+
+def resolves(name: str, package: Any, owner: Any) -> bool:
+    """Whether a name is found from its class, its package, or by its full path."""
+    for start in (owner, package):
+        found = start
+        try:
+            for part in name.split("."):
+                found = getattr(found, part)
+        except AttributeError:
+            continue
+        return True
+    module, _, rest = name.rpartition(".")
+    while module:
+        try:
+            found = import_module(module)
+        except ImportError:
+            module, _, first = module.rpartition(".")
+            rest = f"{first}.{rest}"
+            continue
+        return resolves(rest, found, found)
+    return False
+
+
+def problems(name: str, thing: Any, package: Any) -> Iterator[str]:
+    """What one public function or class lacks."""
+    text = inspect.cleandoc(thing.__doc__ or "")
+    summary, *after = text.split("\n", 2)
+    found = sections(text)
+    if not re.fullmatch(r"[A-Z].*[^.]\.", summary) or (after and after[0]):
+        yield f"{name}: its docstring must begin with one sentence on one line"
+    if re.match(NO_SUMMARY, summary):
+        yield f"{name}: '{summary}' must begin with what is returned or done"
+    if ">>> " not in found.get("Examples", ""):
+        yield f"{name}: no Examples with >>>"
+    listed = list(see_also(found.get("See Also", "")))
+    if not listed:
+        yield f"{name}: no See Also"
+    for other in listed:
+        if not resolves(other, package, thing):
+            yield f"{name}: See Also names '{other}', which is not found"
+    yield from sources(name, text, found)
+
+
+def sources(name: str, text: str, found: dict[str, str]) -> Iterator[str]:
+    """What the references of one docstring lack."""
+    references = " ".join(found.get("References", "").split())
+    before = text.partition("References\n---")[0]
+    if re.search(OF_A_SOURCE, before) and not references:
+        yield f"{name}: it speaks of a source, but has no References"
+    if re.search(r"\barticle\b", before, flags=re.IGNORECASE) and ARTICLE not in references:
+        yield f"{name}: its References lack the full reference of the article"
+    for number in re.findall(r"\.\. \[(\w+)\]", references):
+        if f"[{number}]_" not in before:
+            yield f"{name}: reference [{number}] is never cited"
+    for number in re.findall(r"\[(\w+)\]_", before):
+        if f".. [{number}]" not in references:
+            yield f"{name}: there is no reference [{number}]"
+
+
+@pytest.mark.parametrize("package", ncti.__all__)
+def test_public_names_are_documented(package):
+    module = import_module(f"ncti.{package}")
+    public = {name: getattr(module, name) for name in module.__all__}
+    documented = {
+        name: thing
+        for name, thing in public.items()
+        if inspect.isclass(thing) or inspect.isroutine(inspect.unwrap(thing))
+    }
+    assert documented
+    found = [one for name, thing in documented.items() for one in problems(name, thing, module)]
+    assert not found, "\n".join(found)
+
+
+def good():
+    """Return the range of a ship.
+
+    See Also
+    --------
+    ncti.ladar.RangeExtent.error_after : Of an extent.
+    names, load
+
+    Notes
+    -----
+    Article, Equation C [1]_.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Equation C.
+
+    Examples
+    --------
+    >>> good()
+    """
+
+
+def test_a_good_docstring_has_no_problem():
+    assert list(problems("good", good, import_module("ncti.ships"))) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("Return the range", "What the range"),
+        ("Return the range of a ship.", "Return the range of a ship"),
+        ("Return the range of a ship.", "Return the range\n    of a ship."),
+        ("See Also\n    --------", "Seen\n    --------"),
+        (">>> good()", "good()"),
+        ("RangeExtent.error_after", "RangeExtent.no_such"),
+        ("names, load", "no_such"),
+        ("ncti.ladar", "no.such"),
+        ("[1]_", ""),
+        ("Laboratory Journal, E", "E"),
+        (".. [1]", ".. [2]"),
+        ("References\n    ----------", "Others\n    ----------"),
+    ],
+)
+def test_a_bad_docstring_is_found(old, new):
+    def bad():
+        """Nothing yet."""
+
+    assert old in good.__doc__
+    bad.__doc__ = good.__doc__.replace(old, new)
+    assert list(problems("bad", bad, import_module("ncti.ships"))) != []
