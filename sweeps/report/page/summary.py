@@ -1,0 +1,127 @@
+"""What was swept, what became of its cells, and where the numbers come from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sweeps.report.axes import Column, printable, shown
+from sweeps.report.rows import groups, read
+
+NAMED = 20  # failures that are told; the store has all
+
+
+@dataclass(frozen=True)
+class Status:
+    """Cells of a store by their state, in all and by what they are of."""
+
+    done: int
+    failed: int
+    missing: int
+    parts: list[tuple[str, int, int, int]]
+    failures: list[tuple[str, str]] = field(default_factory=list)
+    more: int = 0
+
+    @property
+    def word(self) -> str:
+        """The state of the sweep: complete, partial or failed; unknown of a store without any."""
+        if not self.parts and not self.failures:
+            return "unknown"
+        if not self.done:
+            return "failed" if self.failed else "partial"
+        return "partial" if self.failed or self.missing else "complete"
+
+    @property
+    def sentence(self) -> str:
+        """The numbers of cells, in words."""
+        if not self.parts:
+            return "the store has no record of its cells"
+        counts = f"{self.done:,} of {self.done + self.failed + self.missing:,} cells done"
+        more = [f"{self.failed:,} failed"] * bool(self.failed)
+        more += [f"{self.missing:,} missing"] * bool(self.missing)
+        return ", ".join((counts, *more))
+
+
+def status_of(store: Any) -> Status:
+    """Return the states of all cells of a store."""
+    parts, totals = [], np.zeros(3, dtype=int)
+    for group in groups(store):
+        if group != "status" and not group.startswith("status_"):
+            continue
+        for name, array in read(store, group).data_vars.items():
+            states = array.values
+            counts = [int((states == state).sum()) for state in (1, 0, -1)]
+            label = str(name) if group == "status" else group.removeprefix("status_")
+            parts.append((printable(label.replace("_", " ")), *counts))
+            totals += counts
+    failures = [(str(k), str(v)) for k, v in dict(store.attrs.get("failures", {})).items()]
+    done, failed, missing = map(int, totals)
+    # A failure that no state shows, such as that of a table, counts, too.
+    failed = max(failed, bool(failures))
+    return Status(
+        *(done, failed, missing, parts, failures[:NAMED]), max(0, len(failures) - NAMED)
+    )
+
+
+def units_of(store: Any) -> dict[str, str]:
+    """Return the units of the axes that cells are on, by name."""
+    found: dict[str, str] = {}
+    for group in groups(store):
+        if group.partition("_")[0] == "status":
+            coords = read(store, group).coords
+            found |= {str(name): Column(coord).unit for name, coord in coords.items()}
+    return found
+
+
+def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every setting of a configuration by its key."""
+    for key, value in tree.items():
+        name = f"{above}.{key}" if above else str(key)
+        if isinstance(value, Mapping) and value:
+            yield from flat(value, name)
+        else:
+            yield name, value
+
+
+def swept(settings: Iterable[tuple[str, Any]], units: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return settings of several values: the key, and its values in words."""
+    found = []
+    for key, value in settings:
+        if isinstance(value, list) and len(value) > 1:
+            unit = units.get(key.rpartition(".")[2], "")
+            found.append((key, _several(value, unit)))
+    return found
+
+
+def _several(values: list[Any], unit: str) -> str:
+    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+    if len(values) > 8 and len(numbers) == len(values):
+        ends = f"{shown(min(numbers))} to {shown(max(numbers))}"
+        return f"{ends} {unit}".strip() + f", {len(values)} values"
+    few = ", ".join(shown(value) for value in values[:12])
+    more = f" and {len(values) - 12} more" if len(values) > 12 else ""
+    return f"{few} {unit}".strip() + more
+
+
+def written(value: Any) -> str:
+    """Return a value of the configuration as YAML has it, on one line."""
+    return printable(json.dumps(value, ensure_ascii=False))
+
+
+def provenance(attributes: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return tables of what the numbers depend on besides the configuration."""
+    known = (
+        ("Versions", "versions"),
+        ("Digests of the ships' meshes", "mesh_digests"),
+        ("Digests of code by stage", "code"),
+        ("Digests of results by stage", "cells"),
+    )
+    return [
+        (title, [(str(key), str(value)) for key, value in dict(attributes[name]).items()])
+        for title, name in known
+        if attributes.get(name)
+    ]
