@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sweeps.report.axes import NOTHING
-from sweeps.report.page.cubes import NAMED, TRUE, Axis, Cube, Place
+from sweeps.report.page.cubes import NAMED, TRUE, Axis, Cube
 from sweeps.report.page.layout import Cell
 
 LARGE = 15  # points of difference that are coloured strongly
@@ -53,7 +53,11 @@ class Cells:
         points = round(value - theirs)
         difference = f"{points:+d}" if points else "±0"
         return Shown(
-            text, interval, str(theirs), difference.replace("-", "−"), look(points, low, high, theirs)
+            text,
+            interval,
+            str(theirs),
+            difference.replace("-", "−"),
+            look(points, low, high, theirs),
         )
 
     def of_matrix(self, line: Sequence[Cell]) -> list[tuple[Cell, str, str, str]]:
@@ -73,6 +77,13 @@ class Cells:
                 found.append((cell, f"{100 * share:.0f}", f"{count:.0f}", f"k{shade(share)}"))
         return found
 
+    def elsewhere(self, notes: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str, bool]]:
+        """Return notes on values of other axes, each with whether that value is not selected."""
+        return [
+            (dim, words, text, text != self.axes[dim].told(self.axes[dim].default))
+            for dim, words, text in notes
+        ]
+
     def place(self, cell: Cell) -> str:
         """Return where a cell stands besides the selection, as the script reads it."""
         return ";".join(f"{name}:{place}" for name, place in cell.at.items())
@@ -88,13 +99,19 @@ class Cells:
         for dim, there in zip(cube.dims, cube.at, strict=True):
             here = place[dim]
             known = cube.codes[dim][there.index(here)] if dim in cube.codes else None
-            found = found.replace(f"{{{dim}}}", known if known is not None else self.axes[dim].codes[here])
+            found = found.replace(
+                f"{{{dim}}}", known if known is not None else self.axes[dim].codes[here]
+            )
         return found
 
     def data(self) -> dict[str, Any]:
         """Return axes and cubes for the script."""
         axes = {
-            name: {"t": axis.texts, "c": axis.codes, "d": axis.default}
+            name: {
+                "t": [axis.told(k) for k in range(len(axis.texts))],
+                "c": axis.codes,
+                "d": axis.default,
+            }
             for name, axis in self.axes.items()
         }
         cubes = [

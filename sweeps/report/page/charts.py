@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
-from sweeps.report.page.cubes import Axis, Cube, Place
+from sweeps.report.page.cubes import BIN, OVERALL, Axis, Cube, Place
 
 WIDTH, HEIGHT = 340, 216
 LEFT, RIGHT, TOP, BOTTOM = 42, 12, 10, 40  # margins
@@ -51,8 +52,8 @@ class Scale:
         """Values to be labelled, with their heights."""
         if self.logarithmic:
             first, last = math.ceil(math.log10(self.low)), math.floor(math.log10(self.high))
-            step = max(1, (last - first) // 4)
-            values = [10.0**power for power in range(first, last + 1, step)]
+            every = max(1, (last - first) // 4)
+            values = [10.0**power for power in range(first, last + 1, every)]
         else:
             step = _step(self.high - self.low)
             first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
@@ -89,8 +90,8 @@ def chart(
     """
     title, unit, names = texts
     places = sorted({place for k in numbers for place in _along(cubes[k], axis.name)})
-    if axis.name == "aspect_bin":
-        places = [place for place in places if axis.texts[place] != "overall"] or places
+    if axis.name == BIN:
+        places = [place for place in places if axis.texts[place] != OVERALL] or places
     across = dict(zip(places, positions(axis, places), strict=True))
     scale = Scale(*ends, False) if ends else _scale(cubes[k] for k in numbers)
     default = {name: one.default for name, one in axes.items()}
@@ -100,7 +101,7 @@ def chart(
         series.append(Series(number, name, look % COLOURS, look // 2 % len(SHAPES), *paths))
     labels = _labels([(axis.texts[place], x) for place, x in across.items()])
     every = [across.get(place) for place in range(len(axis.texts))]
-    joined = axis.numbers is not None or axis.name == "aspect_bin"
+    joined = axis.numbers is not None or axis.name == BIN
     return Chart(f"{title} against {axis.words}", axis, unit, series, every, labels, scale, joined)
 
 
@@ -125,7 +126,7 @@ def positions(axis: Axis, places: Sequence[int]) -> list[float]:
 
 
 def _least_gap(values: Sequence[float]) -> float:
-    gaps = [after - before for before, after in zip(values, values[1:], strict=False)]
+    gaps = [after - before for before, after in pairwise(values)]
     return min(gaps) / (values[-1] - values[0])
 
 
@@ -136,13 +137,15 @@ def _labels(there: Sequence[tuple[str, float]]) -> list[tuple[str, str, float]]:
         wide = 6.2 * min(len(text), LETTERS) + 6
         if all(abs(x - other) >= max(wide, 24) for _, other in kept):
             kept.append((text, x))
-    return [(text if len(text) <= LETTERS else f"{text[: LETTERS - 1]}…", text, x) for text, x in kept]
+    return [
+        (text if len(text) <= LETTERS else f"{text[: LETTERS - 1]}…", text, x) for text, x in kept
+    ]
 
 
-def _scale(cubes: Sequence[Cube] | object) -> Scale:
+def _scale(cubes: Iterable[Cube]) -> Scale:
     values = [
         value
-        for cube in cubes  # type: ignore[attr-defined]
+        for cube in cubes
         for value in (*cube.values, *cube.low, *cube.high)
         if value is not None
     ]

@@ -10,8 +10,20 @@ import xarray as xr
 
 from ncti.evaluate import aspect_bins
 from sweeps.report.axes import DRAWS, Column, shown
-from sweeps.report.page.cubes import NAMED, SPLIT, TRUE, Axes, Axis, Cube, along
-from sweeps.report.page.layout import BIN, OVERALL, Cell, label_of, note_of, title_of
+from sweeps.report.page.cubes import (
+    BIN,
+    NAMED,
+    OVERALL,
+    SPLIT,
+    TRUE,
+    Axes,
+    Axis,
+    Cube,
+    along,
+    unit_of,
+    with_unit,
+)
+from sweeps.report.page.layout import Cell, label_of, notes_of
 from sweeps.report.rows import known
 
 NONE = "none"
@@ -23,7 +35,7 @@ class Matrix:
 
     name: str
     title: str
-    note: str
+    notes: list[tuple[str, str, str]]
     ships: list[str]
     named: list[str]
     lines: list[list[Cell]]
@@ -44,13 +56,11 @@ def matrices_of(answers: xr.Dataset, group: str, store: str, axes: Axes) -> list
     return [_cube(part, group, store, axes, split) for part in stacked]
 
 
-def _cube(
-    answers: xr.Dataset, group: str, store: str, axes: Axes, split: Sequence[str]
-) -> Cube:
+def _cube(answers: xr.Dataset, group: str, store: str, axes: Axes, split: Sequence[str]) -> Cube:
     predicted = answers.predicted
     ships = [str(ship) for ship in answers.ship.values.tolist()]
-    labels, index = aspect_bins(answers.aspect.values)
-    labels = [*labels, OVERALL]
+    bins, index = aspect_bins(answers.aspect.values)
+    labels = [*bins, OVERALL]
     draws = [str(dim) for dim in predicted.dims if dim in DRAWS]
     own = [str(dim) for dim in predicted.dims if dim not in (*draws, "ship", "aspect")]
     dims = tuple(dim for dim in own if answers.sizes[dim] > 1)
@@ -67,21 +77,26 @@ def _cube(
 
     at, fixed, there = [], {}, []
     for dim in own:
-        given, codes, label = along(answers, dim)
+        given, codes, column = along(answers, dim)
         if dim in dims:
-            axes.add(dim, label, given, codes)
+            axes.add(dim, column, given, codes)
             there.append(tuple(given))
             at.append(f", {dim}={{{dim}}}")
         else:
-            fixed[dim] = " ".join((shown(given[0]), Column(answers[dim]).unit)).strip()
+            fixed[dim] = with_unit(shown(given[0]), unit_of(column))
             at.append(f", {dim}={codes[0]}")
     named_ships = [*ships, NONE] if counts[..., -1].any() else ships
     counts = counts[..., : len(named_ships)]
     ends = [answers.aspect.values[index == k] for k in range(len(labels) - 1)]
     slices = [f", aspect=slice({one.min():g}, {one.max():g})" for one in ends]
-    axes.add(BIN, "aspects [°]", labels, [repr(one) for one in labels])
-    axes.add(TRUE, TRUE, ships, [repr(one) for one in ships])
-    axes.add(NAMED, NAMED, [*ships, NONE], [*map(str, range(len(ships))), "-1"])
+    axes.add(BIN, Column(xr.DataArray(0, name=BIN)), labels, [repr(one) for one in labels])
+    axes.add(TRUE, Column(xr.DataArray(0, name=TRUE)), ships, [repr(one) for one in ships])
+    axes.add(
+        NAMED,
+        Column(xr.DataArray(0, name=NAMED)),
+        [*ships, NONE],
+        [*map(str, range(len(ships))), "-1"],
+    )
     opened = f"xr.open_zarr({store!r}, group={group!r}).predicted"
     return Cube(
         group,
@@ -109,8 +124,8 @@ def laid_out(cubes: Sequence[Cube], axes: Mapping[str, Axis]) -> list[Matrix]:
         found.append(
             Matrix(
                 name,
-                label_of(cube) if set(cube.fixed) & set(SPLIT) else title_of(name),
-                note_of(cube, axes),
+                label_of(cube),
+                notes_of(cube, axes),
                 [axes[TRUE].texts[place] for place in there],
                 [axes[NAMED].texts[place] for place in across],
                 [[Cell(number, {TRUE: one, NAMED: other}) for other in across] for one in there],

@@ -19,6 +19,7 @@ ENDS = (("ci_low", "ci_high"), ("low", "high"))  # of intervals, after the name 
 BESIDE = ("spread", "n")  # shown with a variable, not on their own
 SPLIT = ("channel", "classifier", "kind", "engine")  # axes whose values are curves of their own
 SCORE = "accuracy"
+BIN, OVERALL, DEGREE = "aspect_bin", "overall", "°"
 TRUE, NAMED = "true ship", "ship named"  # axes of confusion matrices
 DIGITS = 5  # significant digits of numbers that are no percentages
 
@@ -31,7 +32,9 @@ class Axis:
     """An axis of the sweep: its values as texts, as Python code, and as numbers if they are."""
 
     name: str
-    label: str
+    words: str
+    unit: str
+    meaning: str
     values: tuple[Any, ...]
     texts: tuple[str, ...]
     codes: tuple[str, ...]
@@ -39,9 +42,13 @@ class Axis:
     default: int
 
     @property
-    def words(self) -> str:
-        """Name of the axis, without its unit."""
-        return printable(self.name.replace("_", " "))
+    def label(self) -> str:
+        """Its name, with its unit in brackets."""
+        return f"{self.words} [{self.unit}]" if self.unit else self.words
+
+    def told(self, place: int) -> str:
+        """Return a value with its unit."""
+        return with_unit(self.texts[place], self.unit)
 
 
 @dataclass(frozen=True)
@@ -83,7 +90,7 @@ class Cube:
 class _Known:
     """Values of an axis that any cube has, in order of appearance."""
 
-    label: str
+    column: Column
     values: dict[Any, str] = field(default_factory=dict)  # with their code
 
 
@@ -93,9 +100,9 @@ class Axes:
     def __init__(self) -> None:
         self._known: dict[str, _Known] = {}
 
-    def add(self, name: str, label: str, values: Sequence[Any], codes: Sequence[str]) -> None:
+    def add(self, name: str, column: Column, values: Sequence[Any], codes: Sequence[str]) -> None:
         """Take in values of an axis."""
-        known = self._known.setdefault(name, _Known(label))
+        known = self._known.setdefault(name, _Known(column))
         for value, code in zip(values, codes, strict=True):
             known.values.setdefault(value, code)
 
@@ -112,13 +119,31 @@ def _axis(name: str, known: _Known) -> Axis:
     finite = numeric and all(map(math.isfinite, values))
     return Axis(
         name,
-        known.label,
+        known.column.words,
+        "" if name == BIN else unit_of(known.column),
+        printable(known.column.long_name),
         tuple(values),
-        tuple(shown(one) for one in values),
+        tuple(_text(name, one) for one in values),
         tuple(known.values[one] for one in values),
         tuple(map(float, values)) if finite else None,
         _default(name, values, finite),
     )
+
+
+def unit_of(column: Column) -> str:
+    """Return the unit of a column as the page has it."""
+    return DEGREE if column.units == "degree" else column.unit
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return a value with its unit, degrees without a blank."""
+    return f"{text}{unit}" if unit == DEGREE else f"{text} {unit}".strip()
+
+
+def _text(name: str, value: Any) -> str:
+    if name == BIN and value != OVERALL:
+        return f"{shown(value).replace('-', '–')}{DEGREE}"
+    return shown(value)
 
 
 def _default(name: str, values: Sequence[Any], numeric: bool) -> int:
@@ -130,7 +155,7 @@ def _default(name: str, values: Sequence[Any], numeric: bool) -> int:
         "frame_count": source["table5_percent_correct"]["frame_count"],
         "infrared_frame_count": source["table5_percent_correct"]["frame_count"],
         "range": source["experiment"]["range"],
-        "aspect_bin": "overall",
+        BIN: OVERALL,
         "channel": "both",
     }
     value = wanted.get(name)
@@ -143,7 +168,9 @@ def _default(name: str, values: Sequence[Any], numeric: bool) -> int:
 
 def placed(cube: Cube, axes: Mapping[str, Axis]) -> Cube:
     """Return a cube with places on the axes of the page, given with values in their stead."""
-    places = {dim: {value: place for place, value in enumerate(axes[dim].values)} for dim in cube.dims}
+    places = {
+        dim: {value: place for place, value in enumerate(axes[dim].values)} for dim in cube.dims
+    }
     at = (
         tuple(places[dim][value] for value in there)
         for dim, there in zip(cube.dims, cube.at, strict=True)
@@ -197,32 +224,36 @@ def _cube(
     dims = tuple(dim for dim in here if array.sizes[dim] > 1)
     raw, at, fixed = {}, [f"{key}={value!r}" for key, value in split.items()], {}
     for dim in here:
-        values, codes, label = along(table, dim)
+        values, codes, column = along(table, dim)
         if dim in dims:
-            axes.add(dim, label, values, codes)
+            axes.add(dim, column, values, codes)
             raw[dim] = tuple(values)
             at.append(f"{dim}={{{dim}}}")
         else:
-            fixed[dim] = " ".join((shown(values[0]), Column(table[dim]).unit)).strip()
+            fixed[dim] = with_unit(_text(dim, values[0]), unit_of(column))
             at.append(f"{dim}={codes[0]}")
     numbers = [
-        _numbers(table, one, dims, draws, percent and one != f"{prefix}n") for one in (name, *beside)
+        _numbers(table, one, dims, draws, percent and one != f"{prefix}n")
+        for one in (name, *beside)
     ]
     mean = f".mean({draws!r})" if draws else ""
     place = f".sel({', '.join(at)})" if at else ""
     opened = f"xr.open_zarr({store!r}, group={group!r})[{name!r}]"
+    low, high, count = [*numbers[1:], (), (), ()][:3]
     return Cube(
         group,
         name,
         printable(name.replace("_", " ")),
         printable(str(array.attrs.get("long_name", ""))),
-        "%" if percent else Column(array).unit,
+        "%" if percent else unit_of(Column(array)),
         dims,
         tuple(raw.values()),
         numbers[0],
         f"{'100 * ' if percent else ''}{opened}{place}{mean}.item()",
         fixed | {key: shown(value) for key, value in split.items()},
-        *[*numbers[1:], (), (), ()][:3],
+        low=low,
+        high=high,
+        count=count,
         source=_source(table, group, prefix, dims) if percent and not split else (),
     )
 
@@ -233,8 +264,8 @@ def _ends(table: xr.Dataset, name: str) -> list[str]:
     return next((pair for pair in pairs if all(one in table for one in pair)), [])
 
 
-def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], str]:
-    """Return values of a dimension, their code for `sel`, and its label.
+def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], Column]:
+    """Return values of a dimension, their code for `sel`, and its column.
 
     Of a joint axis, which has several coordinates, or none of its name: their numbers, told by all.
     """
@@ -248,16 +279,16 @@ def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], str]:
     ]
     if others:
         told = zip(*(table[name].values.tolist() for name in others), strict=True)
-        units = [Column(table[name]).unit for name in others]
+        units = [unit_of(Column(table[name])) for name in others]
         texts = [
             ", ".join(
-                f"{name.replace('_', ' ')} {shown(value)} {unit}".strip()
+                f"{name.replace('_', ' ')} {with_unit(shown(value), unit)}"
                 for name, value, unit in zip(others, one, units, strict=True)
             )
             for one in told
         ]
-        return texts, [repr(value) for value in values], column.words
-    return values, [repr(value) for value in values], column.heading
+        return texts, [repr(value) for value in values], Column(coord.drop_attrs())
+    return values, [repr(value) for value in values], column
 
 
 def _numbers(

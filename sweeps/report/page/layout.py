@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from sweeps.report.page.charts import Chart, chart
-from sweeps.report.page.cubes import NAMED, SCORE, Axis, Cube, Place
+from sweeps.report.page.cubes import BIN, NAMED, SCORE, SPLIT, Axis, Cube, Place
 from sweeps.report.tables import REJECTING, TITLES
 
-BIN, OVERALL = "aspect_bin", "overall"
 PROFILES = {"training_": "training profiles", "ship_": "ship alone", "": ""}
 CHANNELS = {"range": "range profile", "infrared": "silhouette", "both": "both sensors"}
 KINDS = {"learned": "learned", "test": "synthetic, noisy", "measured": "measured"}
@@ -40,7 +39,7 @@ class Line:
 
     label: str
     cells: list[Cell]
-    note: str = ""
+    notes: list[tuple[str, str, str]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class Section:
 def label_of(cube: Cube) -> str:
     """Return what a classifier's scores are called."""
     name = cube.group.rpartition("/")[2]
-    prefix = cube.name.removesuffix(SCORE)
+    prefix = cube.name.removesuffix(SCORE) if cube.name.endswith(SCORE) else ""
     own = f"{name}_{prefix.strip('_')}" if prefix else name
     first = TITLES.get(own) or TITLES.get(name) or REJECTING.get(name) or name.replace("_", " ")
     words = [first, "" if own in TITLES else PROFILES.get(prefix, prefix.strip("_"))]
@@ -82,15 +81,13 @@ def label_of(cube: Cube) -> str:
     return ", ".join(word for word in words if word)
 
 
-def note_of(cube: Cube, axes: Mapping[str, Axis]) -> str:
-    """Return values of a cube on axes that have several elsewhere."""
-    several = {name for name, axis in axes.items() if len(axis.texts) > 1}
-    there = (
-        f"{axes[dim].words} {text}"
+def notes_of(cube: Cube, axes: Mapping[str, Axis]) -> list[tuple[str, str, str]]:
+    """Return values of a cube on axes that have several elsewhere: axis, words and value."""
+    return [
+        (dim, axes[dim].words, text)
         for dim, text in cube.fixed.items()
-        if dim in several and dim != BIN
-    )
-    return "; ".join(there)
+        if dim in axes and len(axes[dim].texts) > 1 and dim != BIN and dim not in SPLIT
+    ]
 
 
 def is_score(cube: Cube) -> bool:
@@ -129,12 +126,13 @@ def score_sections(
 def title_of(name: str) -> str:
     """Return what the tables of a group are called."""
     known = TITLES.get(name) or REJECTING.get(name)
-    return known.partition(",")[0] if known else name.replace("_", " ").capitalize()
+    words = known.partition(",")[0] if known else name.replace("_", " ")
+    return words[:1].upper() + words[1:]
 
 
 def _score_line(number: int, cubes: Sequence[Cube], axes: Mapping[str, Axis]) -> Line:
     cells = [Cell(number, {BIN: place}) for place in range(len(axes[BIN].texts))]
-    return Line(label_of(cubes[number]), cells, note_of(cubes[number], axes))
+    return Line(label_of(cubes[number]), cells, notes_of(cubes[number], axes))
 
 
 def _by_axis(
@@ -146,16 +144,15 @@ def _by_axis(
     keys = [dim for dim in cube.dims if dim != BIN]
     first = "frame_count" if "frame_count" in keys else keys[0] if keys else ""
     for dim in keys or [""]:
-        places = cube.at[cube.dims.index(dim)] if dim else [None]
         lines = [
             Line(
                 axes[dim].texts[place] if dim else "all",
                 [Cell(number, ({dim: place} if dim else {}) | {BIN: k}) for k in bins],
             )
-            for place in places
+            for place in (_places(cube, dim) if dim else (0,))
         ]
         lines += [
-            Line("training", [Cell(one, {BIN: k}) for k in bins], note_of(cubes[one], axes))
+            Line("training", [Cell(one, {BIN: k}) for k in bins], notes_of(cubes[one], axes))
             for one in trained
             if dim not in cubes[one].dims and one != number
         ]

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from sweeps.report.axes import Column
-from sweeps.report.rows import groups, read
+from sweeps.report.rows import groups
 
 GROUP = "ships"
 SIZES = ("length", "beam", "height", "facets")

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from sweeps.report.axes import Column, printable, shown
+from sweeps.report.page.cubes import unit_of, with_unit
 from sweeps.report.rows import groups, read
 
 NAMED = 20  # failures that are told; the store has all
@@ -48,23 +47,20 @@ class Status:
 
 def status_of(store: Any) -> Status:
     """Return the states of all cells of a store."""
-    parts, totals = [], np.zeros(3, dtype=int)
+    parts: list[tuple[str, int, int, int]] = []
     for group in groups(store):
         if group != "status" and not group.startswith("status_"):
             continue
         for name, array in read(store, group).data_vars.items():
             states = array.values
-            counts = [int((states == state).sum()) for state in (1, 0, -1)]
+            done, failed, missing = (int((states == state).sum()) for state in (1, 0, -1))
             label = str(name) if group == "status" else group.removeprefix("status_")
-            parts.append((printable(label.replace("_", " ")), *counts))
-            totals += counts
+            parts.append((printable(label.replace("_", " ")), done, failed, missing))
     failures = [(str(k), str(v)) for k, v in dict(store.attrs.get("failures", {})).items()]
-    done, failed, missing = map(int, totals)
-    # A failure that no state shows, such as that of a table, counts, too.
-    failed = max(failed, bool(failures))
-    return Status(
-        *(done, failed, missing, parts, failures[:NAMED]), max(0, len(failures) - NAMED)
-    )
+    done, failed, missing = (sum(part[k] for part in parts) for k in (1, 2, 3))
+    # A failure that no state shows counts, too.
+    failed, more = max(failed, bool(failures)), max(0, len(failures) - NAMED)
+    return Status(done, failed, missing, parts, failures[:NAMED], more)
 
 
 def units_of(store: Any) -> dict[str, str]:
@@ -73,7 +69,7 @@ def units_of(store: Any) -> dict[str, str]:
     for group in groups(store):
         if group.partition("_")[0] == "status":
             coords = read(store, group).coords
-            found |= {str(name): Column(coord).unit for name, coord in coords.items()}
+            found |= {str(name): unit_of(Column(coord)) for name, coord in coords.items()}
     return found
 
 
@@ -101,10 +97,10 @@ def _several(values: list[Any], unit: str) -> str:
     numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
     if len(values) > 8 and len(numbers) == len(values):
         ends = f"{shown(min(numbers))} to {shown(max(numbers))}"
-        return f"{ends} {unit}".strip() + f", {len(values)} values"
+        return with_unit(ends, unit) + f", {len(values)} values"
     few = ", ".join(shown(value) for value in values[:12])
     more = f" and {len(values) - 12} more" if len(values) > 12 else ""
-    return f"{few} {unit}".strip() + more
+    return with_unit(few, unit) + more
 
 
 def written(value: Any) -> str:

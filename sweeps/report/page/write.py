@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +14,7 @@ import xarray as xr
 
 from sweeps.report import rows
 from sweeps.report.axes import Axis as SweepAxis
-from sweeps.report.axes import Column, printable
+from sweeps.report.axes import printable
 from sweeps.report.page import confusion, layout, summary
 from sweeps.report.page.cells import Cells
 from sweeps.report.page.cubes import NAMED, TRUE, Axes, Axis, Cube, cubes_of, placed

@@ -130,6 +130,9 @@
     all("[data-code]").forEach((one) => {
       one.textContent = codeOf(cubes[one.dataset.code], placeOf(one.dataset.at));
     });
+    all("[data-fixed]").forEach((one) => {
+      one.hidden = axes[one.dataset.fixed].t[state[one.dataset.fixed]] === one.dataset.text;
+    });
     if (current) tell(current);
   };
 
