@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sweeps.report.axes import NOTHING
-from sweeps.report.page.cubes import NAMED, TRUE, Axis, Cube
+from sweeps.report.page.cubes import NAMED, TRUE, Axis, Cube, hole
 from sweeps.report.page.layout import Cell
 
 LARGE = 15  # points of difference that are coloured strongly
@@ -100,7 +100,7 @@ class Cells:
             here = place[dim]
             known = cube.codes[dim][there.index(here)] if dim in cube.codes else None
             found = found.replace(
-                f"{{{dim}}}", known if known is not None else self.axes[dim].codes[here]
+                hole(dim), known if known is not None else self.axes[dim].codes[here]
             )
         return found
 

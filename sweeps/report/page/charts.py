@@ -9,8 +9,8 @@ from itertools import pairwise
 
 from sweeps.report.page.cubes import BIN, OVERALL, Axis, Cube, Place
 
-WIDTH, HEIGHT = 340, 216
-LEFT, RIGHT, TOP, BOTTOM = 42, 12, 10, 40  # margins
+WIDTH, HEIGHT = 340, 226
+LEFT, RIGHT, TOP, BOTTOM = 42, 12, 20, 40  # margins
 APART = 38  # between labels of values
 LETTERS = 11  # of a label
 SHAPES = ("circle", "square", "diamond", "triangle")
@@ -73,6 +73,7 @@ class Chart:
     labels: list[tuple[str, str, float]]
     scale: Scale
     joined: bool
+    keyed: bool = False
 
 
 def chart(
@@ -97,12 +98,20 @@ def chart(
     default = {name: one.default for name, one in axes.items()}
     series = []
     for number, look, name in zip(numbers, looks, names, strict=True):
-        paths = drawn(cubes[number], axis.name, default, across, scale, look // 2 % len(SHAPES))
-        series.append(Series(number, name, look % COLOURS, look // 2 % len(SHAPES), *paths))
+        paths = drawn(cubes[number], axis.name, default, across, scale, shape_of(look))
+        series.append(Series(number, name, look % COLOURS, shape_of(look), *paths))
     labels = _labels([(axis.texts[place], x) for place, x in across.items()])
     every = [across.get(place) for place in range(len(axis.texts))]
     joined = axis.numbers is not None or axis.name == BIN
-    return Chart(f"{title} against {axis.words}", axis, unit, series, every, labels, scale, joined)
+    return Chart(
+        *(f"{title} against {axis.words}", axis, unit, series, every, labels, scale, joined),
+        keyed=ends is None and len(series) > 1,
+    )
+
+
+def shape_of(look: int) -> int:
+    """Return the shape of a curve's marks: with its colour it is that of no other."""
+    return (look + look // COLOURS) % len(SHAPES)
 
 
 def _along(cube: Cube, dim: str) -> tuple[int, ...]:

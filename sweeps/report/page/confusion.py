@@ -20,6 +20,7 @@ from sweeps.report.page.cubes import (
     Axis,
     Cube,
     along,
+    hole,
     unit_of,
     with_unit,
 )
@@ -81,7 +82,7 @@ def _cube(answers: xr.Dataset, group: str, store: str, axes: Axes, split: Sequen
         if dim in dims:
             axes.add(dim, column, given, codes)
             there.append(tuple(given))
-            at.append(f", {dim}={{{dim}}}")
+            at.append(f", {dim}={hole(dim)}")
         else:
             fixed[dim] = with_unit(shown(given[0]), unit_of(column))
             at.append(f", {dim}={codes[0]}")
@@ -107,7 +108,7 @@ def _cube(answers: xr.Dataset, group: str, store: str, axes: Axes, split: Sequen
         (*dims, BIN, TRUE, NAMED),
         (*there, tuple(labels), tuple(ships), tuple(named_ships)),
         tuple(counts.ravel().tolist()),
-        f"({opened}.sel(ship={{{TRUE}}}{''.join(at)}{{{BIN}}}) == {{{NAMED}}}).sum().item()",
+        f"({opened}.sel(ship={hole(TRUE)}{''.join(at)}{hole(BIN)}) == {hole(NAMED)}).sum().item()",
         fixed | {dim: str(known(answers[dim].values[0])) for dim in split},
         codes={BIN: [*slices, ""]},
     )

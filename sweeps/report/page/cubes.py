@@ -16,7 +16,8 @@ from sweeps.report.axes import DRAWS, NOMINAL, OF_ARRAYS, Column, axes_of, print
 from sweeps.report.rows import beside_source, has_source_views, nearest, score_rows, source_figures
 
 ENDS = (("ci_low", "ci_high"), ("low", "high"))  # of intervals, after the name of their variable
-BESIDE = ("spread", "n")  # shown with a variable, not on their own
+COUNTS = ("n", "of")  # of what a variable is a fraction, after its name
+BESIDE = ("spread", *COUNTS)  # shown with a variable, not on their own
 SPLIT = ("channel", "classifier", "kind", "engine")  # axes whose values are curves of their own
 SCORE = "accuracy"
 BIN, OVERALL, DEGREE = "aspect_bin", "overall", "°"
@@ -56,7 +57,7 @@ class Cube:
     """Values of one variable over its axes, flat in C order, with what is shown beside them.
 
     `dims` are axes of several values, `at` the places of their values on the axes of the page.
-    `fixed` tells values of the others. `code` is Python with `{axis}` for the code of a value.
+    `fixed` tells values of the others. `code` is Python with a `hole` for the code of a value.
     `codes` are those of a cube of its own.
     """
 
@@ -94,6 +95,11 @@ class _Known:
     values: dict[Any, str] = field(default_factory=dict)  # with their code
 
 
+def hole(dim: str) -> str:
+    """Return what stands in the code of a cube for the value of an axis."""
+    return f"\0{dim}\0"
+
+
 class Axes:
     """The axes of all cubes of a page."""
 
@@ -119,7 +125,7 @@ def _axis(name: str, known: _Known) -> Axis:
     finite = numeric and all(map(math.isfinite, values))
     return Axis(
         name,
-        known.column.words,
+        printable(known.column.name.replace("_", " ")),
         "" if name == BIN else unit_of(known.column),
         printable(known.column.long_name),
         tuple(values),
@@ -199,17 +205,11 @@ def _is_measure(table: xr.Dataset, name: str) -> bool:
     array = table[name]
     if array.dtype.kind not in "fiub" or set(array.dims) & set(OF_ARRAYS):
         return False
-    if name.endswith(BESIDE) and f"{_stem(name, BESIDE)}{SCORE}" in table:
-        return False
-    for pair in ENDS:
-        stem = _stem(name, pair)
-        if name.endswith(pair) and (f"{stem}{SCORE}" in table or stem.rstrip("_") in table):
+    for end in (*BESIDE, *ENDS[0], *ENDS[1]):
+        stem = name.removesuffix(end)
+        if stem != name and (f"{stem}{SCORE}" in table or stem.removesuffix("_") in table):
             return False
     return True
-
-
-def _stem(name: str, endings: Iterable[str]) -> str:
-    return next((name.removesuffix(end) for end in endings if name.endswith(end)), name)
 
 
 def _cube(
@@ -218,7 +218,8 @@ def _cube(
     """Return the cube of one variable, at one value of each axis that is split."""
     array, percent = table[name], name.endswith(SCORE)
     prefix = name.removesuffix(SCORE) if percent else ""
-    beside = [f"{prefix}{end}" for end in (*ENDS[0], "n")] if percent else _ends(table, name)
+    count_of = _first(table, [f"{prefix}n"] if percent else [f"{name}_{end}" for end in COUNTS])
+    ends = [f"{prefix}{end}" for end in ENDS[0]] if percent else _ends(table, name)
     draws = [str(dim) for dim in array.dims if dim in DRAWS]
     here = [dim for dim in map(str, array.dims) if dim not in draws]
     dims = tuple(dim for dim in here if array.sizes[dim] > 1)
@@ -228,18 +229,15 @@ def _cube(
         if dim in dims:
             axes.add(dim, column, values, codes)
             raw[dim] = tuple(values)
-            at.append(f"{dim}={{{dim}}}")
+            at.append(f"{dim}={hole(dim)}")
         else:
             fixed[dim] = with_unit(_text(dim, values[0]), unit_of(column))
             at.append(f"{dim}={codes[0]}")
-    numbers = [
-        _numbers(table, one, dims, draws, percent and one != f"{prefix}n")
-        for one in (name, *beside)
-    ]
+    numbers = [_numbers(table, one, dims, draws, percent) for one in (name, *ends)]
     mean = f".mean({draws!r})" if draws else ""
     place = f".sel({', '.join(at)})" if at else ""
     opened = f"xr.open_zarr({store!r}, group={group!r})[{name!r}]"
-    low, high, count = [*numbers[1:], (), (), ()][:3]
+    low, high = numbers[1:] or ((), ())
     return Cube(
         group,
         name,
@@ -253,9 +251,14 @@ def _cube(
         fixed | {key: shown(value) for key, value in split.items()},
         low=low,
         high=high,
-        count=count,
+        count=_numbers(table, count_of, dims, draws, False),
         source=_source(table, group, prefix, dims) if percent and not split else (),
     )
+
+
+def _first(table: xr.Dataset, names: Iterable[str]) -> str:
+    """Name of the first variable of some that a table has; empty without."""
+    return next((name for name in names if name in table), "")
 
 
 def _ends(table: xr.Dataset, name: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from sweeps.report.page.charts import Chart, chart
@@ -54,6 +54,7 @@ class Sheet:
     part: str = ""
     shown: bool = True
     more: int = 0
+    measures: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,11 @@ def notes_of(cube: Cube, axes: Mapping[str, Axis]) -> list[tuple[str, str, str]]
     ]
 
 
+def is_training(cube: Cube) -> bool:
+    """Return whether a cube scores what was learned."""
+    return cube.name.startswith("training_")
+
+
 def is_score(cube: Cube) -> bool:
     """Return whether a cube is percent correct by aspect bin."""
     return cube.name.endswith(SCORE) and BIN in cube.dims
@@ -102,7 +108,7 @@ def score_sections(
     found = {number: cube for number, cube in enumerate(cubes) if is_score(cube)}
     if not found:
         return None, []
-    tests = [number for number, cube in found.items() if not cube.name.startswith("training_")]
+    tests = [number for number, cube in found.items() if not is_training(cube)]
     tests = tests or list(found)
     whole = Sheet(
         "Percent correct by aspect bin, every classifier",
@@ -115,8 +121,10 @@ def score_sections(
         own = [number for number in found if cubes[number].group == group]
         sheets = []
         for number in own:
-            if not cubes[number].name.startswith("training_") or len(own) == 1:
-                trained = [other for other in own if cubes[other].name.startswith("training_")]
+            if not is_training(cubes[number]) or len(own) == 1:
+                # The training is scored as tests without a prefix are.
+                plain = cubes[number].name == SCORE
+                trained = [other for other in own if plain and is_training(cubes[other])]
                 sheets += _by_axis(number, trained, cubes, axes)
         name = group.rpartition("/")[2]
         sections.append(Section(name, title_of(name), sheets))
@@ -177,7 +185,7 @@ def _by_axis(
 def score_charts(cubes: Sequence[Cube], axes: Mapping[str, Axis]) -> list[Chart]:
     """Return charts of percent correct against every axis of several values."""
     found = [number for number, cube in enumerate(cubes) if is_score(cube)]
-    tests = [number for number in found if not cubes[number].name.startswith("training_")]
+    tests = [number for number in found if not is_training(cubes[number])]
     colours = {number: k for k, number in enumerate(tests or found)}
     charts = []
     for name, axis in axes.items():
@@ -193,7 +201,7 @@ def score_charts(cubes: Sequence[Cube], axes: Mapping[str, Axis]) -> list[Chart]
 def legend(cubes: Sequence[Cube]) -> list[tuple[int, str]]:
     """Return numbers of colours of charts of scores, with their classifiers."""
     found = [cube for cube in cubes if is_score(cube)]
-    tests = [cube for cube in found if not cube.name.startswith("training_")]
+    tests = [cube for cube in found if not is_training(cube)]
     return [(number, label_of(cube)) for number, cube in enumerate(tests or found)]
 
 
@@ -209,15 +217,11 @@ def other_sections(
         own = [number for number in others if cubes[number].group == group]
         name = group.rpartition("/")[2]
         sheets = _beside_each_other(own, cubes, axes, titles.get(group) or title_of(name), name)
-        charts = [
-            chart(
-                (told(cubes[number]), cubes[number].units or cubes[number].label, [""]),
-                *(axes[dim], [number], [0], cubes, axes),
-            )
-            for number in own
-            for dim in cubes[number].dims
-            if any(value is not None for value in cubes[number].values)
-        ]
+        charts: list[Chart] = []
+        for variable in dict.fromkeys(cubes[number].name for number in own):
+            lines = [number for number in own if cubes[number].name == variable]
+            if len({value for number in lines for value in cubes[number].values} - {None}) > 1:
+                charts += _against_axes(lines, cubes, axes)
         meanings = dict.fromkeys((told(cubes[k]), cubes[k].long_name) for k in own)
         sections.append(
             Section(name, titles.get(group) or title_of(name), sheets, charts, list(meanings))
@@ -225,10 +229,24 @@ def other_sections(
     return sections
 
 
+def _against_axes(
+    lines: Sequence[int], cubes: Sequence[Cube], axes: Mapping[str, Axis]
+) -> Iterator[Chart]:
+    """Yield charts of one variable, a curve a value of axes that are split."""
+    first = cubes[lines[0]]
+    names = [", ".join(_split(cubes[number])) for number in lines]
+    for dim in first.dims:
+        texts = first.label, first.units or first.label, names
+        yield chart(texts, axes[dim], lines, range(len(lines)), cubes, axes)
+
+
 def told(cube: Cube) -> str:
     """Return the name of a variable, with its place on axes that are split."""
-    split = [text for key, text in cube.fixed.items() if key in ("channel", "kind", "engine")]
-    return ", ".join((cube.label, *split))
+    return ", ".join((cube.label, *_split(cube)))
+
+
+def _split(cube: Cube) -> list[str]:
+    return [text for key, text in cube.fixed.items() if key in SPLIT]
 
 
 def _beside_each_other(
@@ -259,7 +277,7 @@ def _beside_each_other(
         sheets.append(
             Sheet(
                 *(f"{title}{by}{beside}", heading, columns, lines[:MOST], dim, name),
-                *(dim == (keys or [""])[0], max(0, len(lines) - MOST)),
+                *(dim == (keys or [""])[0], max(0, len(lines) - MOST), True),
             )
         )
     return sheets

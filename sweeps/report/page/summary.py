@@ -7,10 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import xarray as xr
+import zarr
+
 from sweeps.report.axes import Column, printable, shown
 from sweeps.report.page.cubes import unit_of, with_unit
 from sweeps.report.rows import groups, read
 
+CHOICES = ("sensor", "name", "engine")  # settings that say what is run, and are no axes
 NAMED = 20  # failures that are told; the store has all
 
 
@@ -57,20 +61,26 @@ def status_of(store: Any) -> Status:
             label = str(name) if group == "status" else group.removeprefix("status_")
             parts.append((printable(label.replace("_", " ")), done, failed, missing))
     failures = [(str(k), str(v)) for k, v in dict(store.attrs.get("failures", {})).items()]
-    done, failed, missing = (sum(part[k] for part in parts) for k in (1, 2, 3))
+    done = sum(part[1] for part in parts)
+    failed = sum(part[2] for part in parts)
+    missing = sum(part[3] for part in parts)
     # A failure that no state shows counts, too.
     failed, more = max(failed, bool(failures)), max(0, len(failures) - NAMED)
     return Status(done, failed, missing, parts, failures[:NAMED], more)
 
 
 def units_of(store: Any) -> dict[str, str]:
-    """Return the units of the axes that cells are on, by name."""
+    """Return the units of all coordinates of a store, by name."""
     found: dict[str, str] = {}
-    for group in groups(store):
-        if group.partition("_")[0] == "status":
-            coords = read(store, group).coords
-            found |= {str(name): unit_of(Column(coord)) for name, coord in coords.items()}
+    for path, array in store.members(max_depth=None):
+        name = path.rpartition("/")[2]
+        if isinstance(array, zarr.Array) and _dims(array) in ((name,), ()):
+            found.setdefault(name, unit_of(Column(xr.DataArray(0, name=name, attrs=array.attrs))))
     return found
+
+
+def _dims(array: zarr.Array) -> tuple[str, ...]:
+    return tuple(getattr(array.metadata, "dimension_names", None) or ())
 
 
 def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
@@ -84,12 +94,15 @@ def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def swept(settings: Iterable[tuple[str, Any]], units: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return settings of several values: the key, and its values in words."""
+    """Return settings of several values that the store has an axis of: the key, and its values.
+
+    `units` are of all axes, by name.
+    """
     found = []
     for key, value in settings:
-        if isinstance(value, list) and len(value) > 1:
-            unit = units.get(key.rpartition(".")[2], "")
-            found.append((key, _several(value, unit)))
+        axis = key.rpartition(".")[2]
+        if isinstance(value, list) and len(value) > 1 and axis in {*units, *CHOICES}:
+            found.append((key, _several(value, units.get(axis, ""))))
     return found
 
 

@@ -17,23 +17,16 @@ from sweeps.report.axes import Axis as SweepAxis
 from sweeps.report.axes import printable
 from sweeps.report.page import confusion, layout, summary
 from sweeps.report.page.cells import Cells
+from sweeps.report.page.charts import shape_of
 from sweeps.report.page.cubes import NAMED, TRUE, Axes, Axis, Cube, cubes_of, placed
 from sweeps.report.page.pictures import pictures_of
 from sweeps.report.page.ships import ships_of
 from sweeps.report.page.work import read_work
 from sweeps.report.screen import write_whole
 
-SUFFIX = "-report.html"
 HIDDEN = (TRUE, NAMED)  # axes without a selector
 LARGEST = 200_000  # values of a variable; images and profiles have more
 STAMP = "ncti-store"  # name of the meta element that says which store a page is of
-
-
-def page_path(store: Path) -> Path:
-    """Return the place of a store's page: of `q.zarr` `q-report.html`, of `q` `q.report.html`."""
-    if store.name.endswith(rows.SUFFIX):
-        return store.with_name(store.name.removesuffix(rows.SUFFIX) + SUFFIX)
-    return store.with_name(f"{store.name}.report.html")
 
 
 def write_page(store: Path) -> Path:
@@ -41,7 +34,7 @@ def write_page(store: Path) -> Path:
 
     Raises OSError if the store cannot be read, or the page cannot be written.
     """
-    path, text = page_path(store), page_of(store)
+    path, text = rows.page_file(store), page_of(store)
     write_whole(path, lambda made: made.write_text(text, encoding="utf-8", errors="replace"))
     return path
 
@@ -49,7 +42,7 @@ def write_page(store: Path) -> Path:
 def is_current(store: Path) -> bool:
     """Return whether the page beside a store was made of it, by this version."""
     try:
-        with page_path(store).open(encoding="utf-8") as file:
+        with rows.page_file(store).open(encoding="utf-8") as file:
             return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(4096)
     except (OSError, UnicodeDecodeError):
         return False
@@ -86,6 +79,9 @@ def page_of(path: Path) -> str:
         "whole": whole,
         "classifiers": classifiers,
         "legend": layout.legend(cubes),
+        "varied": {sheet.by for one in classifiers for sheet in one.sheets},
+        "first": next((s.by for one in classifiers for s in one.sheets if s.shown), ""),
+        "shape_of": shape_of,
         "charts": layout.score_charts(cubes, axes),
         "others": layout.other_sections(cubes, axes, titles),
         "matrices": confusion.laid_out(cubes, axes),

@@ -28,7 +28,7 @@
     cube.d.forEach((dim, k) => {
       const here = cube.a[k].indexOf(place[dim]);
       const code = dim in cube.o ? cube.o[dim][here] : axes[dim].c[place[dim]];
-      text = text.split("{" + dim + "}").join(here < 0 ? "..." : code);
+      text = text.split("\0" + dim + "\0").join(here < 0 ? "..." : code);
     });
     return text;
   };
@@ -98,7 +98,7 @@
     const xs = JSON.parse(across);
     const scale = (v) => (log === "1" ? (v > 0 ? Math.log10(v) : Math.log10(low)) : v);
     const [bottom, top] = log === "1" ? [Math.log10(low), Math.log10(high)] : [Number(low), Number(high)];
-    const height = (v) => 176 - Math.min(1, Math.max(0, (scale(v) - bottom) / (top - bottom))) * 166;
+    const height = (v) => 186 - Math.min(1, Math.max(0, (scale(v) - bottom) / (top - bottom))) * 166;
     for (const series of all("g", chart)) {
       const cube = cubes[series.dataset.c];
       const points = [], bars = [], marked = [];
@@ -142,8 +142,10 @@
   const tell = (cell) => {
     current = cell;
     where.hidden = false;
-    where.querySelector("code").textContent =
-      codeOf(cubes[cell.dataset.c], placeOf(cell.dataset.at));
+    const cube = cubes[cell.dataset.c], place = placeOf(cell.dataset.at);
+    const at = indexOf(cube, place);
+    const count = at >= 0 && cube.n.length ? "  # n = " + cube.n[at] : "";
+    where.querySelector("code").textContent = at < 0 ? "no value here" : codeOf(cube, place) + count;
   };
   for (const table of all("table.figures")) {
     const first = table.querySelector("td");
