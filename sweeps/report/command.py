@@ -161,7 +161,8 @@ def write_pictures(
     """Draw every stage of the corrections of each flight, and near-stern profiles.
 
     Of each ship flown past, range and aspect one flight, nominal on any other axis. `ship` gives
-    the mesh of a label, in place of the known ship of that name. Raises ValueError if the store has no flights, or its ships are no longer known.
+    the mesh of a label, in place of the known ship of that name. Raises ValueError if the store has
+    no flights, or its ships are no longer known.
     """
     # Here, since nothing else needs what flies, which takes longer to import than to print.
     from sweeps.report.flight_figures import draw_flight, draw_validation, flights_of, known_ship
