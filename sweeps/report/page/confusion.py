@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 
 from ncti.evaluate import aspect_bins
-from sweeps.report.axes import DRAWS, Column, shown
+from sweeps.report.axes import DRAWS, shown
+from sweeps.report.axes import Axis as SweepAxis
 from sweeps.report.page.cubes import (
     BIN,
     NAMED,
@@ -90,11 +91,11 @@ def _cube(answers: xr.Dataset, group: str, store: str, axes: Axes, split: Sequen
     counts = counts[..., : len(named_ships)]
     ends = [answers.aspect.values[index == k] for k in range(len(labels) - 1)]
     slices = [f", aspect=slice({one.min():g}, {one.max():g})" for one in ends]
-    axes.add(BIN, Column(xr.DataArray(0, name=BIN)), labels, [repr(one) for one in labels])
-    axes.add(TRUE, Column(xr.DataArray(0, name=TRUE)), ships, [repr(one) for one in ships])
+    axes.add(BIN, SweepAxis(xr.DataArray(0, name=BIN)), labels, [repr(one) for one in labels])
+    axes.add(TRUE, SweepAxis(xr.DataArray(0, name=TRUE)), ships, [repr(one) for one in ships])
     axes.add(
         NAMED,
-        Column(xr.DataArray(0, name=NAMED)),
+        SweepAxis(xr.DataArray(0, name=NAMED)),
         [*ships, NONE],
         [*map(str, range(len(ships))), "-1"],
     )
@@ -108,7 +109,7 @@ def _cube(answers: xr.Dataset, group: str, store: str, axes: Axes, split: Sequen
         (*dims, BIN, TRUE, NAMED),
         (*there, tuple(labels), tuple(ships), tuple(named_ships)),
         tuple(counts.ravel().tolist()),
-        f"({opened}.sel(ship={hole(TRUE)}{''.join(at)}{hole(BIN)}) == {hole(NAMED)}).sum().item()",
+        f"int(({opened}.sel(ship={hole(TRUE)}{''.join(at)}{hole(BIN)}) == {hole(NAMED)}).sum())",
         fixed | {dim: str(known(answers[dim].values[0])) for dim in split},
         codes={BIN: [*slices, ""]},
     )

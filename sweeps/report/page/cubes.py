@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sweeps.report.axes import DRAWS, NOMINAL, OF_ARRAYS, Column, axes_of, printable, shown
+from sweeps.report.axes import Axis as SweepAxis
 from sweeps.report.rows import beside_source, has_source_views, nearest, score_rows, source_figures
 
 ENDS = (("ci_low", "ci_high"), ("low", "high"))  # of intervals, after the name of their variable
@@ -91,7 +92,7 @@ class Cube:
 class _Known:
     """Values of an axis that any cube has, in order of appearance."""
 
-    column: Column
+    column: SweepAxis
     values: dict[Any, str] = field(default_factory=dict)  # with their code
 
 
@@ -106,15 +107,18 @@ class Axes:
     def __init__(self) -> None:
         self._known: dict[str, _Known] = {}
 
-    def add(self, name: str, column: Column, values: Sequence[Any], codes: Sequence[str]) -> None:
+    def add(
+        self, name: str, column: SweepAxis, values: Sequence[Any], codes: Sequence[str]
+    ) -> None:
         """Take in values of an axis."""
         known = self._known.setdefault(name, _Known(column))
         for value, code in zip(values, codes, strict=True):
             known.values.setdefault(value, code)
 
     def finished(self) -> dict[str, Axis]:
-        """Return the axes, numbers in ascending order."""
-        return {name: _axis(name, known) for name, known in self._known.items()}
+        """Return the axes in the order of columns, numbers ascending."""
+        ordered = sorted(self._known.items(), key=lambda one: one[1].column.rank)
+        return {name: _axis(name, known) for name, known in ordered}
 
 
 def _axis(name: str, known: _Known) -> Axis:
@@ -247,7 +251,7 @@ def _cube(
         dims,
         tuple(raw.values()),
         numbers[0],
-        f"{'100 * ' if percent else ''}{opened}{place}{mean}.item()",
+        f"{'100 * ' if percent else ''}float({opened}{place}{mean})",
         fixed | {key: shown(value) for key, value in split.items()},
         low=low,
         high=high,
@@ -267,30 +271,30 @@ def _ends(table: xr.Dataset, name: str) -> list[str]:
     return next((pair for pair in pairs if all(one in table for one in pair)), [])
 
 
-def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], Column]:
+def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], SweepAxis]:
     """Return values of a dimension, their code for `sel`, and its column.
 
     Of a joint axis, which has several coordinates, or none of its name: their numbers, told by all.
     """
     coord = table[dim]
     values = [None if one != one else one for one in coord.values.tolist()]
-    column = Column(coord)
+    column = SweepAxis(coord)
     others = [
-        str(name)
+        SweepAxis(one)
         for name, one in table.coords.items()
         if one.dims == (dim,) and name not in (dim, "aspect_low")
     ]
+    others.sort(key=lambda one: one.rank)
     if others:
-        told = zip(*(table[name].values.tolist() for name in others), strict=True)
-        units = [unit_of(Column(table[name])) for name in others]
+        told = zip(*(table[one.name].values.tolist() for one in others), strict=True)
         texts = [
             ", ".join(
-                f"{name.replace('_', ' ')} {with_unit(shown(value), unit)}"
-                for name, value, unit in zip(others, one, units, strict=True)
+                f"{one.name.replace('_', ' ')} {with_unit(shown(value), unit_of(one))}"
+                for one, value in zip(others, place, strict=True)
             )
-            for one in told
+            for place in told
         ]
-        return texts, [repr(value) for value in values], Column(coord.drop_attrs())
+        return texts, [repr(value) for value in values], SweepAxis(coord.drop_attrs())
     return values, [repr(value) for value in values], column
 
 

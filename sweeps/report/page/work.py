@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from sweeps.report.rows import tables_folder
-from sweeps.report.screen import write_whole
+from sweeps.report.screen import neutral, write_whole
 
 FILE = "stages.csv"
 COLUMNS = ("stage", "done", "reused", "failed", "work_s")
@@ -46,7 +46,8 @@ def write_work(store: Path, stages: Mapping[str, Progress]) -> None:
 
     def write(path: Path) -> None:
         with path.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([COLUMNS, *map(astuple, rows)])
+            lines = ([*map(neutral, astuple(one))] for one in rows)
+            csv.writer(file).writerows([COLUMNS, *lines])
 
     write_whole(folder / FILE, write)
 

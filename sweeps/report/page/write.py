@@ -10,10 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from sweeps.report import rows
-from sweeps.report.axes import Axis as SweepAxis
 from sweeps.report.axes import printable
 from sweeps.report.page import confusion, layout, summary
 from sweeps.report.page.cells import Cells
@@ -114,12 +111,7 @@ def _read(store: Any, name: str) -> tuple[dict[str, Axis], list[Cube], dict[str,
         if "predicted" in answers:
             found += confusion.matrices_of(answers[["predicted"]].load(), group, name, axes)
     known = axes.finished()
-    ordered = {axis: known[axis] for axis in sorted(known, key=_rank)}
-    return ordered, [placed(cube, ordered) for cube in found], titles
-
-
-def _rank(name: str) -> tuple[int, str]:
-    return SweepAxis(xr.DataArray(0, name=name)).rank
+    return known, [placed(cube, known) for cube in found], titles
 
 
 def _rendered(content: Mapping[str, Any]) -> str:
