@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sweeps.engine.command import Command
+    from sweeps.engine.run import Finished
     from sweeps.engine.settings import Choices
 
 NAME = "ncti-sweep"
@@ -74,8 +75,8 @@ def _workers_ahead(arguments: Sequence[str]) -> Iterator[None]:
         yield
 
 
-def report(store: Path, choices: Choices) -> None:
-    """Print and write the tables of a finished store, and draw its pictures if they are wanted."""
+def report(store: Path, choices: Choices, finished: Finished) -> None:
+    """Print and write the tables of a finished store, then its page, and pictures if asked for."""
     from rich.console import Console
 
     from sweeps.engine.process import say
@@ -84,17 +85,32 @@ def report(store: Path, choices: Choices) -> None:
     from sweeps.stages.views import Grid, hull, looks, read_mesh
 
     report_tables(store, Console())
+    report_page(store, finished)
     if not looks("irar")(choices) or not choices.one(Irar.pictures):
         return
-    from sweeps.report.command import MISSING, write_pictures
+    from sweeps.report.command import write_pictures
 
     ships = {str(ship): ship for ship in choices[Grid.ship]}
     try:
         write_pictures(store, Console(), ship=lambda label: read_mesh(hull.function(ships[label])))
-    except ImportError:
-        say(NAME, f"pictures are not drawn: {MISSING}")
     except (OSError, ValueError) as error:
         say(NAME, f"pictures are not drawn: {error}")
+
+
+def report_page(store: Path, finished: Finished) -> None:
+    """Write the page of a finished store, unless the one beside it is of the same store."""
+    from sweeps.engine.process import say
+    from sweeps.report.page.work import write_work
+    from sweeps.report.page.write import is_current, write_page
+
+    if not finished.written and is_current(store):
+        return
+    try:
+        if finished.written:
+            write_work(store, finished.progress)
+        say(NAME, f"report page {write_page(store)}")
+    except (OSError, ValueError) as error:
+        say(NAME, f"the report page is not written: {error}")
 
 
 if __name__ == "__main__":

@@ -54,15 +54,15 @@ ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 
 PATIENCE = 0.5  # s without a word while checking; what is wrong is mostly found sooner
 
-Report = Callable[[Path, Choices], None]
+Report = Callable[[Path, Choices, Finished], None]
 
 
 @dataclass(frozen=True)
 class Command:
-    """The command line of an experiment; `report` is called with a finished store, its choices."""
+    """The command line of an experiment; `report` is called with the store, choices and outcome."""
 
     experiment: Experiment
-    report: Report = lambda path, choices: None
+    report: Report = lambda path, choices, finished: None
     # What ended the jobs of Hydra's own launchers.
     raised: list[Exception] = field(default_factory=list, init=False, compare=False)
 
@@ -269,7 +269,7 @@ class Command:
             with watching(self.name) as watch:
                 finished = sweep(self.experiment, choices, place, watch)
             try:
-                self.report(store, choices)
+                self.report(store, choices, finished)
             except Exception as error:  # what is in the store is as good without
                 say(self.name, f"the store is whole, but cannot be reported: {reason(error)}")
         show(summary(finished.progress, finished.seconds), error=True)

@@ -7,7 +7,6 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +20,6 @@ from sweeps.report.axes import OF_ARRAYS, Column, printable, shown
 from sweeps.report.rows import Row
 from sweeps.report.screen import (
     FILES,
-    MISSING,
     complain,
     explain,
     line,
@@ -38,7 +36,7 @@ if TYPE_CHECKING:
     import trimesh
     from matplotlib.figure import Figure
 
-__all__ = ["MISSING", "main", "report", "write_pictures"]
+__all__ = ["main", "report", "write_pictures"]
 
 OTHER_VIEWS = "The source's figures are of its own 124 views, four ships from bow to beam."
 REJECTION = "rejection_"
@@ -95,6 +93,9 @@ def main() -> None:
         action="store_true",
         help="also draw every stage of the corrections of flights, beside the tables",
     )
+    parser.add_argument(
+        "--html", action="store_true", help="also write the report page beside the store"
+    )
     arguments = parser.parse_args()
     path, console = arguments.store.absolute(), Console()
     try:
@@ -108,9 +109,16 @@ def main() -> None:
     if arguments.pictures:
         try:
             write_pictures(path, console)
-        except (ImportError, OSError, ValueError) as error:
-            why = MISSING if isinstance(error, ImportError) else error
-            complain(f"pictures are not drawn: {why}")
+        except (OSError, ValueError) as error:
+            complain(f"pictures are not drawn: {error}")
+            sys.exit(2)
+    if arguments.html:
+        from sweeps.report.page.write import write_page  # which takes long to import
+
+        try:
+            print(write_page(path))
+        except (OSError, ValueError) as error:
+            complain(f"the report page is not written: {error}")
             sys.exit(2)
 
 
@@ -153,10 +161,9 @@ def write_pictures(
     """Draw every stage of the corrections of each flight, and near-stern profiles.
 
     Of each ship flown past, range and aspect one flight, nominal on any other axis. `ship` gives
-    the mesh of a label, in place of the known ship of that name. Raises ImportError without
-    matplotlib, and ValueError if the store has no flights, or its ships are no longer known.
+    the mesh of a label, in place of the known ship of that name. Raises ValueError if the store has
+    no flights, or its ships are no longer known.
     """
-    import_module("matplotlib.figure")  # before anything is flown for nothing
     # Here, since nothing else needs what flies, which takes longer to import than to print.
     from sweeps.report.flight_figures import draw_flight, draw_validation, flights_of, known_ship
 

@@ -1,21 +1,17 @@
 """The command that draws pictures of ships and sweeps.
 
-    python -m sweeps.report.figures ships PICTURE
-    python -m sweeps.report.figures KIND STORE PICTURE
-
-They need matplotlib, from the `plot` extra.
+python -m sweeps.report.figures ships PICTURE
+python -m sweeps.report.figures KIND STORE PICTURE
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sweeps.report.rows import groups, opened, read
-from sweeps.report.screen import MISSING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,9 +51,6 @@ def main() -> None:
     arguments = parser.parse_args()
     try:
         figure = draw(arguments.kind, getattr(arguments, "store", Path()))
-    except ImportError:
-        print(f"figures: {MISSING}", file=sys.stderr)
-        sys.exit(2)
     except (OSError, KeyError, ValueError) as error:
         print(f"figures: {arguments.kind} cannot be drawn: {error}", file=sys.stderr)
         sys.exit(2)
@@ -66,7 +59,6 @@ def main() -> None:
 
 def draw(kind: str, path: Path) -> Figure:
     """Draw the ships, or a picture of a store. Raises ValueError if it lacks what is drawn."""
-    import_module("matplotlib.figure")  # which all of them need
     from sweeps.report import (
         flight_figures,
         formation_figures,

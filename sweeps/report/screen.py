@@ -23,7 +23,6 @@ from sweeps.report.axes import NOTHING, Axis, Column, printable, shown, told
 from sweeps.report.rows import BIN, Row, axes_in, grouped, several
 
 SOURCE = "source"
-MISSING = "matplotlib is missing: install ncti-sweep[plot]"
 PUT_IN = "* Put in: what the transom and the masts reflect, over the rest of the ship."
 
 # Files that may be in any folder of tables, whatever a sweep has.

@@ -95,11 +95,6 @@ def test_a_store_without_classifiers_is_refused_in_one_sentence(sisters, monkeyp
     )
 
 
-def test_missing_matplotlib_is_told_in_one_sentence(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    assert "ncti-sweep[plot]" in told(monkeypatch, capsys, "ships", tmp_path / "ships.png")
-
-
 @pytest.mark.parametrize("kind", ["classifiers", "fusion"])
 def test_percentages_have_a_panel_a_bin(kind, smoke_store):
     titles = [axes.get_title() for axes in figures.draw(kind, smoke_store).axes]

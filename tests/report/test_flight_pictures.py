@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import sys
 
 import numpy as np
 import pytest
@@ -62,18 +61,6 @@ def test_a_store_without_flights_has_no_such_pictures(tmp_path, monkeypatch, cap
     assert reported(monkeypatch, "--pictures", path) == 2
     told = capsys.readouterr().err
     assert "has no flights" in told and told.count("\n") == 1
-
-
-def test_without_matplotlib_there_are_tables(store, monkeypatch, capsys):
-    for name in ("matplotlib", "matplotlib.figure"):
-        monkeypatch.setitem(sys.modules, name, None)
-    assert reported(monkeypatch, "--pictures", store) == 2
-    told = capsys.readouterr().err.splitlines()
-    assert told == [
-        "ncti-report: pictures are not drawn: matplotlib is missing: install ncti-sweep[plot]"
-    ]
-    assert pictures(tables_folder(store)) == []
-    assert (tables_folder(store) / "flights.csv").is_file()
 
 
 def test_a_picture_that_is_not_finished_is_not_there(store, monkeypatch):

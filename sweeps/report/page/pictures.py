@@ -1,0 +1,131 @@
+"""Figures of the page, as PNG in its text, each with the figure of the source that it is like."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sweeps.report.rows import groups
+
+DPI = 100
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of figure: groups of a store that it takes, and what is said of it."""
+
+    needs: tuple[str, ...]
+    title: str
+    source: str
+    alt: str
+
+
+# Curves of scores are charts of the page itself, so that kinds of these are not among them.
+KINDS = {
+    "profiles": Kind(
+        ("range_profile",),
+        "Range profiles by aspect, by ship and by number of frames",
+        "the article's Figures 3 to 5",
+        "Range profiles stacked above each other in three panels: one ship from bow to beam, all "
+        "ships at one aspect, and averages of several numbers of frames over the expected profile.",
+    ),
+    "silhouettes": Kind(
+        ("infrared",),
+        "Infrared images, silhouettes and log-polar maps by range",
+        "the article's Figures 6 to 8",
+        "Rows of passive infrared images of one ship by range and super-resolution, each with the "
+        "silhouette cut out of it and the log-polar map of that.",
+    ),
+    "profile_formation": Kind(
+        ("classification/acn",),
+        "Categories formed from range profiles, by ship and aspect",
+        "the article's Figure 19",
+        "A strip for each ship, coloured by the category that a range profile joined at each "
+        "aspect; categories that ships share are marked.",
+    ),
+    "formation": Kind(
+        ("classification/acn_infrared",),
+        "Categories formed from silhouettes, by ship and aspect",
+        "the article's Figure 20",
+        "A strip for each ship, coloured by the category that a silhouette joined at each aspect; "
+        "categories that ships share are marked.",
+    ),
+    "flight": Kind(
+        ("validation",),
+        "Every stage of the corrections of a flight, beside the truth",
+        "the article's Figures 10, 11 and 13",
+        "Intensity and range images of one flight: as scanned, segmented, corrected for motion and "
+        "for the mirror, and the truth.",
+    ),
+    "validation": Kind(
+        ("validation",),
+        "Measured near-stern profiles beside noiseless and synthetic ones",
+        "the article's Figures 14 to 16",
+        "Range profiles measured near the stern beside noiseless and synthetic ones of the same "
+        "ship, and of its sister.",
+    ),
+    "sensitivity": Kind(
+        ("validation",),
+        "Errors from wrong flight parameters, with and without autofocus",
+        "",
+        "Errors of corrected images and profiles against the error of each flight parameter.",
+    ),
+    "scan": Kind(
+        ("scan", "tables/scan"),
+        "A field of regard: detections, names and time",
+        "the article's Figure 1",
+        "A map of the field of regard with ships and decoys detected and named, a time line of the "
+        "sensors, and what is found against the settings.",
+    ),
+    "runtime_vs_error": Kind(
+        ("tables/run_time_samplings",),
+        "Run time against the error of range extents, by engine",
+        "",
+        "Median error of range extents against run time of a view, logarithmic, a curve an engine.",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page; without `data` it could not be drawn, and `why` says so."""
+
+    kind: str
+    title: str
+    source: str
+    alt: str
+    command: str
+    data: str = ""
+    why: str = ""
+
+
+def pictures_of(path: Path, store: Any) -> Iterator[Picture]:
+    """Draw what a store has the groups for, as PNG in base64."""
+    for kind, one in KINDS.items():
+        if all(_has(store, group) for group in one.needs):
+            drawn, why = _draw(kind, path)
+            if why and kind == "sensitivity":  # of flights without errors there is none
+                continue
+            command = f"python -m sweeps.report.figures {kind} {path.name} {kind}.png"
+            yield Picture(kind, one.title, one.source, one.alt, command, drawn, why)
+
+
+def _has(store: Any, group: str) -> bool:
+    under, _, name = group.rpartition("/")
+    return name in groups(store, under)
+
+
+def _draw(kind: str, path: Path) -> tuple[str, str]:
+    """Return the picture, or why there is none."""
+    from sweeps.report.figures import draw
+
+    content = io.BytesIO()
+    try:
+        draw(kind, path).savefig(content, format="png", dpi=DPI)
+    except (KeyError, OSError, ValueError) as error:
+        return "", f"{type(error).__name__}: {error}".partition("\n")[0]
+    return base64.b64encode(content.getvalue()).decode("ascii"), ""

@@ -1,0 +1,68 @@
+"""The ships of a sweep: measures and pictures, as the store's group `ships` has them."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.report.axes import Column
+from sweeps.report.page.cubes import unit_of, with_unit
+from sweeps.report.rows import groups, read
+
+GROUP = "ships"
+MEASURES = ("length", "beam", "height", "facets")
+DARK, BRIGHT = (52, 72, 92), (178, 202, 222)  # colours of a picture: either is seen on any page
+
+
+@dataclass(frozen=True)
+class Ship:
+    """A ship: its measures in words, its picture as PNG in base64, and what looks wrong with it."""
+
+    label: str
+    measures: list[tuple[str, str]]
+    picture: str
+    warning: str
+
+
+def ships_of(store: Any) -> list[Ship]:
+    """Return the ships that a store describes; none where it has no such group."""
+    if GROUP not in groups(store):
+        return []
+    table = read(store, GROUP).load()
+    found = []
+    for label in table.ship.values.tolist():
+        here = table.sel(ship=label)
+        measures = []
+        for name in MEASURES:
+            value = float(here[name]) if name in here else math.nan
+            if math.isfinite(value):
+                text = f"{value:,.1f}" if name != "facets" else f"{value:,.0f}"
+                measures.append((name, with_unit(text, unit_of(Column(here[name])))))
+        picture = drawn(here.picture.values) if "picture" in here else ""
+        warning = str(here.warning.item()) if "warning" in here else ""
+        found.append(Ship(str(label), measures, picture, warning))
+    return found
+
+
+def drawn(brightness: NDArray[np.floating]) -> str:
+    """Return a picture, (row, column), from 0 to 1 and the lowest row first, as PNG in base64.
+
+    NaN is transparent. Empty where nothing else is there.
+    """
+    from PIL import Image
+
+    if not np.isfinite(brightness).any():
+        return ""
+    seen = np.isfinite(brightness)
+    share = np.where(seen, brightness, 0.0).clip(0.0, 1.0)[..., None]
+    colour = np.array(DARK) + share * (np.array(BRIGHT) - np.array(DARK))
+    pixels = np.dstack([colour, 255 * seen])[::-1].astype(np.uint8)
+    content = io.BytesIO()
+    Image.fromarray(pixels, "RGBA").save(content, format="PNG")
+    return base64.b64encode(content.getvalue()).decode("ascii")

@@ -1,0 +1,62 @@
+"""Where the time of a sweep went: beside its tables, since a store holds no times."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Protocol
+
+from sweeps.report.rows import tables_folder
+from sweeps.report.screen import neutral, write_whole
+
+FILE = "stages.csv"
+COLUMNS = ("stage", "done", "reused", "failed", "work_s")
+
+
+class Progress(Protocol):
+    """Cells of a stage, and the time [s] that they took."""
+
+    done: int
+    reused: int
+    failed: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Work:
+    """Cells of a stage by what became of them, and the time [s] of those done."""
+
+    stage: str
+    done: int
+    reused: int
+    failed: int
+    seconds: float
+
+
+def write_work(store: Path, stages: Mapping[str, Progress]) -> None:
+    """Write the work of a sweep beside the tables of its store. Raises OSError if it cannot."""
+    folder = tables_folder(store)
+    folder.mkdir(exist_ok=True)
+    rows = [
+        Work(name, one.done, one.reused, one.failed, round(one.seconds, 3))
+        for name, one in stages.items()
+    ]
+
+    def write(path: Path) -> None:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            lines = ([*map(neutral, astuple(one))] for one in rows)
+            csv.writer(file).writerows([COLUMNS, *lines])
+
+    write_whole(folder / FILE, write)
+
+
+def read_work(store: Path) -> list[Work]:
+    """Return the work of the sweep that last wrote a store; none where it is not known."""
+    try:
+        with (tables_folder(store) / FILE).open(newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(file))[1:]
+        return [Work(row[0], *map(int, row[1:4]), float(row[4])) for row in rows]  # type: ignore[call-arg]
+    except (OSError, ValueError, IndexError):
+        return []

@@ -1,0 +1,102 @@
+"""A report page as tests read it: its elements, and what its script is given."""
+
+import json
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from pathlib import Path
+
+VOID = {"meta", "link", "img", "br", "input"}
+
+
+@dataclass
+class Element:
+    """An element of the page, with the text inside it."""
+
+    tag: str
+    attrs: dict[str, str]
+    text: str = ""
+    children: list["Element"] = field(default_factory=list)
+
+    def all(self, tag: str, **attrs: str) -> list["Element"]:
+        """Return the elements inside, in order, of a tag and with some attributes."""
+        wanted = {key.replace("_", "-"): value for key, value in attrs.items()}
+        here = [
+            one for one in self.children if one.tag == tag and wanted.items() <= one.attrs.items()
+        ]
+        found = []
+        for one in self.children:
+            found += [one] * (one in here) + one.all(tag, **attrs)
+        return found
+
+    def one(self, tag: str, **attrs: str) -> "Element":
+        """Return the only such element."""
+        (found,) = self.all(tag, **attrs)
+        return found
+
+
+class _Reader(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.open = [Element("", {})]
+
+    def handle_starttag(self, tag, attrs):
+        element = Element(tag, {key: value or "" for key, value in attrs})
+        self.open[-1].children.append(element)
+        if tag not in VOID:
+            self.open.append(element)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open[-1].tag == tag, (tag, self.open[-1].tag)
+            self.open.pop()
+
+    def handle_data(self, data):
+        for element in self.open:
+            element.text += data
+
+
+@dataclass
+class Page:
+    """A page: its text as written, its root, and the axes and cubes of its script."""
+
+    written: str
+    root: Element
+
+    @property
+    def data(self) -> dict:
+        """What the script is given."""
+        return json.loads(self.root.one("script", type="application/json").text)
+
+    def place(self, cell: Element) -> dict[str, int]:
+        """Return where a cell stands on every axis, at the selection that the page begins with."""
+        given = (one.rpartition(":") for one in cell.attrs["data-at"].split(";") if one)
+        own = {name: int(place) for name, _, place in given}
+        return {name: axis["d"] for name, axis in self.data["axes"].items()} | own
+
+    def code(self, cell: Element) -> str:
+        """Return the Python expression that gives the figure of a cell."""
+        cube, place = self.data["cubes"][int(cell.attrs["data-c"])], self.place(cell)
+        found = cube["k"]
+        for dim, there in zip(cube["d"], cube["a"], strict=True):
+            own = cube["o"].get(dim)
+            codes = self.data["axes"][dim]["c"]
+            code = own[there.index(place[dim])] if own else codes[place[dim]]
+            found = found.replace(f"\0{dim}\0", code)
+        return found
+
+
+def parsed(written: str) -> Page:
+    """Return a page from its text; fails where its elements do not nest."""
+    reader = _Reader()
+    reader.feed(written)
+    assert len(reader.open) == 1
+    return Page(written, reader.open[0])
+
+
+def read_page(path: Path) -> Page:
+    """Return the page of a file."""
+    return parsed(path.read_text(encoding="utf-8"))
