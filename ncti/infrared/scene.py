@@ -13,8 +13,8 @@ from ncti.checks import require
 
 # Frames whose sum is drawn first, by the generator itself; the article averages as many.
 ANCHOR = 16
-# Pixels about the ship that are drawn with it. A super-resolved pixel depends on its neighbours up
-# to back_projections + 1 away, so that up to three back-projections see no window.
+# Pixels around the ship that are drawn with it. A super-resolved pixel depends on its neighbours up
+# to one pixel away, so the size of the window changes nothing on the ship.
 HALO = 4
 
 

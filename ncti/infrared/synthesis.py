@@ -22,12 +22,7 @@ from ncti.infrared.radiometry import (
 )
 from ncti.infrared.scene import draw_scene
 from ncti.infrared.silhouette import Extent, silhouette
-from ncti.infrared.super_resolution import (
-    BACK_PROJECTIONS,
-    noise_gain,
-    scene_gain,
-    shifted_images,
-)
+from ncti.infrared.super_resolution import NOISE_GAIN, SCENE_GAIN, shifted_images
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
 
@@ -99,7 +94,6 @@ def pixel_sigma(
     frame_count: Values,
     nedt: float = NEDT,
     super_resolution: str = "none",
-    back_projections: int = BACK_PROJECTIONS,
 ) -> Values:
     """Standard deviation of a pixel of ship or sea, noise included.
 
@@ -111,7 +105,7 @@ def pixel_sigma(
         Frames averaged; at each of four positions with super-resolution `shifted`.
     nedt : float
         Noise of one frame [K].
-    super_resolution, back_projections
+    super_resolution : str
         As for `image`.
 
     Returns
@@ -136,8 +130,7 @@ def pixel_sigma(
     """
     require("spread", spread, minimum=0.0)
     _require_way(super_resolution)
-    gains = scene_gain(back_projections), noise_gain(back_projections)
-    scene, detector = gains if super_resolution == "shifted" else (1.0, 1.0)
+    scene, detector = (SCENE_GAIN, NOISE_GAIN) if super_resolution == "shifted" else (1.0, 1.0)
     noise = noise_temperature(frame_count, nedt=nedt)
     sigma = np.hypot(scene * spread, detector * np.asarray(noise))
     plain: Any = sigma if np.ndim(noise) else float(sigma)
@@ -156,7 +149,6 @@ def image(
     extent: Extent | None = None,
     coverage_rule: float = 0.25,
     super_resolution: str = "none",
-    back_projections: int = BACK_PROJECTIONS,
     contrast_at_zero: float = CONTRAST_AT_ZERO,
     extinction: float = EXTINCTION,
     nedt: float = NEDT,
@@ -186,8 +178,6 @@ def image(
         `none`: pixels of ifov times slant range. `perfect`: half of that with the statistics of
         this range, the article's assumption. `shifted`: the same grid, recombined from frames of
         whole pixels at four half-pixel positions.
-    back_projections : int
-        Iterations of the recombination; of use with `shifted` only, but checked with any.
     contrast_at_zero, extinction, nedt
         As for `ncti.infrared.contrast` and `ncti.infrared.noise_temperature`.
     target_spread, sea_spread : float
@@ -226,7 +216,6 @@ def image(
     if extent is not None:
         require_each("extent", extent, 4)
     require("coverage_rule", coverage_rule, positive=True, maximum=1.0)
-    require("back_projections", back_projections, whole=True, minimum=0.0)
     _require_way(super_resolution)
     made_at = image.slant_range
     if made_at is not None and not math.isclose(made_at, slant_range):
@@ -245,28 +234,16 @@ def image(
     contrast = radiometry.contrast(
         float(slant_range), contrast_at_zero=contrast_at_zero, extinction=extinction
     )
-    frame_counts = np.atleast_1d(counts).astype(np.int64)
-    if super_resolution == "shifted":
-        images = shifted_images(
-            target,
-            contrast=contrast,
-            frame_counts=frame_counts,
-            rng=rng,
-            nedt=nedt,
-            target_spread=target_spread,
-            sea_spread=sea_spread,
-            back_projections=back_projections,
-        )
-    else:
-        images = thermal_images(
-            target,
-            contrast=contrast,
-            frame_counts=frame_counts,
-            rng=rng,
-            nedt=nedt,
-            target_spread=target_spread,
-            sea_spread=sea_spread,
-        )
+    draw = shifted_images if super_resolution == "shifted" else thermal_images
+    images = draw(
+        target,
+        contrast=contrast,
+        frame_counts=np.atleast_1d(counts).astype(np.int64),
+        rng=rng,
+        nedt=nedt,
+        target_spread=target_spread,
+        sea_spread=sea_spread,
+    )
     return images[0] if counts.ndim == 0 else images
 
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
-from ncti.irar.clusters import histogram_cluster_average
+from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks, looks_of, median
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
@@ -43,30 +42,23 @@ class Correction:
 
     Attributes
     ----------
-    azimuth, height, motion : str
-        How columns, rows and ranges follow the motion: `pixel`, `line` or `constant`, as of
-        `motion_displacement`; for `azimuth` and `motion` also `none`.
+    azimuth : str
+        How columns follow the motion: `pixel`, `line` or `constant`, as for `motion_displacement`,
+        or `none`. Rows and ranges always follow it pixel by pixel.
     mirror : str
         `exact` or `printed` shear, `rotation` of the whole image, or `none`.
     range_filter : str
         What makes one range of a pixel's looks: `cluster`, `median` or `mean`.
-    window : float
-        Width of a cluster, over the standard deviation of a range.
     """
 
     azimuth: str = "pixel"
-    height: str = "pixel"
-    motion: str = "pixel"
     mirror: str = "exact"
     range_filter: str = "cluster"
-    window: float = 4.0
 
     def __post_init__(self) -> None:
         """Refuse what there is not."""
         choices = {
             "azimuth": (*MOTION_METHODS, "none"),
-            "height": MOTION_METHODS,
-            "motion": (*MOTION_METHODS, "none"),
             "mirror": MIRROR_METHODS,
             "range_filter": RANGE_FILTERS,
         }
@@ -75,7 +67,6 @@ class Correction:
                 raise ValueError(
                     f"{name} is {getattr(self, name)!r}, but must be one of {', '.join(allowed)}"
                 )
-        require("window", self.window, positive=True)
 
 
 def nearest_ship_range(scan: Scan) -> Floats:
@@ -135,16 +126,14 @@ def places(
     if correction.mirror in MIRROR_FORMS:
         up, right = mirror_displacement(flight, samples, form=correction.mirror)
         row, column = row + up, column + right
-    # A method that two directions share is worked out once.
-    wanted = {correction.azimuth, correction.height, correction.motion} - {"none"}
+    # Motion: rows and ranges by each pixel's own range and direction, columns as asked for.
     reach = nearest_ship_range(scan)
-    moved = {method: motion_displacement(flight, time, reach, method=method) for method in wanted}
-    row = row + moved[correction.height][0]
-    column = column + (moved[correction.azimuth][1] if correction.azimuth != "none" else 0.0)
+    up, right, closer = motion_displacement(flight, time, reach)
+    row, ranges = row + up, scan.range + closer
+    if correction.azimuth not in ("pixel", "none"):
+        _, right, _ = motion_displacement(flight, time, reach, method=correction.azimuth)
+    column = column + (right if correction.azimuth != "none" else 0.0)
     column = np.broadcast_to(column, row.shape)
-    ranges = scan.range
-    if correction.motion != "none":
-        ranges = ranges + moved[correction.motion][2]
     if correction.mirror == "rotation":
         lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle)
         row, column = rotated(row, column, clockwise=-lean)
@@ -194,8 +183,7 @@ def correct(
     rows = centres(window.bottom, window.rows, cells)
     index = gather_looks(row, column - window.left, rows=rows, columns=window.columns)
     if how.range_filter == "cluster":
-        width = how.window * max(flight.range_sigma, 1e-3)
-        found = histogram_cluster_average(looks_of(ranges, index), window=width)
+        found = histogram_cluster_average(looks_of(ranges, index), window=cluster_width(flight))
     else:
         found = (median if how.range_filter == "median" else average)(ranges, index)
     infrared = time_delay_integrate(scan.infrared)

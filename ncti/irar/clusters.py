@@ -6,8 +6,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require
+from ncti.irar.flight import Flight
+
+CLUSTER = 4.0
+"""Width of a cluster, in standard deviations of a range."""
 
 _BLOCK = 4096  # pixels at a time, that a processor's cache holds
+
+
+def cluster_width(flight: Flight) -> float:
+    """Return the widest cluster of ranges that one surface gives [m], at least 4 mm."""
+    return CLUSTER * max(flight.range_sigma, 1e-3)
 
 
 def histogram_cluster_average(ranges: ArrayLike, *, window: float) -> NDArray[np.float64]:

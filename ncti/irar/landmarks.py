@@ -91,8 +91,6 @@ def landmarks(
     mast: tuple[float, float] = MAST,
     forward: tuple[float, float] = FORWARD,
     end: float = END,
-    front: float = FRONT,
-    prominence: float = PROMINENCE,
 ) -> Landmarks:
     """Landmarks of a near-stern profile.
 
@@ -108,10 +106,6 @@ def landmarks(
         Where these peaks may lie past the hangar [m]; each is the highest there.
     end : float
         Share of the highest peak that the first bin of the ship reaches, in (0, 1).
-    front : float
-        Share of all returns that have come by the front of the bridge, in (0, 1).
-    prominence : float
-        Share of the hangar's height by which a peak stands out, in (0, 1).
 
     Returns
     -------
@@ -143,7 +137,7 @@ def landmarks(
     does the hangar, where something else is the highest, as the Connole's stack is.
     """
     values, centres, width = _profile(profile, down_range)
-    require("prominence", prominence, positive=True, below=1.0)
+    require("end", end, positive=True, below=1.0)
     low, high = (centres[0], centres[-1]) if hangar is None else _window("hangar", hangar)
     inside = (centres >= low) & (centres <= high)
     if not inside.any() or not values[inside].max() > 0:
@@ -163,7 +157,7 @@ def landmarks(
     from scipy.signal import find_peaks
 
     # Zeros on both sides make a peak of what the window cuts.
-    tops = find_peaks(np.pad(values, 1), prominence=prominence * height)[0] - 1
+    tops = find_peaks(np.pad(values, 1), prominence=PROMINENCE * height)[0] - 1
 
     def highest(name: str, window: tuple[float, float]) -> Peak:
         near, far = _window(name, window)
@@ -171,7 +165,7 @@ def landmarks(
         found = tops[(offsets >= near) & (offsets <= far)]
         return peak(int(found[values[found].argmax()])) if found.size else Peak(math.nan, 0.0, 0.0)
 
-    stern, last = _ends(values, centres, width, end=end, front=front)
+    stern, last = _ends(values, centres, width, end)
     aft = np.flatnonzero((centres >= stern) & (centres <= stern + TRANSOM) & (centres < spike))
     transom = peak(int(aft[values[aft].argmax()])) if aft.size else Peak(math.nan, 0.0, 0.0)
     # The deck begins beyond the transom, however far that slopes.
@@ -241,16 +235,12 @@ def _centred(values: Floats) -> Floats:
     return np.where(flat, 0.0, deviation / np.where(flat, 1.0, norm))
 
 
-def _ends(
-    values: Floats, centres: Floats, width: float, *, end: float, front: float
-) -> tuple[float, float]:
+def _ends(values: Floats, centres: Floats, width: float, end: float) -> tuple[float, float]:
     """Down-range of the stern and of the front of the bridge."""
-    require("end", end, positive=True, below=1.0)
-    require("front", front, positive=True, below=1.0)
     stern = int(np.flatnonzero(values >= end * values.max())[0])
     come = np.concatenate([[0.0], np.cumsum(np.maximum(values[stern:], 0.0))])
     edges = centres[stern] - width / 2 + width * np.arange(come.size)
-    return float(centres[stern]), float(np.interp(front * come[-1], come, edges))
+    return float(centres[stern]), float(np.interp(FRONT * come[-1], come, edges))
 
 
 def _centroid(values: Floats, centres: Floats, top: int) -> float:

@@ -78,9 +78,7 @@ def gather_looks(
     return index
 
 
-def looks_of(
-    values: ArrayLike, index: NDArray[np.intp], *, fill: float = math.nan
-) -> NDArray[np.float64]:
+def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
     """The looks of each pixel.
 
     Parameters
@@ -89,13 +87,11 @@ def looks_of(
         A value a sample, in any unit.
     index : (row, column, look) intp ndarray
         As from `gather_looks`.
-    fill : float
-        What stands where there is no more look.
 
     Returns
     -------
     (row, column, look) float64 ndarray
-        Values in the unit given.
+        Values in the unit given; NaN where there is no further look.
 
     Raises
     ------
@@ -107,7 +103,7 @@ def looks_of(
         raise ValueError(
             f"index is {int(index.max())} at most, but must be below the {flat.size} values"
         )
-    return np.append(flat, fill)[index]  # -1 is the last
+    return np.append(flat, math.nan)[index]  # -1 is the last
 
 
 def average(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.irar.clusters import histogram_cluster_average
+from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks
 from ncti.irar.mirror import mirror_rotation
@@ -27,7 +27,6 @@ def correct_as_printed(
     belief: Flight | None = None,
     window: Window | None = None,
     rate: str = "line",
-    cluster: float = 4.0,
 ) -> Snapshot:
     """Average first, then shift rows by the printed equation and turn the whole image.
 
@@ -42,8 +41,6 @@ def correct_as_printed(
     rate : str
         What f is in the azimuthal shift: `line`, the line rate, or `pulse`, the pulse-repetition
         frequency, as the article calls it.
-    cluster : float
-        Width of a cluster of ranges, over the standard deviation of one.
 
     Returns
     -------
@@ -73,9 +70,7 @@ def correct_as_printed(
     used = slice(0, rows * scans)
     closer = _approach(flight) * scan.time[used]
     looks = (scan.range[used] + closer).reshape(rows, scans, -1)
-    ranges = histogram_cluster_average(
-        np.moveaxis(looks, 1, -1), window=cluster * max(flight.range_sigma, 1e-3)
-    )
+    ranges = histogram_cluster_average(np.moveaxis(looks, 1, -1), window=cluster_width(flight))
     intensity, infrared = (
         np.asarray(image[used], dtype=np.float64).reshape(rows, scans, -1).mean(axis=1)
         for image in (scan.intensity, time_delay_integrate(scan.infrared))

@@ -9,26 +9,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
-
 if TYPE_CHECKING:
     from ncti.irar.seen import Looks, Truth
 
 FINEST = 4  # cells of the truth along a pixel, at least
 _MARGIN = 8  # pixels of sea that are fitted, too
 _KNEE = 0.3  # of the ship's brightness, at which the first search saturates
-_SCHEDULE = (1.0, 0.5, 0.25, 0.12, 0.06)  # of that brightness: noise floors on the way down
-_PASSES = 4  # at each of them
-_MOST = 25  # passes at the last
 _TUKEY = 4.685  # standard deviations; 95 % efficient for normal errors
 _LEAST_SCATTER = 0.02  # of the model: what area averages of finite cells leave without noise
 # Footprints of five rays a side tell an edge's place to 0.2 / sqrt(12) pixels. What that leaves of
 # noiseless passes: scatter, of the model, and a lean, in pixels from end to end of the ship.
 _SAMPLED_SCATTER, _SAMPLED_LEAN = 0.05, 0.03
-_SETTLED = 1e-5  # pixels a pixel, at the last; ten times that on the way down
-# Where the truth is that a perfect image's look sees (row, column, column a row, row a column, row
-# a row, column a column), and the most a pass may move.
-_START = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0)  # pixels, pixels, and pixels a pixel
+# Stages of the fit: noise floor as a share of the ship's brightness, most passes, and the step at
+# which a stage has converged [pixel, or pixels a pixel].
+_STAGES = (
+    *((floor, 4, 1e-4) for floor in (1.0, 0.5, 0.25, 0.12, 0.06)),
+    (0.03, 25, 1e-5),
+)
+_LEAST_PIXELS = 8  # that a channel must show of the ship
+# Affine map from image to truth: shift up and right [pixel], columns a row (mast), rows a column
+# (waterline), rows a row and columns a column [pixels a pixel]. Its value for a perfect image, and
+# the largest change in one pass.
+_START = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
 _STEP = (1.0, 1.0, 0.1, 0.1, 0.02, 0.02)
 
 Floats = NDArray[np.float64]
@@ -61,12 +63,14 @@ class Tilt:
     right: float
 
 
+_NONE = Tilt(*[math.nan] * 6)
+
+
 def tilts(
     image: ArrayLike,
     truth: ArrayLike,
     *,
     places: tuple[ArrayLike, ArrayLike] | None = None,
-    floor: float = 0.03,
 ) -> Tilt:
     """Tilt of masts and waterline in an image, against the truth it should show.
 
@@ -84,9 +88,6 @@ def tilts(
         [pixel]; NaN is nowhere. Samples then see what the truth's cells show there, which
         are to be of a sample's footprint. When not given, each pixel is seen evenly, and cells
         show their own area.
-    floor : float
-        Least error taken for granted beside speckle, as a share of the ship's brightness,
-        above 0 and at most 1. Noise around the ship raises it.
 
     Returns
     -------
@@ -128,7 +129,45 @@ def tilts(
     """
     from ncti.irar.seen import Looks, Truth  # numba takes long to import
 
-    require("floor", floor, positive=True, maximum=1.0)
+    seen, cells, known = _checked(image, truth)
+    rows, columns = seen.shape[1:]
+    factor = cells.shape[1] // rows
+
+    # Brightness in units of the ship's, in the image and in the truth.
+    for channel, ship in zip(seen, cells, strict=True):
+        level, own = _levels(channel, _blocks(ship, factor))
+        if not level > 0:
+            return _NONE
+        channel /= level
+        ship /= own
+
+    # Coarse cells are interpolated: slopes are taken between neighbouring cells.
+    refinement = -(-FINEST // factor)
+    if refinement > 1:
+        cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
+    factor *= refinement
+
+    looks = Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
+    view = Truth(cells, factor)
+    known &= looks.count.reshape(1, rows, columns) > 0
+
+    # A first estimate from whole shifts, then a fit of the pixels around the ship.
+    place = _start(seen, view, looks)
+    box = _around(view.image(place, looks)[0])
+    least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
+    found = _fit(seen[:, *box], known[:, *box], view, looks.within(*box), place, least)
+    return replace(
+        found,
+        mast_error=math.hypot(found.mast_error, math.degrees(lean / view.rows)),
+        waterline_error=math.hypot(found.waterline_error, math.degrees(lean / view.columns)),
+    )
+
+
+def _checked(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Return copies of image and truth with channels and 0 for NaN, and where the image is known.
+
+    Shapes are (channel, row, column), (channel, row * k, column * k) and (channel, row, column).
+    """
     seen, cells = _image("image", image), _image("truth", truth)
     rows, columns = seen.shape[1:]
     factor = cells.shape[1] // rows
@@ -141,28 +180,25 @@ def tilts(
     seen, cells = np.nan_to_num(seen), np.nan_to_num(cells)
     if not cells.any(axis=(1, 2)).all():
         raise ValueError("truth is 0 throughout, but must show a ship")
-    for channel, ship in zip(seen, cells, strict=True):
-        level, own = _levels(channel, _blocks(ship, factor))
-        if not level > 0:
-            return Tilt(*[math.nan] * 6)
-        channel /= level
-        ship /= own
-    refinement = -(-FINEST // factor)
-    if refinement > 1:
-        cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
-    factor *= refinement
-    looks = Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
-    view = Truth(cells, factor)
-    known &= looks.count.reshape(1, rows, columns) > 0
-    place = _start(seen, view, looks)
-    box = _around(view.image(place, looks)[0])
-    least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
-    found = _fit(seen[:, *box], known[:, *box], view, looks.within(*box), place, floor, least)
-    return replace(
-        found,
-        mast_error=math.hypot(found.mast_error, math.degrees(lean / view.rows)),
-        waterline_error=math.hypot(found.waterline_error, math.degrees(lean / view.columns)),
-    )
+    return seen, cells, known
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """Parameters of a fit: the truth's place, and gain, offset and scatter of each channel."""
+
+    place: Floats  # (6,), see `_START`
+    gain: Floats
+    offset: Floats
+    scatter: Floats
+
+    def moved(self, change: Floats, scatter: Floats) -> tuple[_Estimate, float]:
+        """Return the estimate after a step of at most `_STEP`, and the largest part of that."""
+        channels = len(self.gain)
+        step = np.clip(change[:6], np.negative(_STEP), _STEP)
+        gain = np.clip(self.gain + change[6 : 6 + channels], 0.2, 5.0)
+        offset = np.clip(self.offset + change[6 + channels :], -0.5, 0.5)
+        return _Estimate(self.place + step, gain, offset, scatter), float(np.abs(step).max())
 
 
 def _fit(
@@ -171,43 +207,66 @@ def _fit(
     view: Truth,
     looks: Looks,
     place: Floats,
-    floor: float,
     least: float,
 ) -> Tilt:
-    """Robust least squares from a start, residuals scattered by no less than `least`."""
+    """Return the tilt by robust least squares from a start, with residual scatter at least `least`.
+
+    Gauss-Newton steps with Tukey's biweight. The noise floor falls in stages: a high floor keeps
+    every residual an inlier while the start is still wrong.
+    """
     channels = len(seen)
-    gain, offset, scatter = np.ones(channels), np.zeros(channels), np.ones(channels)
+    fit = _Estimate(place, np.ones(channels), np.zeros(channels), np.ones(channels))
     covariance = np.full((6, 6), np.nan)
-    steps = [(level, _PASSES) for level in _SCHEDULE if level > floor] + [(floor, _MOST)]
-    for level, passes in steps:
+    for floor, passes, settled in _STAGES:
         for _ in range(passes):
-            model, slopes = view.image(place, looks)
-            if (((model > 0) & known).sum(axis=(1, 2)) < 8).any():
-                return Tilt(*[math.nan] * 6)
-            design, misfit = [], []
-            for c in range(channels):
-                residual = seen[c] - gain[c] * model[c] - offset[c]
-                spread = _spread(
-                    model[c], residual, known[c], gain[c], offset[c], level, scatter[c]
-                )
-                scatter[c] = _scatter(model[c], residual / spread, known[c], least)
-                unit = residual / (spread * scatter[c])
-                weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known[c]
-                design.append(
-                    _terms(c, channels, gain[c], model[c], slopes[c], weight / spread / scatter[c])
-                )
-                misfit.append((unit * weight).ravel())
+            model, slopes = view.image(fit.place, looks)
+            if (((model > 0) & known).sum(axis=(1, 2)) < _LEAST_PIXELS).any():
+                return _NONE
+            # One linear system for all channels: they share the place, not gain and offset.
+            design, misfit, scatter = zip(
+                *(
+                    _equations(fit, c, seen[c], known[c], model[c], slopes[c], floor, least)
+                    for c in range(channels)
+                ),
+                strict=True,
+            )
             terms = np.concatenate(design)
-            normal = np.linalg.pinv(terms.T @ terms, hermitian=True)
-            change = normal @ (terms.T @ np.concatenate(misfit))
-            step = np.clip(change[:6], np.negative(_STEP), _STEP)
-            place = place + step
-            gain = np.clip(gain + change[6 : 6 + channels], 0.2, 5.0)
-            offset = np.clip(offset + change[6 + channels :], -0.5, 0.5)
-            covariance = normal[:6, :6]
-            if np.abs(step).max() < _SETTLED * (1 if level == floor else 10):
+            inverse = np.linalg.pinv(terms.T @ terms, hermitian=True)
+            change = inverse @ (terms.T @ np.concatenate(misfit))
+            fit, step = fit.moved(change, np.array(scatter))
+            covariance = inverse[:6, :6]
+            if step < settled:
                 break
-    return _tilt(place, covariance)
+    return _tilt(fit.place, covariance)
+
+
+def _equations(
+    fit: _Estimate,
+    channel: int,
+    seen: Floats,
+    known: NDArray[np.bool_],
+    model: Floats,
+    slopes: Floats,
+    floor: float,
+    least: float,
+) -> tuple[Floats, Floats, float]:
+    """Return the weighted linear equations of one channel, and its new scatter.
+
+    Terms are (pixel, 6 + 2 channels): derivatives by place, then by gains and offsets. The misfit
+    is (pixel,).
+    """
+    gain, offset = fit.gain[channel], fit.offset[channel]
+    residual = seen - gain * model - offset
+
+    # Standard deviation up to a factor, the scatter: speckle grows with the model, noise does not.
+    spread = _spread(model, residual, known, gain, offset, floor, fit.scatter[channel])
+    scatter = _scatter(model, residual / spread, known, least)
+
+    # Tukey's biweight leaves out residuals beyond `_TUKEY` standard deviations.
+    unit = residual / (spread * scatter)
+    weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known
+    terms = _terms(channel, len(fit.gain), gain, model, slopes, weight / spread / scatter)
+    return terms, (unit * weight).ravel(), scatter
 
 
 def _spread(
@@ -216,18 +275,18 @@ def _spread(
     known: NDArray[np.bool_],
     gain: float,
     offset: float,
-    level: float,
+    floor: float,
     scatter: float,
 ) -> Floats:
-    """How far residuals scatter, up to a factor: speckle as the model, noise around the ship."""
+    """Return the standard deviation of residuals up to a factor, the scatter."""
     dark = (model == 0) & known
     around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
-    spread: Floats = np.maximum(gain * model + offset, 0.0) + max(level, around / scatter)
+    spread: Floats = np.maximum(gain * model + offset, 0.0) + max(floor, around / scatter)
     return spread
 
 
 def _scatter(model: Floats, unit: Floats, known: NDArray[np.bool_], least: float) -> float:
-    """That factor, by the median of the ship's brighter pixels."""
+    """Return the scatter, from the median residual of the ship's brighter pixels."""
     bright = (model > model.max() / 5) & known
     return max(1.4826 * float(np.median(np.abs(unit[bright]))), least)
 
@@ -235,7 +294,7 @@ def _scatter(model: Floats, unit: Floats, known: NDArray[np.bool_], least: float
 def _terms(
     channel: int, channels: int, gain: float, model: Floats, slopes: Floats, weight: Floats
 ) -> Floats:
-    """(pixel, 6 + 2 channels): weighed derivatives by place, and by gains and offsets."""
+    """Return weighted derivatives by place, gains and offsets, (pixel, 6 + 2 channels)."""
     terms = np.zeros((*model.shape, 6 + 2 * channels))
     terms[..., :6] = gain * slopes
     terms[..., 6 + channel], terms[..., 6 + channels + channel] = model, 1.0

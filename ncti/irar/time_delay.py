@@ -5,19 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
 
-
-def time_delay_integrate(samples: ArrayLike, *, delay: int = 1) -> NDArray[np.float64]:
+def time_delay_integrate(samples: ArrayLike) -> NDArray[np.float64]:
     """Mean over the detectors of what each saw of the same place.
 
     Parameters
     ----------
     samples : (detector, line, sample) array_like
-        Passive samples [K], the leading detector first.
-    delay : int
-        Samples by which a detector trails the one before it: detector k at sample j sees
-        column j - k * delay.
+        Passive samples [K], the leading detector first. Each trails the one before it by one
+        sample: detector k sees column j - k at sample j.
 
     Returns
     -------
@@ -28,7 +24,7 @@ def time_delay_integrate(samples: ArrayLike, *, delay: int = 1) -> NDArray[np.fl
     Raises
     ------
     ValueError
-        If there is no detector or the delay is not a whole number of at least 1.
+        If there is no detector, or no axis of lines or samples.
 
     Notes
     -----
@@ -47,13 +43,11 @@ def time_delay_integrate(samples: ArrayLike, *, delay: int = 1) -> NDArray[np.fl
             f"samples has shape {frames.shape}, but must be lines and samples of at least one "
             "detector"
         )
-    require("delay", delay, whole=True, minimum=1)
     length = frames.shape[-1]
     total = np.zeros(frames.shape[1:])
     seen = np.zeros(length)
     for detector, frame in enumerate(frames):
-        shift = detector * int(delay)
-        kept = max(0, length - shift)
-        total[:, :kept] += frame[:, shift:]
+        kept = max(0, length - detector)
+        total[:, :kept] += frame[:, detector:]
         seen[:kept] += 1
     return total / seen

@@ -10,8 +10,8 @@ from flown import crossing, flight, pole_on_box, scanned_at
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from ncti.irar import ScanPlan, mirror_rotation, plan_scan, scan_scene
-from ncti.irar.scene import MOST_LINES, RAYS
+from ncti.irar import mirror_rotation
+from ncti.irar.scene import MOST_LINES, RAYS, ScanPlan, plan_scan, scan_scene
 from ncti.render import cast_rays
 
 BOX = trimesh.creation.box((60.0, 9.0, 5.0)).apply_translation((0, 0, 2.5))

@@ -259,5 +259,3 @@ def test_refusals():
         tilts([ship, ship], ship)
     with pytest.raises(ValueError, match="places has rows of shape"):
         tilts(ship, ship, places=([0.0, 1.0], [0.0]))
-    with pytest.raises(ValueError, match="floor is 0"):
-        tilts(ship, ship, floor=0)

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import ncti.ships
-from ncti.irar import Flight, plan_scan, ship_heading
+from ncti.irar import Flight, ship_heading
+from ncti.irar.scene import plan_scan
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Joint
 from sweeps.stages.flights import believed, check_meshes, combinations
