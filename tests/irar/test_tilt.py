@@ -249,7 +249,7 @@ def test_refusals():
     ship[2:6, 3:5] = 1.0
     with pytest.raises(ValueError, match=r"truth has shape \(12, 8\)"):
         tilts(ship, np.ones((12, 8)))
-    with pytest.raises(ValueError, match="truth is 0 throughout"):
+    with pytest.raises(ValueError, match="truth is 0 everywhere"):
         tilts(ship, np.zeros((8, 8)))
     with pytest.raises(ValueError, match=r"image has shape \(8,\)"):
         tilts(ship[0], ship)
