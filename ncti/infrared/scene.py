@@ -167,6 +167,7 @@ def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Nod
     family = _family(rng)
 
     def node(count: int) -> Field:
+        """Return the normals of one count."""
         own = np.random.SeedSequence(
             family.entropy, spawn_key=(*family.spawn_key, count), pool_size=family.pool_size
         )

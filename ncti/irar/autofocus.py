@@ -86,7 +86,7 @@ def autofocus(scan: Scan, belief: Flight, *, reach: float = 0.1) -> Flight:
 
     Notes
     -----
-    This method is not in the article. An error of 1 % in the closing speed moves the ranges of a
+    A method of this project. An error of 1 % in the closing speed moves the ranges of a
     ship's top against those of its waterline by 4 m: every upright face leans by the error over
     tan(depression), 5 deg. Pairs of pixels a deck apart in height give the slopes of faces. Most
     faces are upright, so the most frequent slope measures the error of the speed.

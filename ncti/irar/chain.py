@@ -59,7 +59,7 @@ class Correction:
     See Also
     --------
     correct : Apply these methods.
-    correct_as_printed : The article's own order and equations.
+    correct_as_printed : The printed order and equations.
 
     Examples
     --------

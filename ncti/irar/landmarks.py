@@ -191,6 +191,7 @@ def landmarks(
     energy = _energy(values, centres, spike, width)
 
     def peak(index: int) -> Peak:
+        """Return the peak of a bin."""
         at = _centroid(values, centres, index)
         share = _energy(values, centres, at, width) / energy
         return Peak(at - spike, float(values[index]) / height, share)
@@ -202,6 +203,7 @@ def landmarks(
     tops = find_peaks(np.pad(values, 1), prominence=PROMINENCE * height)[0] - 1
 
     def highest(name: str, window: tuple[float, float]) -> Peak:
+        """Return the highest peak in a window past the hangar."""
         near, far = _window(name, window)
         offsets = centres[tops] - spike
         found = tops[(offsets >= near) & (offsets <= far)]

@@ -227,7 +227,7 @@ def mirror_displacement(
 
 
 def rotated(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, Floats]:
-    """Return places rotated about the ship's origin, the article's correction for the mirror.
+    """Return places rotated about the ship's origin, the printed correction for the mirror.
 
     Parameters
     ----------

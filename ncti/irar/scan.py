@@ -188,6 +188,7 @@ class Pass:
 
     @property
     def _active(self) -> Returns:
+        """Returns of the samples alone, without leading columns."""
         return self.returns.without_leading(self.plan.flight.detectors - 1)
 
     def _sea(self, rng: np.random.Generator) -> Floats:
@@ -201,6 +202,7 @@ class Pass:
         return clutter(places, deviation=flight.clutter, length=flight.clutter_length, rng=rng)
 
     def _infrared(self, rng: np.random.Generator | None) -> NDArray[np.float32]:
+        """Return the samples of all passive detectors, (detector, line, sample) [K]; no noise without `rng`."""
         flight = self.plan.flight
         covered = self.returns.coverage()
         seen = covered * flight.contrast
@@ -274,8 +276,7 @@ def fly(
         Reflectivity of each facet, relative to the flat target of the carrier-to-noise ratio; 1
         when not given.
     lambertian : bool
-        Let the power fall with the cosine of incidence; otherwise it follows the projected area, as
-        in the article.
+        Let the power fall with the cosine of incidence; otherwise it follows the projected area.
 
     Returns
     -------

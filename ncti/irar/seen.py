@@ -61,6 +61,7 @@ class Truth:
     """Channels of a truth, and their images by looks."""
 
     def __init__(self, cells: Floats, factor: int) -> None:
+        """Prepare cells (channel, row, column), `factor` of them to a pixel along each axis."""
         self.factor = factor
         # The ship alone, with a border so wide that looks outside it see no slope.
         border = 5

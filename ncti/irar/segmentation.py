@@ -112,14 +112,14 @@ def noise_threshold(
 
     Notes
     -----
-    Not in the article, which states no threshold. The sea returns nothing, so a peak-detecting
-    sensor reports the largest intensity of its noise there, with the distribution `noise_below`.
-    Averaging leaves a pedestal, of 5.8 noise powers in a gate of 300 m for a pulse of 4.5 m, that
-    no number of looks removes. The distribution of the sum over the looks is that of one look
-    convolved with itself, computed by its Fourier transform on a grid of 1/32 noise power, which
-    changes the threshold by less than 1e-4 of itself. The threshold falls with the number of looks,
-    except for dropouts: where few peaks are reported, the number of reports that make an alarm
-    rises in steps.
+    A method of this project, as no threshold is published. The sea returns nothing, so a
+    peak-detecting sensor reports the largest intensity of its noise there, with the distribution
+    `noise_below`. Averaging leaves a pedestal, of 5.8 noise powers in a gate of 300 m for a pulse
+    of 4.5 m, that no number of looks removes. The distribution of the sum over the looks is that of
+    one look convolved with itself, computed by its Fourier transform on a grid of 1/32 noise power,
+    which changes the threshold by less than 1e-4 of itself. The threshold falls with the number of
+    looks, except for dropouts: where few peaks are reported, the number of reports that make an
+    alarm rises in steps.
 
     Examples
     --------

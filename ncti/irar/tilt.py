@@ -17,8 +17,8 @@ _MARGIN = 8  # pixels of sea around the ship that are fitted
 _KNEE = 0.3  # share of the ship's brightness at which the first search saturates
 _TUKEY = 4.685  # standard deviations; 95 % efficient for normal errors
 _LEAST_SCATTER = 0.02  # share of the model: error of area averages over finite cells
-# Footprints of five rays a side resolve an edge to 0.2 / sqrt(12) pixels. Errors of noiseless
-# passes that follow: scatter, as a share of the model, and lean, in pixels from end to end of the ship.
+# Footprints of five rays a side resolve an edge to 0.2 / sqrt(12) pixels. Errors that follow for
+# noiseless passes: scatter, as a share of the model, and lean, in pixels over the ship's length.
 _SAMPLED_SCATTER, _SAMPLED_LEAN = 0.05, 0.03
 # Stages of the fit: noise floor as a share of the ship's brightness, most passes, and the step at
 # which a stage has converged [pixel, or pixels a pixel].
