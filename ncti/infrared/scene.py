@@ -61,6 +61,10 @@ def draw_scene(
         If a parameter is out of range, the target is not an image, or the generator has no seed
         sequence to spawn from.
 
+    See Also
+    --------
+    ncti.infrared.thermal_images : Their sum.
+
     Notes
     -----
     Every pixel has a Gaussian temperature for the ship and one for the sea, of which the template
@@ -87,6 +91,17 @@ def draw_scene(
     ----------
     .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
        The Lincoln Laboratory Journal, Appendix 2.
+
+    Examples
+    --------
+    >>> sea = np.zeros((100, 100), dtype=bool)
+    >>> spread = {"target_spread": 0.1, "sea_spread": 0.1}
+    >>> rng = np.random.default_rng(0)
+    >>> scene, noise = draw_scene(
+    ...     sea, contrast=0.27, frame_counts=[4, 16], rng=rng, nedt=0.4, **spread
+    ... )
+    >>> noise.std(axis=(1, 2)).round(1)
+    array([0.2, 0.1])
     """
     target = np.asarray(target, dtype=bool)
     if target.ndim != 2:

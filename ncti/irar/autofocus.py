@@ -45,6 +45,12 @@ def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
     -------
     slope, count : (slope,) float64 ndarray
         Counts smoothed with a Gaussian of standard deviation `WIDTH`.
+
+    Examples
+    --------
+    >>> slope, count = slope_spectrum(np.array([0.25, 0.25, -0.5]), steepest=1.0)
+    >>> print(f"{slope[count.argmax()]:.2f}")
+    0.25
     """
     # Counts reach beyond the spectrum, so that its ends are smoothed like its middle.
     centres = np.arange(-math.ceil(steepest / STEP), math.ceil(steepest / STEP) + 1) * STEP

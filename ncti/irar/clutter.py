@@ -72,6 +72,10 @@ def clutter(
     ValueError
         If the deviation is negative, the length not above 0, or either not finite.
 
+    See Also
+    --------
+    sea_places : Places that samples see.
+
     Notes
     -----
     deviation sqrt(2 / W) times the sum of W cosines of phases k.x + phi, phi uniform and both
@@ -82,6 +86,13 @@ def clutter(
     The field lies still on the water: lines that overscan a place see the same of it, so that it
     does not average away, as the noise of detectors does. Waves that move meanwhile, and glint,
     are left out.
+
+    Examples
+    --------
+    >>> grid = np.stack(np.meshgrid(np.arange(0.0, 500, 5), np.arange(0.0, 500, 5)), axis=-1)
+    >>> field = clutter(grid, deviation=0.2, length=10.0, rng=np.random.default_rng(0))
+    >>> print(f"{field.std():.2f} K")
+    0.20 K
     """
     require("deviation", deviation, minimum=0.0)
     require("length", length, positive=True)

@@ -115,6 +115,16 @@ def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
     ------
     ValueError
         If the index points beyond the samples.
+
+    See Also
+    --------
+    average : Their mean.
+
+    Examples
+    --------
+    >>> looks_of([4.0, 6.0, 1.0], np.array([[[0, 1], [2, -1]]]))
+    array([[[ 4.,  6.],
+            [ 1., nan]]])
     """
     flat = np.asarray(values, dtype=np.float64).ravel()
     if index.max(initial=-1) >= flat.size:

@@ -25,6 +25,15 @@ def compass(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
     Returns
     -------
     (..., 3) float64 ndarray
+
+    See Also
+    --------
+    mirror_axes : Axes of the scanner after the mirror.
+
+    Examples
+    --------
+    >>> compass(90.0, 0.0).round(12)
+    array([1., 0., 0.])
     """
     a, e = np.broadcast_arrays(np.radians(azimuth), np.radians(elevation))
     return np.stack([np.cos(e) * np.sin(a), np.cos(e) * np.cos(a), np.sin(e)], axis=-1)
@@ -49,6 +58,10 @@ def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0
         Unit vectors (east, north, up) along the scan, across it and ahead: right, up and away,
         apart from the rotation about the beam that `mirror_rotation` gives.
 
+    See Also
+    --------
+    mirror_rotation : The rotation about the beam.
+
     Notes
     -----
     The scanner moves the beam in the horizontal plane. The mirror, which is fixed during the pass,
@@ -58,6 +71,14 @@ def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0
     ----------
     .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
        The Lincoln Laboratory Journal, 'Data Processing'.
+
+    Examples
+    --------
+    The line of the scan descends to the right, by the depression:
+
+    >>> along, across, ahead = mirror_axes(azimuth=0.0, depression=6.7)
+    >>> print(f"{np.degrees(np.arcsin(along[2])):.1f} deg")
+    -6.7 deg
     """
     towards = compass(azimuth, -depression)
     source = azimuth + 2 * mirror_angle  # azimuth of the source of the beam

@@ -74,7 +74,7 @@ def correct_as_printed(
 
     Examples
     --------
-    The mast of the printed corrections leans, at a depression of 6.6 deg and near the stern:
+    The mast of the printed corrections leans, at a depression of 6.7 deg and near the stern:
 
     >>> import trimesh
     >>> from ncti.irar import fly, ship_heading, ship_window, tilts, true_snapshot

@@ -125,7 +125,7 @@ class Scan:
                 "infrared": (
                     ("detector", *image),
                     self.infrared,
-                    {"units": "K", "long_name": "apparent temperature over the sea's"},
+                    {"units": "K", "long_name": "apparent temperature above the sea"},
                 ),
             },
             coords={
@@ -202,7 +202,7 @@ class Pass:
         return clutter(places, deviation=flight.clutter, length=flight.clutter_length, rng=rng)
 
     def _infrared(self, rng: np.random.Generator | None) -> NDArray[np.float32]:
-        """Return the samples of all passive detectors, (detector, line, sample) [K]; no noise without `rng`."""
+        """Return the passive samples, (detector, line, sample) [K]; no noise if `rng` is None."""
         flight = self.plan.flight
         covered = self.returns.coverage()
         seen = covered * flight.contrast

@@ -132,9 +132,21 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
         ship, the aircraft comes too close, the pass has too many lines, or the lines do not climb
         the ship.
 
+    See Also
+    --------
+    scan_scene : Cast the rays of the plan.
+
     Notes
     -----
     A flight with a `pointing` of its own scans there, whether or not the ship fits into the line.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> box = trimesh.creation.box((40, 10, 14)).apply_translation((0, 0, 7))
+    >>> plan = plan_scan(box, Flight(slant_range=4e3, ship_heading=5.0))
+    >>> plan.lines > 200
+    True
     """
     corners = np.asarray(mesh.vertices, dtype=np.float64)
     _, up, away = flight.snapshot_axes @ corners.T
