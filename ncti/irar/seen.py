@@ -78,7 +78,7 @@ class Truth:
         self.near = binary_dilation((bordered != 0).any(axis=0), iterations=2)
 
     def image(self, place: Floats, looks: Looks) -> tuple[Floats, Floats]:
-        """Return the image (channel, row, column) at a place, see `tilt._START`, and derivatives.
+        """Return the image (channel, row, column) at a place, as `tilt_fit.START`, and slopes.
 
         Derivatives have a last axis of 6, the parameters of the place.
         """

@@ -9,29 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ncti.irar.tilt_fit import START, fit_place
+
 if TYPE_CHECKING:
     from ncti.irar.seen import Looks, Truth
 
 FINEST = 4  # cells of the truth along a pixel, at least
 _MARGIN = 8  # pixels of sea around the ship that are fitted
 _KNEE = 0.3  # share of the ship's brightness at which the first search saturates
-_TUKEY = 4.685  # standard deviations; 95 % efficient for normal errors
 _LEAST_SCATTER = 0.02  # share of the model: error of area averages over finite cells
 # Footprints of five rays a side resolve an edge to 0.2 / sqrt(12) pixels. Errors that follow for
 # noiseless passes: scatter, as a share of the model, and lean, in pixels over the ship's length.
 _SAMPLED_SCATTER, _SAMPLED_LEAN = 0.05, 0.03
-# Stages of the fit: noise floor as a share of the ship's brightness, most passes, and the step at
-# which a stage has converged [pixel, or pixels a pixel].
-_STAGES = (
-    *((floor, 4, 1e-4) for floor in (1.0, 0.5, 0.25, 0.12, 0.06)),
-    (0.03, 25, 1e-5),
-)
-_LEAST_PIXELS = 8  # that a channel must show of the ship
-# Affine map from image to truth: shift up and right [pixel], columns a row (mast), rows a column
-# (waterline), rows a row and columns a column [pixels a pixel]. Its value for a perfect image, and
-# the largest change in one pass.
-_START = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
-_STEP = (1.0, 1.0, 0.1, 0.1, 0.02, 0.02)
 
 Floats = NDArray[np.float64]
 
@@ -193,7 +182,10 @@ def tilts(
     place = _start(seen, view, looks)
     box = _around(view.image(place, looks)[0])
     least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
-    found = _fit(seen[:, *box], known[:, *box], view, looks.within(*box), place, least)
+    fit = fit_place(seen[:, *box], known[:, *box], view, looks.within(*box), place, least)
+    if fit is None:
+        return _NONE
+    found = _tilt(*fit)
     return replace(
         found,
         mast_error=math.hypot(found.mast_error, math.degrees(lean / view.rows)),
@@ -219,125 +211,6 @@ def _checked(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArra
     if not cells.any(axis=(1, 2)).all():
         raise ValueError("truth is 0 everywhere, but must show a ship")
     return seen, cells, known
-
-
-@dataclass(frozen=True)
-class _Estimate:
-    """Parameters of a fit: the truth's place, and gain, offset and scatter of each channel."""
-
-    place: Floats  # (6,), see `_START`
-    gain: Floats
-    offset: Floats
-    scatter: Floats
-
-    def moved(self, change: Floats, scatter: Floats) -> tuple[_Estimate, float]:
-        """Return the estimate after a step of at most `_STEP`, and the largest part of that."""
-        channels = len(self.gain)
-        step = np.clip(change[:6], np.negative(_STEP), _STEP)
-        gain = np.clip(self.gain + change[6 : 6 + channels], 0.2, 5.0)
-        offset = np.clip(self.offset + change[6 + channels :], -0.5, 0.5)
-        return _Estimate(self.place + step, gain, offset, scatter), float(np.abs(step).max())
-
-
-def _fit(
-    seen: Floats,
-    known: NDArray[np.bool_],
-    view: Truth,
-    looks: Looks,
-    place: Floats,
-    least: float,
-) -> Tilt:
-    """Return the tilt by robust least squares from a start, with residual scatter at least `least`.
-
-    Gauss-Newton steps with Tukey's biweight. The noise floor falls in stages: a high floor keeps
-    every residual an inlier while the start is still wrong.
-    """
-    channels = len(seen)
-    fit = _Estimate(place, np.ones(channels), np.zeros(channels), np.ones(channels))
-    covariance = np.full((6, 6), np.nan)
-    for floor, passes, settled in _STAGES:
-        for _ in range(passes):
-            model, slopes = view.image(fit.place, looks)
-            if (((model > 0) & known).sum(axis=(1, 2)) < _LEAST_PIXELS).any():
-                return _NONE
-            # One linear system for all channels: they share the place, not gain and offset.
-            design, misfit, scatter = zip(
-                *(
-                    _equations(fit, c, seen[c], known[c], model[c], slopes[c], floor, least)
-                    for c in range(channels)
-                ),
-                strict=True,
-            )
-            terms = np.concatenate(design)
-            inverse = np.linalg.pinv(terms.T @ terms, hermitian=True)
-            change = inverse @ (terms.T @ np.concatenate(misfit))
-            fit, step = fit.moved(change, np.array(scatter))
-            covariance = inverse[:6, :6]
-            if step < settled:
-                break
-    return _tilt(fit.place, covariance)
-
-
-def _equations(
-    fit: _Estimate,
-    channel: int,
-    seen: Floats,
-    known: NDArray[np.bool_],
-    model: Floats,
-    slopes: Floats,
-    floor: float,
-    least: float,
-) -> tuple[Floats, Floats, float]:
-    """Return the weighted linear equations of one channel, and its new scatter.
-
-    Terms are (pixel, 6 + 2 channels): derivatives by place, then by gains and offsets. The misfit
-    is (pixel,).
-    """
-    gain, offset = fit.gain[channel], fit.offset[channel]
-    residual = seen - gain * model - offset
-
-    # Standard deviation up to a factor, the scatter: speckle grows with the model, noise does not.
-    spread = _spread(model, residual, known, gain, offset, floor, fit.scatter[channel])
-    scatter = _scatter(model, residual / spread, known, least)
-
-    # Tukey's biweight leaves out residuals beyond `_TUKEY` standard deviations.
-    unit = residual / (spread * scatter)
-    weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known
-    terms = _terms(channel, len(fit.gain), gain, model, slopes, weight / spread / scatter)
-    return terms, (unit * weight).ravel(), scatter
-
-
-def _spread(
-    model: Floats,
-    residual: Floats,
-    known: NDArray[np.bool_],
-    gain: float,
-    offset: float,
-    floor: float,
-    scatter: float,
-) -> Floats:
-    """Return the standard deviation of residuals up to a factor, the scatter."""
-    dark = (model == 0) & known
-    around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
-    spread: Floats = np.maximum(gain * model + offset, 0.0) + max(floor, around / scatter)
-    return spread
-
-
-def _scatter(model: Floats, unit: Floats, known: NDArray[np.bool_], least: float) -> float:
-    """Return the scatter, from the median residual of the ship's brighter pixels."""
-    bright = (model > model.max() / 5) & known
-    return max(1.4826 * float(np.median(np.abs(unit[bright]))), least)
-
-
-def _terms(
-    channel: int, channels: int, gain: float, model: Floats, slopes: Floats, weight: Floats
-) -> Floats:
-    """Return weighted derivatives by place, gains and offsets, (pixel, 6 + 2 channels)."""
-    terms = np.zeros((*model.shape, 6 + 2 * channels))
-    terms[..., :6] = gain * slopes
-    terms[..., 6 + channel], terms[..., 6 + channels + channel] = model, 1.0
-    terms *= weight[..., None]
-    return terms.reshape(-1, terms.shape[-1])
 
 
 def _tilt(place: Floats, covariance: Floats) -> Tilt:
@@ -371,7 +244,7 @@ def _start(seen: Floats, view: Truth, looks: Looks) -> Floats:
     # Imported here because scipy.stats takes half a second.
     from scipy.stats import theilslopes
 
-    place = np.array(_START)
+    place = np.array(START)
     # Most of an image is dark, so its median deviation from 0 is noise: use the least noisy.
     best = int(np.median(np.abs(seen), axis=(1, 2)).argmin())
     shown = _saturated(seen[best])
