@@ -1,4 +1,4 @@
-"""Refusing an argument that cannot be meant, in one sentence."""
+"""Checks of arguments, with one-sentence errors that state name, value and what is allowed."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def require(
     Parameters
     ----------
     name : str
-        The parameter as its caller wrote it.
+        Name of the parameter, for the message.
     value : float
-        What the caller gave; text is no number, whatever it spells.
+        Value to check; text is refused, even if it spells a number.
     positive : bool
-        Whether zero is refused along with everything below it.
+        Refuse zero and everything below it.
     whole : bool
-        Whether fractions are refused.
+        Refuse fractions.
     minimum, maximum : float
         Inclusive bounds.
     below : float
@@ -40,14 +40,25 @@ def require(
     Raises
     ------
     ValueError
-        Naming the parameter, the value and what is allowed.
+        If the value is not allowed; the message gives name, value and what is allowed.
+
+    See Also
+    --------
+    require_all : The same for an array.
+
+    Examples
+    --------
+    >>> require("ifov", 150e-6, positive=True)
+    >>> require("ifov", -1.0, positive=True)
+    Traceback (most recent call last):
+    ValueError: ifov is -1.0, but must be a finite number above 0
     """
     try:
         number = math.nan if isinstance(value, (str, bytes)) else float(value)
     except (TypeError, ValueError):
         number = math.nan
     except OverflowError:
-        # A whole number that no float holds: its digits would fill pages.
+        # An integer too large for a float, whose digits would fill pages.
         number = value = math.inf if value > 0 else -math.inf
     if (
         minimum <= number <= maximum
@@ -72,14 +83,14 @@ def require(
 
 
 def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
-    """Numbers as an array, refused for the first that `require` refuses.
+    """Return numbers as an array, or raise for the first that `require` refuses.
 
     Parameters
     ----------
     name : str
-        The parameter as its caller wrote it.
+        Name of the parameter, for the message.
     values : (...) array_like
-        What the caller gave: one number or an array of them, perhaps empty.
+        One number or an array of numbers, possibly empty.
     **bounds
         As for `require`.
 
@@ -91,7 +102,16 @@ def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        Naming the parameter, the first wrong element and what is allowed.
+        If an element is not allowed; the message gives the first such element.
+
+    See Also
+    --------
+    require : The same for one number.
+
+    Examples
+    --------
+    >>> require_all("slant_range", [25e3, 50e3], minimum=0.0)
+    array([25000., 50000.])
     """
     try:
         array = np.asarray(values)
@@ -112,7 +132,7 @@ def _all_inside(
     maximum: float = math.inf,
     below: float = math.inf,
 ) -> bool:
-    """Whether `require` takes all of an array, at the cost of a few looks at it as a whole."""
+    """Return whether `require` accepts every element, by checks of the array as a whole."""
     if not array.size:
         return True
     least, most = array.min(), array.max()  # a NaN is both
@@ -127,23 +147,34 @@ def _all_inside(
 
 
 def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
-    """Raise unless there are so many numbers, each as `require` wants it.
+    """Raise unless a sequence has a given length and `require` accepts each number.
 
     Parameters
     ----------
     name : str
-        The parameter as its caller wrote it.
+        Name of the parameter, for the message.
     values : sequence of float
-        What the caller gave.
+        Values to check.
     length : int
-        How many there must be.
+        Required length.
     **bounds
         As for `require`.
 
     Raises
     ------
     ValueError
-        Naming the parameter, or the element of it, and what is allowed.
+        If the length or an element is not allowed; the message names the parameter or the element.
+
+    See Also
+    --------
+    require : The check of each number.
+
+    Examples
+    --------
+    >>> require_each("phase", (0.2, 0.7), 2, minimum=0.0, below=1.0)
+    >>> require_each("phase", (0.2, 1.0), 2, minimum=0.0, below=1.0)
+    Traceback (most recent call last):
+    ValueError: phase[1] is 1.0, but must be a finite number at least 0 and below 1
     """
     listed = isinstance(values, Sequence) or getattr(values, "ndim", 0) == 1
     if not listed or len(values) != length:
@@ -153,25 +184,37 @@ def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
 
 
 def require_generator(name: str, value: Any) -> None:
-    """Raise unless `value` is a source of randomness.
+    """Raise unless a value is a numpy random generator.
 
     Parameters
     ----------
     name : str
-        The parameter as its caller wrote it.
+        Name of the parameter, for the message.
     value : numpy.random.Generator
-        What the caller gave.
+        Value to check.
 
     Raises
     ------
     ValueError
-        Naming the parameter, the value and what is allowed.
+        If it is anything else.
+
+    See Also
+    --------
+    require : The check of a number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> require_generator("rng", np.random.default_rng(0))
+    >>> require_generator("rng", 0)
+    Traceback (most recent call last):
+    ValueError: rng is 0, but must be a numpy.random.Generator
     """
     if not isinstance(value, np.random.Generator):
         raise ValueError(f"{name} is {_line(value)}, but must be a numpy.random.Generator")
 
 
 def _line(value: Any) -> str:
-    """A value as text on one line, cut where it is longer than a sentence bears."""
+    """Return a value as text on one line, cut to at most 80 characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 80 else f"{text[:77]}..."

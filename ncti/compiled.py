@@ -1,4 +1,4 @@
-"""Functions compiled by numba, kept in the user's cache and never in the package."""
+"""Functions compiled by numba and kept in the user's cache, never in the package."""
 
 from __future__ import annotations
 
@@ -15,15 +15,20 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """Return a function that numba compiles on its first call, or finds in the user's cache.
+    """Return a function that numba compiles on its first call, or loads from the user's cache.
+
+    See Also
+    --------
+    inlined : For small functions called inside loops.
+    keep : Compile loops ahead of their first use.
 
     Notes
     -----
-    Where the folder cannot be written, or another user could write it, code is compiled in each
-    process. Division by zero gives infinity, as with arrays, and other threads of Python run
-    meanwhile.
+    If the folder is not writable, or writable by another user, the code is compiled in each
+    process. Division by zero gives infinity, as with arrays, and the function releases the
+    interpreter's lock.
     """
-    config: Any = numba.config  # its names are made when it is imported
+    config: Any = numba.config  # its attributes are created on import
     before = config.CACHE_DIR
     config.CACHE_DIR = folder()
     try:
@@ -35,19 +40,20 @@ def compiled(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Return a function that numba inlines; loops that call nothing can be vector instructions."""
+    """Return a function that numba inlines, so that the calling loop can be vectorised."""
     return cast(F, numba.njit(inline="always", error_model="numpy")(function))
 
 
 class _Announcer(event.Listener):
-    """Says once a process that functions of this project are being compiled."""
+    """Logs once per process that functions of this project are being compiled."""
 
     def on_start(self, event: Any) -> None:
+        """Log the first compilation of a function of this project."""
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith("ncti.") and not self.said:
             self.said = True
-            kept = f", and kept in {folder()}" if folder() else ""
-            logging.getLogger("ncti").warning("loops are compiled, once: some seconds%s", kept)
+            kept = f" and keeping them in {folder()}" if folder() else ""
+            logging.getLogger("ncti").warning("compiling loops%s; this takes some seconds", kept)
 
     def on_end(self, event: Any) -> None:
         """Do nothing."""
@@ -60,9 +66,9 @@ event.register("numba:compile", announcer)
 
 
 def keep(loops: Loops) -> None:
-    """Compile loops in this process; others find their machine code, if there is a folder for it.
+    """Compile loops in this process; others load their machine code, if there is a folder for it.
 
-    Nothing is logged: who calls this tells of it.
+    Nothing is logged: the caller reports it.
     """
     before, announcer.said = announcer.said, True
     try:

@@ -1,4 +1,4 @@
-"""Loops that are compiled together, and where their machine code is kept; numba is not imported."""
+"""Loops that are compiled together, and the folder of their machine code; numba is not imported."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from platformdirs import user_cache_path
 
 @cache
 def folder() -> str:
-    """Return the folder for machine code; nothing where it is not this user's to write alone.
+    """Return the folder for machine code, or "" if it is not writable by this user alone.
 
     Notes
     -----
-    It is that of NUMBA_CACHE_DIR, or in the user's cache: one for all sweeps.
+    `NUMBA_CACHE_DIR`, if set, or a folder in the user's cache that all sweeps share.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     chosen = Path(given) if given else user_cache_path("ncti-sweep") / "compiled"
@@ -28,7 +28,7 @@ def folder() -> str:
         found = chosen.stat()
     except OSError:
         return ""
-    # What numba keeps there is run when it is read.
+    # numba runs what it loads from there, so no other user may write to it.
     alone = not hasattr(os, "geteuid") or (
         found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )
@@ -37,17 +37,17 @@ def folder() -> str:
 
 @dataclass(frozen=True)
 class Loops:
-    """Loops that are compiled by one call; `ncti.compiled.keep` does so.
+    """Loops that one call compiles; see `ncti.compiled.keep`.
 
     Attributes
     ----------
     of : str
-        What runs them, as "sampled frames".
+        What they compute, such as "sampled frames".
     names : tuple of str
-        Their names within `ncti`, as "render.line_sweep.sweep"; of loops that only call one another
-        the outer one.
+        Their names within `ncti`, such as "render.line_sweep.sweep". Of loops that only call one
+        another, the outer one.
     call : callable
-        Runs them all on little, with arguments of the types that sweeps have.
+        Runs them all on tiny arguments of the types that sweeps use.
     """
 
     of: str
@@ -55,21 +55,21 @@ class Loops:
     call: Callable[[], object]
 
     def are_missing(self) -> bool:
-        """Return whether there is a folder for machine code, but none in it of the last source.
+        """Return whether the folder lacks machine code of the current source.
 
         Notes
         -----
-        By the times of files alone. Where this errs, as with another release of numba, loops are
-        compiled when they are first called.
+        False without a folder. Decided by file times alone; where that is wrong, as with another
+        release of numba, the loops are compiled when they are first called.
         """
         return bool(folder()) and not all(_kept(*name.rsplit(".", 2)) for name in self.names)
 
 
 def _kept(*names: str) -> bool:
-    """Return whether machine code of a function is there, of [room,] module and name."""
+    """Return whether the machine code of a function exists, given [package,] module and name."""
     *room, module, function = names
     source = Path(__file__).absolute().parent.joinpath(*room, f"{module}.py")
-    # As numba names them.
+    # Folder and file names as numba composes them.
     digest = hashlib.sha1(str(source.parent).encode()).hexdigest()
     place = Path(folder(), f"{source.parent.name}_{digest}")
     return any(

@@ -1,4 +1,4 @@
-"""Planck's law in a band, and the contrast of a warm ship that a sensor sees there."""
+"""Black-body radiance in a wavelength band, and the contrast of a warm ship in it."""
 
 from __future__ import annotations
 
@@ -27,17 +27,18 @@ LONG_WAVE = (8e-6, 12e-6)
 """Band of IRAR's passive detectors [m]; article, 'The Infrared Airborne Radar (IRAR) System'."""
 
 SEA_TEMPERATURE = 288.15
-"""Of the sea [K], 15 degrees Celsius: an assumption, the article has none."""
+"""Temperature of the sea [K], 15 degrees Celsius: an assumption, as the article states none."""
 
 LONG_WAVE_EXTINCTION = 0.5e-3
-"""One-way extinction of radiance at 8 to 12 um [dB/m]: an assumption, of clear maritime air."""
+"""One-way extinction of radiance at 8 to 12 um [dB/m]: assumed, for clear maritime air."""
 
-# 2 k^4 / (h^3 c^2): a black body's radiance is this, T^4, and an integral over h c / (lambda k T).
+# 2 k^4 / (h^3 c^2): a black body's radiance is this times T^4 times an integral over
+# h c / (lambda k T).
 _RADIANCE = 2 * BOLTZMANN**4 / (PLANCK**3 * SPEED_OF_LIGHT**2)
 _TERMS = 45  # exp(-45) is below the rounding of the first
-_NEAR_ZERO = 1.0  # below it the series at zero is summed
-# Of the integral of t^3 / (exp(t) - 1) from 0: coefficients of x^3, x^4, x^5, x^7, ..., from
-# Bernoulli's numbers. The next, of x^17, is 8e-13.
+_NEAR_ZERO = 1.0  # below it the power series is summed
+# Power series of the integral of t^3 / (exp(t) - 1) from 0 to x: powers of x and coefficients from
+# Bernoulli's numbers. The next coefficient, of x^17, is 8e-13.
 _POWERS = (
     *((3, 1 / 3), (4, -1 / 8), (5, 1 / 60), (7, -1 / 5040), (9, 1 / 272160)),
     *((11, -1 / 13305600), (13, 1 / 622702080), (15, -691 / 19615115520000)),
@@ -52,38 +53,51 @@ def band_radiance(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
     Parameters
     ----------
     temperature : (...) array_like
-        Above 0 [K].
+        Temperature of the black body, above 0 [K].
     band : (float, float)
         Shortest and longest wavelength [m].
 
     Returns
     -------
     float or (...) float64 ndarray
-        [W m-2 sr-1].
+        Radiance [W m-2 sr-1].
 
     Raises
     ------
     ValueError
         If a temperature or a wavelength is not above 0 or not finite, or the band is empty.
 
+    See Also
+    --------
+    radiance_slope : Derivative by temperature.
+    ncti.infrared.band_contrast : Contrast of a ship in a band.
+
     Notes
     -----
-    L = integral of 2 h c^2 / lambda^5 / (exp(h c / (lambda k T)) - 1) over the band. With
-    x = h c / (lambda k T) that is 2 k^4 T^4 / (h^3 c^2) times the integral of x^3 / (exp(x) - 1),
-    which is summed as a series of exp(-n x), or of powers of x below 1 [1]_. Over all wavelengths
-    it is Stefan and Boltzmann's sigma T^4 / pi.
+    L = integral of 2 h c^2 / lambda^5 / (exp(h c / (lambda k T)) - 1) over the band. With x = h c /
+    (lambda k T) that is 2 k^4 T^4 / (h^3 c^2) times the integral of x^3 / (exp(x) - 1), which is
+    summed as a series of exp(-n x), or of powers of x below 1 [1]_. Over all wavelengths it is the
+    Stefan-Boltzmann law, sigma T^4 / pi.
 
     References
     ----------
     .. [1] W. K. Widger and M. P. Woodall, "Integration of the Planck blackbody radiation function",
        Bull. Amer. Meteor. Soc. 57, 1217-1219 (1976).
+
+    Examples
+    --------
+    A sea at 15 degrees Celsius radiates 26 times more at 8 to 12 um than at 3 to 5 um:
+
+    >>> long, mid = (band_radiance(288.15, band=band) for band in (LONG_WAVE, MID_WAVE))
+    >>> print(f"{long:.1f} and {mid:.1f} W m-2 sr-1")
+    31.5 and 1.2 W m-2 sr-1
     """
     warm, near, far = _reduced(temperature, band)
     return _RADIANCE * warm**4 * (_tail(far) - _tail(near))
 
 
 def radiance_slope(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
-    """Return by how much a black body's radiance in a band rises with its temperature.
+    """Return the derivative of a black body's radiance in a band by its temperature.
 
     Parameters
     ----------
@@ -93,17 +107,26 @@ def radiance_slope(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
     Returns
     -------
     float or (...) float64 ndarray
-        [W m-2 sr-1 K-1].
+        Derivative [W m-2 sr-1 K-1].
 
     Raises
     ------
     ValueError
         As `band_radiance`.
 
+    See Also
+    --------
+    band_radiance : The radiance itself.
+
     Notes
     -----
     With F(x) the integral of t^3 / (exp(t) - 1) from x on, the derivative of T^4 F(a / T) is
     T^3 (4 F(x) + x^4 / (exp(x) - 1)).
+
+    Examples
+    --------
+    >>> print(f"{radiance_slope(288.15, band=LONG_WAVE):.2f} W m-2 sr-1 K-1")
+    0.56 W m-2 sr-1 K-1
     """
     warm, near, far = _reduced(temperature, band)
     parts = [4 * _tail(x) + x**4 * np.exp(-x) / -np.expm1(-x) for x in (near, far)]
@@ -118,7 +141,7 @@ def band_contrast(
     sea_temperature: float = SEA_TEMPERATURE,
     extinction: float = LONG_WAVE_EXTINCTION,
 ) -> Values:
-    """Return the apparent temperature of a black ship against a black sea, in a band.
+    """Return the apparent temperature of a black ship above a black sea, in a band.
 
     Parameters
     ----------
@@ -127,11 +150,11 @@ def band_contrast(
     band : (float, float)
         Shortest and longest wavelength [m].
     contrast_at_zero : float
-        Temperature of the ship over the sea's [K]; negative for a colder ship.
+        Temperature of the ship above the sea [K]; negative for a colder ship.
     sea_temperature : float
-        Of the sea [K].
+        Temperature of the sea [K].
     extinction : float
-        Of radiance in that band, one way [dB/m].
+        One-way extinction of radiance in that band [dB/m].
 
     Returns
     -------
@@ -144,15 +167,32 @@ def band_contrast(
         If a range or the extinction is negative, a temperature not above 0, the band empty, or
         anything not finite.
 
+    See Also
+    --------
+    contrast : Contrast as Table 1 has it, for the imager at 3 to 5 um.
+
     Notes
     -----
-    10^(-extinction R / 10) (L(T + dT) - L(T)) / (dL/dT)(T), L the radiance in the band: what a
-    sensor reads that is calibrated about the sea's temperature. A noise-equivalent temperature
-    difference is a noise-equivalent radiance in the same unit, so that their ratio is the
+    10^(-extinction R / 10) (L(T + dT) - L(T)) / (dL/dT)(T), with L the radiance in the band: the
+    reading of a sensor that is calibrated about the sea's temperature. A noise-equivalent
+    temperature difference is a noise-equivalent radiance in the same unit, so their ratio is the
     signal-to-noise ratio, 1 where they are equal, as the article defines it.
 
-    The decibels are of radiance; those of `ncti.infrared.contrast` are of its square, as Table 1
-    has them. Emissivity below 1 and the sky that a ship and the sea then mirror are left out.
+    The decibels are of radiance; those of `contrast` are of its square, as in Table 1 [1]_.
+    Emissivity below 1, and with it the sky reflected by ship and sea, is neglected.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, Table 1.
+
+    Examples
+    --------
+    In the 8 to 12 um band of the airborne radar's passive detectors, at 3 and 5 km:
+
+    >>> import numpy as np
+    >>> band_contrast(np.array([3e3, 5e3])).round(2)
+    array([1.55, 1.23])
     """
     distance = require_all("slant_range", slant_range, minimum=0.0)
     require("contrast_at_zero", contrast_at_zero)
@@ -171,7 +211,7 @@ def band_contrast(
 
 
 def _reduced(temperature: ArrayLike, band: tuple[float, float]) -> tuple[Floats, Floats, Floats]:
-    """Temperatures, and h c / (lambda k T) at the shortest and the longest wavelength."""
+    """Return temperatures, and h c / (lambda k T) at the shortest and the longest wavelength."""
     warm = require_all("temperature", temperature, positive=True)
     shortest, longest = require_all("band", band, positive=True)
     if not shortest < longest:
@@ -184,7 +224,7 @@ def _reduced(temperature: ArrayLike, band: tuple[float, float]) -> tuple[Floats,
 
 
 def _tail(x: Floats) -> Floats:
-    """Integral of t^3 / (exp(t) - 1) from x on, of x above 0."""
+    """Return the integral of t^3 / (exp(t) - 1) from x to infinity, for x above 0."""
     far = np.maximum(x, _NEAR_ZERO)
     found = np.zeros_like(far)
     for n in range(1, _TERMS + 1):

@@ -1,4 +1,4 @@
-"""Counts and draws by pixel, as compiled loops."""
+"""Compiled loops over the pixels of infrared images."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ def count_points(
     first: tuple[int, int],
     counts: Floats,
 ) -> None:
-    """Add 1 to the cell of each point; rounding may put one a hair outside, which stays inside.
+    """Count the points in each cell; a point that rounding puts outside counts in the nearest cell.
 
     Parameters
     ----------
     horizontal, vertical : (point,) float64 ndarray
         Cross-range [m].
     scale : float
-        Pixels a metre.
+        Pixels per metre.
     phase : (float, float)
-        Where in a pixel the origin lies, right and up [pixel].
+        Place of the origin in its pixel, right and up [pixel].
     cells : float
         Cells along each side of a pixel.
     first : (int, int)
@@ -40,12 +40,13 @@ def count_points(
     """
     rows, columns = counts.shape
     column, row = np.empty(horizontal.size, np.int32), np.empty(horizontal.size, np.int32)
-    # Cells of all points at once, then the counts, by runs of points in one cell.
+    # Cells of all points first, in loops that can be vector instructions.
     left, bottom = float(first[0]), float(first[1])
     for i in range(horizontal.size):
         column[i] = np.int32(np.floor((horizontal[i] * scale + phase[0]) * cells) - left)
     for i in range(vertical.size):
         row[i] = np.int32(np.floor((vertical[i] * scale + phase[1]) * cells) - bottom)
+    # Then the counts, by runs of points in one cell.
     begin = 0
     for i in range(1, horizontal.size + 1):
         if i == horizontal.size or column[i] != column[begin] or row[i] != row[begin]:
@@ -63,19 +64,20 @@ def places_of_bits(
     corner: tuple[float, float],
     turn: tuple[float, float],
 ) -> tuple[Floats, Floats]:
-    """Return where the set bits of an image lie, (point,) across and up, row by row.
+    """Return the places of an image's set bits, (point,) across and up, row by row.
 
     Parameters
     ----------
     bits : (byte,) uint8 ndarray
         Pixels in the order of rows, the first in the highest bit.
     columns : int
-        Pixels a row.
+        Pixels per row.
     pixel, corner : float, (float, float)
-        As `ncti.render.image.Lattice` has pixel and origin [m].
+        Pixel and origin of `ncti.render.image.Lattice` [m].
     turn : (float, float)
-        Cosine and sine of its roll.
+        Cosine and sine of the lattice's roll.
     """
+    # Count the set bits, to allocate the result.
     many = 0
     for byte in bits:
         while byte:
@@ -83,6 +85,7 @@ def places_of_bits(
             many += 1
     horizontal, vertical = np.empty(many), np.empty(many)
     cos, sin = turn
+    # Place of each set bit: row and column, then the lattice's roll.
     found, row, ended = 0, 0, columns
     for i in range(bits.size):
         if bits[i]:
@@ -101,7 +104,7 @@ def places_of_bits(
 
 @compiled
 def bounding_box(target: NDArray[np.bool_]) -> Box:
-    """Return the rows and columns that hold what is true; (0, 0, 0, 0) where nothing is."""
+    """Return the rows and columns that contain all true pixels; (0, 0, 0, 0) if there are none."""
     rows, columns = target.shape
     top, bottom, left, right = rows, 0, columns, 0
     for row in range(rows):
@@ -116,22 +119,23 @@ def bounding_box(target: NDArray[np.bool_]) -> Box:
 def lay_out(
     box: Floats, corner: tuple[int, int], window: Floats, rim: Floats, width: int, out: Floats
 ) -> None:
-    """Lay normals drawn for the ship, its window and the window's rim where they belong.
+    """Arrange normals drawn for the ship's box, the window and its rim into images.
 
     Parameters
     ----------
     box : (draw, row, col) float64 ndarray
-        Those about the ship.
+        Normals of the box around the ship.
     corner : (int, int)
-        Row and column of its first in `out`; parts of it may lie outside.
+        Row and column of the box's first pixel in `out`; parts of the box may lie outside.
     window, rim : (draw, place) float64 ndarray
-        Those of the window, and of the rim, outside the box, row by row.
+        Normals of the window and of the rim, outside the box, row by row.
     width : int
         Pixels of rim.
     out : (draw, row, col) float64 ndarray
         Filled.
     """
     draws, rows, columns = out.shape
+    # Each pixel takes the next normal of the region it is in: ship's box, window or rim.
     for draw in range(draws):
         of_window, of_rim = 0, 0
         for row in range(rows):

@@ -1,4 +1,4 @@
-"""The loops that infrared images run, and how they are compiled."""
+"""Compiled loops of infrared images, and the call that compiles them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ncti.machine_code import Loops
 
 
 def _synthesise() -> None:
+    """Call the loops on a tiny image."""
     from ncti.infrared.cells import places_of_bits  # numba takes long to import
 
     places = places_of_bits(np.full(1, 255, np.uint8), 4, 1.0, (0.0, 0.0), (1.0, 0.0))

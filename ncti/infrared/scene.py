@@ -1,4 +1,4 @@
-"""The warm scene before a sensor: its own spread, and detector noise by frame count."""
+"""Temperature of the scene and detector noise by frame count."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ncti.checks import require
 
-# Frames whose sum is drawn first, by the generator itself; the article averages as many.
+# Frames whose sum the generator itself draws first: as many as the article averages.
 ANCHOR = 16
-# Pixels about the ship that are drawn with it. A super-resolved pixel depends on its neighbours up
-# to back_projections + 1 away, so that up to three back-projections see no window.
+# Pixels around the ship that are drawn with it. A super-resolved pixel depends on its neighbours up
+# to one pixel away, so the size of the window changes nothing on the ship.
 HALO = 4
 
 
@@ -29,29 +29,29 @@ def draw_scene(
     sea_spread: float,
     rim: int = 0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Temperatures of ship and sea, and the detector noise of the average of some frames.
+    """Draw temperatures of ship and sea, and the detector noise of the average of some frames.
 
     Parameters
     ----------
     target : (row, col) bool array_like
         True on the ship.
     contrast : float
-        Mean temperature of the ship against the mean sea [K].
+        Mean temperature of the ship above the mean sea [K].
     frame_counts : (frame_count,) sequence of int
         Frames averaged, in any order.
     rng : numpy.random.Generator
-        Source of randomness, with a seed sequence as `numpy.random.default_rng` gives it.
+        Source of randomness, with a seed sequence as `numpy.random.default_rng` provides.
     nedt : float
         Noise of one frame [K].
     target_spread, sea_spread : float
-        Own standard deviation of the ship's and the sea's temperature [K].
+        Standard deviation of the ship's and the sea's temperature [K].
     rim : int
         Pixels of sea around the window that are drawn too.
 
     Returns
     -------
     scene : (row + 2 rim, col + 2 rim) float64 ndarray
-        Temperature against the mean sea, the same in every frame [K].
+        Temperature above the mean sea, the same in every frame [K].
     noise : (frame_count, row + 2 rim, col + 2 rim) float64 ndarray
         Detector noise of each average, in the order of `frame_counts` [K].
 
@@ -61,27 +61,47 @@ def draw_scene(
         If a parameter is out of range, the target is not an image, or the generator has no seed
         sequence to spawn from.
 
+    See Also
+    --------
+    ncti.infrared.thermal_images : Their sum.
+
     Notes
     -----
-    Article, Appendix 2: a Gaussian temperature for the ship and one for the sea in every pixel,
-    of which the template keeps one. So one normal a pixel is enough: the other of the pair is
-    never seen. The article's deviations contain the noise of the 16-frame average; here noise and
-    own spread are apart, because only the noise falls with the number of frames.
+    Every pixel has a Gaussian temperature for the ship and one for the sea, of which the template
+    keeps one [1]_. One normal per pixel is therefore enough. The article's standard deviations
+    contain the noise of the 16-frame average; here noise and spread are separate, because only the
+    noise falls with the number of frames.
 
     The averages are over prefixes of the same frames, so the sum W(N) of N frames is a random walk
-    with Cov(W(M), W(N)) = nedt^2 min(M, N), drawn as such at a cost that grows with the logarithm
-    of N. What is drawn for one frame count does not depend on which others are asked for, nor on
-    their order: the generator itself draws two normals a pixel, of the scene and of W(16), whatever
-    the counts, and every other count that the walk passes on its way has a generator of its own.
-    Those are children of the generator's seed sequence, of which each call spawns one: for equal
-    results two generators must be equal in that, too. From W(16) the walk doubles, W(32), W(64),
-    ..., and between those, and below 16, it is Levy's construction of a Brownian bridge: given the
-    sums at the ends of an interval, the one in its middle is drawn, until a count is reached.
+    with Cov(W(M), W(N)) = nedt^2 min(M, N). It is drawn as such, at a cost that grows with the
+    logarithm of N. The draw for one frame count depends neither on the other counts nor on their
+    order: the generator itself draws two normals per pixel, for the scene and for W(16), whatever
+    the counts, and every other count on the walk's way has a generator of its own. These are
+    children of the generator's seed sequence, of which each call spawns one: equal results require
+    generators that are equal in that, too. From W(16) the walk doubles, W(32), W(64), ..., and
+    between those, and below 16, it is Levy's construction of a Brownian bridge: given the sums at
+    the ends of an interval, the one in its middle is drawn, until a count is reached.
 
-    Order of the draws: the ship's bounding box with a rim of `HALO` pixels, whether the window
-    holds them or not; the rest of the window; the rest of the rim. In each of them, row by row, the
+    Order of the draws: the ship's bounding box with a border of `HALO` pixels, whether or not the
+    window holds them; the rest of the window; the rest of the rim. In each of them, row by row, the
     generator draws first the scene and then W(16); the others draw one sum each, in the same order.
-    A larger window so changes no bit on the ship, and a rim none in the window.
+    A larger window therefore changes no bit on the ship, and a rim none in the window.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, Appendix 2.
+
+    Examples
+    --------
+    >>> sea = np.zeros((100, 100), dtype=bool)
+    >>> spread = {"target_spread": 0.1, "sea_spread": 0.1}
+    >>> rng = np.random.default_rng(0)
+    >>> scene, noise = draw_scene(
+    ...     sea, contrast=0.27, frame_counts=[4, 16], rng=rng, nedt=0.4, **spread
+    ... )
+    >>> noise.std(axis=(1, 2)).round(1)
+    array([0.2, 0.1])
     """
     target = np.asarray(target, dtype=bool)
     if target.ndim != 2:
@@ -98,6 +118,7 @@ def draw_scene(
         if count != int(count):
             raise ValueError(f"frame_counts is {count!r}, but must be whole numbers")
 
+    # Temperature of the scene: its spread, and the contrast on the ship.
     wanted = [int(count) for count in counts]
     node = _nodes(target, rim, rng)
     scene, anchor = _draw(target, 2, rim, rng)
@@ -108,6 +129,7 @@ def draw_scene(
     rows, cols = target.shape
     inside = scene[rim : rim + rows, rim : rim + cols]
     np.add(inside, contrast, out=inside, where=target)
+    # Detector noise: sums of frames along one random walk, divided by their number.
     anchor *= math.sqrt(ANCHOR)
     walk = dict(_walk(anchor, sorted(set(wanted)), node))
     noise = np.empty((len(wanted), *anchor.shape))
@@ -122,7 +144,7 @@ Node = Callable[[int], Field]
 
 
 def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, Field]]:
-    """Sums of unit normals at ascending counts, from that at `ANCHOR`: see `draw_scene`."""
+    """Yield sums of unit normals at ascending counts, given that at `ANCHOR`; see `draw_scene`."""
     first, start = 0, np.zeros_like(anchor)
     last, end = ANCHOR, anchor
     while True:
@@ -139,14 +161,14 @@ def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, F
 def _between(
     before: tuple[int, Field], after: tuple[int, Field], counts: list[int], node: Node
 ) -> Iterator[tuple[int, Field]]:
-    """The sums at the counts that lie between two counts whose sums are known."""
+    """Yield the sums at the counts between two counts whose sums are known."""
     (first, start), (last, end) = before, after
     inside = counts[bisect_right(counts, first) : bisect_left(counts, last)]
     if not inside:
         return
     middle = (first + last) // 2
     left, right = middle - first, last - middle
-    # Given both ends, a normal about the chord.
+    # Given both ends, the middle is normal about the chord.
     total = (right / (last - first)) * start + (left / (last - first)) * end
     total += math.sqrt(left * right / (last - first)) * node(middle)
     yield from _between(before, (middle, total), inside, node)
@@ -156,10 +178,11 @@ def _between(
 
 
 def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Node:
-    """Normals for the step to a count, from a stream that is of the generator and the count."""
+    """Return a function that draws the normals of one count from a stream of its own."""
     family = _family(rng)
 
     def node(count: int) -> Field:
+        """Return the normals of one count."""
         own = np.random.SeedSequence(
             family.entropy, spawn_key=(*family.spawn_key, count), pool_size=family.pool_size
         )
@@ -169,7 +192,7 @@ def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Nod
 
 
 def _family(rng: np.random.Generator) -> np.random.SeedSequence:
-    """A child of the generator's seed sequence, another for each call: no two share noise."""
+    """Return a new child of the generator's seed sequence, so that no two calls share noise."""
     sequence = getattr(rng.bit_generator, "seed_seq", None)
     if not isinstance(sequence, np.random.SeedSequence):
         raise ValueError(
@@ -182,18 +205,19 @@ def _family(rng: np.random.Generator) -> np.random.SeedSequence:
 def _draw(
     target: NDArray[np.bool_], count: int, rim: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Standard normals (count, row + 2 rim, col + 2 rim) in the order that `draw_scene` tells."""
+    """Return normals (count, row + 2 rim, col + 2 rim), drawn in the order of `draw_scene`."""
     from ncti.infrared.cells import bounding_box, lay_out  # numba takes long to import
 
     rows, columns = target.shape
     top, bottom, left, right = bounding_box(target)
-    # The box in the window's rows and columns; none without a ship.
+    # The ship's box in the window's rows and columns; empty without a ship.
     halo = HALO if bottom else 0
     box = top - halo, bottom + halo, left - halo, right + halo
     shape = box[1] - box[0], box[3] - box[2]
     window = rows * columns - _shared(box, (0, rows, 0, columns))
     whole = (rows + 2 * rim) * (columns + 2 * rim)
     around = whole - _shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
+    # One draw for box, window and rim, which are then arranged into images.
     drawn = rng.standard_normal(count * (math.prod(shape) + window + around))
     ends = count * math.prod(shape), count * (math.prod(shape) + window)
     of_box = drawn[: ends[0]].reshape(count, *shape)
@@ -205,7 +229,7 @@ def _draw(
 
 
 def _shared(box: Box, window: Box) -> int:
-    """Number of pixels that two boxes share."""
+    """Return the number of pixels that two boxes share."""
     rows = min(box[1], window[1]) - max(box[0], window[0])
     columns = min(box[3], window[3]) - max(box[2], window[2])
     return max(0, rows) * max(0, columns)

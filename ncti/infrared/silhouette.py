@@ -1,4 +1,4 @@
-"""Silhouettes: how much of each detector pixel the ship fills."""
+"""Silhouettes: the fraction of each detector pixel that the ship fills."""
 
 from __future__ import annotations
 
@@ -15,23 +15,35 @@ from ncti.render.lines import LineImage
 
 Extent = tuple[float, float, float, float]  # left, right, bottom, top [m]
 
-_ROUNDING = 1e-6  # of a pixel; far above the rounding of a coordinate over the footprint
+_ROUNDING = 1e-6  # pixel; far above the rounding error of a coordinate over the footprint
 
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """The ship on the detector's pixels.
+    """Fraction of each detector pixel that the ship fills.
 
     Attributes
     ----------
     coverage : (row, col) float64 ndarray
         Fraction of each pixel's area that the ship fills; row 0 is the lowest, column 0 the
-        leftmost. At most 1, up to the sampling error of the range image's lattice.
+        leftmost. At most 1, up to the sampling error of the range image's pixel lattice.
     footprint : float
         Side of a pixel on the target [m].
     origin : (float, float)
         Horizontal and vertical cross-range of the centre of pixel [0, 0] from the ship
         origin [m].
+
+    See Also
+    --------
+    silhouette : Compute it from an image of the ship.
+    coverage_of : Compute it from points on the ship.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> seen = Silhouette(np.array([[0.2, 0.9]]), footprint=15.0, origin=(0.0, 0.0))
+    >>> seen.target(0.25)
+    array([[False,  True]])
     """
 
     coverage: NDArray[np.float64]
@@ -39,7 +51,7 @@ class Silhouette:
     origin: tuple[float, float]
 
     def target(self, rule: float) -> NDArray[np.bool_]:
-        """The binary template: pixels of which the ship fills at least a fraction.
+        """Return the binary template: pixels that the ship fills to at least a given fraction.
 
         Parameters
         ----------
@@ -58,7 +70,12 @@ class Silhouette:
 
         Notes
         -----
-        Article, 'Passive-IR Signatures': a binary silhouette template. It does not print the rule.
+        The article uses a binary silhouette template and does not print the rule [1]_.
+
+        References
+        ----------
+        .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+           The Lincoln Laboratory Journal, 'Passive-IR Signatures'.
         """
         require("rule", rule, positive=True, maximum=1.0)
         return self.coverage >= rule
@@ -73,22 +90,22 @@ def silhouette(
     extent: Extent | None = None,
     subdivision: int = 1,
 ) -> Silhouette:
-    """Area coverage of the detector's pixels by a ship.
+    """Return the fraction of each detector pixel that a ship fills.
 
     Parameters
     ----------
     image : RangeImage or LineImage
-        Finely resolved range image, or the visible pieces along lines.
+        Finely resolved range image, or the visible pieces of lines across the ship.
     footprint : float
         Side of a pixel on the target [m], at least the resolution of the image.
     phase : (float, float)
-        Where in a pixel the ship origin lies, right and up from the pixel's corner [pixel], in
+        Place of the ship origin in its pixel, right and up from the pixel's corner [pixel], in
         [0, 1).
     margin : int
         Pixels of sea on every side.
     extent : (left, right, bottom, top), optional
-        Cross-range that the window must hold, the margin apart [m]; the ship's own bounding box
-        when not given.
+        Cross-range that the window must contain, without the margin [m]; the ship's own bounding
+        box when not given.
     subdivision : int
         Cells along each side of a pixel.
 
@@ -100,24 +117,44 @@ def silhouette(
     Raises
     ------
     ValueError
-        If a parameter is out of range, the ship reaches out of the extent, or there is neither a
-        ship nor an extent.
+        If a parameter is out of range, the ship exceeds the extent, or there is neither a ship nor
+        an extent.
+
+    See Also
+    --------
+    coverage_of : The same, for points on the ship.
+    image : Thermal image of the ship.
 
     Notes
     -----
-    Pieces of lines are shared out exactly along the line. Pixels of a range image are points: see
-    `coverage_of`, which takes the coordinates; use it when one view gets many footprints or phases.
+    Pieces of lines are divided between pixels exactly along the line. Pixels of a range image count
+    as points; see `coverage_of`, which takes their coordinates and is faster where one view needs
+    many footprints or phases.
+
+    Examples
+    --------
+    A box of 100 m by 12 m by 10 m on pixels of 15 m, seen from the side at 3.84 deg of depression.
+    Its projected area is 100 (10 cos 3.84 deg + 12 sin 3.84 deg) = 1078 m^2:
+
+    >>> import trimesh
+    >>> from ncti.render import line_image
+    >>> box = trimesh.creation.box((100, 12, 10)).apply_translation((0, 0, 5))
+    >>> seen = silhouette(line_image(box, aspect=90, depression=3.84), footprint=15.0, margin=0)
+    >>> seen.coverage.shape
+    (2, 8)
+    >>> print(f"{seen.coverage.sum() * seen.footprint**2:.0f} m^2")
+    1078 m^2
     """
     require("footprint", footprint, minimum=image.resolution)
     if isinstance(image, LineImage):
         window = _window(*image.bounds, footprint, phase, margin, extent, subdivision)
         cells = int(subdivision)
         parts = image.bin(side=footprint / cells, shift=(phase[0] * cells, phase[1] * cells))
-        # Rounding may put a hair of the outermost piece past the border of its bounding box.
+        # Rounding may put the outermost piece just past the border of its bounding box.
         last = np.array(window.shape[::-1]) - 1
         column, row = np.clip(parts.cell - window.first, 0, last).T
         return window.filled(column, row, parts.area.sum(axis=(1, 2)))
-    # Of the flat image: np.nonzero of two axes takes three times as long as all the rest.
+    # On the flat image: np.nonzero of two axes would take three times as long as all the rest.
     rows, cols = np.divmod(np.flatnonzero(image.hit), image.down_range.shape[1])
     return coverage_of(
         *image.cross_range_at(rows, cols),
@@ -141,7 +178,7 @@ def coverage_of(
     extent: Extent | None = None,
     subdivision: int = 1,
 ) -> Silhouette:
-    """Area coverage of the detector's pixels by small patches of ship.
+    """Return the fraction of each detector pixel that small patches of ship fill.
 
     Parameters
     ----------
@@ -157,23 +194,40 @@ def coverage_of(
     Returns
     -------
     Silhouette
-        Coverage of the window's pixels, or of their cells: as many whole pixels, whose coverage
-        is the mean of that of their cells.
+        Coverage of the window's pixels, or of their cells. The window always holds whole pixels;
+        the coverage of a pixel is the mean over its cells.
 
     Raises
     ------
     ValueError
-        As `silhouette`.
+        If a parameter is out of range, the ship exceeds the extent, or there is neither a ship nor
+        an extent.
+
+    See Also
+    --------
+    silhouette : The same, for a range image or lines.
 
     Notes
     -----
-    A patch counts whole in the pixel that holds its centre, column
-    floor(horizontal / footprint + phase), so that the area is conserved exactly. On the rolled
-    lattice of a range image a filled pixel so errs by about one patch (standard deviation: 1.4 %
-    for 7.5 x 7.5 patches, 0.3 % for 15 x 15).
+    A patch counts entirely in the pixel that holds its centre, column floor(horizontal / footprint
+    + phase), so the area is conserved exactly. On the rolled lattice of a range image a filled
+    pixel errs by about one patch (standard deviation: 1.4 % for 7.5 x 7.5 patches, 0.3 % for 15 x
+    15).
 
-    With an extent the window's shape depends on the extent and the footprint only. The phase may
-    push the ship over a pixel's edge, for which the window holds one column and one row more.
+    With an extent, the window's shape depends on the extent and the footprint only. It holds one
+    column and one row more than the extent needs, because the phase may shift the ship across a
+    pixel's edge.
+
+    Examples
+    --------
+    A rectangle of 10 m by 5 m, in patches of 0.25 m, on pixels of 3.75 m:
+
+    >>> import numpy as np
+    >>> across, up = np.meshgrid(np.arange(0.125, 10, 0.25), np.arange(0.125, 5, 0.25))
+    >>> seen = coverage_of(across.ravel(), up.ravel(), area=0.25**2, footprint=3.75, margin=0)
+    >>> seen.coverage.round(2)
+    array([[1.  , 1.  , 0.67],
+           [0.33, 0.33, 0.22]])
     """
     require("area", area, positive=True)
     window = _window(horizontal, vertical, footprint, phase, margin, extent, subdivision)
@@ -189,7 +243,7 @@ def coverage_of(
 
 
 class _Window(NamedTuple):
-    """The cells of a silhouette: column and row of the first, how many, and where they are."""
+    """Window of a silhouette in cells: first column and row, shape, side [m] and origin [m]."""
 
     first: tuple[int, int]
     shape: tuple[int, int]
@@ -199,13 +253,13 @@ class _Window(NamedTuple):
     def filled(
         self, column: NDArray[np.int64], row: NDArray[np.int64], area: NDArray[np.float64]
     ) -> Silhouette:
-        """Silhouette of areas [m^2] in some cells of the window."""
+        """Return the silhouette of areas [m^2] in some cells of the window."""
         rows, columns = self.shape
         filled = np.bincount(row * columns + column, area, rows * columns).reshape(self.shape)
         return self.silhouette(filled.astype(np.float64) * (1.0 / self.side**2))
 
     def silhouette(self, coverage: NDArray[np.float64]) -> Silhouette:
-        """Silhouette of the coverage of all cells."""
+        """Return the silhouette of the coverage of all cells."""
         return Silhouette(coverage, self.side, self.origin)
 
 
@@ -218,7 +272,7 @@ def _window(
     extent: Extent | None,
     subdivision: int,
 ) -> _Window:
-    """Cells of whole pixels that hold the points, or the extent, and a margin."""
+    """Return the window of whole pixels that contains the points, or the extent, and a margin."""
     require("footprint", footprint, positive=True)
     require("margin", margin, minimum=0.0)
     if margin != int(margin):
@@ -256,7 +310,7 @@ def _window(
 def _cell(
     points: NDArray[np.float64], footprint: float, phase: float, subdivision: int
 ) -> NDArray[np.int64]:
-    """Number of the cell of each point, counted from the ship origin's pixel."""
+    """Return the number of the cell of each point, counted from the pixel of the ship origin."""
     place = points * (1 / footprint)
     place += phase
     place *= subdivision
@@ -271,7 +325,7 @@ def _pixels(
     low: float | None,
     high: float | None,
 ) -> tuple[int, int]:
-    """First and last pixel of the window, the margin apart."""
+    """Return the first and last pixel of the window along one axis, without the margin."""
     if low is None or high is None:
         ends = np.array([points.min(), points.max()])
         first, last = _cell(ends, footprint, phase, 1).tolist()
@@ -283,6 +337,6 @@ def _pixels(
             f"extent is {low:g} to {high:g} m {axis}, but must hold the ship, which reaches "
             f"from {points.min():.2f} to {points.max():.2f} m"
         )
-    # n whole pixels and a bit touch n + 2 pixels at most, wherever they begin.
+    # A length of n whole pixels and a fraction overlaps n + 2 pixels at most, wherever it begins.
     first = math.floor(low * (1 / footprint) + phase)
     return first, first + math.floor((high - low) / footprint + _ROUNDING) + 1

@@ -1,4 +1,4 @@
-"""Closing speed from the scan itself: the one at which upright faces stand upright."""
+"""Closing speed from the scan itself: the one at which upright faces appear upright."""
 
 from __future__ import annotations
 
@@ -17,35 +17,42 @@ from ncti.irar.scan import Scan
 Floats = NDArray[np.float64]
 
 RISE = 3.2
-"""Height over which slopes are taken [m]: about that of a deck, so that few pairs bridge a tier."""
+"""Height over which slopes are measured [m]: about one deck, so that few pairs span two tiers."""
 
 WIDTH = 0.1
-"""Width of the kernel that slopes are counted with: about their noise, 0.3 m twice over a rise.
+"""Width of the kernel that smooths the counts of slopes: their noise, 0.3 m twice over a rise.
 
-A wider one reaches from upright faces to tiers that recede, and takes these for a speed.
+A wider kernel mixes upright faces with receding tiers, and finds their mean as a speed.
 """
 
 ROUNDS = 3
-"""Corrections in turn. The looks of a pixel are smeared by a wrong speed, less each time."""
+"""Corrections in turn. A wrong speed smears the looks of a pixel, less in each round."""
 
 STEP = 0.01
 
 
 def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
-    """How many pairs of pixels recede at each slope.
+    """Return the number of pairs of pixels by the slope at which they recede.
 
     Parameters
     ----------
     slopes : (pair,) float64 ndarray
         Change of horizontal distance with height [m/m].
     steepest : float
-        Largest slope of the spectrum, either way.
+        Largest slope of the spectrum, in either direction.
 
     Returns
     -------
     slope, count : (slope,) float64 ndarray
         Counts smoothed with a Gaussian of standard deviation `WIDTH`.
+
+    Examples
+    --------
+    >>> slope, count = slope_spectrum(np.array([0.25, 0.25, -0.5]), steepest=1.0)
+    >>> print(f"{slope[count.argmax()]:.2f}")
+    0.25
     """
+    # Counts reach beyond the spectrum, so that its ends are smoothed like its middle.
     centres = np.arange(-math.ceil(steepest / STEP), math.ceil(steepest / STEP) + 1) * STEP
     edges = np.append(centres, centres[-1] + STEP) - STEP / 2
     reach = 4 * WIDTH
@@ -58,68 +65,91 @@ def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
 
 
 def autofocus(scan: Scan, belief: Flight, *, reach: float = 0.1) -> Flight:
-    """A belief whose aircraft's speed makes most of the ship's steep faces upright.
+    """Return the flight with the aircraft speed at which most steep faces are upright.
 
     Parameters
     ----------
     scan : Scan
         Raw images.
     belief : Flight
-        The flight as navigation has it.
+        The flight as navigation measures it.
     reach : float
-        Largest error of the closing speed that is looked for, as a fraction of it, below 1.
+        Largest error of the closing speed to search for, as a fraction of it, below 1.
 
     Returns
     -------
     Flight
-        The belief with another `aircraft_speed`.
+        The belief with a corrected `aircraft_speed`.
 
     Raises
     ------
     ValueError
-        If the reach is out of range, or nothing in the corrected image stands a deck high.
+        If the reach is out of range, or nothing in the corrected image is a deck high.
+
+    See Also
+    --------
+    correct : Correct a scan with the flight that is found.
 
     Notes
     -----
-    Ours. An error of 1 % in the closing speed moves the ranges of a ship's top against those of
-    its waterline by 4 m: every upright face leans by the error over tan(depression), 5 deg. Pairs
-    of pixels a deck apart in height give the slopes of faces; most faces are upright, and the
-    slope that most pairs have (the contrast of their spectrum) is what the speed is wrong by.
+    A method of this project. An error of 1 % in the closing speed moves the ranges of a
+    ship's top against those of its waterline by 4 m: every upright face leans by the error over
+    tan(depression), 5 deg. Pairs of pixels a deck apart in height give the slopes of faces. Most
+    faces are upright, so the most frequent slope measures the error of the speed.
 
-    The sharpest profile, the obvious contrast, is a worse guide: what is seen of a ship recedes
-    with height, tier by tier, and a closing speed some 2 % too low draws the tiers together. Faces
-    that are raked are taken for upright, so that what is left is the ship's own rake: up to 1.3 %
-    near the stern, and 3 % ahead, of the six ships. The ship's speed acts on ranges as the
-    aircraft's does, which is the one adjusted.
+    Maximising the contrast of the profile is a worse criterion: the visible parts of a ship recede
+    with height, tier by tier, and a closing speed some 2 % too low draws the tiers together. Raked
+    faces count as upright, so the residual error is the ship's own rake: up to 1.3 % near the
+    stern, and 3 % ahead, of the six ships. The ship's speed acts on ranges as the aircraft's does;
+    only the aircraft's is adjusted.
+
+    Examples
+    --------
+    Navigation measures 94 m/s for an aircraft that flies at 90 m/s:
+
+    >>> from dataclasses import replace
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.irar import fly, ship_heading
+    >>> box = trimesh.creation.box((40, 10, 14)).apply_translation((0, 0, 7))
+    >>> heading = ship_heading(aspect=180, sight=5)
+    >>> flight = Flight(slant_range=4e3, ship_heading=heading, samples=60)
+    >>> scan = fly(box, flight).record(np.random.default_rng(1))
+    >>> found = autofocus(scan, replace(flight, aircraft_speed=94.0))
+    >>> print(f"{found.aircraft_speed:.0f} m/s")
+    90 m/s
     """
     require("reach", reach, positive=True, below=1)
     flight = belief
     for _ in range(ROUNDS):
         slope = _commonest_slope(scan, flight, reach=reach)
-        # A face seen at a closing speed v + dv leans by dv / climb.
+        # An error dv of the closing speed makes an upright face lean by dv / climb.
         error = -slope * flight.climb / closing_per_speed(flight)
         flight = replace(flight, aircraft_speed=flight.aircraft_speed + error)
     return flight
 
 
 def closing_per_speed(flight: Flight) -> float:
-    """Closing speed gained for each metre a second that the aircraft is faster."""
+    """Return the closing speed gained per metre a second of aircraft speed."""
     gain = float(compass(flight.track, 0.0) @ compass(flight.sight, 0.0))
     return math.copysign(max(abs(gain), 1e-3), gain)
 
 
 def _commonest_slope(scan: Scan, flight: Flight, *, reach: float) -> float:
+    """Return the most frequent slope of faces in the corrected image [m/m]."""
     image = segmented(correct(scan, Correction(), belief=flight, overscanned=True), flight)
+    # Horizontal distance of every pixel, from its range and its angle below the horizon.
     below = math.radians(flight.depression) - np.arctan(image.row * flight.ifov)
     level = image.range * np.cos(below)[:, None]
     apart = float(image.row[1] - image.row[0]) * flight.pixel
+    # Slopes between pixels of a column a deck apart, with no gap in between.
     rows = max(2, round(RISE / apart))
     gaps = np.cumsum(~np.isfinite(level), axis=0)
     unbroken = np.isfinite(level[:-rows]) & (gaps[rows:] == gaps[:-rows])
     slopes = (level[rows:] - level[:-rows])[unbroken] / (rows * apart)
     if not slopes.size:
         raise ValueError(
-            f"scan has nothing that stands {RISE:g} m high after correction, but must show a ship"
+            f"scan shows nothing {RISE:g} m high after correction, but must show a ship"
         )
     slope, count = slope_spectrum(slopes, steepest=reach * flight.closing_speed / flight.climb)
     return float(slope[np.argmax(count)])

@@ -1,4 +1,4 @@
-"""Clutter of the sea in the passive image: a field of temperatures that lies on the water."""
+"""Clutter of the sea in the passive image: a temperature field that is fixed to the water."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from ncti.irar.flight import Flight
 Floats = NDArray[np.float64]
 
 WAVES = 64
-"""Cosines that a field is made of."""
+"""Number of cosines that make up a field."""
 
 
 def sea_places(flight: Flight, time: Floats, along: Floats, across: Floats) -> Floats:
-    """Return where lines of sight meet the water.
+    """Return the points where lines of sight meet the water.
 
     Parameters
     ----------
     flight : Flight
         The pass, with its pointing settled.
     time : (...) float64 ndarray
-        After the snapshot [s].
+        Time after the snapshot [s].
     along, across : (...) float64 ndarray
         Scan angle, and angle above the scan plane, as for `Flight.directions` [rad].
 
     Returns
     -------
     (..., 2) float64 ndarray
-        On the water, which the ship leaves behind: along and across her course, from where her
-        origin is in the snapshot [m]; NaN above the horizon.
+        Place on the water, along and across the ship's course, from the ship's origin in the
+        snapshot [m]; NaN above the horizon. The ship moves relative to the water.
     """
     origin, ways = flight.position(time), flight.directions(along, across)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -49,14 +49,14 @@ def clutter(
     length: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return temperatures of the sea about their mean, one draw.
+    """Draw temperatures of the sea about their mean.
 
     Parameters
     ----------
     places : (..., 2) float64 ndarray
-        On the water [m]; NaN sees no sea.
+        Places on the water [m]; NaN where there is none.
     deviation : float
-        Standard deviation of what a sample sees [K].
+        Standard deviation of a sample [K].
     length : float
         Distance on the water at which the correlation has fallen to 1/e [m].
     rng : numpy.random.Generator
@@ -72,6 +72,10 @@ def clutter(
     ValueError
         If the deviation is negative, the length not above 0, or either not finite.
 
+    See Also
+    --------
+    sea_places : Places that samples see.
+
     Notes
     -----
     deviation sqrt(2 / W) times the sum of W cosines of phases k.x + phi, phi uniform and both
@@ -82,6 +86,13 @@ def clutter(
     The field lies still on the water: lines that overscan a place see the same of it, so that it
     does not average away, as the noise of detectors does. Waves that move meanwhile, and glint,
     are left out.
+
+    Examples
+    --------
+    >>> grid = np.stack(np.meshgrid(np.arange(0.0, 500, 5), np.arange(0.0, 500, 5)), axis=-1)
+    >>> field = clutter(grid, deviation=0.2, length=10.0, rng=np.random.default_rng(0))
+    >>> print(f"{field.std():.2f} K")
+    0.20 K
     """
     require("deviation", deviation, minimum=0.0)
     require("length", length, positive=True)

@@ -1,4 +1,4 @@
-"""Landmarks of a near-stern range profile: hangar, stern, masts and bridge in numbers."""
+"""Landmarks of a near-stern range profile: hangar, stern, masts and bridge as numbers."""
 
 from __future__ import annotations
 
@@ -10,32 +10,41 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require
 
-MAST = (40.0, 50.0)  # m past the hangar; frigates of the Perry class
+MAST = (40.0, 50.0)  # m past the hangar, for frigates of the Perry class
 FORWARD = (57.0, 64.0)
-REACH = 1.5  # m; half of what counts as one peak
+REACH = 1.5  # m; half the width of a peak
 TRANSOM = 5.0  # m from the stern end
 DECK = 4.0  # m from the stern end
-APRON = 4.0  # m before the hangar, of its own slope
-END = 0.05  # of the highest peak
-FRONT = 0.98  # of all that returns
-PROMINENCE = 0.05  # of the hangar's height
+APRON = 4.0  # m before the hangar, on the slope of its peak
+END = 0.05  # share of the highest peak
+FRONT = 0.98  # share of all returns
+PROMINENCE = 0.05  # share of the hangar's height by which a peak stands out
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Peak:
-    """A peak beside the hangar's.
+    """A peak relative to the hangar's.
 
     Attributes
     ----------
     offset : float
-        How far past the hangar it lies [m], negative towards the stern; NaN for no peak.
+        Distance past the hangar [m], negative towards the stern; NaN for no peak.
     height : float
-        Its highest bin over the hangar's.
+        Highest bin over the hangar's.
     energy : float
-        What returns within 1.5 m of it over the same of the hangar: hardly changes with the
-        place of the bins, as heights do.
+        Returns within 1.5 m of it over those of the hangar. Unlike heights, they hardly depend on
+        the position of the bins.
+
+    See Also
+    --------
+    landmarks : Measure the peaks of a profile.
+
+    Examples
+    --------
+    >>> Peak(offset=45.0, height=0.28, energy=0.3).offset
+    45.0
     """
 
     offset: float
@@ -45,24 +54,35 @@ class Peak:
 
 @dataclass(frozen=True)
 class Landmarks:
-    """What is told from a near-stern profile of a frigate.
+    """Landmarks measured in a near-stern profile of a frigate.
 
     Attributes
     ----------
     hangar : float
         Down-range of the hangar's spike [m].
     stern : float
-        From the stern end to the hangar [m].
+        Distance from the stern end to the hangar [m].
     bridge : float
-        From the hangar to the front of the forward structure [m].
+        Distance from the hangar to the front of the forward structure [m].
     transom : Peak
-        Highest within 5 m of the stern end, spike or not.
+        Highest bin within 5 m of the stern end, whether or not it is a peak.
     mast : Peak
-        Main mast.
+        Peak of the main mast.
     forward : Peak
-        Aft face of the block that bears the bridge.
+        Peak of the aft face of the block below the bridge.
     deck_spikes : tuple of float
         Offsets of the peaks between transom and hangar [m].
+
+    See Also
+    --------
+    landmarks : Measure them in a profile.
+
+    Examples
+    --------
+    >>> nothing = Peak(float("nan"), 0.0, 0.0)
+    >>> found = Landmarks(-33.5, 28.0, 60.9, nothing, nothing, nothing, deck_spikes=())
+    >>> found.stern_to_bridge
+    88.9
     """
 
     hangar: float
@@ -75,10 +95,10 @@ class Landmarks:
 
     @property
     def stern_to_bridge(self) -> float:
-        """From the stern end to the front of the forward structure [m].
+        """Distance from the stern end to the front of the forward structure [m].
 
-        In range: cos(depression) cos(aspect) of the length on deck, but for what the heights of
-        both ends differ.
+        In range: cos(depression) cos(aspect) times the length on deck, apart from the difference in
+        height of the two ends.
         """
         return self.stern + self.bridge
 
@@ -91,10 +111,8 @@ def landmarks(
     mast: tuple[float, float] = MAST,
     forward: tuple[float, float] = FORWARD,
     end: float = END,
-    front: float = FRONT,
-    prominence: float = PROMINENCE,
 ) -> Landmarks:
-    """Landmarks of a near-stern profile.
+    """Measure the landmarks of a near-stern profile.
 
     Parameters
     ----------
@@ -103,78 +121,99 @@ def landmarks(
     down_range : (bin,) array_like
         Centres of the bins [m], increasing evenly away from the sensor.
     hangar : (float, float), optional
-        Where the hangar's spike may lie [m]; the highest peak of all without it.
+        Window of the hangar's spike [m]; the highest peak of all when not given.
     mast, forward : (float, float)
-        Where these peaks may lie past the hangar [m]; each is the highest there.
+        Windows of these peaks past the hangar [m]; each is the highest one inside.
     end : float
-        Share of the highest peak that the first bin of the ship reaches, in (0, 1).
-    front : float
-        Share of all returns that have come by the front of the bridge, in (0, 1).
-    prominence : float
-        Share of the hangar's height by which a peak stands out, in (0, 1).
+        Share of the highest peak that marks the first bin of the ship, in (0, 1).
 
     Returns
     -------
     Landmarks
-        A peak that is not there has the offset NaN and the height and energy 0.
+        A missing peak has offset NaN, and height and energy 0.
 
     Raises
     ------
     ValueError
-        If the shapes do not fit, the bins are not even, a value is not finite, a parameter is
-        out of range, or nothing returns where the hangar should be.
+        If the shapes differ, the bins are uneven, a value is not finite, a parameter is out of
+        range, or nothing returns where the hangar should be.
+
+    See Also
+    --------
+    profile : Range profile of a corrected flight.
+    profile_correlation : Similarity of two profiles as a whole.
 
     Notes
     -----
-    Article, 'Discussion of Range Profiles from Ships' and 'Validation of Synthetic Range
-    Profiles' (Figures 14 and 16), which tells by eye what is here a number: the hangar's spike,
-    the length from stern to bridge, the transom's spike, the masts, and the spikes that a
-    point-sampled flight deck leaves.
+    The article discusses these features by eye [1]_: the hangar's spike, the length from stern to
+    bridge, the transom's spike, the masts, and the spikes of a point-sampled flight deck.
 
-    A peak's place is the centroid of what rises above half of it, within 1.5 m. Heights depend
-    on where the bins' edges fall, those of a hangar 1.8 m deep by a quarter; energies hardly do.
+    The place of a peak is the centroid of the part above half its height, within 1.5 m. Heights
+    depend on the position of the bins' edges, those of a hangar 1.8 m deep by a quarter; energies
+    hardly do.
 
-    The length from stern to bridge, which the article finds the same in model and measurement: the
-    stern is steep, and its place the centre of its first bin. The front, seen from behind, fades
-    out over roofs, so that no height tells its place, and what lies beyond is hidden but for
-    little.
+    The article finds the length from stern to bridge to be equal in model and measurement. The
+    stern is steep, and its place is the centre of its first bin. The front, seen from behind, fades
+    out over roofs, so no height marks its place: it is where 98 % of all returns have arrived.
 
-    The windows are those of the Perry class: profiles of other classes need their own. So
-    does the hangar, where something else is the highest, as the Connole's stack is.
+    The default windows are those of the Perry class; other classes need their own. Where something
+    else is higher than the hangar, as the Connole's stack is, give the window of the hangar, too.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Discussion of Range Profiles from Ships' and 'Validation of
+       Synthetic Range Profiles', Figures 14 and 16.
+
+    Examples
+    --------
+    A profile with a transom, a hangar, a mast and a forward block:
+
+    >>> import numpy as np
+    >>> bins = np.arange(-125, 125) + 0.5
+    >>> parts = {-60.5: 0.3, -33.5: 1.0, 11.5: 0.25, 26.5: 0.2}
+    >>> profile = sum(height * np.exp(-((bins - at) ** 2)) for at, height in parts.items())
+    >>> found = landmarks(profile, bins)
+    >>> found.hangar, found.stern, found.mast.offset, found.forward.offset
+    (-33.5, 28.0, 45.0, 60.0)
     """
     values, centres, width = _profile(profile, down_range)
-    require("prominence", prominence, positive=True, below=1.0)
+    require("end", end, positive=True, below=1.0)
     low, high = (centres[0], centres[-1]) if hangar is None else _window("hangar", hangar)
     inside = (centres >= low) & (centres <= high)
     if not inside.any() or not values[inside].max() > 0:
         raise ValueError(
             f"hangar is {hangar!r}, but must be where the profile has a return above 0"
         )
+    # The hangar's spike is the reference of all places, heights and energies.
     top = int(np.flatnonzero(inside)[values[inside].argmax()])
     spike, height = _centroid(values, centres, top), float(values[top])
     energy = _energy(values, centres, spike, width)
 
     def peak(index: int) -> Peak:
+        """Return the peak of a bin."""
         at = _centroid(values, centres, index)
         share = _energy(values, centres, at, width) / energy
         return Peak(at - spike, float(values[index]) / height, share)
 
-    # Imported where it is used: scipy.signal takes half a second.
+    # Imported here because scipy.signal takes half a second.
     from scipy.signal import find_peaks
 
-    # Zeros on both sides make a peak of what the window cuts.
-    tops = find_peaks(np.pad(values, 1), prominence=prominence * height)[0] - 1
+    # Zeros on both sides, so that a maximum at the profile's end is a peak, too.
+    tops = find_peaks(np.pad(values, 1), prominence=PROMINENCE * height)[0] - 1
 
     def highest(name: str, window: tuple[float, float]) -> Peak:
+        """Return the highest peak in a window past the hangar."""
         near, far = _window(name, window)
         offsets = centres[tops] - spike
         found = tops[(offsets >= near) & (offsets <= far)]
         return peak(int(found[values[found].argmax()])) if found.size else Peak(math.nan, 0.0, 0.0)
 
-    stern, last = _ends(values, centres, width, end=end, front=front)
+    # Ends of the ship, the transom at its stern and the spikes of the deck before the hangar.
+    stern, last = _ends(values, centres, width, end)
     aft = np.flatnonzero((centres >= stern) & (centres <= stern + TRANSOM) & (centres < spike))
     transom = peak(int(aft[values[aft].argmax()])) if aft.size else Peak(math.nan, 0.0, 0.0)
-    # The deck begins beyond the transom, however far that slopes.
+    # The deck begins beyond the transom, including its slope.
     begins = max(stern + DECK, spike + np.nan_to_num(transom.offset, nan=-math.inf) + REACH)
     deck = (centres[tops] > begins) & (centres[tops] < spike - APRON)
     return Landmarks(
@@ -191,25 +230,37 @@ def landmarks(
 def profile_correlation(
     first: ArrayLike, second: ArrayLike, *, exclude: ArrayLike | None = None
 ) -> Floats:
-    """Correlation of profiles on the same bins.
+    """Return the correlation of profiles on the same bins.
 
     Parameters
     ----------
     first, second : (..., bin) array_like
         Profiles, in any unit.
     exclude : (bin,) array_like of bool, optional
-        Bins left out, such as those within 4 m of the hangar, which else decides alone.
+        Bins to omit, such as those within 4 m of the hangar, which otherwise dominates.
 
     Returns
     -------
     (...) float64 ndarray
-        Pearson's coefficient, in [-1, 1], whatever gain and floor; 0 where a profile is flat,
-        and so like nothing.
+        Pearson's coefficient, in [-1, 1], independent of gain and floor; 0 where a profile is flat.
 
     Raises
     ------
     ValueError
-        If the shapes do not fit, a value is not finite or fewer than two bins are left.
+        If the shapes differ, a value is not finite or fewer than two bins are left.
+
+    See Also
+    --------
+    landmarks : Compare profiles by their landmarks.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> profile = np.array([0.0, 3.0, 1.0, 1.0, 0.0])
+    >>> print(f"{profile_correlation(profile, 2 * profile + 1):.2f}")
+    1.00
+    >>> print(f"{profile_correlation(profile, profile[::-1]):.2f}")
+    0.33
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     for name, values in (("first", a), ("second", b)):
@@ -233,42 +284,38 @@ def profile_correlation(
 
 
 def _centred(values: Floats) -> Floats:
-    """Profiles of mean 0 and norm 1, or zero."""
+    """Return profiles of mean 0 and norm 1, or zero."""
     deviation = values - values.mean(axis=-1, keepdims=True)
     norm = np.sqrt((deviation**2).sum(axis=-1, keepdims=True))
-    # Rounding leaves a flat profile a few ulp off its own mean.
+    # Rounding leaves a flat profile a few units in the last place off its mean.
     flat = norm <= 1e-12 * np.abs(values).max(axis=-1, keepdims=True) * values.shape[-1]
     return np.where(flat, 0.0, deviation / np.where(flat, 1.0, norm))
 
 
-def _ends(
-    values: Floats, centres: Floats, width: float, *, end: float, front: float
-) -> tuple[float, float]:
-    """Down-range of the stern and of the front of the bridge."""
-    require("end", end, positive=True, below=1.0)
-    require("front", front, positive=True, below=1.0)
+def _ends(values: Floats, centres: Floats, width: float, end: float) -> tuple[float, float]:
+    """Return the down-range of the stern and of the front of the bridge [m]."""
     stern = int(np.flatnonzero(values >= end * values.max())[0])
     come = np.concatenate([[0.0], np.cumsum(np.maximum(values[stern:], 0.0))])
     edges = centres[stern] - width / 2 + width * np.arange(come.size)
-    return float(centres[stern]), float(np.interp(front * come[-1], come, edges))
+    return float(centres[stern]), float(np.interp(FRONT * come[-1], come, edges))
 
 
 def _centroid(values: Floats, centres: Floats, top: int) -> float:
-    """Place of the peak whose highest bin is `top`."""
+    """Return the place of the peak whose highest bin is `top` [m]."""
     near = np.abs(centres - centres[top]) <= REACH
     weight = np.where(near, np.maximum(values - values[top] / 2, 0.0), 0.0)
     return float(weight @ centres / weight.sum())
 
 
 def _energy(values: Floats, centres: Floats, place: float, width: float) -> float:
-    """What returns within reach of a place, bins that are cut counted in part."""
+    """Return the sum of returns within reach of a place; bins at the edge count in part."""
     low = np.maximum(centres - width / 2, place - REACH)
     high = np.minimum(centres + width / 2, place + REACH)
     return float(values @ (np.maximum(high - low, 0.0) / width))
 
 
 def _profile(profile: ArrayLike, down_range: ArrayLike) -> tuple[Floats, Floats, float]:
-    """Values, centres and width of the bins."""
+    """Return values, centres and width of the bins, checked."""
     values = np.asarray(profile, dtype=np.float64)
     centres = np.asarray(down_range, dtype=np.float64)
     if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
@@ -289,6 +336,7 @@ def _profile(profile: ArrayLike, down_range: ArrayLike) -> tuple[Floats, Floats,
 
 
 def _window(name: str, ends: tuple[float, float]) -> tuple[float, float]:
+    """Return the ends of a window, checked."""
     low, high = ends
     require(f"{name}[0]", low)
     require(f"{name}[1]", high, minimum=low)

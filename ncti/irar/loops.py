@@ -1,4 +1,4 @@
-"""The loop that the tilts of corrected images run, and how it is compiled."""
+"""Compiled loop of the tilts of corrected images, and the call that compiles it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from ncti.machine_code import Loops
 
 
 def _tilt() -> None:
+    """Call the loop on a tiny image."""
     ship = np.pad(np.ones((8, 16)), 8)
     tilts(ship, np.kron(ship, np.ones((4, 4))))
 

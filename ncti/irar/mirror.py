@@ -1,4 +1,4 @@
-"""The scanning mirror: where the beam goes, and how its images lean."""
+"""The scanning mirror: directions of the beam, and the lean of the image that it causes."""
 
 from __future__ import annotations
 
@@ -13,64 +13,90 @@ MIRROR_FORMS = ("exact", "printed")
 
 
 def compass(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
-    """Unit vectors (east, north, up) of directions.
+    """Return unit vectors (east, north, up) of directions.
 
     Parameters
     ----------
     azimuth : (...) array_like
-        Clockwise from north [deg].
+        Azimuth clockwise from north [deg].
     elevation : (...) array_like
-        Above the horizon [deg].
+        Elevation above the horizon [deg].
 
     Returns
     -------
     (..., 3) float64 ndarray
+
+    See Also
+    --------
+    mirror_axes : Axes of the scanner after the mirror.
+
+    Examples
+    --------
+    >>> compass(90.0, 0.0).round(12)
+    array([1., 0., 0.])
     """
     a, e = np.broadcast_arrays(np.radians(azimuth), np.radians(elevation))
     return np.stack([np.cos(e) * np.sin(a), np.cos(e) * np.cos(a), np.sin(e)], axis=-1)
 
 
 def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0) -> Floats:
-    """Axes of the scanner as the mirror shows them, by reflection.
+    """Return the axes of the scanner as reflected by the mirror.
 
     Parameters
     ----------
     azimuth : float
-        Of the undeflected beam behind the mirror, clockwise from north [deg].
+        Azimuth of the middle beam after the mirror, clockwise from north [deg].
     depression : float
-        Of that beam, gamma [deg].
+        Depression of that beam, gamma [deg].
     mirror_angle : float
-        Half the azimuth by which the mirror turns the beam, psi [deg]: at 45 the beam reaches it
-        from abeam, on the right of the line of sight, where the article's sign puts it.
+        Half the azimuth by which the mirror turns the beam, psi [deg]. At 45 the beam reaches the
+        mirror from the right of the line of sight, in agreement with the article's sign.
 
     Returns
     -------
     (3, 3) float64 ndarray
-        Unit vectors (east, north, up) along the scan, across it and ahead: to the right, up and
-        away, but for the mirror's turn about the beam, `mirror_rotation`.
+        Unit vectors (east, north, up) along the scan, across it and ahead: right, up and away,
+        apart from the rotation about the beam that `mirror_rotation` gives.
+
+    See Also
+    --------
+    mirror_rotation : The rotation about the beam.
 
     Notes
     -----
-    The scanner moves the beam in the horizontal plane and the mirror, which stands still during
-    the pass, sends it down: a line of the scan is then not level.
+    The scanner moves the beam in the horizontal plane. The mirror, which is fixed during the pass,
+    deflects it downwards, so that a line of the scan is not level [1]_.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Data Processing'.
+
+    Examples
+    --------
+    The line of the scan descends to the right, by the depression:
+
+    >>> along, across, ahead = mirror_axes(azimuth=0.0, depression=6.7)
+    >>> print(f"{np.degrees(np.arcsin(along[2])):.1f} deg")
+    -6.7 deg
     """
     towards = compass(azimuth, -depression)
-    source = azimuth + 2 * mirror_angle  # where the beam comes from
+    source = azimuth + 2 * mirror_angle  # azimuth of the source of the beam
     normal = towards + compass(source, 0.0)
     normal /= np.linalg.norm(normal)
-    # The mirror image of a turn to the right is one to the left.
+    # Right, up and ahead before the mirror; a reflection turns right into left.
     axes = np.stack([compass(source + 90.0, 0.0), compass(0.0, 90.0), -compass(source, 0.0)])
     reflected: Floats = axes - 2 * (axes @ normal)[:, None] * normal
     return reflected
 
 
 def mirror_rotation(depression: float, *, mirror_angle: float = 45.0, form: str = "exact") -> float:
-    """Angle by which the mirror turns a vertical object in the image.
+    """Return the angle by which the mirror rotates a vertical object in the image.
 
     Parameters
     ----------
     depression : float
-        Of the line of sight, gamma [deg].
+        Depression of the line of sight, gamma [deg].
     mirror_angle : float
         Mirror pointing angle, psi [deg].
     form : str
@@ -80,22 +106,39 @@ def mirror_rotation(depression: float, *, mirror_angle: float = 45.0, form: str 
     Returns
     -------
     float
-        theta_v [deg], positive clockwise.
+        Angle theta_v [deg], positive clockwise.
 
     Raises
     ------
     ValueError
-        If an angle is not between 0 and 90 degrees, or the form unknown.
+        If an angle is not between 0 and 90 degrees, or the form is unknown.
+
+    See Also
+    --------
+    correct : The correction chain that removes it.
+    azimuth_shift : The article's other equation of the corrections.
 
     Notes
     -----
-    Article, 'Data Processing', the equation ascribed to Hull. Reflection gives the exact form,
-    which is -gamma at psi = 45 deg; the printed one is its limit for small gamma, 0.05 deg off at
-    6.7 deg and 1.1 deg off at 20.
+    The article ascribes the printed equation to Hull [1]_. Reflection gives the exact form, which
+    is -gamma at psi = 45 deg. The printed form is its limit for small gamma, 0.05 deg off at 6.7
+    deg and 1.1 deg off at 20 deg.
 
-    Of a whole image that a detector array takes at once it is a rotation, as the article says. Of
-    one detector that is scanned it is the lean of the lines, while the rows still climb straight
-    up with the aircraft: a shear.
+    It is a rotation of a whole image that a detector array takes at once, as the article says. With
+    one scanned detector it is the lean of the lines, while the rows still climb straight up with
+    the aircraft: a shear.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Data Processing'.
+
+    Examples
+    --------
+    >>> print(f"{mirror_rotation(6.7):.2f} deg")
+    -6.70 deg
+    >>> print(f"{mirror_rotation(6.7, form='printed'):.2f} deg")
+    -6.65 deg
     """
     require("depression", depression, minimum=0, below=90)
     require("mirror_angle", mirror_angle, positive=True, below=90)

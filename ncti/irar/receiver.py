@@ -1,4 +1,4 @@
-"""The peak-detecting receiver: of every pulse the strongest return, and when it came."""
+"""The peak-detecting receiver: intensity and time of the strongest return of every pulse."""
 
 from __future__ import annotations
 
@@ -13,37 +13,48 @@ from ncti.irar.scene import Returns
 Floats = NDArray[np.float64]
 
 BIN = 1.0
-"""Widest range bin of a sampled waveform [m]; a pulse has at least four."""
+"""Widest range bin of a sampled waveform [m]; a pulse spans at least four."""
 
 SAMPLES_AT_ONCE = 256
-"""Whose pairs of rays, 1 MB, stay in a processor's cache."""
+"""Samples whose pairs of rays, 1 MB, fit into a processor's cache."""
 
 
 def noise_below(level: Floats, *, depth: float, pulse_length: float) -> Floats:
-    """Probability that the largest intensity of noise alone stays below a level.
+    """Return the probability that the largest intensity of noise stays below a level.
 
     Parameters
     ----------
     level : (...) float64 ndarray
         Intensity above 0, in noise powers.
     depth : float
-        Of the gate [m].
+        Depth of the gate [m].
     pulse_length : float
-        c T / 2 [m].
+        Pulse length c T / 2 [m].
 
     Returns
     -------
     (...) float64 ndarray
-        From 0 to 1.
+        Probability.
+
+    See Also
+    --------
+    noise_peak : The inverse.
 
     Notes
     -----
-    The field is a complex Gaussian process of range with correlation exp(-2 r^2 / l^2), l the
-    pulse length. By Rice it crosses the intensity u upwards sqrt(4 u / pi) exp(-u) / l times a
-    metre; crossings of a high level are rare and independent, so that it stays below u over a
-    depth L with probability (1 - exp(-u)) exp(-L / l sqrt(4 u / pi) exp(-u) / (1 - exp(-u))).
-    Crossings of a low level are not rare: over up to 20 pulse lengths, where low levels matter,
-    the probability is up to 0.04 off, over 60 of them less than 0.01.
+    The field is a complex Gaussian process of range with correlation exp(-2 r^2 / l^2), where l is
+    the pulse length. By Rice's formula it crosses the intensity u upwards sqrt(4 u / pi) exp(-u) /
+    l times per metre. Crossings of a high level are rare and independent, so it stays below u over
+    a depth L with probability (1 - exp(-u)) exp(-L / l sqrt(4 u / pi) exp(-u) / (1 - exp(-u))).
+    Crossings of a low level are not rare: over up to 20 pulse lengths, where low levels matter, the
+    probability is up to 0.04 off, over 60 of them less than 0.01.
+
+    Examples
+    --------
+    In a gate of 300 m with a pulse of 4.5 m, the median noise peak is near 5.6 noise powers:
+
+    >>> noise_below(np.array([5.0, 5.6, 10.0]), depth=300.0, pulse_length=4.5).round(2)
+    array([0.32, 0.51, 0.99])
     """
     below: Floats = -np.expm1(-level)
     rate = np.sqrt(4 * level / math.pi) * np.exp(-level) / below / pulse_length
@@ -53,26 +64,35 @@ def noise_below(level: Floats, *, depth: float, pulse_length: float) -> Floats:
 def noise_peak(
     uniform: NDArray[np.floating], *, depth: NDArray[np.floating] | float, pulse_length: float
 ) -> Floats:
-    """Largest intensity of noise alone, by the probability of staying below it.
+    """Return the largest intensity of noise for a given probability of staying below it.
 
     Parameters
     ----------
     uniform : (...) ndarray
         Probabilities, such as uniform random numbers.
     depth : (...) ndarray or float
-        Of the gate [m].
+        Depth of the gate [m].
     pulse_length : float
-        c T / 2 [m].
+        Pulse length c T / 2 [m].
 
     Returns
     -------
     (...) float64 ndarray
-        Intensity, in noise powers, to a thousandth: the inverse of `noise_below`.
+        Intensity in noise powers, accurate to 0.001: the inverse of `noise_below`.
+
+    See Also
+    --------
+    noise_below : The inverse.
+
+    Examples
+    --------
+    >>> noise_peak(np.array([0.5]), depth=300.0, pulse_length=4.5).round(1)
+    array([5.6])
     """
     levels = np.concatenate([np.geomspace(1e-9, 0.01, 100)[:-1], np.linspace(0.01, 40.0, 4000)])
     uniform, depth = np.broadcast_arrays(uniform, depth)
     found = np.empty(uniform.shape)
-    for length in np.unique(depth):  # a few: the gate, and the gate less what a waveform has
+    for length in np.unique(depth):  # few: the gate, and the gate without a waveform
         same = depth == length
         below = noise_below(levels, depth=length, pulse_length=pulse_length)
         found[same] = np.interp(uniform[same], below, levels)
@@ -87,12 +107,12 @@ def peaks(
     flight: Flight,
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.float32], Floats]:
-    """Intensity and range of the strongest return of every sample.
+    """Return intensity and range of the strongest return of every sample.
 
     Parameters
     ----------
     returns : Returns
-        What the ship sends back.
+        Returns of the ship.
     amplitudes : (line, column, ray) complex64 ndarray
         Speckle of every ray, of unit mean power.
     nominal : (line, column) float64 ndarray
@@ -105,20 +125,26 @@ def peaks(
     Returns
     -------
     intensity : (line, column) float32 ndarray
-        In noise powers; 0 where nothing passes the threshold.
+        Peak intensity in noise powers; 0 where nothing exceeds the threshold.
     range : (line, column) float64 ndarray
-        Measured [m]; NaN where nothing passes the threshold.
+        Measured range [m]; NaN where nothing exceeds the threshold.
 
     Notes
     -----
-    A sample's waveform is the sum of its rays' amplitudes, each with the response
-    exp(-2 r^2 / l^2) of pulse and matched filter (article, Appendix 1, of unit peak here), plus
-    noise of unit mean power and of correlation exp(-2 r^2 / l^2), l = c T / 2: a flat target that
-    fills the IFOV has the carrier-to-noise ratio of the flight. The waveform is computed around
-    the ship only; the rest of the gate gives its noise peak in closed form (`noise_peak`), and so
-    do samples of the sea. The error of a range is `range_sigma` and, at low carrier-to-noise
-    ratios, what the noise moves the waveform's peak.
+    A sample's waveform is the sum of its rays' amplitudes, each with the response exp(-2 r^2 / l^2)
+    of pulse and matched filter (of unit peak here) [1]_, plus noise of unit mean power and of
+    correlation exp(-2 r^2 / l^2), l = c T / 2: a flat target that fills the IFOV has the
+    carrier-to-noise ratio of the flight. The waveform is computed around the ship only; the noise
+    peak of the rest of the gate has a closed form (`noise_peak`), and so have samples of the sea.
+    The error of a range is `range_sigma` plus, at low carrier-to-noise ratios, the displacement of
+    the waveform's peak by noise.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, Appendix 1.
     """
+    # Fields of the rays that the gate admits.
     count = math.prod(returns.shape)
     centre = nominal.reshape(-1)
     inside = np.abs(returns.distance - centre[returns.place]) <= flight.range_gate / 2
@@ -126,11 +152,12 @@ def peaks(
     field = amplitudes.reshape(-1)[place * returns.rays + returns.ray[inside]]
     field = field * np.sqrt(flight.cnr * returns.power[inside]).astype(np.float32)
     intensity, where = np.zeros(count), np.zeros(count)
-    # The part of the gate that a waveform covers.
+    # Start and length of the part of the gate that a sample's waveform covers.
     begin, covered = np.full(count, np.inf), np.zeros(count)
     gate = centre - flight.range_gate / 2
     step = min(BIN, flight.pulse_length / 4)
 
+    # Waveforms of the samples that see the ship, grouped by their number of bins.
     seen, first = np.unique(place, return_index=True)
     if len(seen):
         near = np.minimum.reduceat(distance, first)
@@ -170,33 +197,33 @@ def peaks(
 
 
 def noiseless(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32], Floats]:
-    """What the receiver would report on average over speckle, without noise.
+    """Return intensity and range of the receiver's mean over speckle, without noise.
 
     Parameters
     ----------
     returns : Returns
-        What the ship sends back.
+        Returns of the ship.
     flight : Flight
         Carrier-to-noise ratio and pulse.
 
     Returns
     -------
     intensity : (line, column) float32 ndarray
-        Peak over range of the mean intensity, in noise powers; 0 where there is no ship.
+        Largest mean intensity over range, in noise powers; 0 where there is no ship.
     range : (line, column) float64 ndarray
-        Where that peak is [m]; NaN where there is no ship.
+        Range of that peak [m]; NaN where there is no ship.
 
     Notes
     -----
-    The peak is looked for where the rays are, and is found at the middle of what answers there.
-    The peak of a mean is less than the mean of peaks, by what speckle adds on surfaces that one
-    IFOV sees at several ranges.
+    The peak is evaluated at the rays' ranges, and placed at the mean range of the rays that
+    contribute to it. The peak of a mean is less than the mean of peaks, by the amount that speckle
+    adds on surfaces that span several ranges in one IFOV.
     """
     count = math.prod(returns.shape)
     intensity, where = np.zeros(count, dtype=np.float32), np.full(count, np.nan)
     seen, first = np.unique(returns.place, return_index=True)
     if len(seen):
-        # Rays of one sample side by side; those that meet nothing have no power.
+        # Rays of a sample side by side; rays that hit nothing have no power.
         of_ray = np.repeat(np.arange(len(seen)), np.diff(np.append(first, len(returns.place))))
         power, distance = np.zeros((2, len(seen), returns.rays))
         power[of_ray, returns.ray] = returns.power
@@ -211,9 +238,9 @@ def noiseless(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32],
 
 
 def _peak_of_mean(power: Floats, distance: Floats, pulse_length: float) -> tuple[Floats, Floats]:
-    """(sample,) each: mean intensity at its peak, and the middle of what answers there.
+    """Return the largest mean intensity and the mean range of its contributions, (sample,) each.
 
-    Of (sample, ray) powers and distances; NaN for the middle of nothing.
+    Powers and distances are (sample, ray); the range of nothing is NaN.
     """
     apart = distance[:, :, None] - distance[:, None, :]
     response = np.exp(-4 * apart**2 / pulse_length**2)
@@ -235,14 +262,16 @@ def _waveforms(
     pulse_length: float,
     rng: np.random.Generator,
 ) -> NDArray[np.complex64]:
-    """(sample, bin) field of scatterers at (fractional) bins, noise included; lengths in bins."""
+    """Return the noisy field (sample, bin) of scatterers at fractional bins; lengths in bins."""
     low = np.floor(at).astype(np.intp)
     part = at - low
+    # Noise: white noise through the matched filter, of unit mean power.
     white = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     lag = np.minimum(np.arange(shape[1]), shape[1] - np.arange(shape[1]))
     matched = np.exp(-4 * (lag / pulse_length) ** 2)
     matched /= math.sqrt(2 * np.sum(matched**2))  # two quadratures of unit variance
     wave = np.fft.ifft(np.fft.fft(white) * np.fft.fft(matched))
+    # Signal: each scatterer's pulse, sampled at the bins around it.
     flat, size = row * shape[1] + low, math.prod(shape)
     for tap in range(1 - margin, margin + 1):
         weight = field * np.exp(-2 * ((tap - part) / pulse_length) ** 2)
@@ -252,7 +281,7 @@ def _waveforms(
 
 
 def _strongest(wave: NDArray[np.complex64], low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Largest intensity of each waveform between two bins, and its place, by a parabola."""
+    """Return the largest intensity of each waveform in its gate and its place, by a parabola."""
     power = (wave.real**2 + wave.imag**2).astype(np.float64)
     size = power.shape[1]
     number = np.arange(size)
@@ -261,7 +290,7 @@ def _strongest(wave: NDArray[np.complex64], low: Floats, high: Floats) -> tuple[
     value = power[rows, peak]
     before, after = power[rows, peak - 1], power[rows, (peak + 1) % size]
     bend = before - 2 * value + after
-    # At the gate's edge the strongest need not be a peak.
+    # At the gate's edge the largest value need not be a peak.
     top = (bend < 0) & (value >= before) & (value >= after)
     shift = np.where(top, (before - after) / (2 * np.where(top, bend, -1.0)), 0.0)
     return value - (before - after) * shift / 4, peak + shift

@@ -1,8 +1,8 @@
-"""Motion and mirror taken out of a scan: the place of every sample in the snapshot.
+"""Displacements that take every sample of a scan to its place in the snapshot.
 
-Each step gives what to add to a sample's place or range; none of them resamples an image, so that
-steps do not blur one another and looks stay apart until they are averaged (`looks`). Rows and
-columns are counted in pixels, IFOVs of the snapshot, from the line of sight to the ship's origin,
+Each function returns what to add to a sample's place or range. None of them resamples an image, so
+steps do not blur one another, and looks stay separate until they are averaged (`looks`). Rows and
+columns are counted in pixels (IFOVs of the snapshot) from the line of sight to the ship's origin,
 upwards and to the right.
 """
 
@@ -34,44 +34,74 @@ def azimuth_shift(
     rate: float,
     scans: float = 1.0,
 ) -> float:
-    """Shift of the ship's image across the scan, in pixels, from one scan or row to the next.
+    """Return the shift of the ship's image across the scan, in pixels per scan or per row.
 
     Parameters
     ----------
     aircraft_speed, ship_speed : float
-        V_a and V_s [m/s].
+        Speeds V_a and V_s [m/s].
     aircraft_heading, ship_heading : float
-        beta_a and beta_s, clockwise from north [deg].
+        Headings beta_a and beta_s, clockwise from north [deg].
     offset : float
         Azimuth of the line of sight from the aircraft's heading, theta [deg].
     slant_range : float
-        R [m].
+        Slant range R [m].
     ifov : float
-        phi [rad].
+        Instantaneous field of view phi [rad].
     rate : float
-        f [Hz].
+        Rate f [Hz].
     scans : float
-        N, scans that pass between the two.
+        Number N of scans between the two images.
 
     Returns
     -------
     float
-        N (V_a sin(theta) - V_s cos(beta_a + theta + 270 deg - beta_s)) / (R phi f), positive to
-        the right.
+        Shift [pixel], positive to the right.
 
     Raises
     ------
     ValueError
         If a speed is negative, an angle not finite, or range, IFOV, rate or scans not positive.
 
+    See Also
+    --------
+    mirror_rotation : The article's other equation of the corrections.
+    correct_as_printed : Corrections with this equation.
+
     Notes
     -----
-    Article, 'Data Processing', the equation for the azimuthal shift. The bracket is the velocity
-    across the line of sight, to the right, of the ship as the aircraft sees it: cos(x + 270 deg)
-    is sin(x), and the ship's part, V_s sin(beta_s - beta_a - theta), has a plus. The article
-    calls f the pulse-repetition frequency; the equation is a shift per scan only with the line
-    rate, and with N = 1. N lines make a row, so N gives the shift per row. With the
-    pulse-repetition frequency it is smaller by the number of samples of a line.
+    The equation of the azimuthal shift [1]_,
+
+        N (V_a sin(theta) - V_s cos(beta_a + theta + 270 deg - beta_s)) / (R phi f).
+
+    The bracket is the velocity of the ship relative to the aircraft, to the right across the line
+    of sight: cos(x + 270 deg) is sin(x), and the ship's part, V_s sin(beta_s - beta_a - theta), has
+    a plus sign. The article calls f the pulse-repetition frequency, but the equation is a shift per
+    scan only with the line rate and N = 1. N lines make a row, so N gives the shift per row. With
+    the pulse-repetition frequency it is smaller by the number of samples of a line.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Data Processing'.
+
+    Examples
+    --------
+    Per row of ten lines at 3.9 km, 5 deg off a ship that sails straight away:
+
+    >>> shift = azimuth_shift(
+    ...     aircraft_speed=90.0,
+    ...     aircraft_heading=0.0,
+    ...     ship_speed=8.0,
+    ...     ship_heading=0.0,
+    ...     offset=5.0,
+    ...     slant_range=3.9e3,
+    ...     ifov=205e-6,
+    ...     rate=119.0,
+    ...     scans=10,
+    ... )
+    >>> print(f"{shift:.2f} pixels")
+    0.75 pixels
     """
     for name, value in (("aircraft_speed", aircraft_speed), ("ship_speed", ship_speed)):
         require(name, value, minimum=0)
@@ -92,28 +122,28 @@ def azimuth_shift(
 
 
 def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Floats, Floats, Floats]:
-    """Row, column and range in the snapshot of what each sample sees, by dead reckoning.
+    """Return row, column and range in the snapshot of each sample's target, by dead reckoning.
 
     Parameters
     ----------
     flight : Flight
-        The pass, as it is believed to be.
+        The pass, as navigation measures it.
     time : (line, sample) float64 ndarray
-        When each sample is taken [s].
+        Time of each sample after the snapshot [s].
     ranges : (line, sample) float64 ndarray
-        Measured [m]; where NaN, that of the ship's origin is taken.
+        Measured ranges [m]; where NaN, that of the ship's origin is used.
 
     Returns
     -------
     row, column : (line, sample) float64 ndarray
-        [pixel].
+        Place in the snapshot [pixel].
     range : (line, sample) float64 ndarray
-        Distance to the snapshot's place of the aircraft [m]; NaN where `ranges` is.
+        Distance to the aircraft's place in the snapshot [m]; NaN where `ranges` is.
 
     Notes
     -----
-    The exact geometry, all corrections at once: a sample's direction and range put a point on the
-    ship, and the point's place is where the aircraft of the snapshot would have seen it.
+    The exact geometry, with all corrections at once: direction and range of a sample give a point
+    on the ship, which is then projected into the view from the aircraft's place in the snapshot.
     """
     now = flight.position(time)
     nominal = np.linalg.norm(now, axis=-1)
@@ -126,19 +156,31 @@ def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Float
 
 
 def raw_places(flight: Flight, samples: NDArray[np.integer]) -> tuple[Floats, Floats]:
-    """Rows and columns of samples as if the scan were level and nothing moved.
+    """Return rows and columns of samples as if the scan were level and nothing moved.
 
     Parameters
     ----------
     flight : Flight
         The pass.
     samples : (sample,) int ndarray
-        Their numbers.
+        Numbers of the samples.
 
     Returns
     -------
     row, column : (sample,) float64 ndarray
-        One column a sample, about where the scan points [pixel].
+        Places, one column per sample, centred on the scan's pointing [pixel].
+
+    See Also
+    --------
+    mirror_displacement : What to add for the mirror.
+    motion_displacement : What to add for the motion.
+
+    Examples
+    --------
+    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, samples=5, pointing=5.0)
+    >>> row, column = raw_places(flight, np.arange(5))
+    >>> column.round(6) + 0.0
+    array([-2., -1.,  0.,  1.,  2.])
     """
     row, column = _image(flight, flight.directions(np.zeros(()), np.zeros(())))
     along: Floats = np.asarray(samples) - (flight.samples - 1) / 2
@@ -148,37 +190,55 @@ def raw_places(flight: Flight, samples: NDArray[np.integer]) -> tuple[Floats, Fl
 def mirror_displacement(
     flight: Flight, samples: NDArray[np.integer], *, form: str = "exact"
 ) -> tuple[Floats, Floats]:
-    """Rows and columns by which the mirror's lean moves samples of a line.
+    """Return rows and columns by which the lean of the lines displaces samples.
 
     Parameters
     ----------
     flight : Flight
         The pass.
     samples : (sample,) int ndarray
-        Their numbers.
+        Numbers of the samples.
     form : str
-        `exact`: every sample's beam by reflection. `printed`: a shear by the article's
-        small-angle form of the lean.
+        `exact`: every sample's beam by reflection. `printed`: a shear by the article's small-angle
+        form of the lean.
 
     Returns
     -------
     row, column : (sample,) float64 ndarray
-        To add to `raw_places` [pixel].
+        Displacement to add to `raw_places` [pixel].
 
     Raises
     ------
     ValueError
         If the form is unknown.
 
+    See Also
+    --------
+    motion_displacement : What to add for the motion.
+
     Notes
     -----
-    Article, 'Data Processing', which asks for a rotation (`rotated`). With one scanned detector
-    the lines lean and the rows still climb straight up with the aircraft: a shear. The rotation
-    levels the waterline too, and leans the mast by as much.
+    The article prescribes a rotation (`rotated`) [1]_. With one scanned detector the lines lean
+    while the rows still climb straight up with the aircraft: a shear. The rotation levels the
+    waterline, but tilts the mast by the same angle.
 
     A sample of a line that leans by L is sin(L) higher than the one before it, and cos(L) to its
-    right. At psi = 45 deg the printed tangent is that sine exactly, by chance, so that the printed
-    shear levels the waterline; only its columns stay 1 - cos(L) too wide.
+    right. At psi = 45 deg the printed tangent happens to equal that sine exactly, so the printed
+    shear levels the waterline; only its columns remain 1 - cos(L) too wide.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Data Processing'.
+
+    Examples
+    --------
+    At 6.7 deg, 50 samples to the right of the middle of the scan are 6 rows lower:
+
+    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, samples=101, pointing=5.0)
+    >>> row, column = mirror_displacement(flight, np.arange(101))
+    >>> print(f"{row[-1] - row[50]:.1f} rows")
+    -5.8 rows
     """
     if form not in MIRROR_FORMS:
         raise ValueError(f"form is {form!r}, but must be one of {', '.join(MIRROR_FORMS)}")
@@ -192,18 +252,29 @@ def mirror_displacement(
 
 
 def rotated(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, Floats]:
-    """Places turned about the ship's origin, the article's correction for the mirror.
+    """Return places rotated about the ship's origin, the printed correction for the mirror.
 
     Parameters
     ----------
     row, column : (...) float64 ndarray
         Places [pixel].
     clockwise : float
-        Angle [deg]: -`mirror_rotation` undoes what that gives.
+        Angle [deg]; minus that of `mirror_rotation` undoes the mirror's rotation.
 
     Returns
     -------
     row, column : (...) float64 ndarray
+        Rotated places [pixel].
+
+    See Also
+    --------
+    ncti.irar.mirror_rotation : The angle.
+
+    Examples
+    --------
+    >>> row, column = rotated(np.array([10.0]), np.array([0.0]), clockwise=90.0)
+    >>> row.round(6), column.round(6)
+    (array([0.]), array([10.]))
     """
     c, s = math.cos(math.radians(clockwise)), math.sin(math.radians(clockwise))
     return c * row - s * column, s * row + c * column
@@ -212,36 +283,55 @@ def rotated(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, F
 def motion_displacement(
     flight: Flight, time: Floats, ranges: Floats, *, method: str = "pixel"
 ) -> tuple[Floats, Floats, Floats]:
-    """Rows, columns and range between a sample's time and the snapshot.
+    """Return the displacement in rows, columns and range between a sample's time and the snapshot.
 
     Parameters
     ----------
     flight : Flight
-        The pass, as it is believed to be.
+        The pass, as navigation measures it.
     time, ranges
         As for `snapshot_places`.
     method : str
-        `pixel`: every sample by its own range and direction. `line`: as the ship's origin moves,
-        with range and offset of each line. `constant`: as it moves at time 0, one shift for all
-        lines, `azimuth_shift` for the columns.
+        `pixel`: by each sample's own range and direction. `line`: as the ship's origin moves, with
+        range and offset of each line. `constant`: as the origin moves at time 0, one shift for all
+        lines, with `azimuth_shift` for the columns.
 
     Returns
     -------
     row, column : (line, sample) float64 ndarray
-        To add to a sample's place [pixel].
+        Displacement to add to a sample's place [pixel].
     range : (line, sample) float64 ndarray
-        To add to its range [m].
+        Change to add to its range [m].
 
     Raises
     ------
     ValueError
         If the method is unknown.
 
+    See Also
+    --------
+    snapshot_places : The exact geometry behind it.
+
     Notes
     -----
-    Article, 'Data Processing': "computed at each pixel location and propagated through every
-    scanline". At 5 deg off the bow of the aircraft a mast leans by nearly 40 deg without it, by
+    The article computes the correction at each pixel and propagates it through every scan line
+    [1]_. For an aircraft heading 5 deg off the ship, a mast leans by nearly 40 deg uncorrected, by
     some degrees with one shift, by one with each line's, and not at all with each pixel's.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Data Processing'.
+
+    Examples
+    --------
+    One second after the snapshot the lines have climbed by 9.5 m, twelve pixels:
+
+    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, samples=1 + 160, pointing=5.0)
+    >>> time, ranges = np.ones((1, 161)), np.full((1, 161), np.nan)
+    >>> row, column, closer = motion_displacement(flight, time, ranges, method="constant")
+    >>> print(f"{row[0, 80]:.0f} pixels")
+    12 pixels
     """
     if method not in MOTION_METHODS:
         raise ValueError(f"method is {method!r}, but must be one of {', '.join(MOTION_METHODS)}")
@@ -249,7 +339,7 @@ def motion_displacement(
         row = flight.climb * time / flight.pixel
         shift = flight.line_rate * azimuth_shift(
             aircraft_speed=flight.aircraft_speed,
-            # The equation takes the aircraft to move along its heading.
+            # The equation assumes that the aircraft moves along its heading.
             aircraft_heading=flight.track,
             ship_speed=flight.ship_speed,
             ship_heading=flight.ship_heading,
@@ -260,6 +350,7 @@ def motion_displacement(
         )
         towards = flight.closing_speed * math.cos(math.radians(flight.depression))
         return row, -shift * time, towards * time
+    # By the true geometry: of the ship's origin (`line`), or of each sample (`pixel`).
     now, then = flight.position(time), flight.position(np.zeros(()))
     if method == "line":
         row, column = _image(flight, -now)
@@ -273,11 +364,12 @@ def motion_displacement(
 
 
 def _beams(flight: Flight, shape: tuple[int, ...]) -> Floats:
+    """Return the direction of each sample's beam, (line, sample, 3)."""
     angles = flight.scan_angles(np.arange(shape[-1]))
     return np.broadcast_to(flight.directions(angles, np.zeros_like(angles)), (*shape, 3))
 
 
 def _image(flight: Flight, directions: Floats) -> tuple[Floats, Floats]:
-    """Rows and columns of directions in the snapshot [pixel]."""
+    """Return rows and columns of directions in the snapshot [pixel]."""
     right, up, away = np.moveaxis(directions @ flight.snapshot_axes.T, -1, 0)
     return up / away / flight.ifov, right / away / flight.ifov

@@ -62,11 +62,28 @@ class Scan:
     plan : ScanPlan
         The flight and its lines.
     intensity : (line, sample) float32 ndarray
-        Of the strongest return, in noise powers; 0 where none passed the threshold.
+        Intensity of the strongest return, in noise powers; 0 where none exceeded the threshold.
     range : (line, sample) float64 ndarray
-        Of that return [m]; NaN where there is none.
+        Range of that return [m]; NaN where there is none.
     infrared : (detector, line, sample) float32 ndarray
-        Apparent temperature over the sea's [K]; detector k looks k samples behind the first.
+        Apparent temperature above the sea [K]; detector k trails the first by k samples.
+
+    See Also
+    --------
+    Pass.record : Draw a scan.
+    correct : Correct a scan.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.irar import ship_heading
+    >>> box = trimesh.creation.box((20, 6, 4)).apply_translation((0, 0, 2))
+    >>> heading = ship_heading(aspect=180, sight=5)
+    >>> flight = Flight(slant_range=4e3, ship_heading=heading, samples=40, line_rate=60)
+    >>> scan = fly(box, flight).record(np.random.default_rng(0))
+    >>> dict(scan.to_xarray().sizes)
+    {'line': 86, 'sample': 40, 'detector': 12}
     """
 
     plan: ScanPlan
@@ -76,19 +93,18 @@ class Scan:
 
     @property
     def flight(self) -> Flight:
-        """The pass, with its pointing settled."""
+        """The pass, with its pointing determined."""
         return self.plan.flight
 
     @property
     def time(self) -> Floats:
-        """(line, sample): after the snapshot [s]."""
+        """Time of each sample after the snapshot, (line, sample) [s]."""
         return self.plan.time(np.arange(self.flight.samples))
 
     def to_xarray(self) -> xr.Dataset:
-        """The raw images as an xarray data set, every parameter of the flight among its attributes.
+        """Return the raw images as a data set with every parameter of the flight as an attribute.
 
-        A parameter `name` has its unit as `name_units`, "1" where it is a number of things or a
-        ratio.
+        The unit of a parameter `name` is in `name_units`, "1" for a count or a ratio.
         """
         import xarray as xr
 
@@ -109,7 +125,7 @@ class Scan:
                 "infrared": (
                     ("detector", *image),
                     self.infrared,
-                    {"units": "K", "long_name": "apparent temperature over the sea's"},
+                    {"units": "K", "long_name": "apparent temperature above the sea"},
                 ),
             },
             coords={
@@ -140,16 +156,30 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """A pass before its noise: from it any number of scans are drawn, and the noiseless one.
+    """A pass before noise is added: any number of scans can be drawn from it.
 
     Attributes
     ----------
     plan : ScanPlan
         The flight and its lines.
     returns : Returns
-        What the ship sends back, with `flight.detectors` - 1 columns before the first sample.
+        Returns of the ship, with `flight.detectors` - 1 columns before the first sample.
     attitude : (line, 2) float64 ndarray or None
-        Errors of the line of sight, to the right and up [rad]; None: there are none.
+        Errors of the line of sight, to the right and up [rad]; None without jitter.
+
+    See Also
+    --------
+    fly : Simulate a pass.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from ncti.irar import ship_heading
+    >>> box = trimesh.creation.box((20, 6, 4)).apply_translation((0, 0, 2))
+    >>> heading = ship_heading(aspect=180, sight=5)
+    >>> flight = Flight(slant_range=4e3, ship_heading=heading, samples=40, line_rate=60)
+    >>> fly(box, flight).noiseless().intensity.shape
+    (86, 40)
     """
 
     plan: ScanPlan
@@ -158,10 +188,11 @@ class Pass:
 
     @property
     def _active(self) -> Returns:
+        """Returns of the samples alone, without leading columns."""
         return self.returns.without_leading(self.plan.flight.detectors - 1)
 
     def _sea(self, rng: np.random.Generator) -> Floats:
-        """(line, column): temperature of the sea at each sample, leading columns included [K]."""
+        """Return the sea's temperature at each sample, (line, column) with leading columns [K]."""
         flight = self.plan.flight
         columns = np.arange(1 - flight.detectors, flight.samples)
         time = self.plan.time(columns)
@@ -171,6 +202,7 @@ class Pass:
         return clutter(places, deviation=flight.clutter, length=flight.clutter_length, rng=rng)
 
     def _infrared(self, rng: np.random.Generator | None) -> NDArray[np.float32]:
+        """Return the passive samples, (detector, line, sample) [K]; no noise if `rng` is None."""
         flight = self.plan.flight
         covered = self.returns.coverage()
         seen = covered * flight.contrast
@@ -179,26 +211,36 @@ class Pass:
         images = np.zeros(shape, dtype=np.float32)
         if rng is not None:
             images += np.float32(flight.nedt) * rng.standard_normal(shape, dtype=np.float32)
-            if flight.clutter > 0:  # drawn last, so that it changes nothing else
+            if flight.clutter > 0:  # drawn last, so that it does not change the other draws
                 seen += (1 - covered) * self._sea(rng)
-        # Detector k sees at sample j the column k before it, here when the first one saw it: in the
-        # k samples between, half a millisecond at the usual rates, the ship drifts by millimetres.
+        # Detector k sees column j - k at sample j, with the scene at the leading detector's time:
+        # in the k samples between, half a millisecond, the ship drifts by millimetres.
         for k, image in enumerate(images):
             image += seen[:, last - k : last - k + flight.samples].astype(np.float32)
         return images
 
     def noiseless(self) -> Scan:
-        """The scan without speckle, noise, range error or dropouts."""
+        """Return the scan without speckle, noise, range error or dropouts."""
         intensity, range_ = noiseless(self._active, flight=self.plan.flight)
         return Scan(self.plan, intensity, range_, self._infrared(None))
 
     def record(self, rng: np.random.Generator) -> Scan:
-        """One scan, with speckle, noise, false ranges and dropouts.
+        """Draw one scan, with speckle, noise, false ranges and dropouts.
 
         Parameters
         ----------
         rng : numpy.random.Generator
             Source of randomness.
+
+        Returns
+        -------
+        Scan
+            Raw images.
+
+        Raises
+        ------
+        ValueError
+            If `rng` is not a generator.
         """
         require_generator("rng", rng)
         flight = self.plan.flight
@@ -220,7 +262,7 @@ def fly(
     reflectivity: Floats | None = None,
     lambertian: bool = False,
 ) -> Pass:
-    """One pass of the aircraft by a ship.
+    """Simulate one pass of the aircraft by a ship.
 
     Parameters
     ----------
@@ -229,19 +271,42 @@ def fly(
     flight : Flight
         The pass.
     rng : numpy.random.Generator, optional
-        Source of the attitude's jitter; needed where the flight has some.
-    reflectivity, lambertian
-        As for `scan_scene`.
+        Source of the attitude's jitter; required if the flight has any.
+    reflectivity : (facet,) float64 ndarray, optional
+        Reflectivity of each facet, relative to the flat target of the carrier-to-noise ratio; 1
+        when not given.
+    lambertian : bool
+        Let the power fall with the cosine of incidence; otherwise it follows the projected area.
 
     Returns
     -------
     Pass
-        What the beam meets; `record` and `noiseless` make scans of it.
+        Returns of the ship; `record` and `noiseless` make scans of it.
 
     Raises
     ------
     ValueError
-        If the flight cannot see the whole ship, or has jitter and no generator.
+        If the flight cannot see the whole ship, has jitter and no generator, or a reflectivity is
+        negative or missing.
+
+    See Also
+    --------
+    correct : Correct the scans of the pass.
+    true_snapshot : The view that corrections should recover.
+
+    Examples
+    --------
+    A box 40 m long, 10 m wide and 14 m high, seen from astern at 4 km:
+
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.irar import ship_heading
+    >>> box = trimesh.creation.box((40, 10, 14)).apply_translation((0, 0, 7))
+    >>> heading = ship_heading(aspect=180, sight=5)
+    >>> flight = Flight(slant_range=4e3, ship_heading=heading, samples=60)
+    >>> scan = fly(box, flight).record(np.random.default_rng(0))
+    >>> scan.intensity.shape, scan.infrared.shape
+    ((345, 60), (12, 345, 60))
     """
     plan = plan_scan(mesh, flight)
     attitude = None
@@ -261,7 +326,7 @@ def fly(
 
 
 def wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:
-    """Attitude errors of the line of sight, a first-order Markov sequence of lines.
+    """Draw attitude errors of the line of sight, a first-order Markov sequence of lines.
 
     Parameters
     ----------
@@ -273,7 +338,7 @@ def wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:
     Returns
     -------
     (line, 2) float64 ndarray
-        To the right and up, in the scanner [rad].
+        Errors to the right and up, in the scanner [rad].
     """
     flight = plan.flight
     kept = math.exp(-1 / (flight.line_rate * flight.jitter_time))

@@ -1,4 +1,4 @@
-"""What the beam meets: the ship behind every sample of a scan, before any noise."""
+"""Returns of the ship to every sample of a scan, before noise."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ RAYS = 5
 """Rays along each side of an IFOV."""
 
 MARGIN = 3.0
-"""Pixels of sea that a scan sees around the ship."""
+"""Pixels of sea around the ship that a scan includes."""
 
 MOST_LINES = 20_000
-"""Of one pass: thirty times those of a flight at the source's overscan."""
+"""Largest number of lines of a pass: thirty times those of a flight at the article's overscan."""
 
 LINES_AT_ONCE = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Returns:
-    """What the ship sends back to each sample of a scan, or to each pixel of a snapshot.
+    """Returns of the ship to each sample of a scan, or to each pixel of a snapshot.
 
     Attributes
     ----------
     shape : (int, int)
         Lines and columns.
     place : (hit,) intp ndarray
-        Flat index of the sample that a ray belongs to, ascending.
+        Flat index of the ray's sample, ascending.
     ray : (hit,) intp ndarray
-        Which of its rays, from 0 to `rays` - 1.
+        Number of the ray in its sample, from 0 to `rays` - 1.
     distance : (hit,) float64 ndarray
-        To what the ray meets [m].
+        Distance to the point that the ray hits [m].
     power : (hit,) float64 ndarray
-        Returned, of the power that a flat target filling the IFOV returns.
+        Returned power, relative to that of a flat target that fills the IFOV.
     rays : int
-        Of each sample.
+        Number of rays of each sample.
     """
 
     shape: tuple[int, int]
@@ -59,12 +59,12 @@ class Returns:
     rays: int
 
     def coverage(self) -> Floats:
-        """(line, column): fraction of the IFOV that the ship fills."""
+        """Return the fraction of the IFOV that the ship fills, (line, column)."""
         count = np.bincount(self.place, minlength=math.prod(self.shape))
         return count.reshape(self.shape) / self.rays
 
     def without_leading(self, columns: int) -> Returns:
-        """The same, without the first columns."""
+        """Return the same without the first columns."""
         line, column = np.divmod(self.place, self.shape[1])
         kept = column >= columns
         width = self.shape[1] - columns
@@ -81,16 +81,16 @@ class Returns:
 
 @dataclass(frozen=True)
 class ScanPlan:
-    """Which lines a pass needs to see a ship from its waterline to its mast tops.
+    """Lines that a pass needs to scan a ship from its waterline to its mast tops.
 
     Attributes
     ----------
     flight : Flight
-        With its pointing settled.
+        The pass, with its pointing determined.
     first : int
         Number of the first line; line 0 begins at time 0.
     lines : int
-        How many there are.
+        Number of lines.
     """
 
     flight: Flight
@@ -98,12 +98,12 @@ class ScanPlan:
     lines: int
 
     def time(self, columns: NDArray[np.integer]) -> Floats:
-        """(line, column): when each sample is taken [s]."""
+        """Return the time of each sample after the snapshot, (line, column) [s]."""
         line = self.first + np.arange(self.lines)
         return line[:, None] / self.flight.line_rate + columns / self.flight.pulse_rate
 
     def meets(self, mesh: trimesh.Trimesh) -> bool:
-        """Whether the lines are long enough, and point well enough, to meet some of a ship."""
+        """Return whether the lines are long and aimed well enough to hit part of a ship."""
         corners = np.asarray(mesh.vertices, dtype=np.float64)
         _, along, _ = _crossings(self.flight, corners, name="pointing")
         half = self.flight.samples * self.flight.ifov / 2
@@ -111,7 +111,7 @@ class ScanPlan:
 
 
 def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
-    """When to scan and where to point so that a pass sees a whole ship.
+    """Return the lines and the pointing with which a pass scans a whole ship.
 
     Parameters
     ----------
@@ -123,18 +123,30 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     Returns
     -------
     ScanPlan
-        From a few pixels under the ship to a few above it.
+        Lines from a few pixels below the ship to a few above it.
 
     Raises
     ------
     ValueError
-        If a line has too few samples for the ship and its drift, the gate is not as deep as the
-        ship, the aircraft comes too close or takes too many lines, or the lines do not climb the
-        ship.
+        If a line has too few samples for the ship and its drift, the gate is less deep than the
+        ship, the aircraft comes too close, the pass has too many lines, or the lines do not climb
+        the ship.
+
+    See Also
+    --------
+    scan_scene : Cast the rays of the plan.
 
     Notes
     -----
-    With a `pointing` of its own the flight scans there, whether or not the ship fits in.
+    A flight with a `pointing` of its own scans there, whether or not the ship fits into the line.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> box = trimesh.creation.box((40, 10, 14)).apply_translation((0, 0, 7))
+    >>> plan = plan_scan(box, Flight(slant_range=4e3, ship_heading=5.0))
+    >>> plan.lines > 200
+    True
     """
     corners = np.asarray(mesh.vertices, dtype=np.float64)
     _, up, away = flight.snapshot_axes @ corners.T
@@ -143,14 +155,15 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
             f"range_gate is {flight.range_gate:g} m, but must be at least "
             f"{math.ceil(2 * np.abs(away).max())}, as deep as this ship about its origin"
         )
-    # Lines climb by sin(depression) of the way that the aircraft comes closer.
+    # Lines climb by sin(depression) times the distance that the aircraft approaches.
     closer = float(up.max()) / math.sin(math.radians(flight.depression))
     closer = max(closer, 0.0) + float(np.ptp(away)) / 2
     if closer > flight.slant_range / 2:
         raise ValueError(
             f"slant_range is {flight.slant_range:g}, but must be at least {math.ceil(2 * closer)}, "
-            "twice what this pass comes closer"
+            "twice the distance that the aircraft approaches"
         )
+    # Times at which lines meet the ship's corners, with a margin.
     aimed = flight if flight.pointing is not None else _aimed(flight, corners)
     name = "offset" if flight.pointing is None else "pointing"
     meets, along, pace = _crossings(aimed, corners, name=name)
@@ -160,7 +173,7 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     if (stop - start) * flight.line_rate > MOST_LINES:
         raise ValueError(
             f"line_rate is {flight.line_rate:g}, but must be at most "
-            f"{MOST_LINES / (stop - start):.3g}, {MOST_LINES} lines in this pass"
+            f"{MOST_LINES / (stop - start):.3g}, for {MOST_LINES} lines in this pass"
         )
     needed = math.ceil(2 * (float(np.abs(along).max()) + margin) / flight.ifov)
     if flight.pointing is None and needed > flight.samples:
@@ -173,14 +186,14 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
 
 
 def _crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, Floats, Floats]:
-    """When endless lines meet corners [s], at which scan angle [rad], and how fast [rad/s]."""
+    """Return when lines of unlimited length meet corners [s], where [rad], and how fast [rad/s]."""
     step = 1e-3
     pace = np.full(len(corners), flight.climb / flight.slant_range)
     time = np.zeros(len(corners))
-    for _ in range(20):  # by Newton's method: nearly straight lines
+    for _ in range(20):  # Newton's method, on nearly straight lines
         along, across = flight.angles_to(corners, time)
         pace = (across - flight.angles_to(corners, time + step)[1]) / step
-        # Lines that the mirror tilts may be outrun by a ship that drifts across them.
+        # A ship that drifts across lines tilted by the mirror may move away as fast as they climb.
         if not (pace > 0.1 * flight.climb / flight.slant_range).all():
             raise ValueError(
                 f"{name} is {getattr(flight, name):g}, but must be nearer "
@@ -195,7 +208,7 @@ def _crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, F
 
 
 def _aimed(flight: Flight, corners: Floats) -> Flight:
-    """The flight with the middle of its scan where the middle of the ship passes."""
+    """Return the flight whose scan is centred where the middle of the ship passes."""
     pointing = [flight.offset, flight.offset + 0.1]
     found: list[float] = []
     for _ in range(8):
@@ -204,7 +217,7 @@ def _aimed(flight: Flight, corners: Floats) -> Flight:
         found.append(float(along.min() + along.max()) / 2)
         if abs(found[-1]) < flight.ifov / 10:
             break
-        if len(found) > 1:  # by secants: nearly a straight line
+        if len(found) > 1:  # secant method, on a nearly straight line
             slope = (pointing[-1] - pointing[-2]) / (found[-1] - found[-2])
             pointing.append(pointing[-1] - found[-1] * slope)
     return aimed
@@ -213,7 +226,7 @@ def _aimed(flight: Flight, corners: Floats) -> Flight:
 def brightness_of(
     mesh: trimesh.Trimesh, reflectivity: Floats | None, *, lambertian: bool
 ) -> Callable[[RayHits], Floats]:
-    """What tells the power that rays bring back from what they meet.
+    """Return a function from the hits of rays to the powers that they return.
 
     Parameters
     ----------
@@ -223,12 +236,12 @@ def brightness_of(
     Returns
     -------
     callable
-        From hits to (hit,) powers, of what a flat target of reflectivity 1 returns.
+        From hits to (hit,) powers, relative to that of a flat target of reflectivity 1.
 
     Raises
     ------
     ValueError
-        If there is not one reflectivity of at least 0 for each facet.
+        If there is not one reflectivity of at least 0 per facet.
     """
     facets = np.ones(len(mesh.faces)) if reflectivity is None else reflectivity
     facets = require_all("reflectivity", facets, minimum=0)
@@ -249,7 +262,7 @@ def scan_scene(
     reflectivity: Floats | None = None,
     lambertian: bool = False,
 ) -> Returns:
-    """What the ship returns to each sample of a scan, from where both then are.
+    """Cast the rays of a scan and return what the ship sends back to each sample.
 
     Parameters
     ----------
@@ -258,24 +271,25 @@ def scan_scene(
     plan : ScanPlan
         The pass.
     leading : int
-        Columns to look at before the first sample, as passive detectors do.
+        Columns before the first sample, which trailing passive detectors see.
     attitude : (line, 2) float64 ndarray, optional
         Errors of the line of sight, to the right and up [rad].
     reflectivity : (facet,) float64 ndarray, optional
-        Of each facet, relative to the flat target that the carrier-to-noise ratio is of; 1 when
-        not given.
+        Reflectivity of each facet, relative to the flat target of the carrier-to-noise ratio; 1
+        when not given.
     lambertian : bool
-        Whether power falls with the cosine of incidence; the article's follows projected area.
+        Let the power fall with the cosine of incidence; otherwise it follows the projected area, as
+        in the article.
 
     Returns
     -------
     Returns
-        Of `leading` columns more than the flight has samples.
+        Returns of `leading` more columns than the flight has samples.
 
     Raises
     ------
     ValueError
-        If there is not one reflectivity of at least 0 for each facet.
+        If there is not one reflectivity of at least 0 per facet.
     """
     brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
     flight = plan.flight
@@ -290,7 +304,7 @@ def scan_scene(
         along = np.broadcast_to(flight.scan_angles(columns), time[line].shape)
         along = along + errors[line, :1]
         origin = flight.position(time[line])
-        # A sample whose middle passes far from the ship's sphere is of the sea.
+        # Skip samples whose middle misses the ship's bounding sphere: they see the sea.
         middle = flight.directions(along, np.broadcast_to(errors[line, 1:], along.shape))
         to_ship = mesh.bounds.mean(axis=0) - origin
         apart = np.linalg.norm(to_ship, axis=-1)
@@ -299,6 +313,7 @@ def scan_scene(
         near = np.nonzero(ahead > apart * np.cos(reach))
         if not len(near[0]):
             continue
+        # A grid of rays over the IFOV of each remaining sample.
         right = along[near][:, None, None] + part
         above = np.broadcast_to(errors[line, 1:], along.shape)[near][:, None, None] + part[:, None]
         right, above = np.broadcast_arrays(right, above)

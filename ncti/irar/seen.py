@@ -1,4 +1,4 @@
-"""What looks see of a truth, and how that changes with where it lies."""
+"""Images of a truth as looks see it, and their derivatives by its place."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """What pixels average: pixel (flat) and place of each look about the centre [pixel]."""
+    """Looks that pixels average: flat pixel, and place about the image's centre [pixel]."""
 
     pixel: NDArray[np.intp]
     row: Floats
@@ -25,7 +25,7 @@ class Looks:
 
     @classmethod
     def of(cls, places: tuple[ArrayLike, ArrayLike], shape: tuple[int, ...]) -> Looks:
-        """Return looks at some places within an image of a shape."""
+        """Return the looks at given places within an image of a given shape."""
         row, column = (np.asarray(part, dtype=np.float64) for part in places)
         if row.shape != column.shape:
             raise ValueError(
@@ -47,7 +47,7 @@ class Looks:
         )
 
     def within(self, rows: slice, columns: slice) -> Looks:
-        """Those of some pixels; places are about the centre of the whole image still."""
+        """Return the looks of some pixels; places stay relative to the whole image's centre."""
         number = np.full(self.shape, -1)
         shape = number[rows, columns].shape
         number[rows, columns] = np.arange(math.prod(shape)).reshape(shape)
@@ -58,11 +58,12 @@ class Looks:
 
 
 class Truth:
-    """Channels of a truth, as looks see them."""
+    """Channels of a truth, and their images by looks."""
 
     def __init__(self, cells: Floats, factor: int) -> None:
+        """Prepare cells (channel, row, column), `factor` of them to a pixel along each axis."""
         self.factor = factor
-        # The ship alone, in a border so wide that what is led beyond it sees no slope.
+        # The ship alone, with a border so wide that looks outside it see no slope.
         border = 5
         lit = [np.flatnonzero(cells.any(axis=(0, axis))) for axis in (2, 1)]
         first = np.array([line[0] for line in lit])
@@ -77,7 +78,10 @@ class Truth:
         self.near = binary_dilation((bordered != 0).any(axis=0), iterations=2)
 
     def image(self, place: Floats, looks: Looks) -> tuple[Floats, Floats]:
-        """(channel, row, column[, 6]): at a place (see `tilt._START`), and its derivatives."""
+        """Return the image (channel, row, column) at a place, as `tilt_fit.START`, and slopes.
+
+        Derivatives have a last axis of 6, the parameters of the place.
+        """
         image = np.zeros((len(self.cells), looks.count.size))
         slopes = np.zeros((*image.shape, 6))
         add_looks(
@@ -115,34 +119,35 @@ def add_looks(
     column: Floats,
     count: NDArray[np.intp],
 ) -> None:
-    """Add what looks see to the pixels that average them.
+    """Add the brightness that looks see to the pixels that average them.
 
     Parameters
     ----------
     image : (channel, pixel) float64 ndarray
-        Means over the looks of a pixel; added to.
+        Means over the looks of a pixel, to which this adds.
     slopes : (channel, pixel, 6) float64 ndarray
-        How they change with `place`; added to.
+        Derivatives of the means by `place`, to which this adds.
     cells, upward, rightward : (channel, row, column) float64 ndarray
-        Brightness of the cells, 0 at the border, and its change by a cell, up and to the right.
+        Brightness of the cells, 0 at the border, and its change per cell, up and to the right.
     near : (row, column) bool ndarray
-        Cells that are or adjoin the ship: of others nothing is seen.
+        Cells of the ship and next to it; other cells are skipped.
     middle : (2,) float64 ndarray
-        Row and column of the scene's middle [cell].
+        Row and column of the centre of the truth [cell].
     factor : int
-        Cells to a pixel, either way.
+        Cells per pixel, along each axis.
     place : (6,) float64 ndarray
-        Where the scene lies: up, right, mast, waterline, height, width, as of `tilt.tilts`.
+        Place of the truth: up, right, mast, waterline, height, width, as in `tilt.tilts`.
     pixel : (look,) intp ndarray
         Pixel that averages a look.
     row, column : (look,) float64 ndarray
-        Where a look falls, from the middle of the image [pixel].
+        Place of a look from the centre of the image [pixel].
     count : (pixel,) intp ndarray
-        Looks of each pixel.
+        Number of looks of each pixel.
     """
     last_row, last_column = cells.shape[1] - 2.0, cells.shape[2] - 2.0
     up, right, mast, waterline, height, width = place
     for i in range(len(pixel)):
+        # Place of the look in the truth, within its border.
         y, x = row[i], column[i]
         at_row = factor * (up + height * y + waterline * x) + middle[0]
         at_column = factor * (right + mast * y + width * x) + middle[1]
@@ -151,6 +156,7 @@ def add_looks(
         r, c = int(at_row), int(at_column)
         if not near[r, c]:
             continue
+        # Brightness by bilinear interpolation, slopes from the nearest cell.
         beyond_row, beyond_column = at_row - r, at_column - c
         nearest_row, nearest_column = int(np.rint(at_row)), int(np.rint(at_column))
         p = pixel[i]

@@ -1,4 +1,4 @@
-"""Segmentation of the active images: the ship stands out of the noise of the sea."""
+"""Segmentation of the active images: the ship against the noise of the sea."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from ncti.checks import require, require_all
 from ncti.irar.receiver import noise_below
 
 _STEP = 1 / 32  # noise powers, of one look's distribution
-_BEYOND = 40.0  # noise powers above the median peak: a probability of exp(-40)
-_NEVER = 1e-300  # a probability that has a logarithm
-_WRAPPED = 12.0  # of the false alarms exp(-12) may be wrapped ones
+_BEYOND = 40.0  # noise powers above the median peak, with a probability of exp(-40)
+_NEVER = 1e-300  # least probability, so that its logarithm is finite
+_WRAPPED = 12.0  # a fraction exp(-12) of the false alarms may be wrapped around
 
 
 def segment(
     intensity: ArrayLike, range_: ArrayLike, *, threshold: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Intensity and range where the intensity reaches a threshold.
+    """Return intensity and range where the intensity reaches a threshold.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def segment(
     range_ : (...) array_like
         Range of the same pixels [m].
     threshold : float or (...) array_like
-        Least intensity of the ship, at least 0, in the same unit: one for all pixels or one a
+        Least intensity of the ship, at least 0, in the same unit: one for all pixels or one per
         pixel.
 
     Returns
@@ -39,13 +39,26 @@ def segment(
     Raises
     ------
     ValueError
-        If the shapes differ or a threshold is negative or not finite.
+        If the shapes differ, or a threshold is negative or not finite.
+
+    See Also
+    --------
+    noise_threshold : A threshold for a given rate of false alarms.
 
     Notes
     -----
-    Article, 'Data Enhancement and Compensation', which sets both images to zero there. Zero is a
-    range too, that of the ship's origin: here a pixel without a range has NaN. The article
-    does not state its threshold; `noise_threshold` gives one.
+    The article sets both images to zero below its threshold, which it does not state [1]_. Zero is
+    also a valid range, that of the ship's origin: here a pixel without a range has NaN.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Data Enhancement and Compensation'.
+
+    Examples
+    --------
+    >>> segment([5.0, 9.0], [3990.0, 4010.0], threshold=6.3)
+    (array([0., 9.]), array([  nan, 4010.]))
     """
     power = np.asarray(intensity, dtype=np.float64)
     distance = np.asarray(range_, dtype=np.float64)
@@ -66,41 +79,55 @@ def segment(
 def noise_threshold(
     looks: ArrayLike, *, depth: float, pulse_length: float, dropout: float, false_alarm: float
 ) -> NDArray[np.float64]:
-    """Intensity that the averaged noise of a pixel without a target seldom reaches.
+    """Return the intensity that averaged noise of a pixel without a target rarely reaches.
 
     Parameters
     ----------
     looks : (...) array_like
-        Independent looks in the average, dropouts among them, 1 to 100,000.
+        Independent looks in the average, including dropouts, 1 to 100,000.
     depth : float
-        Of the gate, of which a look reports the largest intensity [m].
+        Depth of the gate, of which a look reports the largest intensity [m].
     pulse_length : float
-        c T / 2 [m].
+        Pulse length c T / 2 [m].
     dropout : float
-        Peaks below it, in noise powers, are not reported and count as 0.
+        Least reported peak, in noise powers; lower ones count as 0.
     false_alarm : float
         Probability that the average reaches the threshold, 1e-9 to 0.5.
 
     Returns
     -------
     (...) float64 ndarray
-        Threshold in mean noise powers. Where fewer averages than that hold any report at all, the
-        least that one report makes.
+        Threshold in mean noise powers. If fewer averages than that contain any report at all, the
+        smallest average that one report gives.
 
     Raises
     ------
     ValueError
         If a parameter is out of range.
 
+    See Also
+    --------
+    segment : Apply the threshold.
+    ncti.irar.receiver.noise_below : Distribution of one look.
+
     Notes
     -----
-    Ours: the article states no threshold. The sea returns nothing, so that a peak-detecting
-    sensor reports there the largest intensity of its noise, distributed as `noise_below`:
-    averaging leaves a pedestal, of 5.8 noise powers in a gate of 300 m for a pulse of 4.5 m, that
-    no number of looks removes. The distribution of the sum over the looks is that of one look
-    convolved with itself, here by its Fourier transform on a grid of 1/32 noise power, which moves
-    the threshold by less than 1e-4 of itself. It falls with the looks, but for dropouts: where few
-    peaks are reported, the number of reports that make an alarm goes up by steps.
+    A method of this project, as no threshold is published. The sea returns nothing, so a
+    peak-detecting sensor reports the largest intensity of its noise there, with the distribution
+    `noise_below`. Averaging leaves a pedestal, of 5.8 noise powers in a gate of 300 m for a pulse
+    of 4.5 m, that no number of looks removes. The distribution of the sum over the looks is that of
+    one look convolved with itself, computed by its Fourier transform on a grid of 1/32 noise power,
+    which changes the threshold by less than 1e-4 of itself. The threshold falls with the number of
+    looks, except for dropouts: where few peaks are reported, the number of reports that make an
+    alarm rises in steps.
+
+    Examples
+    --------
+    One false alarm in 1,000 pixels, for 1, 8 and 64 looks:
+
+    >>> noise = {"depth": 300.0, "pulse_length": 4.5, "dropout": 4.0}
+    >>> noise_threshold([1, 8, 64], **noise, false_alarm=1e-3).round(2)
+    array([12.49,  7.56,  6.26])
     """
     counts = require_all("looks", looks, whole=True, minimum=1, maximum=100_000)
     require("depth", depth, minimum=0.0)
@@ -109,13 +136,13 @@ def noise_threshold(
     require("false_alarm", false_alarm, minimum=1e-9, maximum=0.5)
     if not counts.size:
         return counts
-    # Imported where it is used: scipy takes a tenth of a second.
+    # Imported here because scipy takes a tenth of a second.
     from scipy import fft
 
     share, step = _noise_look(depth, pulse_length, dropout)
     numbers, place = np.unique(counts, return_inverse=True)
-    # Far from the mean the sum has a tail no heavier than Bernstein's inequality allows; what is
-    # left beyond wraps into the window at the other end.
+    # Window of the sum about its mean, by Bernstein's inequality. The rest of its distribution
+    # wraps around into the window.
     value = np.arange(len(share)) * step
     mean = share @ value
     rare = _WRAPPED - math.log(false_alarm)
@@ -124,13 +151,14 @@ def noise_threshold(
     low = np.maximum((numbers * mean - spread - jump) / step, 0).astype(np.intp)
     width = 2 * float(spread[-1] + jump) / step
     size = fft.next_fast_len(max(math.ceil(width), len(share)), real=True)
+    # Distribution of the sum for each number of looks, in ascending order.
     one = fft.rfft(share, size)
     sums = np.ones_like(one)
     found = np.empty(len(numbers))
     for i, further in enumerate(np.diff(numbers, prepend=0).astype(int).tolist()):
         sums *= one if further == 1 else one**further
         total = np.roll(fft.irfft(sums, size), -(low[i] % size))
-        # Of the last k + 1 values the tail is above[k], beyond the lower edge of the first of them.
+        # above[k] is the probability of the last k + 1 values; interpolate it in its logarithm.
         above = np.cumsum(total[::-1])
         at = int(np.searchsorted(above, false_alarm, side="right"))
         more, less = above[at], max(above[at - 1], _NEVER)
@@ -142,11 +170,11 @@ def noise_threshold(
 def _noise_look(
     depth: float, pulse_length: float, dropout: float
 ) -> tuple[NDArray[np.float64], float]:
-    """(value,) probabilities of 0, 1, 2 ... steps of one look of noise, and the step.
+    """Return probabilities of 0, 1, 2 ... steps of one look of noise, (value,), and the step.
 
-    A value j holds what lies in (j - 1/2, j + 1/2] steps; a dropout ends at such an edge.
+    Value j covers (j - 1/2, j + 1/2] steps; a dropout ends at such an edge.
     """
-    # Beyond, one of a depth's crossings is as rare as exp(-40).
+    # Above this level even one crossing in the gate has a probability below exp(-40).
     top = math.log1p(depth / pulse_length) + _BEYOND
     least = min(dropout, top)
     first = max(1, round(least / _STEP))

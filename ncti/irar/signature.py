@@ -19,18 +19,18 @@ def measured_extent(
     bin_width: float = 1.0,
     window: float = 250.0,
 ) -> RangeExtent:
-    """Range-extent fractions of a segmented image, for the range-profiling sensor's IFOVs.
+    """Return range-extent fractions of a segmented image, for the range-profiling sensor's IFOVs.
 
     Parameters
     ----------
     snapshot : Snapshot
-        Segmented.
+        Segmented image.
     flight : Flight
         The pass that made it.
     slant_range : float
-        From which the range-profiling sensor sees the ship [m].
+        Distance from the range-profiling sensor to the ship [m].
     ifov : float
-        Side of its instantaneous field of view [rad].
+        Side of that sensor's instantaneous field of view [rad].
     bin_width : float
         Range bin [m].
     window : float
@@ -39,34 +39,61 @@ def measured_extent(
     Returns
     -------
     RangeExtent
-        Of the IFOVs that see some of the ship.
+        Fractions of the IFOVs that see part of the ship.
 
     Raises
     ------
     ValueError
         If a parameter is not positive, or the image shows nothing inside the window.
 
+    See Also
+    --------
+    segmented : Make the segmented image.
+    ncti.ladar.expected_profile : Range profile of the result.
+    ncti.ladar.range_extent : The same for a ship's model.
+
     Notes
     -----
-    Article, 'Range Profiling': a pixel is a sub-pixel of the proposed sensor, and profiles of
-    resolved, peak-detected images stand for those of its unresolved returns. A pixel's share of
-    an IFOV is its area times its intensity over that of a flat target that fills it, at most its
-    area: speckle takes some above that.
+    A pixel of the image is a sub-pixel of the proposed sensor: profiles of resolved, peak-detected
+    images represent those of its unresolved returns [1]_. A pixel's share of an IFOV is its area
+    times its intensity over that of a flat target that fills it, at most its area, because speckle
+    may exceed that intensity.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Range Profiling'.
+
+    Examples
+    --------
+    A box at 4 km as seen from 100 km, where six IFOVs of 15 m see part of it:
+
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.irar import correct, fly, segmented, ship_heading, ship_window
+    >>> box = trimesh.creation.box((40, 10, 14)).apply_translation((0, 0, 7))
+    >>> heading = ship_heading(aspect=180, sight=5)
+    >>> flight = Flight(slant_range=4e3, ship_heading=heading, samples=60)
+    >>> scan = fly(box, flight).noiseless()
+    >>> image = segmented(correct(scan, window=ship_window(box, flight)), flight)
+    >>> extent = measured_extent(image, flight, slant_range=100e3)
+    >>> extent.fraction.shape
+    (6, 250)
     """
     require("slant_range", slant_range, positive=True)
     require("ifov", ifov, positive=True)
     require("bin_width", bin_width, positive=True)
     require("window", window, positive=True)
+    # Pixels of the ship and their range bins.
     row, column = np.nonzero(np.isfinite(snapshot.range) & (snapshot.intensity > 0))
     down_range = snapshot.range[row, column] - flight.slant_range
     bins = round(window / bin_width)
     place = np.floor(down_range / bin_width + bins / 2).astype(np.intp)
     inside = (place >= 0) & (place < bins)
     if not inside.any():
-        raise ValueError(
-            f"window is {window:g} m, but must hold some of the ship that the image shows"
-        )
+        raise ValueError(f"window is {window:g} m, but must contain part of the ship in the image")
     row, column, place = row[inside], column[inside], place[inside]
+    # IFOVs of the wider sensor that the pixels belong to.
     side = ifov * slant_range
     cells = np.stack([snapshot.column[column], snapshot.row[row]], axis=1) * flight.pixel
     cell, which = np.unique(np.floor(cells / side).astype(np.int64), axis=0, return_inverse=True)
@@ -74,6 +101,7 @@ def measured_extent(
         float(places[1] - places[0]) if len(places) > 1 else 1.0
         for places in (snapshot.row, snapshot.column)
     ]
+    # Area of each pixel that returns, as a fraction of such an IFOV.
     filled = np.minimum(snapshot.intensity[row, column] / flight.cnr, 1.0)
     area = filled * flight.pixel**2 * spacing[0] * spacing[1] / side**2
     fraction = np.zeros((len(cell), bins))

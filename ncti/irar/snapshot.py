@@ -1,4 +1,4 @@
-"""Images of the ship from one moment: how they are framed, and what the truth looks like."""
+"""Images of the ship at one moment: their windows, and the true image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 RAYS_AT_ONCE = 500_000
-"""Bounds the memory of a truth, whose rays may be tens of millions."""
+"""Limits the memory of a true image, whose rays may be tens of millions."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,18 @@ class Window:
     Attributes
     ----------
     bottom, left : int
-        Row and column of its first pixel, from the line of sight to the ship's origin.
+        Row and column of the first pixel, from the line of sight to the ship's origin.
     rows, columns : int
-        How many there are.
+        Number of rows and columns.
+
+    See Also
+    --------
+    ship_window : Window around a ship.
+
+    Examples
+    --------
+    >>> Window(bottom=-6, left=-9, rows=30, columns=19).rows
+    30
     """
 
     bottom: int
@@ -44,24 +53,44 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A corrected image: the ship as from the aircraft at one moment.
+    """A corrected image: the ship as seen from the aircraft at one moment.
 
     Attributes
     ----------
     window : Window
-        Its pixels, square, of one IFOV.
+        Pixels of the image, squares of one IFOV.
     row, column : (row,) and (column,) float64 ndarray
-        Centres of its rows and columns [pixel]; rows are closer than a pixel where it is still
-        overscanned.
+        Centres of rows and columns [pixel]; rows are closer than a pixel in an overscanned image.
     intensity : (row, column) float64 ndarray
         Mean of the looks, in noise powers; NaN where there is no look.
     range : (row, column) float64 ndarray
-        [m]; NaN where there is no range.
+        Range [m]; NaN where there is none.
     infrared : (row, column) float64 ndarray
-        Apparent temperature over the sea's [K], NaN where there is no look; of the truth the share
-        of ship.
+        Apparent temperature above the sea [K], NaN where there is no look; in the truth the
+        fraction of ship.
     looks : (row, column) intp ndarray
-        Samples averaged.
+        Number of samples averaged.
+
+    See Also
+    --------
+    correct : Make a snapshot from a scan.
+    true_snapshot : The snapshot that a correction should give.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> image = Snapshot(
+    ...     window=Window(bottom=0, left=0, rows=1, columns=1),
+    ...     row=np.zeros(1),
+    ...     column=np.zeros(1),
+    ...     intensity=100 * one,
+    ...     range=3.9e3 * one,
+    ...     infrared=1.4 * one,
+    ...     looks=one.astype(int),
+    ... )
+    >>> image.intensity.shape
+    (1, 1)
     """
 
     window: Window
@@ -74,19 +103,25 @@ class Snapshot:
 
 
 def centres(first: int, count: int, cells: int) -> Floats:
-    """(count * cells,) centres of pixels, each cut into cells, the first pixel's at `first`."""
+    """Return centres of pixels cut into cells, (count * cells,), from pixel `first` [pixel].
+
+    Examples
+    --------
+    >>> centres(-1, 2, 2)
+    array([-1.25, -0.75, -0.25,  0.25])
+    """
     return first - 0.5 + (np.arange(count * cells, dtype=np.float64) + 0.5) / cells
 
 
 def window_of(row: Floats, column: Floats) -> Window:
-    """The pixels that samples at some places fill."""
+    """Return the window that contains samples at given places."""
     bottom, left = math.floor(row.min() + 0.5), math.floor(column.min() + 0.5)
     top, right = math.floor(row.max() + 0.5), math.floor(column.max() + 0.5)
     return Window(bottom, left, top - bottom + 1, right - left + 1)
 
 
 def ship_window(mesh: trimesh.Trimesh, flight: Flight, *, margin: int = 3) -> Window:
-    """The pixels that a ship fills in the snapshot.
+    """Return the window that a ship fills in the snapshot.
 
     Parameters
     ----------
@@ -95,11 +130,25 @@ def ship_window(mesh: trimesh.Trimesh, flight: Flight, *, margin: int = 3) -> Wi
     flight : Flight
         The pass.
     margin : int
-        Pixels of sea around it.
+        Pixels of sea around the ship.
 
     Returns
     -------
     Window
+        Pixels of the ship and the margin.
+
+    See Also
+    --------
+    correct : Correct a scan within this window.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from ncti.irar import ship_heading
+    >>> box = trimesh.creation.box((40, 10, 14)).apply_translation((0, 0, 7))
+    >>> flight = Flight(slant_range=4e3, ship_heading=ship_heading(aspect=180, sight=5))
+    >>> ship_window(box, flight)
+    Window(bottom=-6, left=-9, rows=30, columns=19)
     """
     right, up, away = flight.snapshot_axes @ np.asarray(mesh.vertices, dtype=np.float64).T
     scale = flight.ifov * (flight.slant_range + away)
@@ -118,7 +167,7 @@ def true_snapshot(
     lambertian: bool = False,
     cells: int = 1,
 ) -> Snapshot:
-    """What a correction should give: the noiseless view from the snapshot's place itself.
+    """Return the image that a correction should give: the noiseless view at time 0.
 
     Parameters
     ----------
@@ -129,21 +178,39 @@ def true_snapshot(
     window : Window
         Pixels of the result.
     reflectivity, lambertian
-        As for `scan_scene`.
+        As for `fly`.
     cells : int
-        Looks along each side of a pixel, evenly spread over it, each of which sees an IFOV, as the
-        sensor does. Of multiples of the rays of a look, edges fall between the same rays in every
-        look: 8 tell an edge's place better than 10.
+        Looks along each side of a pixel, evenly distributed, each of which sees an IFOV, as the
+        sensor does. With a multiple of the rays of a look (5 a side), edges fall between the same
+        rays in every look: 8 cells resolve an edge better than 10.
 
     Returns
     -------
     Snapshot
-        Of `cells` times the window's rows and columns; infrared is the share of ship.
+        Image of `cells` times the window's rows and columns; infrared is the fraction of ship.
 
     Raises
     ------
     ValueError
-        As `scan_scene`, or if the cells are not a whole number from 1 to 64.
+        If a reflectivity is negative or missing, or the cells are not a whole number from 1 to 64.
+
+    See Also
+    --------
+    fly : Simulate the pass.
+    tilts : Compare a corrected image with the truth.
+
+    Examples
+    --------
+    The projected area of a box at 6.7 deg of depression, 10 (14 cos 6.7 deg + 40 sin 6.7 deg) = 186
+    m^2:
+
+    >>> import trimesh
+    >>> from ncti.irar import ship_heading
+    >>> box = trimesh.creation.box((40, 10, 14)).apply_translation((0, 0, 7))
+    >>> flight = Flight(slant_range=4e3, ship_heading=ship_heading(aspect=180, sight=5))
+    >>> truth = true_snapshot(box, flight, ship_window(box, flight))
+    >>> print(f"{truth.infrared.sum() * flight.pixel**2:.0f} m^2")
+    185 m^2
     """
     require("cells", cells, whole=True, minimum=1, maximum=64)
     brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
@@ -153,6 +220,7 @@ def true_snapshot(
     parts = []
     block = max(1, RAYS_AT_ONCE // (len(column) * RAYS**2))
     for first in range(0, len(row), block):
+        # Directions of the rays of each look in the snapshot's axes, then in the ship's.
         up, right = np.broadcast_arrays(
             row[first : first + block, None, None, None] + part[:, None],
             column[:, None, None] + part,

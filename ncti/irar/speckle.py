@@ -1,4 +1,4 @@
-"""Speckle of one detector from line to line: when successive looks are independent."""
+"""Speckle of one detector from line to line: whether successive looks are independent."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ INDEPENDENT = 1e-3
 
 
 def speckle_correlation(flight: Flight) -> float:
-    """Correlation of the received field between one line and the next.
+    """Return the correlation of the received field between one line and the next.
 
     Parameters
     ----------
@@ -24,21 +24,33 @@ def speckle_correlation(flight: Flight) -> float:
     Returns
     -------
     float
-        From 0, independent looks, to 1, the same speckle again.
+        Correlation, from 0 for independent looks to 1 for identical speckle.
+
+    See Also
+    --------
+    speckle : Draw speckle with this correlation.
 
     Notes
     -----
     A beam and a receiver matched to it, both Gaussian with 1/e^2 intensity diameter phi R on the
-    ship, weigh its rough surface with the field E(x)^2. When the sensor moves by D across the line
-    of sight, the phase of E^2 tilts; and as the beam keeps its direction, the footprint moves
-    along by as much. The overlap gives, for a delta-correlated surface,
+    ship, weight its rough surface with the field E(x)^2. When the sensor moves by D across the line
+    of sight, the phase of E^2 tilts; as the beam keeps its direction, the footprint also moves by
+    D. For a delta-correlated surface the overlap is
 
         mu = exp(-(pi phi D / (2 lambda))^2 - (2 D / (phi R))^2).
 
-    The tilt is what matters: at 90 m/s, 5 deg off and 6.7 deg down D is 0.1 m a line against a
-    speckle lobe of lambda / phi = 5 cm, mu = 1e-4 or less; at a hundredth of the speed mu is
-    nearly 1 and averaging lines gains nothing. Of neighbouring samples the footprints are a whole
-    IFOV apart and mu = exp(-4); they are drawn independently.
+    The tilt dominates. At 90 m/s, 5 deg off and 6.7 deg down, D is 0.1 m a line against a speckle
+    lobe of lambda / phi = 5 cm, and mu is 1e-4 or less; at a hundredth of the speed mu is nearly 1
+    and averaging lines gains nothing. The footprints of neighbouring samples are a whole IFOV
+    apart, with mu = exp(-4), and are drawn independently.
+
+    Examples
+    --------
+    At the default speed successive lines are independent:
+
+    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0)
+    >>> speckle_correlation(flight) < 1e-3
+    True
     """
     across = math.hypot(flight.climb, flight.drift) / flight.line_rate
     lobe = math.pi * flight.ifov * across / (2 * WAVELENGTH)
@@ -48,33 +60,43 @@ def speckle_correlation(flight: Flight) -> float:
 def speckle(
     shape: tuple[int, int, int], *, correlation: float, rng: np.random.Generator
 ) -> NDArray[np.complex64]:
-    """Circular complex Gaussian amplitudes, correlated along the lines.
+    """Draw circular complex Gaussian amplitudes, correlated along the lines.
 
     Parameters
     ----------
     shape : (int, int, int)
         Lines, columns and rays.
     correlation : float
-        From line to line, as of `speckle_correlation`.
+        Correlation from line to line, as from `speckle_correlation`.
     rng : numpy.random.Generator
         Source of randomness.
 
     Returns
     -------
     (line, column, ray) complex64 ndarray
-        Of unit mean power.
+        Amplitudes of unit mean power.
+
+    See Also
+    --------
+    speckle_correlation : Correlation of a flight.
 
     Notes
     -----
-    A first-order Markov sequence of lines: k lines apart the correlation is mu^k, where the
-    surface has mu^(k^2). Of frames that are partly correlated it understates what averaging
-    gains; where they are independent, or the same, it is exact.
+    A first-order Markov sequence of lines: the correlation of lines k apart is mu^k, while that of
+    the surface is mu^(k^2). For partly correlated frames this understates the gain of averaging;
+    for independent or identical frames it is exact.
+
+    Examples
+    --------
+    >>> drawn = speckle((200, 10, 25), correlation=0.0, rng=np.random.default_rng(0))
+    >>> print(f"{np.mean(np.abs(drawn) ** 2):.1f}")
+    1.0
     """
     drawn = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     drawn *= np.float32(math.sqrt(0.5))
     if correlation < INDEPENDENT:
         return drawn
-    # Imported where it is used: scipy.signal takes half a second.
+    # Imported here because scipy.signal takes half a second.
     from scipy.signal import lfilter
 
     drawn[1:] *= np.float32(math.sqrt(1 - correlation**2))

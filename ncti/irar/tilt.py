@@ -1,4 +1,4 @@
-"""Residual tilt: by how much the masts and the waterline of a corrected image still lean."""
+"""Residual tilt: the lean of masts and waterline that is left in a corrected image."""
 
 from __future__ import annotations
 
@@ -9,48 +9,48 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
+from ncti.irar.tilt_fit import START, fit_place
 
 if TYPE_CHECKING:
     from ncti.irar.seen import Looks, Truth
 
 FINEST = 4  # cells of the truth along a pixel, at least
-_MARGIN = 8  # pixels of sea that are fitted, too
-_KNEE = 0.3  # of the ship's brightness, at which the first search saturates
-_SCHEDULE = (1.0, 0.5, 0.25, 0.12, 0.06)  # of that brightness: noise floors on the way down
-_PASSES = 4  # at each of them
-_MOST = 25  # passes at the last
-_TUKEY = 4.685  # standard deviations; 95 % efficient for normal errors
-_LEAST_SCATTER = 0.02  # of the model: what area averages of finite cells leave without noise
-# Footprints of five rays a side tell an edge's place to 0.2 / sqrt(12) pixels. What that leaves of
-# noiseless passes: scatter, of the model, and a lean, in pixels from end to end of the ship.
+_MARGIN = 8  # pixels of sea around the ship that are fitted
+_KNEE = 0.3  # share of the ship's brightness at which the first search saturates
+_LEAST_SCATTER = 0.02  # share of the model: error of area averages over finite cells
+# Footprints of five rays a side resolve an edge to 0.2 / sqrt(12) pixels. Errors that follow for
+# noiseless passes: scatter, as a share of the model, and lean, in pixels over the ship's length.
 _SAMPLED_SCATTER, _SAMPLED_LEAN = 0.05, 0.03
-_SETTLED = 1e-5  # pixels a pixel, at the last; ten times that on the way down
-# Where the truth is that a perfect image's look sees (row, column, column a row, row a column, row
-# a row, column a column), and the most a pass may move.
-_START = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0)  # pixels, pixels, and pixels a pixel
-_STEP = (1.0, 1.0, 0.1, 0.1, 0.02, 0.02)
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Tilt:
-    """How far an image leans against the truth.
+    """Lean of an image against the truth.
 
     Attributes
     ----------
     mast : float
-        Tilt of what is upright in the truth [deg], positive to the right; NaN where a channel
-        of the image shows nothing of the ship.
+        Tilt of upright lines of the truth [deg], positive to the right; NaN if a channel of the
+        image shows nothing of the ship.
     waterline : float
-        Tilt of what is level in the truth [deg], positive rising to the right; NaN likewise.
+        Tilt of level lines of the truth [deg], positive if rising to the right; NaN likewise.
     mast_error, waterline_error : float
-        Standard errors of the two [deg], as the fit's residuals tell them; where places are given,
-        with what samples' footprints leave. Of what is no shear, or leans by much more than a few
-        degrees, both the tilts and these are off by degrees.
+        Standard errors of the two [deg], from the fit's residuals and, if places are given, the
+        footprints of the samples. For distortions other than a shear, or for tilts of much more
+        than a few degrees, tilts and errors are wrong by degrees.
     up, right : float
         Displacement at the centre of the image [pixel].
+
+    See Also
+    --------
+    tilts : Measure the tilt of an image.
+
+    Examples
+    --------
+    >>> Tilt(5.1, 0.0, 0.1, 0.01, up=0.0, right=0.0).mast
+    5.1
     """
 
     mast: float
@@ -61,32 +61,32 @@ class Tilt:
     right: float
 
 
+_NONE = Tilt(*[math.nan] * 6)
+
+
 def tilts(
     image: ArrayLike,
     truth: ArrayLike,
     *,
     places: tuple[ArrayLike, ArrayLike] | None = None,
-    floor: float = 0.03,
 ) -> Tilt:
-    """Tilt of masts and waterline in an image, against the truth it should show.
+    """Measure the tilt of masts and waterline in an image against the true image.
 
     Parameters
     ----------
     image : (row, column) or (channel, row, column) array_like
-        Intensity, in any unit, rows growing upward; NaN where nothing is known. Channels, as the
-        active and the passive image, are of the same samples at the same places: they lean alike.
+        Intensity, in any unit, rows from the bottom up; NaN where it is unknown. Channels, such as
+        the active and the passive image, are of the same samples at the same places and have one
+        tilt.
     truth : (row * k, column * k) or (channel, row * k, column * k) array_like
-        The same view without noise, in any unit, each pixel resolved into k x k cells, k whole;
-        NaN counts as 0. What an exactly sheared image seems to lean falls with the cells: below
-        0.02 deg with k = 8, 0.05 deg with k = 4, 0.4 deg with k = 1.
+        The same view without noise, in any unit, each pixel resolved into k x k cells, k whole; NaN
+        counts as 0. The error for an exactly sheared image falls with the cells: below 0.02 deg
+        with k = 8, 0.05 deg with k = 4, 0.4 deg with k = 1.
     places : (...) array_like and (...) array_like, optional
-        Row and column of each sample that the image averages, from the middle of its first pixel
-        [pixel]; NaN is nowhere. Samples then see what the truth's cells show there, which
-        are to be of a sample's footprint. When not given, each pixel is seen evenly, and cells
+        Row and column of each sample that the image averages, from the middle of the first pixel
+        [pixel]; NaN for a sample outside. Each cell of the truth must then show a sample's
+        footprint. When not given, the samples of a pixel are assumed to be spread evenly, and cells
         show their own area.
-    floor : float
-        Least error taken for granted beside speckle, as a share of the ship's brightness,
-        above 0 and at most 1. Noise around the ship raises it.
 
     Returns
     -------
@@ -96,39 +96,108 @@ def tilts(
     Raises
     ------
     ValueError
-        If the shapes do not fit, a value is infinite or a truth is empty.
+        If the shapes do not match, a value is infinite or a truth is empty.
+
+    See Also
+    --------
+    true_snapshot : The truth of a flight.
+    correct : The image of a flight.
 
     Notes
     -----
-    Article, 'Data Processing' (motion distortions, mirror rotation), whose proof is that the
-    mast is straight and the bottom of the ship horizontal. What both defects leave is a shear,
-    and a wrong closing speed stretches the rows, so the image is taken as
+    The article judges its corrections by straight masts and a horizontal waterline [1]_. Both
+    defects (motion and mirror rotation) leave a shear, and a wrong closing speed stretches the
+    rows, so the image is modelled as
 
         column' = right + b column + m row,  row' = up + a row + w column
 
-    about the centre, tan(mast) = m / a and tan(waterline) = w / b, with gain and offset free for
-    each channel. Every look is led back to where it saw the truth, and pixels are means of looks.
+    about the centre, with tan(mast) = m / a and tan(waterline) = w / b, and gain and offset free
+    for each channel. Every look is mapped back to its place in the truth, and pixels are means of
+    looks.
 
-    Samples of a line are a pixel apart, so that the looks of a pixel are at nearly the same place
-    across it where the ship hardly drifts. That place wanders by the drift from row to row: a shear
-    of every stretch of a column, which pixels seen evenly do not have. It looks like up to half a
-    degree of mast on ships seen from abeam. Led back by their places, looks of noiseless passes at
-    3 to 4 km lean by less than 0.1 deg, mast and waterline.
+    Samples of a line are a pixel apart, so the looks of a pixel are at nearly the same place across
+    it if the ship hardly drifts. That place changes with the drift from row to row: a shear within
+    each column, absent from evenly sampled pixels, which appears as up to half a degree of mast
+    tilt on ships seen from abeam. Mapped back by their places, looks of noiseless passes at 3 to 4
+    km lean by less than 0.1 deg, mast and waterline.
 
-    At 20 dB speckle alone hides the waterline of a ship that is 20 pixels wide, to 0.25 deg, and
-    peaks of speckle make decks brighter than the truth has them. The passive image is of the
-    same samples at the same places, and any tilt that the corrections leave is in both, so that
-    both are fitted by one tilt, each with the weight of its own noise.
+    At 20 dB speckle alone hides the waterline of a ship 20 pixels wide to within 0.25 deg, and
+    peaks of speckle make decks brighter than in the truth. The passive image has the same samples
+    at the same places, and any residual tilt is in both images. Both are therefore fitted with one
+    tilt, each weighted by its own noise.
 
-    Speckle scatters in proportion to intensity, so residuals are weighed by the model plus the
-    floor, and by Tukey's biweight, which leaves out lines and columns that show something
-    else. Neither sees a misfit of pixels, so the fit starts from Theil-Sen lines through the
-    best shifts of whole rows and columns, at a floor that lets no residual be an outlier, and
-    lowers it by and by. The standard errors take the pixels as independent.
+    Speckle scatters in proportion to intensity, so residuals are weighted by the model plus a
+    floor, and by Tukey's biweight, which rejects lines and columns that show something else.
+    Neither notices a misfit of whole pixels, so the fit starts from Theil-Sen lines through the
+    best shifts of whole rows and columns, with a floor at which no residual is an outlier, and
+    lowers the floor in stages. The standard errors assume independent pixels.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, 'Data Processing'.
+
+    Examples
+    --------
+    A hull and a mast, sheared by 5 deg to the right and with speckle of 50 looks:
+
+    >>> import numpy as np
+    >>> k = 8
+    >>> truth = np.zeros((24 * k, 40 * k))
+    >>> truth[4 * k : 8 * k, 6 * k : 34 * k] = 1.0
+    >>> truth[8 * k : 20 * k, 19 * k : 21 * k] = 1.0
+    >>> shift = np.round(np.tan(np.radians(5)) * (np.arange(24 * k) - 12 * k)).astype(int)
+    >>> sheared = np.stack([np.roll(line, by) for line, by in zip(truth, shift)])
+    >>> image = sheared.reshape(24, k, 40, k).mean(axis=(1, 3))
+    >>> image *= np.random.default_rng(0).gamma(50, 1 / 50, image.shape)
+    >>> found = tilts(image, truth)
+    >>> print(f"{found.mast:.0f} +- {found.mast_error:.1f} deg")
+    5 +- 0.1 deg
     """
     from ncti.irar.seen import Looks, Truth  # numba takes long to import
 
-    require("floor", floor, positive=True, maximum=1.0)
+    seen, cells, known = _checked(image, truth)
+    rows, columns = seen.shape[1:]
+    factor = cells.shape[1] // rows
+
+    # Brightness in units of the ship's, in the image and in the truth.
+    for channel, ship in zip(seen, cells, strict=True):
+        level, own = _levels(channel, _blocks(ship, factor))
+        if not level > 0:
+            return _NONE
+        channel /= level
+        ship /= own
+
+    # Coarse cells are interpolated: slopes are taken between neighbouring cells.
+    refinement = -(-FINEST // factor)
+    if refinement > 1:
+        cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
+    factor *= refinement
+
+    looks = Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
+    view = Truth(cells, factor)
+    known &= looks.count.reshape(1, rows, columns) > 0
+
+    # A first estimate from whole shifts, then a fit of the pixels around the ship.
+    place = _start(seen, view, looks)
+    box = _around(view.image(place, looks)[0])
+    least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
+    fit = fit_place(seen[:, *box], known[:, *box], view, looks.within(*box), place, least)
+    if fit is None:
+        return _NONE
+    found = _tilt(*fit)
+    return replace(
+        found,
+        mast_error=math.hypot(found.mast_error, math.degrees(lean / view.rows)),
+        waterline_error=math.hypot(found.waterline_error, math.degrees(lean / view.columns)),
+    )
+
+
+def _checked(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Return copies of image and truth with channels and 0 for NaN, and where the image is known.
+
+    Shapes are (channel, row, column), (channel, row * k, column * k) and (channel, row, column).
+    """
     seen, cells = _image("image", image), _image("truth", truth)
     rows, columns = seen.shape[1:]
     factor = cells.shape[1] // rows
@@ -140,112 +209,14 @@ def tilts(
     known = ~np.isnan(seen)
     seen, cells = np.nan_to_num(seen), np.nan_to_num(cells)
     if not cells.any(axis=(1, 2)).all():
-        raise ValueError("truth is 0 throughout, but must show a ship")
-    for channel, ship in zip(seen, cells, strict=True):
-        level, own = _levels(channel, _blocks(ship, factor))
-        if not level > 0:
-            return Tilt(*[math.nan] * 6)
-        channel /= level
-        ship /= own
-    refinement = -(-FINEST // factor)
-    if refinement > 1:
-        cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
-    factor *= refinement
-    looks = Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
-    view = Truth(cells, factor)
-    known &= looks.count.reshape(1, rows, columns) > 0
-    place = _start(seen, view, looks)
-    box = _around(view.image(place, looks)[0])
-    least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
-    found = _fit(seen[:, *box], known[:, *box], view, looks.within(*box), place, floor, least)
-    return replace(
-        found,
-        mast_error=math.hypot(found.mast_error, math.degrees(lean / view.rows)),
-        waterline_error=math.hypot(found.waterline_error, math.degrees(lean / view.columns)),
-    )
-
-
-def _fit(
-    seen: Floats,
-    known: NDArray[np.bool_],
-    view: Truth,
-    looks: Looks,
-    place: Floats,
-    floor: float,
-    least: float,
-) -> Tilt:
-    """Robust least squares from a start, residuals scattered by no less than `least`."""
-    channels = len(seen)
-    gain, offset, scatter = np.ones(channels), np.zeros(channels), np.ones(channels)
-    covariance = np.full((6, 6), np.nan)
-    steps = [(level, _PASSES) for level in _SCHEDULE if level > floor] + [(floor, _MOST)]
-    for level, passes in steps:
-        for _ in range(passes):
-            model, slopes = view.image(place, looks)
-            if (((model > 0) & known).sum(axis=(1, 2)) < 8).any():
-                return Tilt(*[math.nan] * 6)
-            design, misfit = [], []
-            for c in range(channels):
-                residual = seen[c] - gain[c] * model[c] - offset[c]
-                spread = _spread(
-                    model[c], residual, known[c], gain[c], offset[c], level, scatter[c]
-                )
-                scatter[c] = _scatter(model[c], residual / spread, known[c], least)
-                unit = residual / (spread * scatter[c])
-                weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known[c]
-                design.append(
-                    _terms(c, channels, gain[c], model[c], slopes[c], weight / spread / scatter[c])
-                )
-                misfit.append((unit * weight).ravel())
-            terms = np.concatenate(design)
-            normal = np.linalg.pinv(terms.T @ terms, hermitian=True)
-            change = normal @ (terms.T @ np.concatenate(misfit))
-            step = np.clip(change[:6], np.negative(_STEP), _STEP)
-            place = place + step
-            gain = np.clip(gain + change[6 : 6 + channels], 0.2, 5.0)
-            offset = np.clip(offset + change[6 + channels :], -0.5, 0.5)
-            covariance = normal[:6, :6]
-            if np.abs(step).max() < _SETTLED * (1 if level == floor else 10):
-                break
-    return _tilt(place, covariance)
-
-
-def _spread(
-    model: Floats,
-    residual: Floats,
-    known: NDArray[np.bool_],
-    gain: float,
-    offset: float,
-    level: float,
-    scatter: float,
-) -> Floats:
-    """How far residuals scatter, up to a factor: speckle as the model, noise around the ship."""
-    dark = (model == 0) & known
-    around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
-    spread: Floats = np.maximum(gain * model + offset, 0.0) + max(level, around / scatter)
-    return spread
-
-
-def _scatter(model: Floats, unit: Floats, known: NDArray[np.bool_], least: float) -> float:
-    """That factor, by the median of the ship's brighter pixels."""
-    bright = (model > model.max() / 5) & known
-    return max(1.4826 * float(np.median(np.abs(unit[bright]))), least)
-
-
-def _terms(
-    channel: int, channels: int, gain: float, model: Floats, slopes: Floats, weight: Floats
-) -> Floats:
-    """(pixel, 6 + 2 channels): weighed derivatives by place, and by gains and offsets."""
-    terms = np.zeros((*model.shape, 6 + 2 * channels))
-    terms[..., :6] = gain * slopes
-    terms[..., 6 + channel], terms[..., 6 + channels + channel] = model, 1.0
-    terms *= weight[..., None]
-    return terms.reshape(-1, terms.shape[-1])
+        raise ValueError("truth is 0 everywhere, but must show a ship")
+    return seen, cells, known
 
 
 def _tilt(place: Floats, covariance: Floats) -> Tilt:
-    """The image's lean from that of the truth that looks see, which is the other way."""
+    """Return the image's tilt, which is opposite to that of the truth as looks see it."""
     found = []
+    # Mast from columns a row, waterline from rows a column; errors by linear propagation.
     for lean, scale in ((2, 5), (3, 4)):
         slope = -place[lean] / place[scale]
         change = np.zeros(6)
@@ -253,13 +224,14 @@ def _tilt(place: Floats, covariance: Floats) -> Tilt:
         error = math.sqrt(change @ covariance @ change) / abs(place[scale]) / (1.0 + slope**2)
         found.append((math.degrees(math.atan(slope)), math.degrees(error)))
     (mast, mast_error), (waterline, waterline_error) = found
+    # The displacement is that of the inverse map.
     matrix = np.array([[place[4], place[3]], [place[2], place[5]]])
     up, right = -np.linalg.solve(matrix, place[:2])
     return Tilt(mast, waterline, mast_error, waterline_error, float(up), float(right))
 
 
 def _around(model: Floats) -> tuple[slice, slice]:
-    """Rows and columns of the ship in an image, and some of sea."""
+    """Return rows and columns of the ship in an image, and some of sea."""
     lit = [np.flatnonzero((model > 0).any(axis=(0, axis))) for axis in (2, 1)]
     if not lit[0].size:
         return slice(None), slice(None)
@@ -268,15 +240,16 @@ def _around(model: Floats) -> tuple[slice, slice]:
 
 
 def _start(seen: Floats, view: Truth, looks: Looks) -> Floats:
-    """A place from the best shifts of whole rows, then of whole columns."""
-    # Imported where it is used, as other parts of scipy here: scipy.stats takes half a second.
+    """Return a place from the best shifts of whole rows, then of whole columns."""
+    # Imported here because scipy.stats takes half a second.
     from scipy.stats import theilslopes
 
-    place = np.array(_START)
-    # Most of an image is dark: its median deviation from 0 is noise, and the least noisy leads.
+    place = np.array(START)
+    # Most of an image is dark, so its median deviation from 0 is noise: use the least noisy.
     best = int(np.median(np.abs(seen), axis=(1, 2)).argmin())
     shown = _saturated(seen[best])
     for axis in (0, 1):
+        # Best shift of each line, then a robust line through the shifts.
         model = _saturated(view.image(place, looks)[0][best])
         lines, shifts = _best_shifts(*(np.moveaxis(x, axis, 0) for x in (shown, model)))
         if lines.size < 2:
@@ -288,10 +261,11 @@ def _start(seen: Floats, view: Truth, looks: Looks) -> Floats:
 
 
 def _best_shifts(shown: Floats, model: Floats) -> tuple[Floats, Floats]:
-    """Lines in which the model has some of the ship, and the whole shift that fits each best."""
+    """Return the lines that contain part of the ship, and the best whole shift of each."""
     lines = np.flatnonzero(model.sum(axis=1) > 0.5)
     length = shown.shape[1]
     padded = 2 * length
+    # Cross-correlation of all lines at once, padded so that it does not wrap around.
     first = np.fft.rfft(shown[lines] - shown[lines].mean(axis=1, keepdims=True), padded)
     second = np.fft.rfft(model[lines] - model[lines].mean(axis=1, keepdims=True), padded)
     score = np.fft.irfft(first * second.conj(), padded)
@@ -300,16 +274,16 @@ def _best_shifts(shown: Floats, model: Floats) -> tuple[Floats, Floats]:
 
 
 def _saturated(intensity: Floats) -> Floats:
-    """Intensity over itself and the knee: a glint or a garbled line has no more say than a hull."""
+    """Return intensity / (intensity + knee), which limits the weight of glints and faulty lines."""
     positive = np.maximum(intensity, 0.0)
     return positive / (positive + _KNEE)
 
 
 def _levels(seen: Floats, truth: Floats) -> tuple[float, float]:
-    """Typical brightness of the ship in the image and in the truth.
+    """Return the typical brightness of the ship in the image and in the truth.
 
-    Row by row the median of as many brightest pixels as the truth has of the ship, of which
-    the median over rows: wherever the ship lies in its row, garbled lines do not tell.
+    For each row, the median of as many brightest pixels as the truth has of the ship; then the
+    median over rows. It does not depend on the ship's place in its row, or on a few faulty lines.
     """
     count = (truth > (truth**2).sum() / truth.sum() / 2).sum(axis=1)
     rows = np.flatnonzero(count >= min(4, count.max()))
@@ -321,7 +295,7 @@ def _levels(seen: Floats, truth: Floats) -> tuple[float, float]:
 
 
 def _refined(cells: Floats, factor: int) -> Floats:
-    """Each row of cells cut into more, as bright as smoothness and its own sum allow."""
+    """Return rows of cells cut into finer ones by monotone interpolation that keeps their sums."""
     from scipy.interpolate import PchipInterpolator
 
     rows = cells.shape[0]
@@ -332,20 +306,21 @@ def _refined(cells: Floats, factor: int) -> Floats:
 
 
 def _blocks(cells: Floats, factor: int) -> Floats:
+    """Return means over blocks of factor x factor cells."""
     rows, columns = cells.shape[0] // factor, cells.shape[1] // factor
     averaged: Floats = cells.reshape(rows, factor, columns, factor).mean(axis=(1, 3))
     return averaged
 
 
 def _evenly(rows: int, columns: int, factor: int) -> tuple[Floats, Floats]:
-    """Places of looks spread over each pixel, one a cell."""
+    """Return places of looks spread evenly over each pixel, one per cell."""
     row, column = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (rows, columns))
     spread = np.broadcast_arrays(row[:, None], column)
     return spread[0], spread[1]
 
 
 def _image(name: str, values: ArrayLike) -> Floats:
-    """(channel, row, column) intensities, NaN where there are none; a copy."""
+    """Return a copy of intensities, (channel, row, column), NaN where there are none."""
     array = np.array(values, dtype=np.float64)
     if array.ndim not in (2, 3) or 0 in array.shape:
         raise ValueError(f"{name} has shape {array.shape}, but must have rows and columns")

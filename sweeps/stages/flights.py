@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ncti import irar as library
 from ncti.irar import Flight, Pass, Scan, Snapshot
+from ncti.irar.scene import plan_scan
 from ncti.ladar import range_extent
 from ncti.render import range_image
 from sweeps.engine.errors import ConfigurationError
@@ -237,7 +238,7 @@ def check_meshes(choices: Choices, load: Callable[[Any], trimesh.Trimesh]) -> No
         if ship not in hulls:
             continue
         try:
-            plan = library.plan_scan(hulls[ship], flight_of(aspect, values))
+            plan = plan_scan(hulls[ship], flight_of(aspect, values))
         except ValueError as error:
             raise ConfigurationError(
                 f"{_of_key(error, values['range'])} ({ship} at {aspect:g} deg)"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ncti import infrared as library
 from ncti.evaluate import aspect_bins
-from ncti.infrared import enlarge
+from ncti.infrared.super_resolution import enlarge
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, Table, plain, stage
 from sweeps.stages.infrared import IMAGES, LOOK, VIEW, Infrared, looks_infrared

@@ -14,11 +14,15 @@ from ncti.infrared import (
     LONG_WAVE,
     MID_WAVE,
     band_contrast,
-    band_radiance,
     contrast,
+)
+from ncti.infrared.bands import (
+    BOLTZMANN,
+    PLANCK,
+    SPEED_OF_LIGHT,
+    band_radiance,
     radiance_slope,
 )
-from ncti.infrared.bands import BOLTZMANN, PLANCK, SPEED_OF_LIGHT
 
 BANDS = [LONG_WAVE, MID_WAVE, (10.5e-6, 10.7e-6), (0.4e-6, 0.7e-6), (20e-6, 900e-6), (1e-6, 5e-5)]
 TEMPERATURES = [150.0, 288.15, 320.0, 1200.0]

@@ -51,14 +51,11 @@ def test_an_image_does_not_depend_on_its_company(drawer, counts, seed):
         assert other.bit_generator.seed_seq.state == rng.bit_generator.seed_seq.state
 
 
-@pytest.mark.parametrize("back_projections", [0, 3])
-def test_nor_with_back_projections(back_projections):
+@pytest.mark.parametrize("drawer", DRAWERS)
+def test_nor_do_many(drawer):
     every = range(1, 41)
     together, alone = (
-        [
-            images("shifted", counts, np.random.default_rng(5), back_projections=back_projections)
-            for counts in groups
-        ]
+        [images(drawer, counts, np.random.default_rng(5)) for counts in groups]
         for groups in ([list(every)], [[count] for count in every])
     )
     np.testing.assert_array_equal(together[0], np.concatenate(alone))

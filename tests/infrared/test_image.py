@@ -41,16 +41,13 @@ def test_extreme_contrasts(way, kelvin):
     assert 0.4 / 4 < largest < 4 if abs(kelvin) < 1 else largest == pytest.approx(1e9)
 
 
-@pytest.mark.parametrize(
-    ("way", "back_projections"), [("none", 0), ("perfect", 0), *(("shifted", n) for n in range(4))]
-)
+@pytest.mark.parametrize("way", ["none", "perfect", "shifted"])
 @pytest.mark.parametrize("phase", [(0.0, 0.0), (0.3, 0.9)])
-def test_a_larger_window_changes_no_bit_on_the_ship(way, back_projections, phase):
+def test_a_larger_window_changes_no_bit_on_the_ship(way, phase):
     look = {
         "slant_range": 50e3,
         "frame_count": (16, 4, 24),
         "super_resolution": way,
-        "back_projections": back_projections,
         "phase": phase,
     }
     view = ship("texas", 60.0)
@@ -162,10 +159,6 @@ def test_a_range_image_of_its_own_range():
         ({"coverage_rule": 0.0}, "coverage_rule is 0.0"),
         ({"coverage_rule": 2}, "coverage_rule is 2"),
         ({"super_resolution": "magic"}, "super_resolution is 'magic'"),
-        ({"super_resolution": "shifted", "back_projections": -1}, "back_projections is -1"),
-        ({"super_resolution": "shifted", "back_projections": 0.5}, "back_projections is 0.5"),
-        ({"back_projections": -7}, "back_projections is -7"),
-        ({"super_resolution": "perfect", "back_projections": None}, "back_projections is None"),
         ({"frame_count": 0}, "frame_count is 0"),
         ({"frame_count": "16"}, "frame_count is '16'"),
         ({"frame_count": ["16"]}, "frame_count is '16'"),

@@ -3,7 +3,8 @@
 import numpy as np
 import trimesh
 
-from ncti.irar import Flight, Pass, Returns, ScanPlan, ship_heading
+from ncti.irar import Flight, Pass, ship_heading
+from ncti.irar.scene import Returns, ScanPlan
 
 CLEAN = 1e8
 """A carrier-to-noise ratio beside which the noise is nothing."""

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import integrate, optimize, stats
 
-from ncti.irar import Returns, average, noise_threshold, segment
 from ncti.irar.chain import FALSE_ALARM
+from ncti.irar.looks import average
 from ncti.irar.receiver import peaks
+from ncti.irar.scene import Returns
+from ncti.irar.segmentation import noise_threshold, segment
 
 PULSE = 4.5  # metres
 

@@ -8,9 +8,10 @@ import pytest
 from flown import flight, pole_on_box, seen_from
 from scipy import stats
 
-from ncti.irar import ScanPlan, correct, fly, ship_window
+from ncti.irar import correct, fly, ship_window
 from ncti.irar.clutter import WAVES, clutter, sea_places
 from ncti.irar.scan import wander
+from ncti.irar.scene import ScanPlan
 
 DEVIATION, LENGTH = 0.3, 12.0
 DRAWS = 2000

@@ -7,9 +7,8 @@ import pytest
 from flown import flight
 from scipy import stats
 
-from ncti.irar import speckle_correlation
 from ncti.irar.flight import WAVELENGTH
-from ncti.irar.speckle import INDEPENDENT, speckle
+from ncti.irar.speckle import INDEPENDENT, speckle, speckle_correlation
 
 
 def rough_surface(flown, lines, *, surfaces, scatterers=400, seed=0):

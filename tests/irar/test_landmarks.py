@@ -226,8 +226,6 @@ def test_flat_profile_is_like_nothing():
         ({"hangar": (100.0, 120.0)}, r"hangar is \(100.0, 120.0\)"),
         ({"mast": (50.0, 40.0)}, r"mast\[1\] is 40.0"),
         ({"end": 0.0}, "end is 0.0"),
-        ({"front": 1.0}, "front is 1.0"),
-        ({"prominence": -1.0}, "prominence is -1.0"),
     ],
 )
 def test_refusals(change, message):

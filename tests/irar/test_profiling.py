@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ncti.irar import range_profile
+from ncti.irar.profiling import range_profile
 
 intensities = st.floats(0, 1e6)
 # Quarters lie on the edges of bins often.

@@ -7,8 +7,8 @@ import pytest
 from flown import CLEAN, flight, wall
 from scipy import integrate, stats
 
-from ncti.irar import Returns
 from ncti.irar.receiver import noise_below, noise_peak, noiseless, peaks
+from ncti.irar.scene import Returns
 from ncti.irar.speckle import speckle
 
 LEVEL = 1e-3

@@ -9,10 +9,9 @@ from flown import crossing, flight, scanned_at, seen_from
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ncti.irar import (
-    azimuth_shift,
+from ncti.irar import azimuth_shift, mirror_rotation
+from ncti.irar.registration import (
     mirror_displacement,
-    mirror_rotation,
     motion_displacement,
     raw_places,
     rotated,

@@ -9,8 +9,9 @@ import xarray as xr
 from flown import CLEAN, flight, pole_on_box, wall
 
 from ncti.infrared import band_contrast
-from ncti.irar import Flight, ScanPlan, fly, plan_scan, scan_scene, time_delay_integrate
+from ncti.irar import Flight, fly, time_delay_integrate
 from ncti.irar.scan import wander
+from ncti.irar.scene import ScanPlan, plan_scan, scan_scene
 
 TOLERANCE = 0.05
 

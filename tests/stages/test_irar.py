@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import ncti.ships
-from ncti.irar import Flight, plan_scan, ship_heading
+from ncti.irar import Flight, ship_heading
+from ncti.irar.scene import plan_scan
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Joint
 from sweeps.stages.flights import believed, check_meshes, combinations
@@ -207,7 +208,7 @@ OF_SHIPS = [
     ({"samples": 20}, ("irar.samples is 20", "at least", "duncan at 175 deg")),
     ({"grid__aspect": [175, 90]}, ("irar.samples is 160", "at least", "duncan at 90 deg")),
     ({"range_gate": 100}, ("irar.range_gate is 100 m", "as deep as this ship")),
-    ({"range": [3.9, 0.3]}, ("irar.range has 0.3, but must be at least 0.", "comes closer")),
+    ({"range": [3.9, 0.3]}, ("irar.range has 0.3, but must be at least 0.", "approaches")),
     ({"line_rate": 20000, "pulse_rate": 1e7}, ("irar.line_rate is 20000", "lines in this")),
     ({"offset": 80}, ("irar.offset is 80", "do not climb")),
     ({"pointing": [None, 50]}, ("irar.pointing is 50",)),

@@ -1,0 +1,169 @@
+"""Robust fit of the place of a truth to an image, for the tilts of corrected images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ncti.irar.seen import Looks, Truth
+
+_TUKEY = 4.685  # standard deviations; 95 % efficient for normal errors
+# Stages of the fit: noise floor as a share of the ship's brightness, most passes, and the step at
+# which a stage has converged [pixel, or pixels a pixel].
+_STAGES = (
+    *((floor, 4, 1e-4) for floor in (1.0, 0.5, 0.25, 0.12, 0.06)),
+    (0.03, 25, 1e-5),
+)
+_LEAST_PIXELS = 8  # that a channel must show of the ship
+# Affine map from image to truth: shift up and right [pixel], columns a row (mast), rows a column
+# (waterline), rows a row and columns a column [pixels a pixel]. Its value for a perfect image, and
+# the largest change in one pass.
+START = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
+_STEP = (1.0, 1.0, 0.1, 0.1, 0.02, 0.02)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """Parameters of a fit: the truth's place, and gain, offset and scatter of each channel."""
+
+    place: Floats  # (6,), see `START`
+    gain: Floats
+    offset: Floats
+    scatter: Floats
+
+    def moved(self, change: Floats, scatter: Floats) -> tuple[_Estimate, float]:
+        """Return the estimate after a step of at most `_STEP`, and the largest part of that."""
+        channels = len(self.gain)
+        step = np.clip(change[:6], np.negative(_STEP), _STEP)
+        gain = np.clip(self.gain + change[6 : 6 + channels], 0.2, 5.0)
+        offset = np.clip(self.offset + change[6 + channels :], -0.5, 0.5)
+        return _Estimate(self.place + step, gain, offset, scatter), float(np.abs(step).max())
+
+
+def fit_place(
+    seen: Floats,
+    known: NDArray[np.bool_],
+    view: Truth,
+    looks: Looks,
+    place: Floats,
+    least: float,
+) -> tuple[Floats, Floats] | None:
+    """Fit the place of a truth to an image by robust least squares, from a start.
+
+    Parameters
+    ----------
+    seen : (channel, row, column) float64 ndarray
+        Image, in units of the ship's brightness.
+    known : (channel, row, column) bool ndarray
+        Pixels to fit.
+    view : Truth
+        The truth.
+    looks : Looks
+        Looks that the pixels average.
+    place : (6,) float64 ndarray
+        Start; see `START`.
+    least : float
+        Least scatter of residuals, as a share of the model.
+
+    Returns
+    -------
+    (6,) and (6, 6) float64 ndarray, or None
+        Place and its covariance; None if a channel shows too little of the ship.
+
+    Notes
+    -----
+    Gauss-Newton steps with Tukey's biweight. The noise floor falls in stages: a high floor keeps
+    every residual an inlier while the start is still wrong.
+    """
+    channels = len(seen)
+    fit = _Estimate(place, np.ones(channels), np.zeros(channels), np.ones(channels))
+    covariance = np.full((6, 6), np.nan)
+    for floor, passes, settled in _STAGES:
+        for _ in range(passes):
+            model, slopes = view.image(fit.place, looks)
+            if (((model > 0) & known).sum(axis=(1, 2)) < _LEAST_PIXELS).any():
+                return None
+            # One linear system for all channels: they share the place, not gain and offset.
+            design, misfit, scatter = zip(
+                *(
+                    _equations(fit, c, seen[c], known[c], model[c], slopes[c], floor, least)
+                    for c in range(channels)
+                ),
+                strict=True,
+            )
+            terms = np.concatenate(design)
+            inverse = np.linalg.pinv(terms.T @ terms, hermitian=True)
+            change = inverse @ (terms.T @ np.concatenate(misfit))
+            fit, step = fit.moved(change, np.array(scatter))
+            covariance = inverse[:6, :6]
+            if step < settled:
+                break
+    return fit.place, covariance
+
+
+def _equations(
+    fit: _Estimate,
+    channel: int,
+    seen: Floats,
+    known: NDArray[np.bool_],
+    model: Floats,
+    slopes: Floats,
+    floor: float,
+    least: float,
+) -> tuple[Floats, Floats, float]:
+    """Return the weighted linear equations of one channel, and its new scatter.
+
+    Terms are (pixel, 6 + 2 channels): derivatives by place, then by gains and offsets. The misfit
+    is (pixel,).
+    """
+    gain, offset = fit.gain[channel], fit.offset[channel]
+    residual = seen - gain * model - offset
+
+    # Standard deviation up to a factor, the scatter: speckle grows with the model, noise does not.
+    spread = _spread(model, residual, known, gain, offset, floor, fit.scatter[channel])
+    scatter = _scatter(model, residual / spread, known, least)
+
+    # Tukey's biweight leaves out residuals beyond `_TUKEY` standard deviations.
+    unit = residual / (spread * scatter)
+    weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known
+    terms = _terms(channel, len(fit.gain), gain, model, slopes, weight / spread / scatter)
+    return terms, (unit * weight).ravel(), scatter
+
+
+def _spread(
+    model: Floats,
+    residual: Floats,
+    known: NDArray[np.bool_],
+    gain: float,
+    offset: float,
+    floor: float,
+    scatter: float,
+) -> Floats:
+    """Return the standard deviation of residuals up to a factor, the scatter."""
+    dark = (model == 0) & known
+    around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
+    spread: Floats = np.maximum(gain * model + offset, 0.0) + max(floor, around / scatter)
+    return spread
+
+
+def _scatter(model: Floats, unit: Floats, known: NDArray[np.bool_], least: float) -> float:
+    """Return the scatter, from the median residual of the ship's brighter pixels."""
+    bright = (model > model.max() / 5) & known
+    return max(1.4826 * float(np.median(np.abs(unit[bright]))), least)
+
+
+def _terms(
+    channel: int, channels: int, gain: float, model: Floats, slopes: Floats, weight: Floats
+) -> Floats:
+    """Return weighted derivatives by place, gains and offsets, (pixel, 6 + 2 channels)."""
+    terms = np.zeros((*model.shape, 6 + 2 * channels))
+    terms[..., :6] = gain * slopes
+    terms[..., 6 + channel], terms[..., 6 + channels + channel] = model, 1.0
+    terms *= weight[..., None]
+    return terms.reshape(-1, terms.shape[-1])
