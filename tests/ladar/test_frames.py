@@ -16,11 +16,9 @@ from ncti.ladar import (
     frame_blocks,
     frame_moments,
     frames,
-    noise_covariance,
     sample_frames,
-    target_kernel,
 )
-from ncti.ladar.pulse import noise_factor
+from ncti.ladar.pulse import noise_covariance, noise_factor, target_kernel
 
 COUNTS = st.integers(1, 100)
 
