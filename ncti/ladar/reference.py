@@ -115,7 +115,7 @@ def reference_range_extent(
 
 
 def _project(mesh: trimesh.Trimesh, aspect: float, depression: float) -> Floats:
-    """Return (facet, corner, 3) right, up, down-range coordinates of facets that face the sensor."""
+    """Return (facet, corner, 3) right, up, down-range coordinates of facets facing the sensor."""
     a, d = np.radians([aspect, depression])
     u = np.array([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
