@@ -128,11 +128,13 @@ def replicated_accuracy(
     levels = [by_level(kind) for kind in (None, *kinds)]
     n, k = (array.sum(axis=-2) for array in levels[0])
     fraction = k / np.maximum(n, 1.0)
-    worth = np.empty(n.shape)
+    equivalent = np.empty(n.shape)
     for bins in (slice(0, -1), slice(-1, None)):
         those = [(answers[..., bins], rights[..., bins]) for answers, rights in levels]
-        worth[..., bins] = _worth(those, fraction[..., -1])
-    low, high = wilson_interval(np.minimum(fraction * worth, worth), worth, confidence=CONFIDENCE)
+        equivalent[..., bins] = _equivalent_answers(those, fraction[..., -1])
+    low, high = wilson_interval(
+        np.minimum(fraction * equivalent, equivalent), equivalent, confidence=CONFIDENCE
+    )
     fraction = np.where(n > 0, fraction, np.nan)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
 
@@ -143,7 +145,7 @@ def _views(values: Floats, member: Floats) -> Floats:
     return inside.reshape(*values.shape[:-2], -1, member.shape[-1])
 
 
-def _worth(levels: list[tuple[Floats, Floats]], share: Floats) -> Floats:
+def _equivalent_answers(levels: list[tuple[Floats, Floats]], share: Floats) -> Floats:
     """Return the (..., bin) equivalent number of independent answers; see `replicated_accuracy`.
 
     Parameters
@@ -188,5 +190,5 @@ def _worth(levels: list[tuple[Floats, Floats]], share: Floats) -> Floats:
         free = np.where(uncertain > 0, np.maximum(mean**2 / uncertain, 1.0), np.inf)
     tail = 0.5 + 0.5 * CONFIDENCE
     wider: Floats = np.maximum(stdtrit(free, tail) / ndtri(tail), 1.0)
-    worth: Floats = np.maximum(n / np.maximum(effect, 1.0) / wider**2, np.minimum(n, 1.0))
-    return worth
+    equivalent: Floats = np.maximum(n / np.maximum(effect, 1.0) / wider**2, np.minimum(n, 1.0))
+    return equivalent

@@ -190,8 +190,8 @@ def _matched(stack: Floats, *, contrast: Floats, target_sigma: Floats, sea_sigma
     target &= (contrast > 0) & (span > 0)
     if not target.any():
         return target
-    told = target.any(axis=(1, 2), keepdims=True)
-    return _whole(_conditional_modes(target, np.where(told, ratio, -np.inf)), weights=ratio)
+    found = target.any(axis=(1, 2), keepdims=True)
+    return _whole(_conditional_modes(target, np.where(found, ratio, -np.inf)), weights=ratio)
 
 
 def _log_likelihood_ratio(

@@ -219,6 +219,7 @@ def frame_blocks(
     at_once = min(FRAMES_AT_ONCE, frame_count, max(1, NORMALS_AT_ONCE // max(1, per_frame)))
 
     def blocks() -> Iterator[NDArray[np.float64]]:
+        """Yield the blocks, from normals and waveforms in memory that is reused."""
         rows = -(-at_once // ROWS_AT_ONCE) * ROWS_AT_ONCE
         normals = np.zeros((rows, per_frame), dtype=np.float32)
         waveforms = Waveforms(noise, speckle, begin=len(floor), frames=at_once)
