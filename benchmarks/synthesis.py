@@ -25,14 +25,12 @@ from ncti.ladar import (
     banded_frame_moments,
     cumulative_average,
     frame_blocks,
-    magnitude_covariance,
-    noise_covariance,
     noise_floor,
     range_extent,
     sample_frames,
-    target_kernel,
 )
-from ncti.ladar.pulse import low_rank_factor, noise_factor
+from ncti.ladar.moments import magnitude_covariance
+from ncti.ladar.pulse import low_rank_factor, noise_covariance, noise_factor, target_kernel
 from ncti.render import range_image
 
 Floats = NDArray[Any]

@@ -1,4 +1,4 @@
-"""Classifiers of profile vectors: scikit-learn estimators that see `(X, y)` and nothing else."""
+"""Classifiers of feature vectors, as scikit-learn estimators, and fusion of their scores."""
 
 from __future__ import annotations
 
@@ -9,14 +9,7 @@ if TYPE_CHECKING:
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
     from ncti.classify.bands import lower_band
     from ncti.classify.baselines import CorrelationNeighbour
-    from ncti.classify.calibration import fit_doubt
-    from ncti.classify.fusion import (
-        doubted,
-        fit_sharpness,
-        fuse,
-        label_posterior,
-        least_sharpness,
-    )
+    from ncti.classify.fusion import fit_sharpness, fuse, label_posterior
     from ncti.classify.gain_annealed import GainAnnealedNetwork
     from ncti.classify.likelihood import GaussianTemplates
     from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
@@ -29,12 +22,9 @@ __all__ = [
     "GaussianTemplates",
     "Similarities",
     "cluster",
-    "doubted",
-    "fit_doubt",
     "fit_sharpness",
     "fuse",
     "label_posterior",
-    "least_sharpness",
     "lower_band",
 ]
 
@@ -46,18 +36,15 @@ _DEFINED_IN = {
     "GaussianTemplates": "likelihood",
     "Similarities": "vigilance_sweep",
     "cluster": "vigilance_sweep",
-    "doubted": "fusion",
-    "fit_doubt": "calibration",
     "fit_sharpness": "fusion",
     "fuse": "fusion",
     "label_posterior": "fusion",
-    "least_sharpness": "fusion",
     "lower_band": "bands",
 }
 
 
 def __getattr__(name: str) -> Any:
-    # Imported when it is first asked for: the estimators need scikit-learn, which takes a second.
+    # Imported on first access, because scikit-learn takes a second to import.
     if name not in _DEFINED_IN:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_DEFINED_IN[name]}"), name)

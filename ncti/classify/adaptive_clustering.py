@@ -1,4 +1,4 @@
-"""The Adaptive Clustering Network: categories that form by themselves, then take a ship's name."""
+"""The Adaptive Clustering Network: unsupervised categories, labelled after training."""
 
 from __future__ import annotations
 
@@ -21,63 +21,91 @@ Indices = NDArray[np.intp]
 
 
 class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
-    """Cluster vectors by direction, name each category after the ship seen there most often.
+    """Cluster vectors by direction and label each category by the majority of its vectors.
 
     Parameters
     ----------
     vigilance : float, default=0.95
-        Cosine that the best match must exceed for a vector to join its category; a vector
-        that no category matches so well founds a new one. In [-1, 1]; at 1 only vectors of
-        the same direction (cosine above 1 - 1e-12) share a category.
+        Cosine that the best match must exceed for a vector to join its category; otherwise the
+        vector founds a new one. In [-1, 1]; at 1 only vectors of the same direction (cosine above
+        1 - 1e-12) share a category.
     learning_rate : float, default=0.1
-        Fraction of the way a category moves towards each vector that joins it. In (0, 1].
+        Fraction of the way by which a category moves towards each vector that joins it, in (0, 1].
     max_passes : int, default=100
-        Presentations of the training set after which to stop, settled or not.
+        Largest number of presentations of the training set.
 
     Attributes
     ----------
     categories_ : (category, feature) float64 ndarray
-        The long-term memory traces W of the categories that hold training vectors at the
-        end, oldest first.
+        Long-term memory traces W of the categories that hold training vectors at the end, oldest
+        first.
     category_labels_ : (category,) ndarray
-        Label of most training vectors of the category; of equals, the first in `classes_`.
+        Most frequent label in the category; of equals, the first in `classes_`.
     labels_ : (sample,) intp ndarray
         Category of each training vector in the last pass; -1 for a zero vector.
     n_categories_ : int
-        Number of categories. Those that lost all their vectors are dropped.
+        Number of categories; those that lost all their vectors are dropped.
     n_passes_ : int
-        Passes over the training set, the last one, which changed nothing, included.
+        Passes over the training set, including the last one, which changed nothing.
     converged_ : bool
-        Whether the last pass left every vector in its category.
+        True if the last pass left every vector in its category.
     classes_ : (class,) ndarray
         The labels seen in training.
 
+    See Also
+    --------
+    cluster : The same network for many vigilances and orders of presentation at once.
+    ncti.features.profile_vector : Profiles as vectors.
+    ncti.evaluate.category_formation : Categories by ship and aspect.
+
     Notes
     -----
-    M. M. Menon's network as the Lincoln Laboratory laser-radar study used it. The first
-    vector founds the first category. Each vector X then looks for its best match
+    The network of M. M. Menon as used in [1]_. The first vector founds the first category. Each
+    vector X is then compared with all categories,
 
-        rho_max = max over k of X.W_k / (|X| |W_k|)
+        rho_max = max over k of X.W_k / (|X| |W_k|),
 
-    and, if rho_max exceeds the vigilance, moves it by W_k += (X - W_k) dt; otherwise X
-    founds a category, W = X. The training set is presented in the given order, again and
-    again, until a whole pass changes no assignment. The labels play no part in that: they
-    only name the categories afterwards.
+    and, if rho_max exceeds the vigilance, moves the best match by W_k += (X - W_k) dt; otherwise X
+    founds a category, W = X. The training set is presented repeatedly in the given order, until a
+    whole pass changes no assignment. Labels have no influence on the categories; they only name
+    them afterwards.
 
-    What follows from the rule, and what does not:
+    Properties:
 
     - Categories depend on the order of the vectors. Of equally good matches the oldest wins.
-    - W_k is a weighted mean of vectors that joined it, so it never grows beyond the longest
-      of them. Longer vectors pull harder; normalise them if that is not meant.
-    - When all pairs of vectors agree better than the vigilance (>= 0), there is one category.
-      When no two distinct directions do, each has its own. In between, the number of
-      categories usually rises with the vigilance, but not always.
-    - A zero vector has no direction: its similarity is 0, it neither founds nor moves a
-      category, and `match` answers -1.
+    - W_k is a weighted mean of the vectors that joined it, so it never becomes longer than the
+      longest of them. Longer vectors have more weight; normalise them to avoid this.
+    - If all pairs of vectors have a cosine above the vigilance (>= 0), there is one category. If no
+      two distinct directions do, each has its own. In between, the number of categories usually
+      rises with the vigilance, but not always.
+    - A zero vector has no direction: its similarity is 0, it neither founds nor moves a category,
+      and `match` returns -1 for it.
 
-    A category is kept as a unit direction w and a length s, W = s w, so that matching is one
-    product and neither huge nor tiny vectors overflow or vanish in a square:
+    A category is stored as a unit direction w and a length s, W = s w, so that matching is one
+    product and the squares of huge or tiny vectors neither overflow nor vanish:
     W + (X - W) dt = (a + b) [w + f (x - w)] with a = (1 - dt) s, b = dt |X|, f = b/(a + b).
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, section "Adaptive Clustering Network" and Figure 18.
+
+    Examples
+    --------
+    Two directions form two categories, whichever ship comes first. A vigilance above the cosine
+    within each pair, 0.995, gives every vector a category of its own:
+
+    >>> import numpy as np
+    >>> from ncti.classify import AdaptiveClusteringNetwork
+    >>> X = np.array([[1.0, 0.1], [0.2, 1.0], [1.0, 0.2], [0.1, 1.0]])
+    >>> y = ["duncan", "roberts", "duncan", "roberts"]
+    >>> network = AdaptiveClusteringNetwork(vigilance=0.95).fit(X, y)
+    >>> network.labels_
+    array([0, 1, 0, 1])
+    >>> network.predict([[3.0, 1.0], [1.0, 2.0]]).tolist()
+    ['duncan', 'roberts']
+    >>> AdaptiveClusteringNetwork(vigilance=0.999).fit(X, y).n_categories_
+    4
     """
 
     _parameter_constraints: ClassVar[dict] = {
@@ -95,29 +123,29 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
 
     @_fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
-        """Form the categories from X, then name them by y.
+        """Form the categories from X and label them by y.
 
         Parameters
         ----------
         X : (sample, feature) array_like
-            Training vectors, in order of presentation; not all of them zero.
+            Training vectors in order of presentation, not all of them zero.
         y : (sample,) array_like
-            Their labels.
+            Labels of the vectors.
 
         Returns
         -------
         AdaptiveClusteringNetwork
-            Itself, fitted.
+            The fitted network itself.
 
         Raises
         ------
         ValueError
-            When X or y is malformed, holds NaN or infinity, or X has only zero vectors.
+            If X or y is malformed, holds NaN or infinity, or X has only zero vectors.
 
         Warns
         -----
         ConvergenceWarning
-            When assignments still change after `max_passes` passes.
+            If assignments still change after `max_passes` passes.
         """
         vectors, labels = validate_data(self, X, y, dtype=np.float64)
         check_classification_targets(labels)
@@ -125,7 +153,9 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
 
         directions, lengths = polar(vectors)
         if not lengths.any():
-            raise ValueError("X has only zero vectors; at least one must have a direction.")
+            raise ValueError("X has only zero vectors, but must have one with a direction")
+
+        # Present the training set until a whole pass changes no assignment.
         memory = _Memory(vectors.shape[1], self.learning_rate)
         vigilance = min(self.vigilance, SAME_DIRECTION)
         assigned: Indices = np.full(len(vectors), NO_CATEGORY)
@@ -136,13 +166,13 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
             self.converged_ = np.array_equal(assigned, previous)
         if not self.converged_:
             warnings.warn(
-                f"The categories still changed in pass {self.max_passes}: raise max_passes "
-                "or lower learning_rate.",
+                f"The categories still changed in pass {self.max_passes}: increase max_passes "
+                "or reduce learning_rate.",
                 ConvergenceWarning,
                 stacklevel=2,
             )
 
-        # A category that lost all its vectors has no name and must not answer.
+        # A category that lost all its vectors has no label and is dropped.
         matched = assigned != NO_CATEGORY
         live, category = np.unique(assigned[matched], return_inverse=True)
         self.labels_ = np.full(len(vectors), NO_CATEGORY)
@@ -150,30 +180,31 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         self.categories_ = memory.traces()[live]
         self.n_categories_ = len(live)
 
+        # Label each category by majority.
         votes = np.zeros((self.n_categories_, len(self.classes_)), dtype=np.intp)
         np.add.at(votes, (category, class_of_sample[matched]), 1)
         self.category_labels_ = self.classes_[votes.argmax(axis=1)]
         return self
 
     def match(self, X: ArrayLike, *, learning: bool = False) -> tuple[Indices, Floats]:
-        """Best-matching category of each vector, whatever the vigilance.
+        """Return the best-matching category of each vector, regardless of the vigilance.
 
         Parameters
         ----------
         X : (sample, feature) array_like
             Vectors to classify.
         learning : bool, default=False
-            Let each vector move a copy of its category before the next one is matched, at
-            the training's learning rate; the answers then depend on the order of X. The
-            fitted categories themselves never change.
+            Let each vector move a copy of its category, at the learning rate of the training,
+            before the next one is matched; the result then depends on the order of X. The article
+            tested in this way. The fitted categories themselves never change.
 
         Returns
         -------
         category : (sample,) intp ndarray
             Row of `categories_`; -1 for a zero vector.
         similarity : (sample,) float64 ndarray
-            Cosine to that category, in [-1, 1]; 0 for a zero vector. To reject what the
-            training has not seen, compare it with a vigilance of your own.
+            Cosine to that category, in [-1, 1]; 0 for a zero vector. A threshold on it rejects
+            vectors that resemble none of the training.
         """
         check_is_fitted(self)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
@@ -189,7 +220,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         return category, np.clip(similarity, -1.0, 1.0)
 
     def predict(self, X: ArrayLike) -> NDArray:
-        """Label of the best-matching category of each vector.
+        """Return the label of the best-matching category of each vector.
 
         Parameters
         ----------
@@ -199,37 +230,15 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         Returns
         -------
         (sample,) ndarray
-            Labels. A zero vector matches nothing and gets the oldest category's, for want
-            of a better guess; `match` tells.
+            Labels. A zero vector matches nothing and gets the label of the oldest category;
+            `match` identifies such vectors.
         """
         category, _ = self.match(X)
         return self.category_labels_[np.maximum(category, 0)]
 
-    def predict_learning(self, X: ArrayLike) -> NDArray:
-        """Label each vector while the categories go on learning, as the source tested.
-
-        Parameters
-        ----------
-        X : (sample, feature) array_like
-            Vectors to classify, in order of presentation.
-
-        Returns
-        -------
-        (sample,) ndarray
-            Labels; for zero vectors see `predict`.
-
-        Notes
-        -----
-        The source tested at the training's learning rate with the vigilance near zero, so
-        that every vector falls into an established category: no new one is founded here.
-        The fitted categories stay as they are, so calling again gives the same answer.
-        """
-        category, _ = self.match(X, learning=True)
-        return self.category_labels_[np.maximum(category, 0)]
-
 
 class _Memory:
-    """The growing set of categories, as unit directions and lengths in preallocated rows."""
+    """Growing set of categories, stored as unit directions and lengths in preallocated rows."""
 
     def __init__(self, n_features: int, learning_rate: float) -> None:
         self.learning_rate = learning_rate
@@ -239,7 +248,7 @@ class _Memory:
 
     @classmethod
     def holding(cls, traces: Floats, learning_rate: float) -> _Memory:
-        """A memory that starts with a copy of `traces`."""
+        """Return a memory that holds a copy of `traces`."""
         memory = cls(traces.shape[1], learning_rate)
         memory.directions, lengths = polar(traces)
         memory.lengths = lengths.tolist()
@@ -247,11 +256,11 @@ class _Memory:
         return memory
 
     def traces(self) -> Floats:
-        """The categories W."""
+        """Return the (category, feature) categories W."""
         return self.directions[: self.count] * np.array(self.lengths)[:, None]
 
     def train(self, directions: Floats, lengths: Floats, vigilance: float) -> Indices:
-        """Present all vectors once; returns the category each one joined or founded."""
+        """Present all vectors once; return the category that each one joined or founded."""
         assigned = np.full(len(directions), NO_CATEGORY)
         for i, (x, length) in enumerate(zip(directions, lengths.tolist(), strict=True)):
             if length == 0.0:
@@ -265,7 +274,7 @@ class _Memory:
         return assigned
 
     def follow(self, directions: Floats, lengths: Floats) -> tuple[Indices, Floats]:
-        """Present all vectors once without founding; returns best matches and their cosines."""
+        """Present all vectors once without founding; return best matches and their cosines."""
         assigned = np.full(len(directions), NO_CATEGORY)
         similarities = np.zeros(len(directions))
         for i, (x, length) in enumerate(zip(directions, lengths.tolist(), strict=True)):
@@ -276,6 +285,7 @@ class _Memory:
         return assigned, similarities
 
     def _best_match(self, x: Floats) -> tuple[int, float]:
+        """Return the category with the largest cosine to a unit direction, and that cosine."""
         if self.count == 0:
             return NO_CATEGORY, -np.inf
         cosines = self.directions[: self.count] @ x
@@ -289,12 +299,12 @@ class _Memory:
         b = self.learning_rate * length
         w += (x - w) * (b / (a + b))
         norm = float(w @ w) ** 0.5
-        if norm > 0.0:  # it is zero only where opposite vectors cancel exactly
+        if norm > 0.0:  # zero only if opposite vectors cancel exactly
             w /= norm
         self.lengths[k] = (a + b) * norm
 
     def _found(self, x: Floats, length: float) -> int:
-        """Start a category at vector X = length x."""
+        """Found a category at the vector X = length x, and return its number."""
         if self.count == len(self.directions):
             self.directions = np.concatenate([self.directions, np.empty_like(self.directions)])
         self.directions[self.count] = x

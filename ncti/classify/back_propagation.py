@@ -1,4 +1,4 @@
-"""Back-propagation through one hidden layer that grows, in nodes that have gains of their own."""
+"""Back-propagation through one growing hidden layer of nodes with gains of their own."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-MOMENTUM = 0.9  # share of the last step that the next one repeats
-GAIN_FACTOR = (0.1, 10.0)  # bounds of a node's learned gain over the level
+MOMENTUM = 0.9  # share of the last step that is added to the next
+GAIN_FACTOR = (0.1, 10.0)  # bounds of the learned gain of a node relative to the gain level
 
 Floats = NDArray[np.float64]
 
 
 @dataclass
 class Layer:
-    """Nodes that share their inputs.
+    """Layer of nodes that share their inputs.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class Layer:
     offsets : (node,) float64 ndarray
         Offsets theta.
     factors : (node,) float64 ndarray
-        Gains beta over the level.
+        Gains beta relative to the gain level.
     """
 
     weights: Floats
@@ -32,36 +32,44 @@ class Layer:
     factors: Floats
 
     def answers(self, inputs: Floats, level: float) -> Floats:
-        """(sample, node): tanh(beta (w.x + theta) / 2)."""
+        """Return the (sample, node) outputs tanh(beta (w.x + theta) / 2)."""
         return np.tanh((inputs @ self.weights.T + self.offsets) * (level / 2 * self.factors))
 
     def back_propagate(
         self, inputs: Floats, answers: Floats, errors: Floats, level: float
     ) -> tuple[Layer, Floats]:
-        """Gradient of a loss in the layer's parameters and, (sample, node), in w.x.
+        """Return the gradient of a loss in the parameters of the layer and in its net inputs.
 
         Parameters
         ----------
         inputs : (sample, input) float64 ndarray
-            What the nodes saw.
+            Inputs of the nodes.
         answers : (sample, node) float64 ndarray
-            What they answered.
+            Outputs of the nodes.
         errors : (sample, node) float64 ndarray
-            Derivative of the loss in the answers.
+            Derivative of the loss in the outputs.
         level : float
             Gain level.
+
+        Returns
+        -------
+        parameters : Layer
+            Gradient in weights, offsets and gain factors.
+        net : (sample, node) float64 ndarray
+            Gradient in w.x.
         """
         slopes = errors * ((1.0 - answers) * (1.0 + answers)) * (level / 2)
         net = slopes * self.factors
         weights = net.T @ inputs
-        # sum over samples of slope (w.x + theta), which needs no second look at w.x
+        # The gradient in the gains is the sum over samples of slope (w.x + theta), here from the
+        # gradients in weights and offsets.
         offsets = net.sum(axis=0)
         along = np.einsum("ni,ni->n", weights, self.weights) + offsets * self.offsets
         return Layer(weights, offsets, along / self.factors), net
 
 
 class Network:
-    """A hidden layer that grows and the outputs, with the velocities of both."""
+    """Growing hidden layer and output layer, with the momentum terms of both."""
 
     def __init__(self, hidden: Layer, output: Layer) -> None:
         self.hidden, self.output = hidden, output
@@ -71,13 +79,13 @@ class Network:
 
     @classmethod
     def seed(cls, n_inputs: int, n_outputs: int, random: np.random.RandomState) -> Network:
-        """One hidden node, not yet heard by the outputs."""
+        """Return a network with one hidden node, with zero weights to the outputs."""
         hidden = Layer(*_new_node(n_inputs, random), np.ones(1))
         output = Layer(np.zeros((n_outputs, 1)), np.zeros(n_outputs), np.ones(n_outputs))
         return cls(hidden, output)
 
     def grow(self, random: np.random.RandomState) -> None:
-        """Add a hidden node that the outputs do not hear yet."""
+        """Add a hidden node with zero weights to the outputs."""
         weights, offsets = _new_node(self.hidden.weights.shape[1], random)
         node = Layer(weights, offsets, np.ones(1))
         rest = Layer(np.zeros_like(weights), np.zeros(1), np.zeros(1))
@@ -93,10 +101,10 @@ class Network:
     def loss_and_gradient(
         self, inputs: Floats, targets: Floats, level: float
     ) -> tuple[float, tuple[Layer, Layer]]:
-        """Mean square error of the outputs, and the gradient to follow.
+        """Return the mean square error of the outputs, and the gradient for the next step.
 
-        The gradient is that of half the squared error of all outputs together, averaged over
-        the samples: the number of classes does not change the step.
+        The gradient is that of half the squared error summed over outputs and averaged over
+        samples, so that the step does not depend on the number of classes.
         """
         middle = self.hidden.answers(inputs, level)
         answers = self.output.answers(middle, level)
@@ -106,7 +114,7 @@ class Network:
         return float(np.mean(errors**2)), (hidden, output)
 
     def step(self, gradient: tuple[Layer, Layer], learning_rate: float) -> None:
-        """Follow the gradient, keep every gain in its bounds."""
+        """Take a step against the gradient, with momentum, and keep the gains within bounds."""
         for layer, velocity, slope in zip(
             (self.hidden, self.output), self.velocities, gradient, strict=True
         ):
@@ -120,10 +128,10 @@ class Network:
 
 
 def _new_node(n_inputs: int, random: np.random.RandomState) -> tuple[Floats, Floats]:
-    """(1, input) weights and (1,) offset of a node that has learned nothing.
+    """Return random (1, input) weights and a (1,) offset of a new node.
 
-    The offset must not be zero: on data that look the same from either side such a node, odd in
-    its inputs, never learns anything even.
+    The offset must not be zero: such a node is odd in its inputs, and on data that are symmetric
+    about zero it would never learn an even function.
     """
     drawn = random.uniform(-1.0, 1.0, (1, n_inputs + 1)) / np.sqrt(n_inputs)
     return drawn[:, :-1], drawn[:, -1]

@@ -1,4 +1,4 @@
-"""Covariances of neighbouring bins as lower bands: what is made of them, and what they whiten."""
+"""Banded covariances of neighbouring bins: construction, factors, whitening and densities."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import LinAlgError, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
 from ncti.checks import require_all
@@ -17,9 +18,10 @@ Floats = NDArray[np.float64]
 def checked_moments(
     mean: ArrayLike, covariance: ArrayLike, labels: ArrayLike, floor: ArrayLike
 ) -> tuple[Floats, Floats, NDArray[Any], Floats]:
-    """Means, bands, labels, and means less the floor, of templates whose shapes fit.
+    """Return means, bands, labels, and means less the floor, as arrays of matching shapes.
 
-    Of the arguments of `ncti.classify.GaussianTemplates.fit`; `ValueError` if they do not.
+    The arguments are those of `ncti.classify.GaussianTemplates.fit`. Raises `ValueError` if shapes
+    do not match.
     """
     means = require_all("mean", mean)
     bands = require_all("covariance", covariance)
@@ -50,12 +52,12 @@ def checked_moments(
 
 
 def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[Floats, Floats]:
-    """(sample, bin) averages and the (sample,) frames in each, or `ValueError`."""
+    """Return (sample, bin) averages and the (sample,) numbers of frames, or raise `ValueError`."""
     samples = require_all("X", X)
-    # LAPACK's band solver writes beyond its arrays when there is nothing to solve.
+    # The band solver of LAPACK writes beyond its arrays if there is nothing to solve.
     if samples.ndim != 2 or samples.shape[1] != bins or not samples.size:
         raise ValueError(
-            f"X has shape {samples.shape}, but must be (sample, {bins}) with a sample or more"
+            f"X has shape {samples.shape}, but must be (sample, {bins}) with at least one sample"
         )
     frames = require_all("frame_count", frame_count, minimum=1)
     if frames.shape not in ((), (len(samples),)):
@@ -66,18 +68,35 @@ def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[F
 
 
 def lower_band(covariance: ArrayLike) -> Floats:
-    """Dense symmetric matrices as lower bands of all their lags.
+    """Return full symmetric matrices as lower bands of all their lags.
 
     Parameters
     ----------
     covariance : (..., bin, bin) array_like
-        Symmetric; only the lower triangle is read.
+        Symmetric matrices, of which only the lower triangle is read.
 
     Returns
     -------
     (..., lag, bin) float64 ndarray
-        As `scipy.linalg.cholesky_banded` takes it: element [l, n] is that of bins n + l and n,
-        zero where n + l is no bin.
+        Bands as `scipy.linalg.cholesky_banded` takes them: element [l, n] is that of bins n + l
+        and n, zero if n + l is beyond the last bin.
+
+    Raises
+    ------
+    ValueError
+        If the last two axes differ in length.
+
+    See Also
+    --------
+    GaussianTemplates : Classifier that takes such bands.
+
+    Examples
+    --------
+    >>> from ncti.classify import lower_band
+    >>> lower_band([[2.0, 1.0, 0.5], [1.0, 3.0, 1.5], [0.5, 1.5, 4.0]])
+    array([[2. , 3. , 4. ],
+           [1. , 1.5, 0. ],
+           [0.5, 0. , 0. ]])
     """
     dense = np.asarray(covariance, dtype=np.float64)
     bins = dense.shape[-1]
@@ -88,21 +107,39 @@ def lower_band(covariance: ArrayLike) -> Floats:
     return np.where(inside, dense[..., np.where(inside, lag + n, 0), n], 0.0)
 
 
+def factored(bands: Floats, nugget: float) -> Floats:
+    """Return the lower Cholesky factors of (template, lag, bin) bands that include the nugget.
+
+    Raises `ValueError` that asks for a larger nugget if a band is not positive definite.
+    """
+    factors = np.empty_like(bands)
+    for t, band in enumerate(bands):
+        try:
+            factors[t] = cholesky_banded(band, lower=True)
+        except LinAlgError:
+            raise ValueError(
+                f"nugget is {nugget!r}, but must be larger for covariance[{t}], which is "
+                "not positive definite with it"
+            ) from None
+    return factors
+
+
 def residual_band(residual: ArrayLike, correlation: ArrayLike) -> Floats:
-    """Covariance of a residual, as correlated between bins as noise is.
+    """Return the covariance of a residual that is correlated between bins like noise.
 
     Parameters
     ----------
     residual : (bin,) array_like
         Standard deviation in each bin.
     correlation : (lag,) array_like
-        Correlation between bins so far apart, positive definite; no more lags than bins.
+        Positive definite correlation between bins by lag; no more lags than bins.
 
     Returns
     -------
     (lag, bin) float64 ndarray
-        Lower band, as of `ncti.classify.lower_band`: positive semidefinite, as the product of a
-        Toeplitz matrix that is, element by element, with that of `residual` and itself.
+        Lower band, as from `ncti.classify.lower_band`. It is positive semidefinite, as the
+        elementwise product of a positive definite Toeplitz matrix and the outer product of
+        `residual` with itself.
     """
     scale, along = np.asarray(residual, dtype=np.float64), np.asarray(correlation)
     band = np.zeros((len(along), len(scale)))
@@ -112,31 +149,31 @@ def residual_band(residual: ArrayLike, correlation: ArrayLike) -> Floats:
 
 
 def mean_correlation(bands: ArrayLike) -> Floats:
-    """Correlation between bins by their distance, of the mean over templates and bins.
+    """Return the correlation between bins by lag, averaged over templates and bins.
 
     Parameters
     ----------
     bands : (template, lag, bin) array_like
-        Covariances as lower bands, positive definite.
+        Positive definite covariances as lower bands.
 
     Returns
     -------
     (lag,) float64 ndarray
-        1 at first. Positive definite, too: the sums along the diagonals of such a matrix have a
-        spectrum that is nowhere negative.
+        Correlation, 1 at lag 0. It is positive definite too: the sums along the diagonals of such a
+        matrix have a spectrum that is nowhere negative.
     """
     along: Floats = np.asarray(bands, dtype=np.float64).sum(axis=(0, 2))
     return along / along[0]
 
 
 def whiten(factor: Floats, columns: Floats) -> Floats:
-    """L^-1 times (bin, column) columns, L a lower band."""
+    """Return L^-1 times (bin, column) columns, with L a lower band."""
     white, _ = dtbtrs(factor, columns, uplo="L")
     return white
 
 
 def coloured(factor: Floats, white: Floats) -> Floats:
-    """L times a (bin,) vector, L a lower band."""
+    """Return L times a (bin,) vector, with L a lower band."""
     found = np.zeros_like(white)
     for lag, band in enumerate(factor):
         found[lag:] += band[: len(white) - lag] * white[: len(white) - lag]
@@ -146,20 +183,20 @@ def coloured(factor: Floats, white: Floats) -> Floats:
 def densities(
     factor: Floats, unit: Floats, off: Floats, frames: Floats, priors: ArrayLike
 ) -> Floats:
-    """Log densities and squared distances of averages of frames from one template.
+    """Return log densities and squared distances of averages of frames for one template.
 
     Parameters
     ----------
     factor : (lag, bin) array_like
-        Lower Cholesky factor of one frame's covariance, L.
+        Lower Cholesky factor L of the covariance of one frame.
     unit : (bin, direction) array_like
-        Unknown directions at a unit of their prior, whitened by L.
+        Unknown directions, scaled to a unit of their prior and whitened by L.
     off : (sample, bin) array_like
-        Averages less the template's mean.
+        Averages less the mean of the template.
     frames : (sample,) array_like
-        Frames in each average.
+        Number of frames in each average.
     priors : (prior, scaled) array_like
-        Deviations that the first directions are scaled by, set after set; others keep theirs.
+        Sets of standard deviations for the first directions; the others keep their scale.
 
     Returns
     -------
@@ -168,10 +205,11 @@ def densities(
 
     Notes
     -----
-    With U the directions times their deviations, the covariance of n frames is
-    L (I + n U U') L' / n. The Woodbury identity and the matrix determinant lemma need the small
-    matrix I + n U'U alone.
+    With U the directions times their standard deviations, the covariance of n frames is
+    L (I + n U U') L' / n. By the Woodbury identity and the matrix determinant lemma only the small
+    matrix I + n U'U has to be inverted.
     """
+    # Distance and determinant without the unknown directions, the same for all priors.
     white = whiten(factor, off.T)
     alone = frames * np.einsum("bs,bs->s", white, white)
     size = 2 * np.log(factor[0]).sum() + len(white) * np.log(2 * math.pi / frames)

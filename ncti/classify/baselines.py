@@ -1,4 +1,4 @@
-"""Plain classifiers to hold the others against."""
+"""Baseline classifier: nearest neighbour by correlation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ncti.classify.directions import polar
 
 NO_TEMPLATE = -1
 
-# Cosines this close are equal: rounding of inner products of some hundred elements is less.
+# Cosines this close count as equal; inner products of some hundred elements round to less.
 TIE = 1e-12
 
 Floats = NDArray[np.float64]
@@ -22,58 +22,75 @@ Indices = NDArray[np.intp]
 
 
 class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
-    """Nearest neighbour by correlation: the label of the training vector with the largest cosine.
+    """Classify by the training vector with the largest cosine.
 
     Attributes
     ----------
     templates_ : (template, feature) float64 ndarray
         Unit directions of the training vectors; zero for a zero vector.
     labels_ : (template,) ndarray
-        Their labels.
+        Labels of the training vectors.
     classes_ : (class,) ndarray
         The labels seen in training.
 
+    See Also
+    --------
+    AdaptiveClusteringNetwork : Classifier with fewer templates, which it learns.
+    GaussianTemplates : Optimal classifier for known noise.
+
     Notes
     -----
-    The cosine is that of the vectors as given. Of centred vectors it is Pearson's correlation;
-    centring is left to the caller. Trained on expected profiles it is the correlation
-    receiver, the matched filter of profiles of unknown gain in white noise; trained on noisy
-    averages it shows what examples with the noise in them are worth.
+    The cosine is that of the vectors as given. For centred vectors it is the correlation
+    coefficient of Pearson; the caller decides on centring. Trained on expected profiles this is
+    the correlation receiver, the matched filter for profiles of unknown gain in white noise.
+    Trained on noisy averages, it shows the benefit of examples that contain noise.
 
     Of equally good matches, to 1e-12, the first wins. A zero vector has no direction: as a
-    template it never answers, and as a sample it matches none (`match` answers -1).
+    template it is never chosen, and as a sample it matches none (`match` returns -1).
+
+    Examples
+    --------
+    A gain does not change the answer:
+
+    >>> from ncti.classify import CorrelationNeighbour
+    >>> neighbour = CorrelationNeighbour().fit([[1, 5, 1], [5, 1, 1]], ["duncan", "roberts"])
+    >>> neighbour.predict([[1, 4, 2], [10, 40, 20]]).tolist()
+    ['duncan', 'duncan']
+    >>> template, cosine = neighbour.match([[1, 4, 2]])
+    >>> template, cosine.round(3)
+    (array([0]), array([0.966]))
     """
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
-        """Keep the directions of X and their labels.
+        """Store the directions of X and their labels.
 
         Parameters
         ----------
         X : (template, feature) array_like
             Training vectors, not all of them zero.
         y : (template,) array_like
-            Their labels.
+            Labels of the vectors.
 
         Returns
         -------
         CorrelationNeighbour
-            Itself, fitted.
+            The fitted classifier itself.
 
         Raises
         ------
         ValueError
-            When X or y is malformed, holds NaN or infinity, or X has only zero vectors.
+            If X or y is malformed, holds NaN or infinity, or X has only zero vectors.
         """
         vectors, self.labels_ = validate_data(self, X, y, dtype=np.float64)
         check_classification_targets(self.labels_)
         self.classes_ = np.unique(self.labels_)
         self.templates_, lengths = polar(vectors)
         if not lengths.any():
-            raise ValueError("X has only zero vectors; at least one must have a direction.")
+            raise ValueError("X has only zero vectors, but must have one with a direction")
         return self
 
     def similarity(self, X: ArrayLike) -> Floats:
-        """Cosine of each vector to each template.
+        """Return the cosine of each vector to each template.
 
         Parameters
         ----------
@@ -83,31 +100,31 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         Returns
         -------
         (sample, template) float64 ndarray
-            In [-1, 1]; 0 where either is zero.
+            Cosine in [-1, 1]; 0 if either vector is zero.
         """
         return self._cosines(X)[0]
 
     def match(self, X: ArrayLike, *, exclude: ArrayLike = False) -> tuple[Indices, Floats]:
-        """Template nearest to each vector.
+        """Return the template nearest to each vector.
 
         Parameters
         ----------
         X : (sample, feature) array_like
             Vectors to classify.
         exclude : (sample, template) or (template,) array_like of bool, default=False
-            Templates that do not answer for a sample, such as those of its own view.
+            Templates to leave out for a sample, such as those of its own view.
 
         Returns
         -------
         template : (sample,) intp ndarray
-            Row of `templates_`; -1 for a zero vector, and where no template may answer.
+            Row of `templates_`; -1 for a zero vector, and if no template is left.
         similarity : (sample,) float64 ndarray
-            Cosine to that template, in [-1, 1]; 0 where there is none.
+            Cosine to that template, in [-1, 1]; 0 if there is none.
 
         Raises
         ------
         ValueError
-            When X is malformed or holds NaN or infinity, or `exclude` has another shape.
+            If X is malformed or holds NaN or infinity, or `exclude` has another shape.
         """
         cosines, answers = self._cosines(X)
         left_out = np.asarray(exclude, dtype=bool)
@@ -125,7 +142,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         return template, similarity
 
     def predict(self, X: ArrayLike) -> NDArray:
-        """Label of the template nearest to each vector.
+        """Return the label of the template nearest to each vector.
 
         Parameters
         ----------
@@ -135,14 +152,14 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         Returns
         -------
         (sample,) ndarray
-            Labels. A zero vector matches nothing and gets the first template's, for want of a
-            better guess; `match` tells.
+            Labels. A zero vector matches nothing and gets the label of the first template;
+            `match` identifies such vectors.
         """
         template, _ = self.match(X)
         return self.labels_[np.maximum(template, 0)]
 
     def _cosines(self, X: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
-        """Cosines (sample, template), and whether each sample has a direction."""
+        """Return (sample, template) cosines, and (sample,) True for vectors with a direction."""
         check_is_fitted(self)
         directions, lengths = polar(validate_data(self, X, dtype=np.float64, reset=False))
         return np.clip(directions @ self.templates_.T, -1.0, 1.0), lengths > 0

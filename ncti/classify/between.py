@@ -1,4 +1,4 @@
-"""Aspects between templates: how far a template may be off within the cell it stands for."""
+"""Aspects between templates: change of the profile within the cell of a template."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require_all
 
-CIRCLE = 360.0  # degrees
-LEAST_CURVED = 3  # templates of a label whose curvature along aspects is known
+CIRCLE = 360.0  # deg
+LEAST_CURVED = 3  # templates of a label needed for a curvature along aspect
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What profiles do in the cell of aspects that each template stands for.
+    """Change of profiles within the cell of aspects that each template represents.
 
     Attributes
     ----------
     tangent : (template, bin) float64 ndarray
         Difference from the template at one standard deviation of the aspect within its cell.
     residual : (template, bin) float64 ndarray
-        Scale of what a tangent leaves over.
+        Scale of the difference that remains after the tangent.
     """
 
     tangent: Floats
@@ -32,53 +32,53 @@ class Cell:
 
 
 def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: ArrayLike) -> Cell:
-    """Tangent and residual of every template, from its neighbours of the same label.
+    """Return tangent and residual of every template, from its neighbours of the same label.
 
     Parameters
     ----------
     mean : (template, bin) array_like
         Mean profile of each template.
     labels : (template,) array_like
-        What a template stands for, such as a ship.
+        Label of each template, such as a ship.
     aspect : (template,) array_like
-        Where it was taken [degree]; distinct among templates of a label.
+        Aspect of each template [deg]; distinct among templates of a label.
     correlation : (lag,) array_like
-        Correlation of noise between bins so far apart, 1 at first: what a pulse smears.
+        Correlation of noise between bins by lag, 1 at lag 0; its width is that of the pulse.
 
     Returns
     -------
     Cell
-        Both are 0 for a label of one template, of whose neighbourhood nothing is known.
+        Tangents and residuals; both 0 for a label with a single template, whose surroundings are
+        unknown.
 
     Raises
     ------
     ValueError
-        If shapes do not match, or two templates of a label have one aspect.
+        If shapes do not match, or two templates of a label have the same aspect.
 
     Notes
     -----
-    A template at aspect a with neighbours h- before and h+ behind stands for aspects from
-    a - h-/2 to a + h+/2. If x is uniform there, its second moment about a is
+    A template at aspect a with neighbours at a - h- and a + h+ represents the aspects from
+    a - h-/2 to a + h+/2. For an offset x uniform over this cell the second moment is
 
         s^2 = ((h-/2)^3 + (h+/2)^3) / (3 (h-/2 + h+/2)),
 
-    h^2/12 for equal steps; the last template of an open range has one neighbour, and the same
-    moment. Expanded to the second order, the profile at a + x is m + m' x + m'' x^2 / 2, with m'
-    and m'' from the parabola through a template and its neighbours:
+    h^2/12 for equal steps. The last template of an open range has one neighbour, and the same
+    moment. To second order, the profile at a + x is m + m' x + m'' x^2 / 2, with m' and m'' from
+    the parabola through a template and its neighbours:
 
-    - m' s is the *tangent*: x becomes one more unknown along a known direction. It is the same in
-      all frames of an average.
-    - m'' h^2 / 2, h the mean of both steps, is the scale of the *residual*; that at equal steps is
-      half the second difference. Glints come and go within a step, and lines of a ship move
-      through several bins, so that a parabola only says where and how much profiles change: the
-      residual is taken as random, of a variance that is a multiple of its square.
+    - m' s is the *tangent*: x becomes one more unknown along a known direction, the same in all
+      frames of an average.
+    - m'' h^2 / 2, with h the mean of both steps, is the scale of the *residual*, for equal steps
+      half the second difference. Glints appear and vanish within a step, and features of a ship
+      move through several bins, so a parabola only indicates where and how much profiles change.
+      The residual is therefore modelled as random, with a variance proportional to its square.
 
-    That multiple is `template_error` of `ncti.classify.GaussianTemplates`. m''^2 is smoothed along
-    bins by the correlation of noise, since what changes may as well lie a pulse further, and
-    averaged over labels at the nearest aspect: else the ship that changes most would have the
-    widest covariance, and explain what the others cannot. At the ends of an open range m'' is
-    that of the template beside it. With two templates, half their difference takes the place of
-    the residual.
+    The factor is `template_error` of `ncti.classify.GaussianTemplates`. m''^2 is smoothed over bins
+    by the correlation of noise, because a change may equally well occur a pulse length away, and
+    averaged over labels at the nearest aspect; otherwise the ship that changes most would have the
+    widest covariance and match profiles of the others. At the ends of an open range m'' is that of
+    the adjacent template. With two templates, half their difference replaces the residual.
     """
     means = require_all("mean", mean)
     aspects = require_all("aspect", aspect)
@@ -86,11 +86,12 @@ def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: Ar
     names = np.asarray(labels)
     if means.ndim != 2 or aspects.shape != means.shape[:1] or names.shape != aspects.shape:
         raise ValueError(
-            f"aspect has shape {aspects.shape}, but must have one for each of the labels and rows "
-            f"of mean, of shapes {names.shape} and {means.shape}"
+            f"aspect has shape {aspects.shape}, but must match the labels and the rows of mean, of "
+            f"shapes {names.shape} and {means.shape}"
         )
+    # Tangents, steps and squared curvatures, label by label.
     tangent, step = np.zeros_like(means), np.zeros(len(means))
-    curvature: list[tuple[Floats, Floats]] = []  # of each label: its aspects, and squares there
+    curvature: list[tuple[Floats, Floats]] = []  # aspects of a label, and squares at them
     for name in np.unique(names):
         own = np.flatnonzero(names == name)
         own = own[np.argsort(aspects[own] % CIRCLE)]
@@ -103,6 +104,7 @@ def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: Ar
         curvature.append((aspects[own], bend**2))
     if not curvature:
         return Cell(tangent, np.zeros_like(means))
+    # Curvatures smoothed over bins and averaged over labels at the nearest aspect.
     whole = np.concatenate([kernel[:0:-1], kernel]) / (2 * kernel.sum() - kernel[0])
     pooled = np.zeros_like(means)
     for at, square in curvature:
@@ -116,19 +118,20 @@ def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: Ar
 def every_other(
     labels: ArrayLike, aspect: ArrayLike
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Every second template of each label, to be left out, and those that remain beside it.
+    """Return every second template of each label, to be left out, and its remaining neighbours.
 
     Parameters
     ----------
     labels, aspect : (template,) array_like
-        As for `cells`.
+        See `cells`.
 
     Returns
     -------
     left_out : (template,) bool ndarray
-        None of a label with fewer than five: of two that remain, no curvature would be known.
+        True for templates to leave out. Labels with fewer than five templates keep all of them,
+        because the curvature of the remaining two would be unknown.
     beside : (left out, kept) bool ndarray
-        The two of its label that are nearest.
+        True for the two nearest templates of the same label.
     """
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     left_out = np.zeros(len(names), dtype=bool)
@@ -148,16 +151,16 @@ def every_other(
 def _parabolas(
     means: Floats, aspects: Floats, name: object
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """First and second derivatives at ascending aspects, and steps before and behind [degree].
+    """Return first and second derivatives at ascending aspects, and steps on both sides [deg].
 
-    A range closes if the step over 360 degrees is no wider than the widest within.
+    The range is closed if the step across 360 degrees is no wider than the widest one within.
     """
     inner = np.diff(aspects)
     across = CIRCLE - aspects[-1] + aspects[0]
     if inner.min() <= 0 or across <= 0:
         raise ValueError(
-            f"aspect has {aspects[:-1][inner <= 0][0]:g} twice for {name!r}, but templates of a "
-            "label must have one each"
+            f"aspect has {aspects[:-1][inner <= 0][0]:g} twice for {name!r}, but must be distinct "
+            "among templates of a label"
         )
     closed = across <= inner.max() * (1 + 1e-9)
     rise = np.diff(means, axis=0) / inner[:, None]
@@ -174,12 +177,12 @@ def _parabolas(
     if not closed:
         if len(means) >= LEAST_CURVED:
             bend[0], bend[-1] = bend[1], bend[-2]
-        else:  # bend h^2 / 2 is half the difference of the two
+        else:  # so that bend h^2 / 2 is half the difference of the two templates
             bend = rise[[0, 0]] / inner[0]
     return slope, bend, before, behind
 
 
 def _smoothed(row: Floats, kernel: Floats) -> Floats:
-    """A row convolved with a symmetric kernel, which may be wider than it."""
+    """Return a row convolved with a symmetric kernel, which may be wider than the row."""
     half = len(kernel) // 2
     return np.convolve(row, kernel)[half : half + len(row)]

@@ -1,4 +1,4 @@
-"""How sure a likelihood may be, learned from templates that are left out."""
+"""Calibration of likelihoods on templates that are left out."""
 
 from __future__ import annotations
 
@@ -10,36 +10,37 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.classify.bands import coloured
 from ncti.classify.between import every_other
+from ncti.classify.fusion import label_posterior
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
-UNKNOWN_ERROR = 1.0  # where templates are too few to leave some out: all of the residual's scale
-CALIBRATED_AT = 16  # frames of the averages that the error is calibrated on
-WITHIN = 1e-4, 1e2  # error
-FRESH = 0.25  # mean step of a fresh aspect from its template, over that of one left out
+UNKNOWN_ERROR = 1.0  # if there are too few templates to leave some out: the residual's full scale
+CALIBRATED_AT = 16  # frames in the averages used for calibration
+WITHIN = 1e-4, 1e2  # bounds of the template error
+FRESH = 0.25  # mean distance of a new aspect from its template, over that of one left out
 LEAST_DOUBT = 1e-6
 
 Floats = NDArray[np.float64]
 
 
 def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> float:
-    """Template error that makes the most of averages drawn of templates left out.
+    """Return the template error that maximises the likelihood of templates left out.
 
     Parameters
     ----------
     templates : GaussianTemplates
-        With aspects and some template error.
+        Classifier with aspects and some template error.
     rng : numpy.random.Generator
-        Draws an average of 16 frames of every second template of a label.
+        Draws an average of 16 frames from every second template of a label.
 
     Returns
     -------
     float
-        From 1e-4 to 100, within 5 %: the one of the largest mean log density of an average under
-        the two templates of its label beside it. 1 where no label has five templates.
+        Template error from 1e-4 to 100, to 5 %, with the largest mean log density of an average
+        under the two neighbouring templates of its label. 1 if no label has five templates.
     """
-    # Imported where it is used: scipy.optimize takes half a second.
+    # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
 
     out, beside = every_other(templates.labels_, templates.aspect_)
@@ -50,6 +51,7 @@ def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> 
     answering = [(t, rows) for t, rows in enumerate(beside.T) if rows.any()]
 
     def surprise(log_error: float) -> float:
+        """Return the mean negative log density of the averages."""
         rest.template_error_ = math.exp(log_error)
         logs = np.full(beside.shape, -np.inf)
         for t, rows in answering:
@@ -69,33 +71,50 @@ def fit_doubt(
     *,
     gain_sigma: ArrayLike | None = None,
 ) -> Floats:
-    """Probability that a likelihood, for all it knows of its error, says nothing of a label.
+    """Return the probability that a likelihood carries no information on the label.
 
     Parameters
     ----------
     templates : GaussianTemplates
-        Fitted.
+        Fitted classifier.
     frame_count : int
-        Frames in each average.
+        Number of frames in each average.
     rng : numpy.random.Generator
-        Draws an average of every second template of a label.
+        Draws an average from every second template of a label.
     gain_sigma : (...) array_like, optional
-        As for `GaussianTemplates.log_likelihood`.
+        See `GaussianTemplates.log_likelihood`.
 
     Returns
     -------
     (...) float64 ndarray
-        0 where templates are exact or too few to leave some out.
+        Probability, for each gain prior; 0 if templates are exact, or too few to leave some out.
+
+    See Also
+    --------
+    ncti.classify.fusion.doubted : Scores that allow for this probability.
 
     Notes
     -----
-    A covariance with two tangents of a curve is no model of every glint, and densities of 250
-    bins are sure of what they say. So averages of templates left out are named by those that
-    remain: e makes the most of their true labels as (1 - e) p + e / labels, p the probability
-    found. One right and one wrong answer are added, as in `ncti.classify.fit_sharpness`.
+    A covariance with tangents of a curve does not model every glint, and densities of 250 bins
+    are overconfident. Averages drawn from the templates left out are therefore classified by those
+    that remain, and e maximises the likelihood of their true labels, (1 - e) p + e / labels, p
+    being the posterior. One right and one wrong answer are added, as in
+    `ncti.classify.fit_sharpness`.
 
-    What is left out lies a whole step from the next template, a fresh aspect a quarter of a step
-    on average, and what lies at a template is not in doubt: in between e is linear.
+    A template left out lies a whole step from the next one, a new aspect a quarter of a step on
+    average, and at a template there is no doubt: e is taken as linear in between.
+
+    Examples
+    --------
+    Exact templates leave no doubt:
+
+    >>> import numpy as np
+    >>> from ncti.classify import GaussianTemplates, lower_band
+    >>> from ncti.classify.calibration import fit_doubt
+    >>> band = lower_band(np.stack([np.eye(3)] * 2))
+    >>> exact = GaussianTemplates().fit([[0, 1, 0], [1, 0, 0]], band, ["duncan", "roberts"])
+    >>> float(fit_doubt(exact, 16, np.random.default_rng(0)))
+    0.0
     """
     given = np.asarray(templates.gain_sigma if gain_sigma is None else gain_sigma)
     doubt = np.zeros(given.shape)
@@ -104,18 +123,19 @@ def fit_doubt(
     out, _ = every_other(templates.labels_, templates.aspect_)
     if not out.any():
         return doubt
-    # Imported where it is used: scipy.optimize takes half a second.
+    # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
 
+    # Probabilities of the true labels of templates left out, for each gain prior.
     samples, rest = _drawn(templates, out, frame_count, rng), templates.without(out)
     logs = rest.log_likelihood(samples, frame_count, gain_sigma=given.ravel())
-    classes = len(np.unique(rest.labels_))
-    own = np.searchsorted(np.unique(rest.labels_), templates.labels_[out])
+    classes, own = len(rest.classes_), templates.labels_[out]  # every label keeps templates
     for g, one in enumerate(logs):
-        true = rest.posterior_of(one)[np.arange(len(own)), own]
+        true = label_posterior(one, rest.labels_)[1][np.arange(len(own)), own]
         answers = np.append(true, [0.0, 1.0])
 
         def surprise(log_doubt: float, answers: Floats = answers) -> float:
+            """Return the mean negative log probability of the true labels."""
             share = math.exp(log_doubt)
             return -float(np.log((1 - share) * answers + share / classes).mean())
 
@@ -129,7 +149,7 @@ def fit_doubt(
 def _drawn(
     templates: GaussianTemplates, which: NDArray[np.bool_], frames: int, rng: np.random.Generator
 ) -> Floats:
-    """(sample, bin): an average of each of some templates, by its own moments."""
+    """Return (sample, bin) averages, one drawn from the moments of each chosen template."""
     factors = templates.cholesky_[which]
     noise = rng.standard_normal((len(factors), templates.mean_.shape[1]))
     drawn = np.array([coloured(*pair) for pair in zip(factors, noise, strict=True)])

@@ -1,4 +1,4 @@
-"""Directions of vectors: what clustering and correlation compare. Needs nothing but numpy."""
+"""Unit directions of vectors, which clustering and correlation compare; depends on numpy alone."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from numpy.typing import NDArray
 
 NO_CATEGORY = -1
 
-# Rounding leaves a cosine uncertain by some 1e-13: whatever the vigilance, a vector that agrees
-# with a category to this level joins it, or it would found the same category in every pass.
+# Rounding leaves a cosine uncertain by some 1e-13. A vector that agrees with a category to this
+# level joins it whatever the vigilance; otherwise it would found the same category in every pass.
 SAME_DIRECTION = 1.0 - 1e-12
 
 Floats = NDArray[np.float64]
 
 
 def polar(vectors: Floats) -> tuple[Floats, Floats]:
-    """Unit directions and lengths of the rows; a zero row has direction and length 0.
+    """Return unit directions and lengths of the rows; both are 0 for a zero row.
 
-    Rows are scaled by their largest element first, so that no square over- or underflows, and
-    lengths are held off the ends of float64: at 1e308 and 1e-308 only the direction is exact.
+    Rows are scaled by their largest element first, so that no square over- or underflows. Lengths
+    are clipped to the range of float64: near 1e308 and 1e-308 only the direction is exact.
     """
     peaks = np.abs(vectors).max(axis=1, keepdims=True)
     scaled = vectors / np.where(peaks == 0.0, 1.0, peaks)

@@ -1,4 +1,4 @@
-"""One answer from several sensors: calibrated scores on the same templates, added."""
+"""Fusion of sensors: sums of calibrated scores for the same templates."""
 
 from __future__ import annotations
 
@@ -10,102 +10,139 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
 
-STANDARD_ERROR = 0.5  # loss of log-likelihood one standard error from the maximum
+STANDARD_ERROR = 0.5  # drop of the log-likelihood one standard error from its maximum
 HALVINGS = 30
 
 Floats = NDArray[np.float64]
 
 
 def label_posterior(
-    scores: ArrayLike, labels: ArrayLike, *, sharpness: float = 1.0, exclude: ArrayLike = False
+    scores: ArrayLike, labels: ArrayLike, *, exclude: ArrayLike = False
 ) -> tuple[NDArray, Floats]:
-    """Probability of each label, from the scores of templates that carry them.
+    """Return the probability of each label from the scores of its templates.
 
     Parameters
     ----------
     scores : (sample, template) array_like
-        Logarithms of the density of a sample under each template, up to a number a sample; or
-        what grows with them.
+        Natural logarithm of the density of a sample under each template, up to a constant for each
+        sample.
     labels : (template,) array_like
-        What each template stands for.
-    sharpness : float
-        What a step of the score is worth, in natural logarithms of the density.
+        Label of each template.
     exclude : (sample, template) or (template,) array_like of bool, default=False
-        Templates that do not answer for a sample, such as the one it was drawn from.
+        Templates to leave out for a sample, such as the one it was drawn from.
 
     Returns
     -------
     classes : (class,) ndarray
-        The labels, in order.
+        The labels, sorted.
     posterior : (sample, class) float64 ndarray
-        Rows sum to 1. Labels are equally likely beforehand, and so are the templates of a label
-        that answer; a label without any has probability 0.
+        Probabilities; rows sum to 1. Labels have equal prior probabilities, and so have the
+        remaining templates of a label. A label without templates has probability 0.
 
     Raises
     ------
     ValueError
-        If shapes do not match, a score is not finite, the sharpness is no finite number from 0
-        on, or all templates of a sample are left out.
+        If shapes do not match, a score is not finite, or all templates of a sample are left out.
+
+    See Also
+    --------
+    fuse : Scores of several sensors as one.
+    fit_sharpness : Factor that turns scores into log densities.
+
+    Examples
+    --------
+    A label with more templates is no more likely beforehand: a density of 0.6 under one of two
+    templates counts as 0.3 for their label:
+
+    >>> import numpy as np
+    >>> from ncti.classify import label_posterior
+    >>> density = np.array([[0.6, 1e-9, 0.1]])
+    >>> classes, posterior = label_posterior(np.log(density), ["duncan", "duncan", "roberts"])
+    >>> classes.tolist(), posterior.round(2).tolist()
+    (['duncan', 'roberts'], [[0.75, 0.25]])
     """
     values, names, left_out = _checked(scores, labels, exclude)
-    require("sharpness", sharpness, minimum=0)
-    # One row where all samples have the same templates.
+    # One row if all samples have the same templates.
     answers = ~np.broadcast_to(left_out, values.shape if left_out.ndim == 2 else (1, names.size))
     if not answers.any(axis=1).all():
         raise ValueError("exclude leaves out all templates of a sample, but must leave one")
     classes, label = np.unique(names, return_inverse=True)
     member = (label[:, None] == np.arange(len(classes))).astype(np.float64)
-    # The best template of a sample weighs 1, so that nothing overflows and no sum is 0.
+    # The best template of a sample has weight 1, so that nothing overflows and no sum is 0.
     best = values.max(axis=1, keepdims=True, initial=-np.inf, where=answers)
-    weights = np.exp(sharpness * np.minimum(values - best, 0.0)) * answers
+    weights = np.exp(np.minimum(values - best, 0.0)) * answers
     by_class = (weights @ member) / np.maximum(answers @ member, 1.0)
     return classes, by_class / by_class.sum(axis=1, keepdims=True)
 
 
 def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> float:
-    """The sharpness that makes the most of the true labels of some samples.
+    """Return the factor that turns scores into log densities, fitted to known labels.
 
     Parameters
     ----------
     scores, labels
-        As for `label_posterior`; a sample or more.
+        See `label_posterior`; at least one sample.
     truth : (sample,) array_like
         True label of each sample.
 
     Returns
     -------
     float
-        0 where all templates of every sample have one score or all have one label, else above 0,
-        in the inverse of the scores' unit.
+        Factor above 0, in the inverse unit of the scores; 0 if every sample has one score for all
+        templates, or all templates have the same label.
 
     Raises
     ------
     ValueError
-        As `label_posterior`, if a true label is no template's, or there is not one a sample.
+        If shapes do not match, a score is not finite, or a true label has no template.
+
+    See Also
+    --------
+    fuse : Sum of scores times their factors.
+    label_posterior : Probabilities from log densities.
 
     Notes
     -----
-    Temperature scaling (C. Guo, G. Pleiss, Y. Sun and K. Q. Weinberger 2017, On calibration of
-    modern neural networks, ICML, arXiv:1706.04599): one number, fitted on samples that are not
-    those to be named. It leaves the order of templates alone; it decides how much one sensor
-    counts beside another.
+    Temperature scaling [1]_: one number, fitted to samples other than those to be classified. It
+    does not change the order of templates, but decides the weight of one sensor against another.
 
-    Where every true label has the best score, likelihood grows with the sharpness for ever. But
-    n right answers in n do not say that the next one is: the labels are fitted with probability
-    (n + 1)/(n + 2), the rest spread over the other labels, as J. Platt did (1999, Probabilistic
-    outputs for support vector machines, in Advances in Large Margin Classifiers, MIT Press). That
-    is worth one wrong answer in all, and errs towards a smaller sharpness: where nothing is
-    wrong, the best label is about n times as likely as the rest. What is a log density already
-    has the sharpness 1 and needs no fit.
+    If every true label has the best score, the likelihood grows with the factor without bound. But
+    n correct answers in n do not make the next one certain, so the labels are fitted with
+    probability (n + 1)/(n + 2) and the rest is spread over the other labels [2]_. This amounts to
+    one wrong answer in total and errs towards a smaller factor: if no answer is wrong, the best
+    label is about n times as likely as all others. Log densities have the factor 1 and need no
+    fit.
+
+    References
+    ----------
+    .. [1] C. Guo, G. Pleiss, Y. Sun and K. Q. Weinberger, "On calibration of modern neural
+       networks", Proceedings of the 34th International Conference on Machine Learning (2017),
+       arXiv:1706.04599.
+    .. [2] J. C. Platt, "Probabilistic outputs for support vector machines and comparisons to
+       regularized likelihood methods", in Advances in Large Margin Classifiers, MIT Press (1999).
+
+    Examples
+    --------
+    Log densities that were divided by 10 get a factor of 10 back, within the error of the fit:
+
+    >>> import numpy as np
+    >>> from ncti.classify import fit_sharpness
+    >>> rng = np.random.default_rng(0)
+    >>> truth = rng.integers(3, size=5000)
+    >>> signal = 2.0 * np.eye(3)
+    >>> seen = signal[truth] + rng.normal(size=(5000, 3))
+    >>> logs = -((seen[:, None] - signal) ** 2).sum(axis=2) / 2
+    >>> print(f"{fit_sharpness(logs / 10, [0, 1, 2], truth):.0f}")
+    10
     """
     spread, surprise = _surprise(scores, labels, truth)
     if surprise is None:
         return 0.0
-    # Imported where it is used: scipy.optimize takes half a second.
+    # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
 
-    # Scores of any size: from next to nothing on the whole spread to certainty of its smallest
-    # part. Coarse steps first: means over templates may make a hill before the valley.
+    # Factors for scores of any size, in coarse steps first, because means over templates may add a
+    # local maximum before the minimum.
     steps = np.log(np.geomspace(1e-4, 1e10, 31)) - math.log(spread)
     lowest = int(np.argmin([surprise(math.exp(step)) for step in steps]))
     bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])
@@ -118,34 +155,58 @@ def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> flo
 def least_sharpness(
     scores: ArrayLike, labels: ArrayLike, truth: ArrayLike, *, independent: float | None = None
 ) -> float:
-    """The smallest sharpness that the true labels of some samples do not speak against.
+    """Return the lower end of the 68 % likelihood interval of `fit_sharpness`.
 
     Parameters
     ----------
     scores, labels, truth
-        As for `fit_sharpness`.
+        See `fit_sharpness`.
     independent : float, optional
-        How many of the samples are independent, such as the views that several were taken of;
-        all by default.
+        Number of independent samples, such as the number of views if several samples were drawn
+        from each; by default all samples.
 
     Returns
     -------
     float
-        Lower end of the 68 % likelihood interval about `fit_sharpness`: 0 where scores might as
-        well be noise.
+        Smallest factor that is compatible with the true labels; 0 if the scores may be noise.
 
     Raises
     ------
     ValueError
-        As `fit_sharpness`.
+        See `fit_sharpness`.
+
+    See Also
+    --------
+    ncti.classify.fit_sharpness : The most likely factor.
 
     Notes
     -----
-    What a sensor adds to another must not rest on luck: noise that is given weight costs right
-    answers of the better sensor, while a little less weight costs a good sensor next to nothing.
-    The interval is one standard error wide on either side: where the log-likelihood is within 1/2
-    of its maximum (S. S. Wilks 1938, Annals of Mathematical Statistics 9, 60,
-    doi:10.1214/aoms/1177732360).
+    A sensor should not gain weight by chance: noise with weight costs correct answers of the better
+    sensor, while a slightly smaller weight costs a good sensor next to nothing. The interval
+    extends one standard error to either side, where the log-likelihood is within 1/2 of its
+    maximum [1]_.
+
+    References
+    ----------
+    .. [1] S. S. Wilks, "The large-sample distribution of the likelihood ratio for testing composite
+       hypotheses", Annals of Mathematical Statistics 9, 60-62 (1938),
+       doi:10.1214/aoms/1177732360.
+
+    Examples
+    --------
+    Scores that are noise have no weight; scores with a signal keep most of theirs:
+
+    >>> import numpy as np
+    >>> from ncti.classify.fusion import fit_sharpness, least_sharpness
+    >>> rng = np.random.default_rng(4)
+    >>> truth = rng.integers(3, size=200)
+    >>> noise = rng.normal(size=(200, 3))
+    >>> least_sharpness(noise, [0, 1, 2], truth)
+    0.0
+    >>> scores = noise + 2.0 * np.eye(3)[truth]
+    >>> best, least = (fit(scores, [0, 1, 2], truth) for fit in (fit_sharpness, least_sharpness))
+    >>> 0.8 < least / best < 1
+    True
     """
     _, surprise = _surprise(scores, labels, truth)
     if surprise is None:
@@ -163,27 +224,44 @@ def least_sharpness(
 
 
 def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: float) -> Floats:
-    """Log densities as of a sensor that says nothing with some probability.
+    """Return log densities of a sensor that carries no information with some probability.
 
     Parameters
     ----------
     scores : (sample, template) array_like
-        Logarithms of the density of a sample under each template, up to a number a sample.
+        Natural logarithm of the density of a sample under each template, up to a constant for each
+        sample.
     labels : (template,) array_like
-        What each template stands for.
+        Label of each template.
     doubt : float
-        That probability, from 0 to below 1; see `ncti.classify.fit_doubt`.
+        Probability that the scores carry no information, in [0, 1); see
+        `ncti.classify.calibration.fit_doubt`.
 
     Returns
     -------
     (sample, template) float64 ndarray
-        log((1 - doubt) p + doubt u), p the density over its mean over all labels, and u = 1. The
-        most probable label stays so; what it can outweigh is bounded.
+        log((1 - doubt) p + doubt), with p the density relative to its mean over all labels. The
+        most probable label remains the same, but its lead over the others is bounded.
 
     Raises
     ------
     ValueError
         If shapes do not match, a score is not finite or the doubt is out of range.
+
+    See Also
+    --------
+    ncti.classify.fuse : Combination with the scores of another sensor.
+    ncti.classify.calibration.fit_doubt : Estimate of the probability.
+
+    Examples
+    --------
+    Odds of a million to one become 19 to 1 at a doubt of 10 %:
+
+    >>> import numpy as np
+    >>> from ncti.classify.fusion import doubted
+    >>> logs = doubted(np.log([[1e6, 1.0]]), ["duncan", "roberts"], doubt=0.1)
+    >>> print(f"{np.exp(logs[0, 0] - logs[0, 1]):.1f}")
+    19.0
     """
     values, names, _ = _checked(scores, labels)
     require("doubt", doubt, minimum=0, below=1)
@@ -197,32 +275,51 @@ def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: float) -> Floats:
 
 
 def fuse(*scores: ArrayLike, sharpness: Sequence[float]) -> Floats:
-    """Scores of several sensors as one.
+    """Return the combined scores of several sensors.
 
     Parameters
     ----------
     *scores : (sample, template) array_like
         Scores of each sensor for the same samples and templates.
     sharpness : sequence of float
-        What a step of each is worth: 1 of a log density, else see `fit_sharpness`.
+        Factor that turns the scores of each sensor into log densities: 1 for log densities, else
+        from `fit_sharpness`.
 
     Returns
     -------
     (sample, template) float64 ndarray
-        Their sum, each times its sharpness.
+        Sum of the scores, each less its maximum over templates and times its factor.
 
     Raises
     ------
     ValueError
-        If shapes differ, there are not as many sharpnesses as scores, or one of them is no finite
-        number from 0 on.
+        If shapes differ, the numbers of factors and scores differ, or a factor is negative or not
+        finite.
+
+    See Also
+    --------
+    fit_sharpness : Factor of a sensor, from samples with known labels.
+    label_posterior : Probabilities from the combined scores.
 
     Notes
     -----
-    Noise is independent from sensor to sensor given what they look at, so that densities
-    multiply. A template is a ship *at an aspect*, which both sensors see from the same
-    direction: they must agree on the aspect, too, and so tell more together than two votes for
-    a ship would.
+    The noise of different sensors is independent given the template, so their densities multiply. A
+    template is a ship *at an aspect*, which all sensors share. They must therefore agree on the
+    aspect too, which carries more information than two votes for a ship.
+
+    Examples
+    --------
+    The profile leaves duncan at 0 or 90 degrees, the silhouette either ship at 90 degrees.
+    Together they agree on one template:
+
+    >>> import numpy as np
+    >>> from ncti.classify import fuse, label_posterior
+    >>> labels = ["duncan", "duncan", "roberts", "roberts"]  # at 0 and 90 degrees each
+    >>> profile = np.log([[0.45, 0.45, 0.05, 0.05]])
+    >>> silhouette = np.log([[0.05, 0.45, 0.05, 0.45]])
+    >>> fused = fuse(profile, silhouette, sharpness=(1.0, 1.0))
+    >>> int(fused.argmax()), label_posterior(fused, labels)[1].round(2).tolist()
+    (1, [[0.9, 0.1]])
     """
     values = [require_all("scores", one) for one in scores]
     sharp = require_all("sharpness", sharpness, minimum=0)
@@ -242,13 +339,13 @@ def fuse(*scores: ArrayLike, sharpness: Sequence[float]) -> Floats:
 def _checked(
     scores: ArrayLike, labels: ArrayLike, exclude: ArrayLike = False
 ) -> tuple[Floats, NDArray, NDArray[np.bool_]]:
-    """Scores, labels and what is left out as arrays whose shapes fit."""
+    """Return scores, labels and excluded templates as arrays of matching shapes."""
     values = require_all("scores", scores)
     names = np.asarray(labels)
     if values.ndim != 2 or names.shape != values.shape[1:]:
         raise ValueError(
             f"scores has shape {values.shape}, but must be (sample, template) with "
-            f"{names.size} templates, one a label"
+            f"{names.size} templates, one for each label"
         )
     left_out = np.asarray(exclude, dtype=bool)
     if left_out.shape not in ((), names.shape, values.shape):
@@ -261,21 +358,21 @@ def _checked(
 def _surprise(
     scores: ArrayLike, labels: ArrayLike, truth: ArrayLike
 ) -> tuple[float, Callable[[float], float] | None]:
-    """Spread of scores, and the mean surprise at true labels as a function of sharpness.
+    """Return the spread of scores, and the loss at the true labels as a function of sharpness.
 
-    None for it where no sharpness matters.
+    The loss is the mean cross-entropy; None if the sharpness has no effect.
     """
     values, names, _ = _checked(scores, labels)
     true = np.asarray(truth)
     if true.shape != values.shape[:1] or not true.size:
         raise ValueError(
-            f"truth has shape {true.shape}, but must be one label a sample, ({len(values)},), of "
-            "one sample or more"
+            f"truth has shape {true.shape}, but must be one label for each sample, "
+            f"({len(values)},), and there must be a sample"
         )
     unknown = np.setdiff1d(true, names)
     if unknown.size:
         raise ValueError(f"truth has {unknown[0]!r}, but must be among the labels")
-    # Imported where it is used: scipy.special takes long.
+    # Imported here because scipy.special is slow to import.
     from scipy.special import logsumexp
 
     classes, label = np.unique(names, return_inverse=True)
@@ -283,7 +380,7 @@ def _surprise(
     if spread == 0.0 or len(classes) == 1:
         return spread, None
     share = (label[:, None] == np.arange(len(classes))) / np.bincount(label)
-    # The best template of every label, and how far the others are below it: no sum is 0.
+    # Best template of every label, and the others relative to it, so that no sum is 0.
     best = np.stack([values[:, label == k].max(axis=1) for k in range(len(classes))], axis=1)
     behind = values - best[:, label]
     lead = best - best.max(axis=1, keepdims=True)
@@ -291,6 +388,7 @@ def _surprise(
     wanted = np.where(true[:, None] == classes, 1.0 - wrong, wrong / (len(classes) - 1))
 
     def surprise(sharpness: float) -> float:
+        """Return the mean cross-entropy of the wanted and the predicted probabilities."""
         density = sharpness * lead + np.log(np.exp(sharpness * behind) @ share)
         return float((logsumexp(density, axis=1) - (wanted * density).sum(axis=1)).mean())
 

@@ -1,4 +1,4 @@
-"""The multilayered network: one growing hidden layer, a gain for every node, gains annealed."""
+"""Multilayered neural network with one growing hidden layer and annealed gains."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from ncti.checks import require
 from ncti.classify.back_propagation import Layer, Network
 
-# With these no product of weights, gains and inputs leaves float64, however many epochs.
+# Within these bounds no product of weights, gains and inputs leaves float64 in any training.
 LARGEST_INPUT = 1e100
 LARGEST_GAIN = 1e6
 LARGEST_RATE = 1e3
@@ -27,98 +27,127 @@ Floats = NDArray[np.float64]
 
 
 class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
-    """Feed-forward network of one hidden layer, trained by back-propagation at a rising gain.
+    """Classify with a feed-forward network of one hidden layer, trained at a rising gain.
 
     Parameters
     ----------
     max_hidden : int, default=25
-        Hidden nodes at most.
+        Largest number of hidden nodes.
     grow_every : int, default=10
-        Epochs of a cycle. Each cycle but the first begins with one more hidden node, up to
-        `max_hidden`, and with the next level of gain.
+        Number of epochs in a cycle. Each cycle but the first begins with one more hidden node, up
+        to `max_hidden`, and with the next gain level.
     tolerance : float, default=0.35
-        Root mean square error of all outputs at which to stop, in (0, 1). The best constant
-        answer has 2 sqrt(p (1 - p)), p = 1 / classes: 0.55 for twelve.
+        Root mean square error of all outputs at which training stops, in (0, 1). The best constant
+        output has an error of 2 sqrt(p (1 - p)), p = 1 / classes: 0.55 for twelve classes.
     epochs : int, default=1000
-        Presentations of the training set after which to stop, whatever the error.
+        Largest number of presentations of the training set.
     learning_rate : float, default=0.015
-        Step along the gradient of half the squared error of a training vector. Too large a
-        step drives all nodes into saturation, from where none returns.
+        Step along the gradient of half the squared error of a training vector. Too large a step
+        drives all nodes into saturation, from which they do not recover.
     annealing : bool, default=True
         Raise the gain level from `initial_gain` to `final_gain`; otherwise it is `final_gain`
-        from the start.
+        throughout.
     initial_gain, final_gain : float, default=0.5 and 1.0
-        Gain level of the first cycle and of cycle `max_hidden` and all that follow.
+        Gain level of the first cycle, and of cycle `max_hidden` and all later ones.
     scaling : {"none", "common", "standard"}, default="common"
-        What is done to the inputs: nothing; the mean of each feature over the training set is
-        subtracted and all features are divided by one standard deviation; or each by its own.
+        Scaling of the inputs. `none`: as given. `common`: the training mean of each feature is
+        subtracted, and all features are divided by one standard deviation. `standard`: each
+        feature is divided by its own standard deviation instead.
     random_state : int, RandomState instance or None, default=None
-        Source of the weights that new nodes start with.
+        Source of the initial weights of new nodes.
 
     Attributes
     ----------
     classes_ : (class,) ndarray
-        The labels seen in training, one output each.
+        The labels seen in training, one output for each.
     weights_ : list of two float64 ndarrays
         Linkweights w, (hidden, feature) and (class, hidden).
     offsets_, gains_ : list of two float64 ndarrays
         Offsets theta and gains beta of the hidden nodes, then of the outputs.
     n_hidden_ : int
-        Hidden nodes at the end.
+        Number of hidden nodes at the end.
     n_iter_ : int
-        Epochs.
+        Number of epochs.
     loss_curve_ : list of float
         Mean square error of all outputs before the first epoch and after each one, at the gain
         level of that epoch.
     converged_ : bool
-        Whether the tolerance was met.
+        True if the tolerance was met.
     centre_, scale_ : (feature,) float64 ndarray
-        Subtracted from and dividing the inputs.
+        Mean that is subtracted from the inputs, and scale that they are divided by.
+
+    See Also
+    --------
+    AdaptiveClusteringNetwork : The other network of the article.
+    ncti.features.profile_vector : Profiles as vectors.
 
     Notes
     -----
-    The article's multilayered neural network. A node with inputs x answers
+    The multilayered neural network of [1]_. A node with inputs x has the output
 
         a (1 / (1 + exp(-beta (sum_i w_i x_i + theta))) + c),    a = 2, c = -1/2,
 
-    which is tanh(beta (w.x + theta) / 2); the printed exponent lacks its minus sign. The
-    targets are 1 for the output of the right class and -1 for all others. All weights, offsets
-    and gains follow the gradient of the squared error over the whole training set at once, with
-    a momentum of 0.9. The largest output is the answer. The outputs are no probabilities, and
-    the network offers none: what it saw of each class is a handful of vectors without noise.
+    which is tanh(beta (w.x + theta) / 2); the exponent printed in the article lacks its minus sign.
+    The targets are 1 for the output of the correct class and -1 for all others. Weights, offsets
+    and gains follow the gradient of the squared error over the whole training set, with a momentum
+    of 0.9. The largest output decides. The outputs are not probabilities, and none are offered: the
+    training has only a handful of noise-free vectors of each class.
 
-    Growing: a new node has weights and offset drawn from [-1, 1] / sqrt(features) and reaches
-    the outputs with weight 0, so that nothing changes until it has learned. A node is added
-    at the start of every cycle as long as the tolerance is not met.
+    Growth: a new node has weights and offset drawn from [-1, 1] / sqrt(features) and zero weights
+    to the outputs, so that adding it does not change them. A node is added at the start of every
+    cycle until the tolerance is met.
 
-    Gain annealing, after M. M. Menon and E. J. Van Allen, known to us only by what the article
-    says of it: the optimum at a low gain, easy to find, is near that at a somewhat higher gain.
-    It gives no schedule; this is ours. The gain of a node is beta = level x factor. The level is
-    one for all nodes and rises in equal ratios at the start of each cycle,
+    Gain annealing follows M. M. Menon and E. J. Van Allen as far as the article describes it: the
+    optimum at a low gain is easy to find and close to that at a slightly higher gain. The article
+    gives no schedule; this one is ours. The gain of a node is beta = level x factor. The level is
+    the same for all nodes and rises in equal ratios at the start of each cycle,
 
         level_k = initial_gain (final_gain / initial_gain)^(min(k, K) / K),   K = max_hidden - 1,
 
-    in cycle k = 0, 1, ... (for K = 0: final_gain). The factor is learned for each node: it
-    starts at 1 and is held within [0.1, 10].
+    in cycle k = 0, 1, ... (for K = 0: final_gain). The factor is learned for each node; it starts
+    at 1 and is limited to [0.1, 10].
 
-    What the source does not say, and what of it matters (its four ships, 124 profiles of 30 ns
+    Choices that the article leaves open, with their effect on its four ships (124 profiles of 30 ns
     with the floor removed, 4,000 target-free IFOVs):
 
-    - When to stop decides the table. The tolerance of 0.35, reached after some 215 epochs with
-      22 nodes, is fitted to the training row of the source's Table 2; its test rows then come out
-      within sampling noise but for 4 frames (docs/reproduction.md). Whatever the learning rate
-      and the gains, the table follows the error. Trained on, the network learns every
-      broadside and loses averages of few frames.
-    - Scaling. Raw profiles of a high floor do not train unless centred. One spread for all
-      features keeps bins without a ship quiet; each its own makes noise of them.
-    - Annealing hardly speeds anything up. Each at its best learning rate, it takes a third more
-      epochs to the tolerance than a fixed gain and as many to an error of 0.1; on unscaled
-      inputs, from 0.5 to 2, as many and a sixth fewer. Seeds differ less with it.
+    - The stopping criterion decides the results. The tolerance of 0.35, reached after some 215
+      epochs with 22 nodes, is fitted to the training row of Table 2 of [1]_; its test rows then
+      agree within sampling noise except for 4 frames (docs/reproduction.md). The results follow the
+      error, whatever the learning rate and the gains. With longer training the network learns
+      every broadside and does worse on averages of few frames.
+    - Raw profiles with a high floor do not train unless centred. One standard deviation for all
+      features keeps bins without a ship quiet; a separate one for each amplifies their noise.
+    - Annealing hardly speeds up training. Each at its best learning rate, it takes a third more
+      epochs to the tolerance than a fixed gain and the same number to an error of 0.1; for unscaled
+      inputs, from 0.5 to 2, the same number and a sixth fewer. Results vary less between seeds.
 
-    A gain is not a freedom of its own: a level g does what weights and offsets times g do, at
-    g^2 times the step (G. Thimm, P. Moerland and E. Fiesler 1996, Neural Computation 8, 451,
-    doi:10.1162/neco.1996.8.2.451). A low level is thus a small step in a small network. On
-    learned gains see J. K. Kruschke and J. R. Movellan 1991, doi:10.1109/21.101159.
+    A gain is not a separate degree of freedom: a level g is equivalent to weights and offsets times
+    g, with a step times g^2 [2]_. A low level is thus a small step in a network of small weights.
+    Learned gains are studied in [3]_.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, section "Multilayered Neural Network" and Table 2.
+    .. [2] G. Thimm, P. Moerland and E. Fiesler, "The interchangeability of learning rate and gain
+       in backpropagation neural networks", Neural Computation 8, 451-460 (1996),
+       doi:10.1162/neco.1996.8.2.451.
+    .. [3] J. K. Kruschke and J. R. Movellan, "Benefits of gain: speeded learning and minimal hidden
+       layers in back-propagation networks", IEEE Transactions on Systems, Man, and Cybernetics 21,
+       273-280 (1991), doi:10.1109/21.101159.
+
+    Examples
+    --------
+    The exclusive or, which no single layer can learn. Nodes are added until it is learned:
+
+    >>> import numpy as np
+    >>> from ncti.classify import GainAnnealedNetwork
+    >>> X = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+    >>> network = GainAnnealedNetwork(learning_rate=0.1, tolerance=0.2, random_state=0)
+    >>> network.fit(X, ["equal", "different", "different", "equal"]).predict(X).tolist()
+    ['equal', 'different', 'different', 'equal']
+    >>> network.n_hidden_ > 1, network.loss_curve_[-1] <= 0.2**2
+    (True, True)
     """
 
     _parameter_constraints: ClassVar[dict] = {
@@ -161,30 +190,30 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
 
     @_fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
-        """Train the network on X, with an output for every label in y.
+        """Train the network on X, with one output for every label in y.
 
         Parameters
         ----------
         X : (sample, feature) array_like
             Training vectors.
         y : (sample,) array_like
-            Their labels.
+            Labels of the vectors.
 
         Returns
         -------
         GainAnnealedNetwork
-            Itself, fitted.
+            The fitted network itself.
 
         Raises
         ------
         ValueError
-            When X or y is malformed, holds NaN, infinity or a number beyond 1e100, or the
-            initial gain exceeds the final one.
+            If X or y is malformed, holds NaN, infinity or a number beyond 1e100, or the initial
+            gain exceeds the final one.
 
         Warns
         -----
         ConvergenceWarning
-            When the error is above `tolerance` after all epochs.
+            If the error is above `tolerance` after all epochs.
         """
         require("initial_gain", self.initial_gain, maximum=self.final_gain)
         vectors, labels = validate_data(self, X, y, dtype=np.float64)
@@ -195,6 +224,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         self.centre_, self.scale_ = _centre_and_scale(vectors, self.scaling)
         inputs = self._inputs(vectors)
 
+        # Train until the tolerance is met; every cycle adds a node and raises the gain level.
         random = check_random_state(self.random_state)
         network = Network.seed(inputs.shape[1], len(self.classes_), random)
         level = self._level(0)
@@ -220,7 +250,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         self.converged_ = loss <= self.tolerance**2
         if not self.converged_:
             warnings.warn(
-                f"The error is {loss**0.5:.2g} after {self.epochs} epochs: raise epochs or "
+                f"The error is {loss**0.5:.2g} after {self.epochs} epochs: increase epochs or "
                 "tolerance.",
                 ConvergenceWarning,
                 stacklevel=2,
@@ -228,7 +258,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         return self
 
     def outputs(self, X: ArrayLike) -> Floats:
-        """What each output node answers.
+        """Return the values of the output nodes.
 
         Parameters
         ----------
@@ -243,7 +273,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            When X is malformed, holds NaN, infinity or a number beyond 1e100.
+            If X is malformed, holds NaN, infinity or a number beyond 1e100.
         """
         check_is_fitted(self)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
@@ -254,7 +284,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         return answers
 
     def decision_function(self, X: ArrayLike) -> Floats:
-        """What speaks for each class.
+        """Return the decision value of each class.
 
         Parameters
         ----------
@@ -264,13 +294,13 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         Returns
         -------
         (sample, class) or (sample,) float64 ndarray
-            The outputs; of two classes, the second output less the first.
+            Outputs; for two classes, the second output less the first.
         """
         answers = self.outputs(X)
         return answers[:, 1] - answers[:, 0] if len(self.classes_) == 2 else answers
 
     def predict(self, X: ArrayLike) -> NDArray:
-        """Label of the largest output.
+        """Return the label of the largest output.
 
         Parameters
         ----------
@@ -280,19 +310,19 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         Returns
         -------
         (sample,) ndarray
-            Labels; of equal outputs the first in `classes_` wins.
+            Labels; of equal outputs the first in `classes_`.
         """
         best = self.outputs(X).argmax(axis=1)
         return self.classes_[best]
 
     def _inputs(self, vectors: Floats) -> Floats:
-        """What the hidden layer sees; held finite where the scale is tiny."""
+        """Return the scaled inputs of the hidden layer, kept finite if the scale is tiny."""
         with np.errstate(over="ignore"):
             inputs = (vectors - self.centre_) / self.scale_
         return np.clip(inputs, -LARGEST_INPUT, LARGEST_INPUT)
 
     def _level(self, cycle: int) -> float:
-        """Gain level of a cycle."""
+        """Return the gain level of a cycle."""
         last = self.max_hidden - 1
         if not self.annealing or cycle >= last:
             return float(self.final_gain)
@@ -300,21 +330,22 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
 
 
 def _require_moderate(vectors: Floats) -> None:
+    """Raise `ValueError` if a number in X is too large for the training to stay finite."""
     require("the largest magnitude in X", float(np.abs(vectors).max()), maximum=LARGEST_INPUT)
 
 
 def _centre_and_scale(vectors: Floats, scaling: str) -> tuple[Floats, Floats]:
-    """What to subtract from each feature, and what to divide by; 1 where a feature is constant."""
+    """Return the mean and the scale of each feature; the scale of a constant feature is 1."""
     n_features = vectors.shape[1]
     if scaling == "none":
         return np.zeros(n_features), np.ones(n_features)
     centre = vectors.mean(axis=0)
     spread = vectors - centre
-    # Off the largest one, so that no square over- or underflows.
+    # Relative to the largest deviation, so that no square over- or underflows.
     axis = 0 if scaling == "standard" else None
     peak = np.abs(spread).max(axis=axis)
     flat = peak <= 1e-12 * np.abs(vectors).max(axis=axis)
     peak = np.where(flat, 1.0, peak)
     scale = np.where(flat, 1.0, peak * np.sqrt(np.mean((spread / peak) ** 2, axis=axis)))
-    scale = np.maximum(scale, np.finfo(np.float64).tiny)  # of subnormal features it may round to 0
+    scale = np.maximum(scale, np.finfo(np.float64).tiny)  # may round to 0 for subnormal features
     return centre, np.broadcast_to(scale, n_features).copy()

@@ -1,4 +1,4 @@
-"""Maximum likelihood from exact moments: what the best classifier of averaged frames can do."""
+"""Maximum likelihood from exact moments: the optimal classifier of averaged frames."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import LinAlgError, cholesky_banded
+from scipy.linalg import cholesky_banded
 from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
@@ -19,6 +19,7 @@ from ncti.classify.bands import (
     checked_averages,
     checked_moments,
     densities,
+    factored,
     mean_correlation,
     residual_band,
     whiten,
@@ -27,29 +28,30 @@ from ncti.classify.between import cells
 from ncti.classify.calibration import UNKNOWN_ERROR, calibrated_error
 from ncti.classify.fusion import label_posterior
 
-WIDEST = 1e6  # of any prior: flat beside what a profile tells, and its square no problem
+WIDEST = 1e6  # of any prior: flat compared to the likelihood, and its square is still finite
 
 Floats = NDArray[np.float64]
 
 
 class GaussianTemplates(BaseEstimator):
-    """Classify averages of frames by their likelihood under each template's mean and covariance.
+    """Classify averages of frames by their likelihood under the mean and covariance of templates.
 
     Parameters
     ----------
     gain_sigma : float, default=1.0
-        Prior standard deviation of the target's amplitude gain about its nominal 1. At 0 the
-        gain is known.
+        Prior standard deviation of the amplitude gain of the target about its nominal value 1. At
+        0 the gain is known.
     floor_sigma : float, default=1.0
         Prior standard deviation of a shift of the noise floor, the same in all bins, in units of
-        the templates' root-mean-square deviation of one frame. At 0 the floor is known.
+        the root-mean-square standard deviation of one frame of the templates. At 0 the floor is
+        known.
     nugget : float, default=1e-3
-        Variance of independent noise in every bin of one frame, over the templates' mean
-        variance.
+        Variance of independent noise in every bin of one frame, relative to the mean variance of
+        the templates.
     template_error : float or None, default=0
-        Variance of what lies between templates, over the square of the residual's scale (see
-        `ncti.classify.between.cells`). At 0 templates are taken as exact, and as all there is:
-        aspects between them do not exist. With None it is calibrated on templates left out.
+        Variance of profiles between templates, relative to the square of the residual's scale
+        (see `ncti.classify.between.cells`). At 0 templates are exact, and aspects between them are
+        not considered. None calibrates it on templates that are left out.
 
     Attributes
     ----------
@@ -60,45 +62,68 @@ class GaussianTemplates(BaseEstimator):
     mean_ : (template, bin) float64 ndarray
         Mean of a frame.
     cholesky_ : (template, lag, bin) float64 ndarray
-        Lower Cholesky factor of one frame's covariance, nugget included, as a lower band.
+        Lower Cholesky factor of the covariance of one frame, nugget included, as a lower band.
     template_error_ : float
         As given, or as calibrated.
+
+    See Also
+    --------
+    lower_band : Covariance band from a full matrix.
+    fuse : Combination with the scores of another sensor.
+    ncti.ladar.banded_frame_moments : Mean and covariance of a frame.
 
     Notes
     -----
     An average y of N frames of a template with mean m, floor f and one-frame covariance C is
-    taken as
+    modelled as
 
         y = m + (a - 1) (m - f) + b + e,   e ~ N(0, (C + nugget v I) / N),
         a ~ N(1, gain_sigma^2),   b ~ N(0, floor_sigma^2 v) in all bins,
 
-    v the mean of all templates' variances. Gain and shift are integrated out: they add a matrix
+    with v the mean variance of all templates. Gain and shift are integrated out: they add a matrix
     of low rank to the covariance, whose inverse and determinant follow from those of C / N by
-    the Woodbury identity and the matrix determinant lemma. C is held at the nominal gain,
-    though the target's speckle grows with it.
+    the Woodbury identity and the matrix determinant lemma. C is that of the nominal gain, although
+    the speckle of the target grows with the gain.
 
-    Profiles are seen between the aspects of templates, too. With a template error k the average
-    has two terms more, x t + r: t the tangent at the template times the standard deviation of the
-    aspect within its cell, x ~ N(0, 1), and r ~ N(0, k R), R of the residual's scale in each bin
-    and correlated between bins as noise is. Both are the same in all frames, so that R counts N
-    times against C. x joins gain and floor. k is calibrated: every other template is left out, an
-    average of 16 frames is drawn of each, and k makes their density under the templates beside it
-    largest. Those left out lie at the edge of a cell, others within: k is rather too large.
+    With a template error k, profiles at aspects between templates are modelled by two more terms,
+    x t + r: t the tangent at the template times the standard deviation of the aspect within its
+    cell, x ~ N(0, 1), and r ~ N(0, k R), with R from the scale of the residual in each bin and the
+    correlation of noise between bins. Both terms are the same in all frames, so R counts N times
+    against C. For calibration every other template is left out, an average of 16 frames is drawn
+    from each, and k maximises their density under the neighbouring templates. Those left out lie
+    at the edge of a cell, other aspects within it, so k is rather too large.
 
-    The defaults know neither gain nor floor, like a profile vector, whose floor is removed and
-    whose peak is 1; both priors are then wide beside what the profile itself tells. At 0 the
-    classifier knows what a calibration would have to tell. Beware of a known floor where frames
-    accumulate a fixed number of target-free IFOVs besides the ship's: it counts the ship's IFOVs.
+    With the defaults, neither gain nor floor is known, as for a profile vector, and both priors are
+    wide compared to the information in the profile. A floor should not be taken as known if frames
+    contain a fixed number of target-free IFOVs besides those of the ship: its level then reveals
+    the number of IFOVs on the ship.
 
-    The matched filter limits the band of the field, not of its magnitude, whose products fill
-    the spectrum: the smallest eigenvalue of C, over a bin's variance, is 2e-3 at 30 ns, 3e-4 at
-    50 ns and 5e-7 at 200 ns (bins of 1 m). The nugget stands for electronics and rounding after
-    the detector, 30 dB below a bin's own noise; at 30 ns scores are the same within half a point
-    from 1e-7 to 1e-1, and it keeps longer pulses from resting on digits that nobody records.
+    The matched filter limits the band of the field, not of its magnitude: the smallest eigenvalue
+    of C, relative to the variance of a bin, is 2e-3 at 30 ns, 3e-4 at 50 ns and 5e-7 at 200 ns
+    (bins of 1 m). The nugget represents electronics and rounding after the detector, 30 dB below
+    the noise of a bin. At 30 ns scores agree within half a point for nuggets from 1e-7 to 1e-1; for
+    longer pulses it prevents decisions on digits that are never recorded.
 
-    A sum of magnitudes is skewed by 0.63 over the square root of their number, IFOVs times N.
-    From some 100 on probabilities are those of sampled frames; with 32 they are a point too
-    sure, with 2 three points (three labels alike, 40 % right).
+    A sum of magnitudes has skewness 0.63 over the square root of their number, IFOVs times N. From
+    some 100 on, the probabilities are correct for sampled frames; with 32 they are one percentage
+    point too high, with 2 three points (three similar labels, 40 % correct).
+
+    Examples
+    --------
+    Two templates of five bins that differ in one bin by 0.2, with a noise of 0.2 in each frame.
+    Averaging frames turns a guess into certainty:
+
+    >>> import numpy as np
+    >>> from ncti.classify import GaussianTemplates, lower_band
+    >>> means = np.array([[0.0, 0.2, 1.0, 0.2, 0.0], [0.0, 0.2, 1.0, 0.4, 0.0]])
+    >>> band = lower_band(np.stack([0.04 * np.eye(5)] * 2))
+    >>> classifier = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0)
+    >>> classifier = classifier.fit(means, band, ["duncan", "roberts"])
+    >>> for frame_count in (1, 4, 16):
+    ...     print(frame_count, classifier.posterior(means[:1], frame_count).round(2))
+    1 [[0.62 0.38]]
+    4 [[0.88 0.12]]
+    16 [[1. 0.]]
     """
 
     _parameter_constraints: ClassVar[dict] = {
@@ -132,36 +157,37 @@ class GaussianTemplates(BaseEstimator):
         aspect: ArrayLike | None = None,
         rng: np.random.Generator | None = None,
     ) -> Self:
-        """Take the templates.
+        """Store the templates.
 
         Parameters
         ----------
         mean : (template, bin) array_like
             Mean frame of each template, noise floor included.
         covariance : (template, lag, bin) array_like
-            Covariance of *one* frame of each template as a lower band: element [t, l, n] is that
-            of bins n and n + l. `lower_band` makes it from a dense one.
+            Covariance of *one* frame of each template as a lower band: element [t, l, n] is the
+            covariance of bins n and n + l. `lower_band` makes it from a full matrix.
         labels : (template,) array_like
-            What a template stands for, such as a ship; many may share a label.
+            Label of each template, such as a ship; templates may share labels.
         floor : array_like, default=0.0
-            Noise floor within `mean`, which no target gain changes: one number, (bin,),
-            (template, 1) or (template, bin).
+            Noise floor included in `mean`, which does not scale with the gain of the target: one
+            number, (bin,), (template, 1) or (template, bin).
         aspect : (template,) array_like, optional
-            Where each template was taken [degree], distinct among those of a label; needed with
-            a template error.
+            Aspect of each template [deg], distinct among templates of a label. Required with a
+            template error.
         rng : numpy.random.Generator, optional
-            Draws the averages that a template error is calibrated on; needed for that.
+            Draws the averages for calibration. Required if `template_error` is None.
 
         Returns
         -------
         GaussianTemplates
-            Itself, fitted.
+            The fitted classifier itself.
 
         Raises
         ------
         ValueError
             If shapes do not match, an element is not finite, a covariance is not positive
-            definite with its nugget, or aspects or a generator are missing or not distinct.
+            definite even with its nugget, aspects are missing or not distinct, or the generator
+            is missing.
         """
         means, bands, names, signal = checked_moments(mean, covariance, labels, floor)
         self.classes_, self.labels_ = np.unique(names, return_inverse=True)
@@ -169,19 +195,11 @@ class GaussianTemplates(BaseEstimator):
         variance = float(bands[:, 0].mean())
         self._whole = bands.copy()
         self._whole[:, 0] += self.nugget * variance
-        self.cholesky_ = np.empty_like(bands)
-        # Directions of a unit of gain and of the floor's prior: what the likelihood takes of them
-        # is whitened, all at once where templates are exact.
+        self.cholesky_ = factored(self._whole, self.nugget)
+        # Directions of a unit of gain and of the prior of the floor. The likelihood needs them
+        # whitened, which for exact templates is done once.
         shift = np.full_like(signal, math.sqrt(variance))
         self._directions = np.stack([signal, shift], axis=2)
-        for t, band in enumerate(self._whole):
-            try:
-                self.cholesky_[t] = cholesky_banded(band, lower=True)
-            except LinAlgError:
-                raise ValueError(
-                    f"nugget is {self.nugget!r}, but must be larger for covariance[{t}], which is "
-                    "not positive definite with it"
-                ) from None
         self._nuisance = np.stack(
             [whiten(*pair) for pair in zip(self.cholesky_, self._directions, strict=True)]
         )
@@ -189,11 +207,11 @@ class GaussianTemplates(BaseEstimator):
         self.template_error_ = 0.0
         if self.template_error != 0:
             if aspect is None:
-                raise ValueError("aspect is None, but a template error needs one a template")
+                raise ValueError("aspect is None, but a template error needs the aspects")
             self.aspect_ = require_all("aspect", aspect)
             if self.template_error is None:
                 if rng is None:
-                    raise ValueError("rng is None, but a template error is calibrated on draws")
+                    raise ValueError("rng is None, but calibration needs a random generator")
                 self.template_error_ = UNKNOWN_ERROR
                 self._find_cells()
                 self.template_error_ = calibrated_error(self, rng)
@@ -203,17 +221,17 @@ class GaussianTemplates(BaseEstimator):
         return self
 
     def without(self, left_out: ArrayLike) -> Self:
-        """Return the classifier of the other templates, as if some had never been taken.
+        """Return a fitted copy without some of the templates.
 
         Parameters
         ----------
         left_out : (template,) array_like of bool
-            Which go. Where templates may be off, cells of their neighbours become wider.
+            Templates to leave out. With a template error the cells of their neighbours widen.
 
         Returns
         -------
         GaussianTemplates
-            Another, fitted, of the same template error and the same mean variance.
+            A copy with the same template error and the same mean variance.
 
         Raises
         ------
@@ -228,7 +246,9 @@ class GaussianTemplates(BaseEstimator):
                 f"each of {len(self.labels_)} templates and leave one"
             )
         rest = copy(self)
-        kept = ["labels_", "mean_", "cholesky_", "_whole", "_nuisance", "_directions"]
+        labels = self.classes_[self.labels_[~out]]
+        rest.classes_, rest.labels_ = np.unique(labels, return_inverse=True)
+        kept = ["mean_", "cholesky_", "_whole", "_nuisance", "_directions"]
         if self.template_error_:
             kept.append("aspect_")
         for name in kept:
@@ -238,32 +258,26 @@ class GaussianTemplates(BaseEstimator):
         return rest
 
     def _find_cells(self) -> None:
-        """Add what lies between templates to the directions that are unknown."""
+        """Add the tangent of each cell to the unknown directions, and store its residual."""
         cell = cells(self.mean_, self.labels_, self.aspect_, self._correlation)
         known = self._directions[..., :2]
         self._directions = np.concatenate([known, cell.tangent[..., None]], axis=2)
         self._residual = cell.residual
 
     def log_likelihood(
-        self,
-        X: ArrayLike,
-        frame_count: ArrayLike,
-        *,
-        gain_sigma: ArrayLike | None = None,
-        floor_sigma: ArrayLike | None = None,
+        self, X: ArrayLike, frame_count: ArrayLike, *, gain_sigma: ArrayLike | None = None
     ) -> Floats:
-        """Logarithm of the density of each average under each template.
+        """Return the log density of each average under each template.
 
         Parameters
         ----------
         X : (sample, bin) array_like
             Averages of frames, noise floor included.
         frame_count : int or (sample,) array_like
-            Frames in each average.
-        gain_sigma, floor_sigma : (...) array_like, optional
-            Prior standard deviations of gain and floor to take, one pair after the other, in
-            place of the classifier's own: they share the whitening of X, which is most of the
-            work. Their shapes are broadcast.
+            Number of frames in each average.
+        gain_sigma : (...) array_like, optional
+            Prior standard deviations of the gain, in place of that of the classifier. Several
+            share the whitening of X, which is most of the work.
 
         Returns
         -------
@@ -273,49 +287,37 @@ class GaussianTemplates(BaseEstimator):
         Raises
         ------
         ValueError
-            If X is empty, has another number of bins or an element that is not finite or whose
+            If X is empty, has another number of bins, has an element that is not finite or whose
             square overflows, a count is below 1, or a deviation is out of range.
         """
-        priors = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
-        found: Floats = self.compare(X, frame_count, **priors)[0]
+        found: Floats = self.compare(X, frame_count, gain_sigma=gain_sigma)[0]
         return found
 
     def compare(
-        self,
-        X: ArrayLike,
-        frame_count: ArrayLike,
-        *,
-        gain_sigma: ArrayLike | None = None,
-        floor_sigma: ArrayLike | None = None,
+        self, X: ArrayLike, frame_count: ArrayLike, *, gain_sigma: ArrayLike | None = None
     ) -> Floats:
-        """Log density of each average under each template, and its squared distance.
+        """Return the log density of each average under each template, and its squared distance.
 
         Parameters and errors are those of `log_likelihood`.
 
         Returns
         -------
         (2, ..., sample, template) float64 ndarray
-            Natural logarithms, and squared Mahalanobis distances by the covariance with all
-            unknowns integrated out: chi-square with as many degrees of freedom as bins for
-            averages of a template's own, unknowns drawn from their priors.
+            Natural logarithms, and squared Mahalanobis distances with all unknowns integrated
+            out: chi-square distributed, with as many degrees of freedom as bins, for averages of
+            the template itself with unknowns drawn from their priors.
         """
         check_is_fitted(self)
         samples, frames = checked_averages(X, frame_count, self.mean_.shape[1])
-        given = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
-        priors = np.broadcast_arrays(
-            *(
-                require_all(
-                    name, getattr(self, name) if one is None else one, minimum=0, maximum=WIDEST
-                )
-                for name, one in given.items()
-            )
-        )
-        pairs = np.stack([one.ravel() for one in priors], axis=1)
+        given = self.gain_sigma if gain_sigma is None else gain_sigma
+        gains = require_all("gain_sigma", given, minimum=0, maximum=WIDEST)
+        floors = require_all("floor_sigma", self.floor_sigma, minimum=0, maximum=WIDEST)
+        pairs = np.stack([gains.ravel(), np.full(gains.size, floors)], axis=1)
         result = np.empty((2, len(pairs), len(samples), len(self.mean_)))
         with np.errstate(over="ignore", invalid="ignore"):
             for t in range(len(self.mean_)):
-                # What is the same in all frames counts once for each of them: templates that may
-                # be off have a factor for every number of frames.
+                # The residual is the same in all frames, so its weight against their noise grows
+                # with their number: with a template error each number has a factor of its own.
                 for count in np.unique(frames) if self.template_error_ else (None,):
                     rows = slice(None) if count is None else frames == count
                     result[..., rows, t] = self.density(t, samples[rows], frames[rows], pairs)
@@ -324,81 +326,55 @@ class GaussianTemplates(BaseEstimator):
                 f"X reaches {np.abs(samples).max():g}, but its squared distance to the templates "
                 "must be a finite number"
             )
-        return result.reshape(2, *priors[0].shape, len(samples), -1)
+        return result.reshape(2, *gains.shape, len(samples), -1)
 
-    def posterior(
-        self, X: ArrayLike, frame_count: ArrayLike, *, exclude: ArrayLike = False
-    ) -> Floats:
-        """Probability of each label.
+    def posterior(self, X: ArrayLike, frame_count: ArrayLike) -> Floats:
+        """Return the probability of each label.
 
         Parameters
         ----------
         X, frame_count
-            As for `log_likelihood`.
-        exclude : (sample, template) or (template,) array_like of bool, default=False
-            Templates that do not answer for a sample, such as the one it was drawn from.
+            See `log_likelihood`.
 
         Returns
         -------
         (sample, class) float64 ndarray
-            Rows sum to 1. Labels are equally likely beforehand, and so are the templates of a
-            label that answer; a label without any has probability 0.
+            Probabilities; rows sum to 1. Labels have equal prior probabilities, and so have the
+            templates of a label.
 
         Raises
         ------
         ValueError
-            As for `log_likelihood`, or if all templates of a sample are left out.
+            See `log_likelihood`.
         """
-        return self.posterior_of(self.log_likelihood(X, frame_count), exclude=exclude)
+        return label_posterior(self.log_likelihood(X, frame_count), self.labels_)[1]
 
-    def posterior_of(self, logs: ArrayLike, *, exclude: ArrayLike = False) -> Floats:
-        """Probability of each label from `log_likelihood`, which several questions may share.
+    def predict(self, X: ArrayLike, frame_count: ArrayLike) -> NDArray:
+        """Return the most probable label of each average.
 
         Parameters
         ----------
-        logs : (sample, template) array_like
-            Logarithms of the density under each template, up to a number a sample.
-        exclude
-            As for `posterior`.
-
-        Returns
-        -------
-        (sample, class) float64 ndarray
-            As of `posterior`.
-
-        Raises
-        ------
-        ValueError
-            As `ncti.classify.label_posterior`, whose rule this is.
-        """
-        check_is_fitted(self)
-        return label_posterior(require_all("logs", logs), self.labels_, exclude=exclude)[1]
-
-    def predict(
-        self, X: ArrayLike, frame_count: ArrayLike, *, exclude: ArrayLike = False
-    ) -> NDArray:
-        """Most probable label of each average.
-
-        Parameters
-        ----------
-        X, frame_count, exclude
-            As for `posterior`.
+        X, frame_count
+            See `log_likelihood`.
 
         Returns
         -------
         (sample,) ndarray
             Labels; of equally probable ones the first in `classes_`.
         """
-        answer = self.posterior(X, frame_count, exclude=exclude).argmax(axis=1)
-        return self.classes_[answer]
+        best = self.posterior(X, frame_count).argmax(axis=1)
+        return self.classes_[best]
 
     def density(self, template: int, samples: Floats, frames: Floats, priors: Floats) -> Floats:
-        """See `ncti.classify.bands.densities`; as many frames in all where templates may be off."""
+        """Return `ncti.classify.bands.densities` for one template.
+
+        With a template error the number of frames must be the same in all averages.
+        """
         factor, unit = self._whitened(template, float(frames[0]))
         return densities(factor, unit, samples - self.mean_[template], frames, priors)
 
     def _whitened(self, template: int, frames: float) -> tuple[Floats, Floats]:
-        """Factor of a frame's covariance, and the unknowns' directions whitened by it."""
+        """Return the factor of the covariance of a frame, and the unknown directions whitened."""
         if not self.template_error_:
             return self.cholesky_[template], self._nuisance[template]
         scale = math.sqrt(frames * self.template_error_) * self._residual[template]

@@ -1,4 +1,4 @@
-"""The Adaptive Clustering Network for many vigilances, learning rates and orders at once."""
+"""The Adaptive Clustering Network for many vigilances and orders of presentation at once."""
 
 from __future__ import annotations
 
@@ -16,20 +16,33 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Similarities:
-    """All that clusterings of the same vectors share.
+    """Cosines between vectors, which all clusterings of these vectors share.
 
     Attributes
     ----------
     directions : (sample, feature) float64 ndarray
         Unit directions of the training vectors; zero for a zero vector.
     lengths : (sample,) float64 ndarray
-        Their lengths.
+        Lengths of the training vectors.
     training : (sample, sample) float64 ndarray
-        Cosines between training vectors; 0 where one of them is zero.
+        Cosines between training vectors; 0 if one of them is zero.
     test : (test, sample) float64 ndarray
         Cosines between test and training vectors.
     answers : (test,) bool ndarray
-        False where a test vector is zero.
+        False if a test vector is zero.
+
+    See Also
+    --------
+    cluster : Categories from these cosines.
+
+    Examples
+    --------
+    >>> from ncti.classify import Similarities
+    >>> similarities = Similarities.of([[3.0, 0.0], [0.0, 2.0]], tests=[[1.0, 1.0]])
+    >>> similarities.lengths
+    array([3., 2.])
+    >>> similarities.test.round(2)
+    array([[0.71, 0.71]])
     """
 
     directions: Floats
@@ -40,7 +53,7 @@ class Similarities:
 
     @classmethod
     def of(cls, training: ArrayLike, tests: ArrayLike | None = None) -> Similarities:
-        """Similarities of (sample, feature) training and (test, feature) test vectors, if any.
+        """Return the similarities of (sample, feature) training and (test, feature) test vectors.
 
         Raises
         ------
@@ -50,8 +63,8 @@ class Similarities:
         learned = require_all("training", training)
         if learned.ndim != 2 or not learned.size:
             raise ValueError(
-                f"training has shape {learned.shape}, but must be (sample, feature) with a sample "
-                "and a feature or more"
+                f"training has shape {learned.shape}, but must be (sample, feature) with at least "
+                "one of each"
             )
         directions, lengths = polar(learned)
         if not lengths.any():
@@ -61,7 +74,7 @@ class Similarities:
         return found if tests is None else found.to(tests)
 
     def to(self, tests: ArrayLike) -> Similarities:
-        """Similarities of the same training vectors to other (test, feature) test vectors.
+        """Return the similarities of the same training vectors to other (test, feature) vectors.
 
         Raises
         ------
@@ -79,18 +92,35 @@ class Similarities:
 
 @dataclass(frozen=True)
 class Clustering:
-    """What `AdaptiveClusteringNetwork.fit` finds, categories as sums of training vectors.
+    """Categories as weighted sums of training vectors, as returned by `cluster`.
 
     Attributes
     ----------
     labels : (sample,) intp ndarray
         Category of each training vector; -1 for a zero vector.
     weights : (category, sample) float64 ndarray
-        The unit direction of a category is the sum of the training directions times these.
+        Weights of the training directions whose sum is the unit direction of a category.
     passes : int
-        Presentations of the whole set.
+        Presentations of the whole training set.
     converged : bool
-        Whether no assignment changed in the last of them.
+        True if no assignment changed in the last of them.
+
+    See Also
+    --------
+    cluster : The function that makes it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.classify import Similarities, cluster
+    >>> vectors = np.array([[1.0, 0.1], [0.2, 1.0], [1.0, 0.2], [0.1, 1.0]])
+    >>> similarities = Similarities.of(vectors, tests=[[3.0, 1.0]])
+    >>> clustering = cluster(similarities, vigilance=0.95)
+    >>> clustering.names(np.array([7, 8, 7, 8]))
+    array([7, 8])
+    >>> category, cosine = clustering.match(similarities)
+    >>> category, cosine.round(2)
+    (array([0]), array([0.98]))
     """
 
     labels: Indices
@@ -99,23 +129,23 @@ class Clustering:
     converged: bool
 
     def names(self, classes: Indices) -> Indices:
-        """(category,) intp ndarray: the class, of (sample,) ones, seen most often in each."""
+        """Return the most frequent class in each category, (category,), from (sample,) classes."""
         there = self.labels != NO_CATEGORY
         votes = np.zeros((len(self.weights), int(classes.max()) + 1), dtype=np.intp)
         np.add.at(votes, (self.labels[there], classes[there]), 1)
         return votes.argmax(axis=1)
 
     def first_names(self, classes: Indices, order: Indices) -> Indices:
-        """(category,) intp ndarray: the class of the member presented first.
+        """Return the class of the vector presented first in each category, (category,).
 
-        Of (sample,) classes, presented in the order given to `cluster`.
+        Classes are (sample,) integers, and the order is that given to `cluster`.
         """
         presented = order[self.labels[order] != NO_CATEGORY]
         _, first = np.unique(self.labels[presented], return_index=True)
         return classes[presented[first]]
 
     def match(self, similarities: Similarities) -> tuple[Indices, Floats]:
-        """Best-matching category of each test vector and its cosine, as the network's `match`."""
+        """Return the best-matching category of each (test,) vector, and its cosine."""
         cosines = similarities.test @ self.weights.T
         category = cosines.argmax(axis=1)
         similarity = np.take_along_axis(cosines, category[:, None], axis=1)[:, 0]
@@ -131,43 +161,62 @@ def cluster(
     max_passes: int = 200,
     order: Indices | None = None,
 ) -> Clustering:
-    """Form the categories of `AdaptiveClusteringNetwork`, from cosines alone.
+    """Return the categories that `AdaptiveClusteringNetwork` forms, from cosines alone.
 
     Parameters
     ----------
     similarities : Similarities
-        Of the vectors.
+        Cosines between the vectors.
     vigilance : float
-        As for the network, but in [0, 1].
+        Cosine that the best match must exceed for a vector to join its category, in [0, 1].
     learning_rate : float, default=0.1
-        As for the network.
+        Fraction of the way by which a category moves towards each vector that joins it, in (0, 1].
     max_passes : int, default=200
-        As for the network, whose default is 100.
+        Largest number of presentations of the training set.
     order : (sample,) intp ndarray, optional
-        Samples in the order of presentation; as they come, when not given. Some may be left out,
+        Samples in the order of presentation, by default as given. Samples may be left out, but
         none may come twice.
 
     Returns
     -------
     Clustering
+        The categories.
 
     Raises
     ------
     ValueError
-        If a parameter is out of range, or the order is not of different samples, one of which has
-        a direction.
+        If a parameter is out of range, samples of the order are not distinct, or none of them has a
+        direction.
+
+    See Also
+    --------
+    AdaptiveClusteringNetwork : The network, with its reference.
 
     Notes
     -----
-    A category W is a sum of the vectors that it has learned, so its cosines to all of them tell
-    what the network does. W += (X - W) dt turns its unit direction w to
+    A category W is a sum of the vectors that it has learned, so its cosines to all of them
+    determine the training. W += (X - W) dt turns its unit direction w to
 
         ((1 - t) w + t x) / n,   n^2 = (1 - t)^2 + t^2 + 2 t (1 - t) w x,
 
-    t the share of X in the new length, and with it its row of cosines by the same two numbers. A
-    presentation so costs as many operations as there are samples, however many features they
-    have, and what the samples' products cost is paid once for all vigilances, learning rates and
-    orders. Equal to the network but for rounding.
+    with t the share of X in the new length, and transforms its row of cosines by the same two
+    numbers. The cost of a presentation is therefore proportional to the number of samples and does
+    not depend on the number of features; the products between samples are computed once for all
+    vigilances and orders. The result equals that of the network except for rounding.
+
+    Examples
+    --------
+    The number of categories rises with the vigilance:
+
+    >>> import numpy as np
+    >>> from ncti.classify import Similarities, cluster
+    >>> angle = np.radians([0, 5, 40, 45, 90])
+    >>> similarities = Similarities.of(np.column_stack([np.cos(angle), np.sin(angle)]))
+    >>> for vigilance in (0.6, 0.99, 0.999):
+    ...     print(vigilance, cluster(similarities, vigilance=vigilance).labels)
+    0.6 [0 0 0 0 1]
+    0.99 [0 0 1 1 2]
+    0.999 [0 1 2 3 4]
     """
     require("vigilance", vigilance, minimum=0.0, maximum=1.0)
     require("learning_rate", learning_rate, positive=True, maximum=1.0)
@@ -177,7 +226,8 @@ def cluster(
     turn = turn[similarities.lengths[turn] > 0]
     if not turn.size:
         raise ValueError("order holds no vector with a direction, but must hold at least one")
-    # Categories' cosines to every sample, then their weights: one row learns as a whole.
+    # Each row holds the cosines of a category to all samples, then its weights, which follow the
+    # same rule and are updated together.
     rows = np.zeros((32, 2 * count))
     own = np.hstack([similarities.training, np.eye(count)])
     lengths: list[float] = []
@@ -186,6 +236,7 @@ def cluster(
     assigned: list[int] = []
     passes, converged = 0, False
     while not converged and passes < max_passes:
+        # One pass: each vector joins its best match above the threshold, or founds a category.
         previous, assigned = assigned, []
         for i, length in presented:
             cosines = rows[: len(lengths), i]
@@ -196,7 +247,7 @@ def cluster(
                 row = rows[k]
                 norm = (1 - share) ** 2 + share**2 + 2 * share * (1 - share) * float(cosines[k])
                 norm = max(norm, 0.0) ** 0.5
-                scale = 1.0 / norm if norm > 0.0 else 1.0  # zero where opposites cancel
+                scale = 1.0 / norm if norm > 0.0 else 1.0  # zero if opposite vectors cancel
                 row *= (1.0 - share) * scale
                 row += (share * scale) * own[i]
                 lengths[k] = (kept + learning_rate * length) * norm
@@ -209,7 +260,7 @@ def cluster(
             assigned.append(k)
         passes += 1
         converged = assigned == previous
-    # A category that lost all its vectors has no name and must not answer.
+    # A category that lost all its vectors has no label and is dropped.
     live, category = np.unique(assigned, return_inverse=True)
     labels = np.full(count, NO_CATEGORY)
     labels[turn] = category
@@ -217,7 +268,7 @@ def cluster(
 
 
 def _places(order: ArrayLike, count: int) -> Indices:
-    """An order of presentation, refused unless it holds different ones of so many samples."""
+    """Return the order of presentation as integers, or raise `ValueError` if samples repeat."""
     places = require_all("order", order, whole=True, minimum=0, below=count).astype(np.intp)
     if places.ndim != 1:
         raise ValueError(f"order has shape {places.shape}, but must be (sample,)")

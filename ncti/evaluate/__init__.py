@@ -1,6 +1,6 @@
-"""Scores: plain functions of truth and prediction arrays, with confidence intervals."""
+"""Scores of classifiers by aspect bin, with confidence intervals, and category formation."""
 
-from ncti.evaluate.categories import CategoryFormation, category_formation, compression
+from ncti.evaluate.categories import CategoryFormation, category_formation
 from ncti.evaluate.replicates import replicated_accuracy
 from ncti.evaluate.scores import AspectAccuracy, accuracy_by_aspect, aspect_bins, wilson_interval
 
@@ -10,7 +10,6 @@ __all__ = [
     "accuracy_by_aspect",
     "aspect_bins",
     "category_formation",
-    "compression",
     "replicated_accuracy",
     "wilson_interval",
 ]

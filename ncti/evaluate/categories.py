@@ -1,4 +1,4 @@
-"""How categories lie over ships and aspects: which are confused, and what they save."""
+"""Category formation: the categories of ships by aspect, and which of them are confused."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 @dataclass(frozen=True, eq=False)
 class CategoryFormation:
-    """The category of every ship and aspect.
+    """Category of each ship and aspect, as returned by `category_formation`.
 
     Attributes
     ----------
@@ -19,9 +19,20 @@ class CategoryFormation:
     aspects : (aspect,) float64 ndarray
         Aspects [deg], increasing.
     category : (ship, aspect) intp ndarray
-        Category of the view; -1 where there is no such view or it has no category.
+        Category of the view; -1 if the view is missing or has no category.
     confused : (ship, aspect) bool ndarray
-        Whether views of another ship share the category.
+        True if views of another ship share the category.
+
+    See Also
+    --------
+    category_formation : The function that makes it.
+
+    Examples
+    --------
+    >>> from ncti.evaluate import category_formation
+    >>> formation = category_formation([0, 0, 1, 0], ["mast", "mast", "hull", "hull"], [0, 3, 0, 3])
+    >>> formation.ships.tolist(), formation.aspects.tolist()
+    (['hull', 'mast'], [0.0, 3.0])
     """
 
     ships: NDArray
@@ -33,7 +44,7 @@ class CategoryFormation:
 def category_formation(
     labels: ArrayLike, ships: ArrayLike, aspects: ArrayLike
 ) -> CategoryFormation:
-    """Lay the categories of views out over ships and aspects.
+    """Return the categories of views on a grid of ships and aspects, with their confusion.
 
     Parameters
     ----------
@@ -52,22 +63,45 @@ def category_formation(
     Raises
     ------
     ValueError
-        When the three differ in shape, the labels are not integers, or a ship appears twice
-        at one aspect.
+        If the three differ in shape, the labels are not integers, or a ship appears twice at one
+        aspect.
+
+    See Also
+    --------
+    ncti.classify.AdaptiveClusteringNetwork : Network whose `labels_` are such categories.
 
     Notes
     -----
-    The pie charts of the source's Figures 19 and 20: a ship's wedge is a run of aspects in one
-    category, coloured as confused where another ship's views fall into it too.
+    The pie charts of [1]_: a wedge is a run of aspects of a ship in one category, marked as
+    confused if views of another ship fall into it too.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Figures 19 and 20.
+
+    Examples
+    --------
+    Two ships at three aspects. They share category 1, the first ship at 6 degrees only:
+
+    >>> from ncti.evaluate import category_formation
+    >>> ships = ["duncan"] * 3 + ["roberts"] * 3
+    >>> formation = category_formation([0, 0, 1, 1, 1, 2], ships, [0, 3, 6, 0, 3, 6])
+    >>> formation.category
+    array([[0, 0, 1],
+           [1, 1, 2]])
+    >>> formation.confused
+    array([[False, False,  True],
+           [ True,  True, False]])
     """
     number, ship, aspect = np.asarray(labels), np.asarray(ships), np.asarray(aspects, float)
     if not number.shape == ship.shape == aspect.shape or number.ndim != 1:
         raise ValueError(
-            "labels, ships and aspects must be sequences of one length, got shapes "
-            f"{number.shape}, {ship.shape} and {aspect.shape}."
+            f"labels, ships and aspects have shapes {number.shape}, {ship.shape} and "
+            f"{aspect.shape}, but must be sequences of one length"
         )
     if not np.issubdtype(number.dtype, np.integer):
-        raise ValueError(f"labels must be integers, got {number.dtype}.")
+        raise ValueError(f"labels has dtype {number.dtype}, but must be integers")
     ship_names, row = np.unique(ship, return_inverse=True)
     aspect_values, column = np.unique(aspect, return_inverse=True)
     views = np.zeros((len(ship_names), len(aspect_values)), dtype=np.intp)
@@ -75,12 +109,13 @@ def category_formation(
     if views.max(initial=0) > 1:
         twice, where = np.unravel_index(views.argmax(), views.shape)
         raise ValueError(
-            "every ship must appear once at an aspect, got "
-            f"{ship_names[twice]} {views.max()} times at {aspect_values[where]:g} deg."
+            f"ships has {ship_names[twice]} {views.max()} times at {aspect_values[where]:g} deg, "
+            "but must have each ship at most once per aspect"
         )
     category = np.full(views.shape, -1, dtype=np.intp)
     category[row, column] = np.maximum(number, -1)
 
+    # A category is confused if views of more than one ship fall into it.
     names, place = np.unique(category, return_inverse=True)
     holds = np.zeros((len(ship_names), len(names)), dtype=bool)
     holds[np.arange(len(ship_names))[:, None], place.reshape(category.shape)] = True
@@ -88,28 +123,3 @@ def category_formation(
     return CategoryFormation(
         ship_names, aspect_values, category, shared[place.reshape(category.shape)]
     )
-
-
-def compression(n_vectors: int, n_categories: int) -> float:
-    """Memory saved by keeping categories in place of vectors.
-
-    Parameters
-    ----------
-    n_vectors, n_categories : int
-        Vectors learned and categories they formed, at least one.
-
-    Returns
-    -------
-    float
-        Vectors a category; the source rounds 124/26, 124/18 and 124/16 to 5, 7 and 8.
-
-    Raises
-    ------
-    ValueError
-        When there are no categories, or more than vectors.
-    """
-    if not 1 <= n_categories <= n_vectors:
-        raise ValueError(
-            f"n_categories must lie between 1 and n_vectors = {n_vectors}, got {n_categories}."
-        )
-    return n_vectors / n_categories

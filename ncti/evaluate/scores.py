@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 OVERALL = "overall"
-EDGES = (0.0, 30.0, 60.0, 90.0)
-BIN_WIDTH = 30.0
+EDGES = (0.0, 30.0, 60.0, 90.0)  # deg; bins of the article
+BIN_WIDTH = 30.0  # deg; bins beyond the last edge
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -17,18 +17,30 @@ Integers = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class AspectAccuracy:
-    """Fractions of correct answers by aspect bin, the last of which holds all aspects.
+    """Fractions of correct answers by aspect bin and overall, with 95 % confidence intervals.
 
     Attributes
     ----------
     labels : tuple of str
         Names of the bins, from the aspects in them ("0-27"); the last is "overall".
     fraction : (..., bin) float64 ndarray
-        Correct answers over answers, in [0, 1]; NaN where there are none.
+        Correct answers over answers, in [0, 1]; NaN if there are none.
     ci_low, ci_high : (..., bin) float64 ndarray
-        Wilson interval of the fraction.
+        Ends of the 95 % confidence interval of the fraction.
     n : (..., bin) intp ndarray
         Number of answers.
+
+    See Also
+    --------
+    accuracy_by_aspect : Accuracy with one answer per view.
+    replicated_accuracy : Accuracy with several answers per view.
+
+    Examples
+    --------
+    >>> from ncti.evaluate import accuracy_by_aspect
+    >>> accuracy = accuracy_by_aspect([[True, True, False]], [0, 40, 80])
+    >>> dict(zip(accuracy.labels, accuracy.fraction.round(2).tolist()))
+    {'0': 1.0, '40': 1.0, '80': 0.0, 'overall': 0.67}
     """
 
     labels: tuple[str, ...]
@@ -41,44 +53,62 @@ class AspectAccuracy:
 def wilson_interval(
     successes: ArrayLike, trials: ArrayLike, *, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    """Confidence interval of a probability from a number of successes.
+    """Return the Wilson confidence interval of a probability from a number of successes.
 
     Parameters
     ----------
     successes, trials : (...) array_like
-        Counts, 0 <= successes <= trials.
+        Counts, 0 <= successes <= trials. They need not be whole numbers.
     confidence : float, default=0.95
-        Probability that the interval covers the truth, in (0, 1).
+        Probability that the interval covers the true value, in (0, 1).
 
     Returns
     -------
     low, high : (...) float64 ndarray
-        Ends of the interval, in [0, 1]. Without trials nothing is known: 0 and 1.
+        Ends of the interval, in [0, 1]; 0 and 1 without trials.
 
     Raises
     ------
     ValueError
-        When a count is negative or NaN, successes exceed trials, or the confidence is not
-        in (0, 1).
+        If a count is negative or NaN, successes exceed trials, or the confidence is not in (0, 1).
+
+    See Also
+    --------
+    accuracy_by_aspect : Accuracies with such intervals.
+    replicated_accuracy : Intervals for answers that are not independent.
 
     Notes
     -----
     The values p at which the score test does not reject k successes in n trials [1]_:
     |k/n - p| <= z sqrt(p (1 - p)/n), hence the roots of (n + z^2) p^2 - (2k + z^2) p + k^2/n.
-    Unlike the normal interval it stays within [0, 1] and has a width at k = 0 and k = n.
-    It takes the trials as independent; neighbouring aspects of one ship are not quite.
+    Unlike the normal interval it stays within [0, 1] and has a finite width at k = 0 and k = n.
+    Trials are assumed independent; neighbouring aspects of one ship are not quite.
 
-    .. [1] E. B. Wilson, J. Am. Stat. Assoc. 22, 209 (1927), doi:10.1080/01621459.1927.10502953.
+    References
+    ----------
+    .. [1] E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
+       Journal of the American Statistical Association 22, 209-212 (1927),
+       doi:10.1080/01621459.1927.10502953.
+
+    Examples
+    --------
+    Eight in ten leave a wide interval, 80 in 100 a third of it. Ten in ten are no proof of
+    certainty:
+
+    >>> from ncti.evaluate import wilson_interval
+    >>> low, high = wilson_interval([8, 80, 10], [10, 100, 10])
+    >>> low.round(2), high.round(2)
+    (array([0.49, 0.71, 0.72]), array([0.94, 0.87, 1.  ]))
     """
     k, n = np.broadcast_arrays(np.asarray(successes, float), np.asarray(trials, float))
     if not np.all((k >= 0.0) & (k <= n) & np.isfinite(n)):
         raise ValueError(
-            f"successes and trials must be counts with 0 <= successes <= trials, "
-            f"got {successes!r} of {trials!r}."
+            f"successes is {successes!r} of {trials!r} trials, but must be counts with "
+            "0 <= successes <= trials"
         )
     if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must lie between 0 and 1, got {confidence!r}.")
-    # Imported where it is used: scipy takes a tenth of a second.
+        raise ValueError(f"confidence is {confidence!r}, but must be above 0 and below 1")
+    # Imported here because scipy takes a tenth of a second.
     from scipy.special import ndtri
 
     z = ndtri(0.5 + 0.5 * confidence)
@@ -86,58 +116,67 @@ def wilson_interval(
     spread = z * np.sqrt(z**2 / 4.0 + k * failures / np.maximum(n, 1.0))
     low = (k + z**2 / 2.0 - spread) / (n + z**2)
     high = (k + z**2 / 2.0 + spread) / (n + z**2)
-    # Without failures the upper root is 1 exactly, but for rounding; the lower one is exact.
+    # Without failures the upper root is exactly 1 except for rounding; the lower one is exact.
     return low, np.where(failures == 0.0, 1.0, high)
 
 
-def aspect_bins(
-    aspects: ArrayLike, edges: tuple[float, ...] = EDGES
-) -> tuple[tuple[str, ...], Integers]:
-    """Sort aspects into bins named after the aspects they hold.
+def aspect_bins(aspects: ArrayLike) -> tuple[tuple[str, ...], Integers]:
+    """Return the 30 degree bin of each aspect, and the names of the bins.
 
     Parameters
     ----------
     aspects : (aspect,) array_like
-        Aspects [deg], in any order, from the first edge to 360.
-    edges : tuple of float, default=(0, 30, 60, 90)
-        Increasing bin edges [deg], from 0 to 360.
+        Aspects [deg], from 0 to 360, in any order.
 
     Returns
     -------
     labels : tuple of str
-        A name for each bin that holds an aspect, in increasing order: its lowest and highest
-        aspect, "0-27", or its only one, "90".
+        Names of the bins that hold an aspect, in increasing order: the lowest and highest aspect
+        in the bin, "0-27", or the only one, "90".
     index : (aspect,) intp ndarray
-        The bin of each aspect, as an index into `labels`.
+        Bin of each aspect, as an index into `labels`.
 
     Raises
     ------
     ValueError
-        When aspects are not a non-empty sequence within the first edge and 360, or the edges
-        do not increase within 0 and 360.
+        If aspects are not a non-empty sequence of numbers from 0 to 360.
+
+    See Also
+    --------
+    accuracy_by_aspect : Fractions of correct answers by bin.
 
     Notes
     -----
-    A bin holds its lower edge, [30, 60), and the last one both, [60, 90], as in the source's
-    tables: 0, 3, ... 90 deg fall into 0-27, 30-57 and 60-90. Beyond the last edge bins of
-    30 deg follow, each closed at its upper edge in turn, (90, 120], so that the aspects astern
-    are binned as the mirror image of those ahead. An aspect's bin never depends on the others.
+    Up to 90 degrees a bin holds its lower edge, [30, 60), and the last one both, [60, 90], as in
+    [1]_: 0, 3, ... 90 deg fall into 0-27, 30-57 and 60-90. Beyond 90 degrees a bin holds its upper
+    edge, (90, 120], so that aspects astern are binned as the mirror image of those ahead. The bin
+    of an aspect never depends on the other aspects.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Table 2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.evaluate import aspect_bins
+    >>> labels, index = aspect_bins(np.arange(0, 91, 3))
+    >>> labels
+    ('0-27', '30-57', '60-90')
+    >>> np.bincount(index)
+    array([10, 10, 11])
     """
     values = np.round(np.asarray(aspects, float), 9)  # 0.1 * 300 is 30, not a bit above it
-    bounds = np.asarray(edges, float)
-    if bounds.ndim != 1 or len(bounds) < 2 or not np.all(np.diff(bounds) > 0.0):
-        raise ValueError(f"edges must be two or more increasing aspects, got {edges!r}.")
-    if not (bounds[0] >= 0.0 and bounds[-1] <= 360.0):
-        raise ValueError(f"edges must lie within 0 and 360 deg, got {edges!r}.")
     if values.ndim != 1 or values.size == 0:
-        raise ValueError(f"aspects must be a non-empty sequence, got shape {values.shape}.")
-    if not np.all((values >= bounds[0]) & (values <= 360.0)):
+        raise ValueError(f"aspects has shape {values.shape}, but must be a non-empty sequence")
+    if not np.all((values >= EDGES[0]) & (values <= 360.0)):
         raise ValueError(
-            f"aspects must lie within {bounds[0]:g} and 360 deg, got {values.min():g} "
-            f"to {values.max():g}."
+            f"aspects has {values.min():g} to {values.max():g}, but must be from {EDGES[0]:g} to "
+            "360 deg"
         )
-    beyond = np.arange(bounds[-1], 360.0, BIN_WIDTH)
-    bins = np.searchsorted(bounds[1:-1], values, side="right")
+    beyond = np.arange(EDGES[-1], 360.0, BIN_WIDTH)
+    bins = np.searchsorted(EDGES[1:-1], values, side="right")
     bins += np.searchsorted(beyond, values, side="left")
     occupied, index = np.unique(bins, return_inverse=True)
     labels = tuple(_span(values[bins == k]) for k in occupied)
@@ -149,60 +188,77 @@ def accuracy_by_aspect(
     aspects: ArrayLike,
     *,
     answered: ArrayLike = True,
-    edges: tuple[float, ...] = EDGES,
-    confidence: float = 0.95,
 ) -> AspectAccuracy:
-    """Fraction of correct answers in each aspect bin and overall.
+    """Return the fraction of correct answers in each aspect bin and overall.
 
     Parameters
     ----------
     correct : (..., ship, aspect) array_like of bool
-        Whether each answer was right, e.g. with leading axes pulse width and frame count.
+        True for correct answers; leading axes may be pulse width and frame count, for example.
     aspects : (aspect,) array_like
         Aspects [deg].
     answered : array_like of bool, default=True
-        Which answers count, broadcast to `correct`; the others, of views that could not be
-        had, are left out.
-    edges : tuple of float
-        See `aspect_bins`.
-    confidence : float, default=0.95
-        See `wilson_interval`.
+        False for answers to leave out, such as those to views that are missing; broadcast to
+        `correct`.
 
     Returns
     -------
     AspectAccuracy
-        With the axes (..., bin), the bin "overall" last.
+        Arrays with the axes (..., bin), the bin "overall" last, and 95 % Wilson intervals.
 
     Raises
     ------
     ValueError
-        When `correct` is not boolean or its last axis does not match the aspects.
+        If `correct` is not boolean or its last axis does not match the aspects.
+
+    See Also
+    --------
+    replicated_accuracy : Accuracy with several answers per view.
+    aspect_bins : The bins.
+    wilson_interval : The confidence interval.
 
     Notes
     -----
-    All ships and aspects of a bin are pooled. "Overall" pools all answers, so that bins weigh
-    by their number of aspects: 10, 10 and 11 of the source's 31.
+    All ships and aspects of a bin are pooled. "Overall" pools all answers, so that bins are
+    weighted by their number of aspects: 10, 10 and 11 of the 31 aspects of the article.
+
+    Examples
+    --------
+    Four ships at 31 aspects, two of them never recognised from 60 degrees on:
+
+    >>> import numpy as np
+    >>> from ncti.evaluate import accuracy_by_aspect
+    >>> correct = np.ones((4, 31), dtype=bool)
+    >>> correct[:2, 20:] = False
+    >>> accuracy = accuracy_by_aspect(correct, np.arange(0, 91, 3))
+    >>> accuracy.labels
+    ('0-27', '30-57', '60-90', 'overall')
+    >>> accuracy.fraction.round(2)
+    array([1.  , 1.  , 0.5 , 0.82])
+    >>> accuracy.ci_low.round(2), accuracy.ci_high.round(2)
+    (array([0.91, 0.91, 0.36, 0.75]), array([1.  , 1.  , 0.64, 0.88]))
     """
-    labels, index = aspect_bins(aspects, edges)
+    labels, index = aspect_bins(aspects)
     right = np.asarray(correct)
     if right.dtype != np.bool_:
-        raise ValueError(f"correct must be boolean, got {right.dtype}.")
+        raise ValueError(f"correct has dtype {right.dtype}, but must be boolean")
     if right.ndim < 2 or right.shape[-1] != len(index):
         raise ValueError(
-            f"correct must have the axes (..., ship, aspect) with {len(index)} aspects, "
-            f"got shape {right.shape}."
+            f"correct has shape {right.shape}, but must have the axes (..., ship, aspect) with "
+            f"{len(index)} aspects"
         )
+    # Counts by bin are products with the membership of aspects in bins; the last bin holds all.
     counted = np.broadcast_to(np.asarray(answered, dtype=bool), right.shape)
     member = np.ones((len(index), len(labels) + 1), dtype=np.intp)
     member[:, :-1] = index[:, None] == np.arange(len(labels))
     hits = (right & counted).sum(axis=-2) @ member
     n = counted.sum(axis=-2) @ member
-    low, high = wilson_interval(hits, n, confidence=confidence)
+    low, high = wilson_interval(hits, n)
     fraction = np.divide(hits, n, out=np.full(hits.shape, np.nan), where=n > 0)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, n)
 
 
 def _span(aspects: Floats) -> str:
-    """ "0-27" for the aspects 0 to 27, "90" for one alone, to a tenth of a degree."""
+    """Return the name of a bin: "0-27" for aspects from 0 to 27, "90" for a single one."""
     low, high = (f"{round(float(end), 1):g}" for end in (aspects.min(), aspects.max()))
     return low if low == high else f"{low}-{high}"

@@ -1,53 +1,72 @@
-"""The range-profile vector: noise floor removed, peak normalised."""
+"""Range-profile vectors: noise floor removed, peak normalised."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
+from ncti.checks import require_all
 
-LARGEST = 1e300  # either way: sums over an edge stay numbers
-EDGE = 0.08  # of the window at each end, for the noise alone
+LARGEST = 1e300  # in magnitude; sums over an edge then stay finite
+EDGE = 0.08  # share of the window, at each end, that no ship reaches
 
 
-def profile_vector(
-    profile: ArrayLike,
-    *,
-    floor: ArrayLike | None = None,
-    edge: float = EDGE,
-) -> NDArray[np.float64]:
-    """Profiles as a classifier takes them.
+def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDArray[np.float64]:
+    """Return range profiles with the noise floor removed and the peak set to 1.
 
     Parameters
     ----------
     profile : (..., bin) array_like
         Range profiles, noise floor included.
     floor : (...) array_like, optional
-        Known noise floor, in the profile's units. Without it, the floor is the mean over both
-        edges of the window.
-    edge : float
-        Share of the bins, at each end of the window, that no ship reaches, in (0, 0.5].
+        Known noise floor, in the units of the profile. By default the mean over the outer 8 % of
+        the bins at both ends of the window, which no ship should reach.
 
     Returns
     -------
     (..., bin) float64 ndarray
-        (profile - floor) / max(profile - floor): the peak is 1. A profile that nowhere rises
-        above its floor becomes zeros. Values below the floor stay negative, so that noise
-        averages out in an inner product.
+        (profile - floor) / max(profile - floor), dimensionless; all zero for a profile that
+        nowhere exceeds its floor. Values below the floor stay negative, so that noise averages out
+        in an inner product.
 
     Raises
     ------
     ValueError
-        If a profile has no bins, a profile or a floor is not finite or beyond 1e300 either way,
-        or the share is out of range.
+        If a profile has no bins, or a profile or floor is not finite or exceeds 1e300 in magnitude.
+
+    See Also
+    --------
+    ncti.ladar.expected_profile : Expected range profile.
+    ncti.ladar.cumulative_average : Averages of frames.
+    ncti.classify.AdaptiveClusteringNetwork : Classifier of such vectors.
 
     Notes
     -----
-    Article, 'Classification Results Using Synthetic Range Profiles', normalises to the peak
-    and says nothing of the floor. Left in, a floor of thousands of IFOVs makes all profiles
-    alike; the median over bins is no estimate of it, since a ship seen from the bow fills most
-    of the window.
+    The article normalises profiles to the peak and does not mention the floor [1]_. If it is left
+    in, the floor of thousands of IFOVs makes all profiles alike. The median over bins is no
+    estimate of it, since a ship seen from the bow fills most of the window.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, section "Classification Results Using Synthetic Range Profiles".
+
+    Examples
+    --------
+    Two peaks of 8 and 4 on a floor of 4,000. With the floor left in, the weaker peak would be at
+    0.999 and everything else at 0.998:
+
+    >>> import numpy as np
+    >>> from ncti.features import profile_vector
+    >>> profile = np.full(25, 4000.0)
+    >>> profile[[10, 14]] += 8.0, 4.0
+    >>> profile_vector(profile)[9:16]
+    array([0. , 1. , 0. , 0. , 0. , 0.5, 0. ])
+
+    A different gain and floor leave the vector as it is:
+
+    >>> np.allclose(profile_vector(3.0 * profile + 100.0), profile_vector(profile))
+    True
     """
     values = np.asarray(profile, dtype=np.float64)
     if not np.isfinite(values).all():
@@ -57,39 +76,45 @@ def profile_vector(
     if values.ndim == 0 or values.shape[-1] == 0:
         raise ValueError(f"profile has shape {values.shape}, but must have bins")
     if floor is None:
-        level = estimated_floor(values, edge=edge)
+        level = estimated_floor(values)
     else:
         level = require_all("floor", floor, **moderate)[..., None]
     above = values - level
     peak = above.max(axis=-1, keepdims=True)
-    # Rounding leaves a flat profile a few ulp above its own floor: that is no peak.
+    # Rounding may leave a flat profile a few ulp above its own floor, which is not a peak.
     flat = peak <= 1e-12 * np.abs(values).max(axis=-1, keepdims=True)
     return np.where(flat, 0.0, above / np.where(flat, 1.0, peak))
 
 
-def estimated_floor(profile: ArrayLike, *, edge: float = EDGE) -> NDArray[np.float64]:
-    """Noise floor of profiles, the mean over both edges of the window.
+def estimated_floor(profile: ArrayLike) -> NDArray[np.float64]:
+    """Return the noise floor of profiles, the mean over both edges of the window.
 
     Parameters
     ----------
     profile : (..., bin) array_like
         Range profiles.
-    edge : float
-        As for `profile_vector`.
 
     Returns
     -------
     (..., 1) float64 ndarray
-        In the profile's units.
+        Floor, in the units of the profile.
 
-    Raises
-    ------
-    ValueError
-        If the share is out of range.
+    See Also
+    --------
+    profile_vector : Profile with this floor removed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.features.profile import estimated_floor
+    >>> profile = np.full((2, 25), [[3.0], [40.0]])
+    >>> profile[:, 10:14] += 8.0
+    >>> estimated_floor(profile)
+    array([[ 3.],
+           [40.]])
     """
-    require("edge", edge, positive=True, maximum=0.5)
     values = np.asarray(profile, dtype=np.float64)
-    count = max(1, round(edge * values.shape[-1]))
+    count = max(1, round(EDGE * values.shape[-1]))
     outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
     level: NDArray[np.float64] = outer.mean(axis=-1, keepdims=True)
     return level

@@ -1,4 +1,4 @@
-"""Range extent: how much of each IFOV the ship fills, bin by range bin."""
+"""Range extent: the fraction of each IFOV that the ship fills, by range bin."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_each
+from ncti.ladar.pixels import bin_boxes, boxes, places, tile
 from ncti.ladar.pulse import target_response
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
@@ -16,41 +17,64 @@ from ncti.render.view import View
 
 Floats = NDArray[np.float64]
 
-REFERENCE_BIN = 1.0  # m; the bin of the article, in which its beta-hat is stated
-ERROR = 0.75  # of the difference of odd and even lines; see `RangeExtent.error`
-FARTHEST = 1e15  # m; the squares of longer slant ranges would leave float64
-MOST_BINS = 2**22  # of a range window: 4 km in bins of 1 mm
-MOST_SHIFT = 1e6  # IFOVs; places in them are then known to 1e-10
-_POINT = 1e-3  # bins; a narrower spread is a point
-_ROUNDING = 1e-8  # of a pixel; slopes of 1/_POINT over hundreds of bins leave some 1e-9
+REFERENCE_BIN = 1.0  # m; the range bin for which the article states its beta-hat
+ERROR = 0.75  # error over the difference of odd and even lines; see `RangeExtent.error_after`
+FARTHEST = 1e15  # m; the square of a longer slant range would leave float64
+MOST_BINS = 2**22  # range bins of a window: 4 km in bins of 1 mm
+MOST_SHIFT = 1e6  # IFOVs; positions within an IFOV then keep a precision of 1e-10
 
 
 @dataclass(frozen=True, eq=False)
 class RangeExtent:
-    """Range-extent fractions of the IFOVs that see the ship.
+    """Range-extent fractions of the IFOVs that see the ship, as returned by `range_extent`.
 
     Attributes
     ----------
     fraction : (ifov, bin) float64 ndarray
-        Visible projected area in each range bin over the area of the IFOV; a row sums to at
+        Visible projected area in each range bin over the area of the IFOV. A row sums to at
         most 1, up to the sampling error of the image.
     down_range : (bin,) float64 ndarray
-        Centres of the range bins [m], 0 at the ship origin.
+        Centres of the range bins [m], 0 at the ship origin, increasing away from the sensor.
     bin_width : float
         Width of a range bin [m].
     cell : (ifov, 2) int64 ndarray
-        Column and row of each IFOV; the corner of column 0 and row 0 lies `shift` to the left of
-        and below the ship origin.
+        Column and row of each IFOV; the lower left corner of cell (0, 0) lies `shift` to the left
+        of and below the ship origin.
     ifov : float
         Side of an IFOV [rad].
     slant_range : float
-        Sensor to ship origin [m].
+        Distance from sensor to ship origin [m].
     difference : (bin,) float64 ndarray or None
-        What odd and even lines of a line image disagree in: the fractions of all IFOVs by the
-        ones less those by the others, which together are the sum of `fraction`. None of a range
-        image.
+        Fractions from even lines less those from odd lines, summed over IFOVs; the two add up to
+        the sum of `fraction`. None if made from a range image.
     shift : (float, float)
-        Where the ship origin lies, right and up from the corner of column 0 and row 0 [IFOV].
+        Position of the ship origin, right and up from the lower left corner of cell (0, 0) [IFOV].
+
+    See Also
+    --------
+    range_extent : The function that makes it.
+    expected_profile : Closed-form profile of an extent.
+    sample_frames : Random frames of an extent.
+
+    Examples
+    --------
+    A plate of 30 m x 30 m, 2 m in front of the origin, fills four IFOVs of 15 m at 100 km. All of
+    its area is in the bin from -2 m to -1 m:
+
+    >>> import trimesh
+    >>> from ncti.ladar import range_extent
+    >>> from ncti.render import line_image
+    >>> plate = trimesh.creation.box(extents=(4.0, 30.0, 30.0))
+    >>> lines = line_image(plate, aspect=0, depression=0, spacing=0.5)
+    >>> extent = range_extent(lines, slant_range=100e3)
+    >>> extent.cell.tolist()
+    [[-1, -1], [0, -1], [-1, 0], [0, 0]]
+    >>> extent.fraction.sum(axis=1).round(2)
+    array([1., 1., 1., 1.])
+    >>> extent.down_range[extent.fraction.any(axis=0)]
+    array([-1.5])
+    >>> extent.error < 0.001
+    True
     """
 
     fraction: NDArray[np.float64]
@@ -64,11 +88,11 @@ class RangeExtent:
 
     @property
     def error(self) -> float:
-        """Estimated error of the ship's range extent, sum |p - q| / sum q; NaN of an image."""
+        """Estimated error sum |p - q| / sum q of the summed extent; NaN for a range image."""
         return self.error_after(0.0)
 
     def error_after(self, pulse_width: float) -> float:
-        """Return the estimated error of the ship's range extent after a pulse.
+        """Return the estimated error of the summed range extent after convolution with a pulse.
 
         Parameters
         ----------
@@ -78,15 +102,16 @@ class RangeExtent:
         Returns
         -------
         float
-            Estimate of sum |p - q| / sum q, p the extent after the pulse and q the exact one; NaN
-            of an image, which does not know its error, and where nothing is seen.
+            Estimate of sum |p - q| / sum q, p the extent summed over IFOVs and convolved with the
+            power response of the pulse, q the exact one. NaN for a range image, which has no
+            error estimate, and if nothing is visible.
 
         Notes
         -----
-        Odd and even lines are two estimates of equal spacing. Half their difference overrates the
-        error of both together: of three ships, by lines of 1 to 1/8 m, with and without a pulse,
-        95 % of the errors were below 0.4 to 0.73 of it. `ERROR` is 0.75, so that the estimate is
-        a bound for nearly all views, and twice the error of most.
+        Odd and even lines are two estimates of equal spacing. Their difference overestimates the
+        error of both together: for three ships, lines 1 m to 1/8 m apart, with and without a
+        pulse, 95 % of the errors were below 0.4 to 0.73 of it. With `ERROR` = 0.75 the estimate
+        is a bound for nearly all views, and twice the error of most.
         """
         if self.difference is None:
             return math.nan
@@ -98,18 +123,19 @@ class RangeExtent:
     def density(self) -> NDArray[np.float64]:
         """(ifov, bin) float64 ndarray: beta-hat, the fraction per metre of range times 1 m.
 
-        The article states it at its 1 m bins; as a density the profile is free of the bin.
+        The article states it for bins of 1 m; as a density it does not depend on the bin width.
         """
         return self.fraction * (REFERENCE_BIN / self.bin_width)
 
     def mirrored(self) -> RangeExtent:
-        """The extent of the same ship with port and starboard swapped, seen from the other side.
+        """Return the extent of the mirrored ship at the mirrored aspect, as a `RangeExtent`.
 
-        IFOVs are mirrored, too: the ship origin then lies as far to the left as it did right.
+        The IFOV grid is mirrored too: the ship origin lies as far to the left as it did to the
+        right.
         """
         right, up = self.shift
         cell = np.stack([-1 - self.cell[:, 0], self.cell[:, 1]], axis=1)
-        order = np.lexsort(cell.T)  # by rows, as of `range_extent`: noise is drawn in that order
+        order = np.lexsort(cell.T)  # rows first, as in `range_extent`: noise is drawn in this order
         return replace(
             self, fraction=self.fraction[order], cell=cell[order], shift=(0.0 - right, up)
         )
@@ -118,7 +144,7 @@ class RangeExtent:
 def estimated_error(
     difference: Floats, whole: Floats, pulse_width: float, *, bin_width: float
 ) -> float:
-    """Return the estimated sum |p - q| / sum q from (bin,) sums; see `RangeExtent.error_after`."""
+    """Return the estimated sum |p - q| / sum q of (bin,) sums; see `RangeExtent.error_after`."""
     if pulse_width > 0.0:
         response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
         difference, whole = np.convolve(difference, response), np.convolve(whole, response)
@@ -137,29 +163,29 @@ def range_extent(
     reflectance: str = "projected_area",
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> RangeExtent:
-    """Range-extent fractions of every IFOV on the ship.
+    """Return the fraction of each IFOV that the ship fills in each range bin.
 
     Parameters
     ----------
     image : RangeImage or LineImage
         Finely resolved range image, or the visible pieces along lines.
     slant_range : float
-        Sensor to ship origin [m]. An image of the far field gets the wavefront curvature of
-        this range; one made at a finite range must have been made at this one.
+        Distance from sensor to ship origin [m]. A far-field image is corrected for the wavefront
+        curvature at this range; an image made at a finite range must have been made at this one.
     ifov : float
         Side of the square instantaneous field of view [rad].
     bin_width : float
-        Range bin [m].
+        Width of a range bin [m].
     window : float
         Length of the range window [m], centred on the ship origin.
     spread : float
-        Share of a pixel's own range extent, p (|dr/dx| + |dr/dy|), over which its area is
-        spread; 0 is point sampling. Lines are exact and need none.
+        Share of the range extent of a pixel, p (|dr/dx| + |dr/dy|), over which its area is
+        spread; 0 is point sampling. Lines are exact and ignore it.
     reflectance : str
-        `projected_area`: the return follows the visible projected area, as in the article.
-        `lambertian`: times the cosine of incidence, 1 / sqrt(1 + |grad r|^2).
+        `projected_area`: the return is proportional to the visible projected area, as in the
+        article. `lambertian`: times the cosine of incidence, 1 / sqrt(1 + |grad r|^2).
     shift : (float, float)
-        Where the ship origin lies in an IFOV, right and up from its corner [IFOV].
+        Position of the ship origin in an IFOV, right and up from its lower left corner [IFOV].
 
     Returns
     -------
@@ -172,20 +198,49 @@ def range_extent(
         If a parameter is out of range, the image was made at another slant range, or the ship
         reaches the sensor or does not fit into the window.
 
+    See Also
+    --------
+    ncti.render.line_image : Visible pieces along lines; the exact and faster input.
+    ncti.render.range_image : Rendered range image.
+    lines_within : Line image of a given accuracy.
+    expected_profile : Range profile of the extent.
+
     Notes
     -----
-    Article, Appendix 1 (beta-hat) and 'Laser Radar Range Signatures'. IFOVs tile the view, by
-    default with a corner on the line of sight through the ship origin, the centre of the 2 x 2
-    detector. A shift moves what each IFOV holds, not their sum; by a whole IFOV it only changes
-    the numbers of cells.
+    The fraction is the article's beta-hat [1]_. IFOVs tile the view, by default with a corner on
+    the line of sight through the ship origin, the centre of the 2 x 2 detector. A shift changes
+    the share of each IFOV, not their sum; a shift by a whole IFOV only renumbers the cells.
 
-    A pixel of a grazing deck spans metres of range, so that point sampling puts the deck into
-    a comb of bins (the three spikes of the article's Figure 16). Here each pixel is a uniform
-    box in range. Half of the pixel's full extent is used: the pixels of a rolled lattice
-    interleave in range, and a wider box leaks past the ends of a deck.
+    A pixel on a deck at grazing incidence spans metres of range, so point sampling puts the deck
+    into a comb of bins (the three spikes of Figure 16 of [1]_). Here each pixel is a uniform box
+    in range. Half of its full extent is used, because the pixels of a rolled lattice interleave
+    in range, and a wider box leaks past the ends of a deck.
 
-    Boxes are binned exactly at a cost free of their width: the cumulative area at a bin edge is
-    a sum of clipped ramps, each of which starts and stops a slope (two sums over each IFOV).
+    Boxes are binned exactly, at a cost that does not depend on their width: the cumulative area
+    at a bin edge is a sum of clipped ramps, each of which starts and stops a slope (two cumulative
+    sums over each IFOV).
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Appendix 1, section "Laser Radar Range Signatures" and Figure 16.
+
+    Examples
+    --------
+    A deck of 40 m x 10 m, 10 m high, seen 30 degrees from above. Its projected area is that of
+    the deck, times sin 30, and of the near face, times cos 30, over 225 m^2 for each IFOV:
+
+    >>> import math
+    >>> import trimesh
+    >>> from ncti.ladar import range_extent
+    >>> from ncti.render import line_image
+    >>> block = trimesh.creation.box(extents=(40.0, 10.0, 10.0))
+    >>> lines = line_image(block, aspect=0, depression=30, spacing=0.25)
+    >>> extent = range_extent(lines, slant_range=100e3)
+    >>> print(f"{extent.fraction.sum():.3f}")
+    1.274
+    >>> print(f"{(40 * 10 * math.sin(math.pi / 6) + 10 * 10 * math.cos(math.pi / 6)) / 225:.3f}")
+    1.274
     """
     require("slant_range", slant_range, positive=True, maximum=FARTHEST)
     require("ifov", ifov, positive=True, maximum=1.0)
@@ -214,10 +269,12 @@ def range_extent(
             f"ifov is {ifov!r} rad, but must be at least {image.resolution / slant_range:.3g} rad, "
             f"the {image.resolution:g} m resolution of the range image at {slant_range:g} m"
         )
+
     bin_count = max(1, round(window / bin_width))
     half_window = bin_count * bin_width / 2
     lambertian = reflectance == "lambertian"
     difference = None
+    # Pieces of lines are integrated exactly, even and odd lines apart for the error estimate.
     if isinstance(image, LineImage):
         parts = image.bin(
             side=side,
@@ -234,13 +291,14 @@ def range_extent(
         cell = parts.cell
         even, odd = parts.area[:, 0] / side**2, parts.area[:, 1] / side**2
         fraction, difference = even + odd, (even - odd).sum(axis=0)
+    # Pixels are spread over boxes in range, sorted into IFOVs and binned.
     else:
         _check_clear(image, image.down_range[image.hit], slant_range)
-        r, horizontal, vertical = _places(image, slant_range)
+        r, horizontal, vertical = places(image, slant_range)
         _check_reach(float(np.abs(r).max(initial=0.0)), half_window)
-        area, half_width = _boxes(image, side=side, spread=spread, lambertian=lambertian)
-        cell, index = _tile(horizontal / side + right, vertical / side + up)
-        fraction = _bin_boxes(
+        area, half_width = boxes(image, side=side, spread=spread, lambertian=lambertian)
+        cell, index = tile(horizontal / side + right, vertical / side + up)
+        fraction = bin_boxes(
             index,
             (r - half_width + half_window) / bin_width,
             (r + half_width + half_window) / bin_width,
@@ -261,93 +319,16 @@ def range_extent(
 
 
 def _check_clear(image: RangeImage | LineImage, seen: Floats, slant_range: float) -> None:
-    """Refuse a ship that reaches the sensor, though seen from the far field."""
+    """Raise `ValueError` if the ship of a far-field image would reach the sensor."""
     if image.slant_range is None:
         view = View(image.aspect, image.depression, slant_range=slant_range)
         view.check_clear(float(seen.min(initial=0.0)))
 
 
 def _check_reach(reach: float, half_window: float) -> None:
-    """Refuse a window that the ship leaves."""
+    """Raise `ValueError` if the ship does not fit into the window."""
     if reach > half_window:
         raise ValueError(
             f"window is {2 * half_window:g} m, but must be at least {2 * reach:.1f} m to hold "
             "this ship"
         )
-
-
-def _places(image: RangeImage, slant_range: float) -> tuple[Floats, Floats, Floats]:
-    """Down-range, horizontal and vertical cross-range [m] of the pixels that see the ship."""
-    hit = np.nonzero(image.hit)
-    r = image.down_range[hit]
-    horizontal, vertical = image.cross_range_at(*hit)
-    if image.slant_range is None:
-        r = r + _sagitta(r, horizontal**2 + vertical**2, slant_range)
-    return r, horizontal, vertical
-
-
-def _boxes(
-    image: RangeImage, *, side: float, spread: float, lambertian: bool
-) -> tuple[Floats, Floats]:
-    """Share of an IFOV, and half the range [m] over which it is spread, of pixels on the ship."""
-    slope = image.gradient[np.nonzero(image.hit)].astype(np.float64)
-    area = np.full(len(slope), (image.pixel / side) ** 2)
-    if lambertian:
-        area /= np.sqrt(1 + slope[:, 0] ** 2 + slope[:, 1] ** 2)
-    return area, spread * image.pixel * (np.abs(slope[:, 0]) + np.abs(slope[:, 1])) / 2
-
-
-def _sagitta(
-    r: NDArray[np.float64], cross_range_squared: NDArray[np.float64], slant_range: float
-) -> NDArray[np.float64]:
-    """Wavefront curvature sqrt((R0 + r)^2 + s^2) - (R0 + r) [m], free of cancellation."""
-    along = slant_range + r
-    return cross_range_squared / (along + np.sqrt(along**2 + cross_range_squared))
-
-
-def _tile(
-    horizontal: NDArray[np.float64], vertical: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
-    """Occupied unit cells of the view (cell, 2), and the cell of each point (point,)."""
-    column = np.floor(horizontal).astype(np.int64)
-    row = np.floor(vertical).astype(np.int64)
-    # From the ship's own first cell: it may be far from the line of sight through the origin.
-    left, bottom = (int(some.min()) if some.size else 0 for some in (column, row))
-    columns = int(column.max()) - left + 1 if column.size else 1
-    flat = (row - bottom) * columns + (column - left)
-    seen = np.bincount(flat) > 0  # a few hundred cells: far quicker than sorting the pixels
-    occupied = np.flatnonzero(seen)
-    cell = np.stack([occupied % columns + left, occupied // columns + bottom], axis=1)
-    return cell, (np.cumsum(seen) - 1)[flat]
-
-
-def _bin_boxes(
-    group: NDArray[np.intp],
-    start: NDArray[np.float64],
-    stop: NDArray[np.float64],
-    area: NDArray[np.float64],
-    *,
-    group_count: int,
-    bin_count: int,
-) -> NDArray[np.float64]:
-    """Area of uniform boxes [start, stop] in every (group, bin), bins of unit width from 0."""
-    # A box narrower than a point gets a point's width about its centre; one that pokes out of
-    # the window is cut there, its area kept.
-    short = np.maximum(_POINT - (stop - start), 0.0) / 2
-    start = np.clip(start - short, 0.0, bin_count - _POINT)
-    stop = np.clip(stop + short, start + _POINT, bin_count)
-    rate = area / (stop - start)
-    # cumulative(edge) = sum of rate * (edge - start) over ramps begun, less those ended.
-    edges = bin_count + 1
-    begun = group * edges + np.ceil(start).astype(np.int64)
-    ended = group * edges + np.ceil(stop).astype(np.int64)
-    at = np.concatenate([begun, ended])
-    rates = np.concatenate([rate, -rate])
-    offsets = rates * np.concatenate([start, stop])
-    size = group_count * edges
-    slopes = np.bincount(at, rates, size).reshape(group_count, edges).cumsum(axis=1)
-    shifts = np.bincount(at, offsets, size).reshape(group_count, edges).cumsum(axis=1)
-    binned = np.diff(slopes * np.arange(edges) - shifts, axis=1)
-    # Where ramps cancel they leave rounding, which must not pass for an occupied bin.
-    binned[binned < _ROUNDING * area.max(initial=0.0)] = 0.0
-    return binned

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache, partial
 from itertools import chain, islice
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,30 +13,17 @@ from numpy.typing import NDArray
 from ncti.checks import require, require_generator
 from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import RangeExtent
+from ncti.ladar.fields import ROWS_AT_ONCE, Noise, Speckle, Waveforms
 from ncti.ladar.moments import magnitude_covariance
-from ncti.ladar.pulse import (
-    low_rank_factor,
-    noise_by_lag,
-    noise_covariance,
-    noise_factor,
-    noise_floor,
-    target_kernel,
-)
+from ncti.ladar.pulse import low_rank_factor, noise_covariance, noise_floor
 from ncti.ladar.receivers import FALSE_ALARM, detect
 
-# From so many target-free IFOVs on, their sum is drawn as one Gaussian process: the sum of
-# 100 Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
+# Number of target-free IFOVs from which their sum is drawn as one Gaussian process: the sum of 100
+# Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
 FRAMES_AT_ONCE = 32
-# The last bit of a matrix product depends on how many rows it has, and a frame must not depend on
-# how many follow it: target-free sums are products of so many frames, drawn or not. The arrays of
-# so many frames and IFOVs stay in a core's own cache.
-ROWS_AT_ONCE, IFOVS_AT_ONCE = 8, 32
-MOST_DRAWN = 2**17  # target-free IFOVs drawn one by one: normals of one frame then have 0.2 GB
-NORMALS_AT_ONCE = 4_000_000  # 16 MB, for fewer frames at once when there are many IFOVs
-# Share of the noise's deviation below which the target's field is not computed: a sixtieth of the
-# rounding of float32.
-UNFELT = 1e-9
+MOST_DRAWN = 2**17  # target-free IFOVs drawn one by one; the normals of one frame then take 0.2 GB
+NORMALS_AT_ONCE = 4_000_000  # 16 MB; with many IFOVs fewer frames are drawn at once
 
 
 def sample_frames(
@@ -51,7 +37,7 @@ def sample_frames(
     receiver: str = "full_profile",
     false_alarm: float = FALSE_ALARM,
 ) -> NDArray[np.float64]:
-    """Random frames: sums over IFOVs of the detector output, noise floor included.
+    """Draw random frames with speckle and shot noise.
 
     Parameters
     ----------
@@ -60,41 +46,77 @@ def sample_frames(
     pulse_width : float
         1/e^2 pulse width [s].
     cnr : float
-        Carrier-to-noise power ratio (not decibels) of a filled IFOV at this range.
+        Carrier-to-noise ratio of a filled IFOV at this range, as a power ratio, not in decibels.
     frame_count : int
         Number of independent frames.
     rng : numpy.random.Generator
-        Source of every random number.
+        Source of all random numbers.
     target_free_ifovs : int
-        How many IFOVs without target each frame accumulates besides.
-    receiver, false_alarm
-        As in `ncti.ladar.receivers.detect`.
+        Number of IFOVs without target that are added to each frame.
+    receiver : str
+        `full_profile`, `first_pulse` or `peak_pulse`.
+    false_alarm : float
+        Probability that noise alone triggers the `first_pulse` receiver in one bin, in (0, 1).
 
     Returns
     -------
     (frame, bin) float64 ndarray
-        Amplitude, in the article's units (one target-free IFOV gives `noise_floor()`).
+        Detector output summed over IFOVs, noise floor included, in units in which one target-free
+        IFOV gives `noise_floor()` on average.
 
     Raises
     ------
     ValueError
         If a parameter is out of range.
 
+    See Also
+    --------
+    expected_profile : Mean of the frames in closed form.
+    frame_moments : Mean and covariance of the frames in closed form.
+    cumulative_average : Averages over the first frames.
+    frame_blocks : The same frames a block at a time.
+
     Notes
     -----
-    Article, Appendix 1, Equations A and B. Speckle and noise have unit variance in each
-    quadrature (<|w|^2> = 2), as Equation C takes it; the printed <w w*> = 1 would leave the
-    mean sqrt(2) below. Both are independent from IFOV to IFOV and frame to frame.
+    Equations A and B of [1]_. Speckle and noise have unit variance in each quadrature
+    (<|w|^2> = 2), as Equation C requires; with the printed <w w*> = 1 the mean would be lower by
+    sqrt(2). Both are independent between IFOVs and between frames.
 
-    What a frame does not need is not drawn: speckle only on occupied bins, noise only in the
-    band that the filter passes, and the full-profile sum of `target_free_ifovs` IFOVs, from
-    GAUSSIAN_FROM on, as one Gaussian process with their exact mean and covariance.
-
-    Nor is a product computed twice: filtered noise is even or odd about the window's middle (see
-    `_Noise`), and the target reaches some pulse lengths only.
+    Only what a frame needs is drawn: speckle on occupied bins, noise in the band that the filter
+    passes and, from GAUSSIAN_FROM target-free IFOVs on, their full-profile sum as one Gaussian
+    process with the exact mean and covariance. The filtered noise is even or odd about the middle
+    of the window (see `ncti.ladar.fields.Noise`), which halves the products, and the target is
+    added only within the reach of the pulse.
 
     Fewer frames from an equal generator are the first of more, bit for bit: normals are drawn
-    frame by frame, and no product of matrices has more rows, or fewer, for another number.
+    frame by frame, and the number of rows of a matrix product does not depend on the number of
+    frames.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Appendix 1, Equations A and B.
+
+    Examples
+    --------
+    A plate that fills four IFOVs. Each is fully developed speckle with a contrast of
+    sqrt(4/pi - 1) = 0.52, so the peak of a frame fluctuates by half of that, 26 %, about the
+    expected profile:
+
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.ladar import expected_profile, range_extent, sample_frames
+    >>> from ncti.render import line_image
+    >>> plate = trimesh.creation.box(extents=(4.0, 30.0, 30.0))
+    >>> lines = line_image(plate, aspect=0, depression=0, spacing=0.5)
+    >>> extent = range_extent(lines, slant_range=100e3)
+    >>> laser = {"pulse_width": 30e-9, "cnr": 10**3.2}
+    >>> frames = sample_frames(extent, **laser, frame_count=1024, rng=np.random.default_rng(0))
+    >>> peak = expected_profile(extent, **laser).argmax()
+    >>> print(f"{frames[:, peak].std() / frames[:, peak].mean():.2f}")
+    0.26
+    >>> print(f"{frames[:, peak].mean() / expected_profile(extent, **laser)[peak]:.2f}")
+    1.01
     """
     blocks = frame_blocks(
         extent,
@@ -125,23 +147,47 @@ def frame_blocks(
     receiver: str = "full_profile",
     false_alarm: float = FALSE_ALARM,
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield the frames of `sample_frames` a block at a time, in memory that their number is not in.
+    """Yield the frames of `sample_frames` a block at a time, in the memory of one block.
 
     Parameters
     ----------
     extent, pulse_width, cnr, frame_count, rng, target_free_ifovs, receiver, false_alarm
-        As for `sample_frames`.
+        See `sample_frames`.
 
     Yields
     ------
     (frame, bin) float64 ndarray
-        The next frames, at most `FRAMES_AT_ONCE`; those of all blocks in turn are the rows of
-        `sample_frames` for an equal generator, bit for bit. Each block is an array of its own.
+        The next frames, at most `FRAMES_AT_ONCE`. Together the blocks are the rows of
+        `sample_frames` for an equal generator, bit for bit. Blocks do not share memory.
 
     Raises
     ------
     ValueError
-        If a parameter is out of range: at the call, before the first block is asked for.
+        If a parameter is out of range; raised by the call, before the first block.
+
+    See Also
+    --------
+    sample_frames : All frames in one array.
+    cumulative_average : Averages over the first frames, which takes blocks.
+
+    Examples
+    --------
+    A thousand frames of noise alone, from 20 IFOVs, in blocks of 32. Their mean is the noise floor
+    of the 20 IFOVs:
+
+    >>> import numpy as np
+    >>> from ncti.ladar import RangeExtent, cumulative_average, frame_blocks, noise_floor
+    >>> empty = RangeExtent(
+    ...     fraction=np.zeros((0, 250)), down_range=np.arange(250) - 124.5, bin_width=1.0,
+    ...     cell=np.zeros((0, 2), dtype=np.int64), ifov=150e-6, slant_range=100e3,
+    ... )
+    >>> blocks = frame_blocks(
+    ...     empty, pulse_width=30e-9, cnr=10**3.2, frame_count=1000,
+    ...     rng=np.random.default_rng(0), target_free_ifovs=20,
+    ... )
+    >>> (average,) = cumulative_average(blocks, [1000])
+    >>> print(f"{average.mean() / (20 * noise_floor()):.2f}")
+    1.00
     """
     require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
     require("frame_count", frame_count, minimum=1, whole=True)
@@ -156,35 +202,38 @@ def frame_blocks(
             f"target_free_ifovs is {target_free_ifovs}, but must be at most {MOST_DRAWN} for the "
             f"receiver {receiver}, which sees each of them"
         )
-    # numba takes long to import
+    # Imported here because numba is slow to import.
     from ncti.ladar.waveforms import add_in_turn
     from ncti.normals import draw_normals
 
-    noise = _Noise.of(**pulse, bin_count=bins)
+    noise = Noise.of(**pulse, bin_count=bins)
     floor = np.zeros((0, bins), dtype=np.float32)
     if as_sum:
         floor = _floor_factor(**pulse, bin_count=bins)
     alone = 0 if as_sum else target_free_ifovs
-    speckle = _Speckle.of(extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=alone)
+    speckle = Speckle.of(extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=alone)
     detected = partial(detect, receiver=receiver, false_alarm=false_alarm)
-    detected(floor)  # its checks
+    detected(floor)  # checks its parameters
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
     per_frame = len(floor) + 2 * (int(speckle.first[-1]) + (len(speckle.first) - 1) * noise.rank)
     at_once = min(FRAMES_AT_ONCE, frame_count, max(1, NORMALS_AT_ONCE // max(1, per_frame)))
 
     def blocks() -> Iterator[NDArray[np.float64]]:
+        """Yield the blocks, from normals and waveforms in memory that is reused."""
         rows = -(-at_once // ROWS_AT_ONCE) * ROWS_AT_ONCE
         normals = np.zeros((rows, per_frame), dtype=np.float32)
-        waveforms = _Waveforms(noise, speckle, begin=len(floor), frames=at_once)
+        waveforms = Waveforms(noise, speckle, begin=len(floor), frames=at_once)
         for first in range(0, frame_count, at_once):
             count = min(at_once, frame_count - first)
             draw_normals(rng, normals[:count])
+            # The target-free IFOVs, as one Gaussian process.
             block = np.full((count, bins), level)
             if as_sum:
-                # What is left in the rows that are not drawn changes no other row.
+                # Rows that are not drawn keep old values, which do not affect the other rows.
                 padded = normals[: -(-count // ROWS_AT_ONCE) * ROWS_AT_ONCE, : len(floor)]
                 sums = padded.reshape(-1, ROWS_AT_ONCE, len(floor)) @ floor
                 block += math.sqrt(target_free_ifovs) * sums.reshape(-1, bins)[:count]
+            # The other IFOVs, one by one: waveform, receiver, sum.
             for part in range(0, count, ROWS_AT_ONCE):
                 some = slice(part, min(part + ROWS_AT_ONCE, count))
                 for amplitude in waveforms.of(normals[some]):
@@ -197,30 +246,57 @@ def frame_blocks(
 def cumulative_average(
     frames: NDArray[np.floating] | Iterable[NDArray[np.floating]], frame_counts: Sequence[int]
 ) -> NDArray[np.float64]:
-    """Averages over the first frames of a run, for several lengths of the run.
+    """Return averages over the first frames, for several numbers of frames.
 
     Parameters
     ----------
     frames : (frame, bin) ndarray, or iterable of such
-        Frames in the order they were taken, whole or in blocks as from `frame_blocks`. Of blocks
-        no more are taken than the longest average needs, and one is kept at a time.
+        Frames in the order they were taken, in one array or in blocks, as from `frame_blocks`.
+        Blocks are consumed one at a time and only as far as the longest average needs.
     frame_counts : sequence of int
-        How many frames each average takes, from 1 to all.
+        Number of frames in each average, from 1 to all.
 
     Returns
     -------
     (frame_count, bin) float64 ndarray
-        Prefix averages: those of 4, 8, 16 and 32 frames share their first four.
+        Averages, in the order of `frame_counts`: those of 4, 8, 16 and 32 frames share the first
+        four frames.
 
     Raises
     ------
     ValueError
         If a count is below 1 or above the number of frames, or there is no count.
 
+    See Also
+    --------
+    sample_frames : Random frames.
+    ncti.features.profile_vector : Profile vector of an average.
+
     Notes
     -----
-    Article, 'Laser Radar Range Signatures' and Figure 5 (cumulative averaging). Frames are added
-    one after the other in float64, so that no average depends on the blocks, nor on the others.
+    The cumulative averaging of [1]_. Frames are added one after the other in float64, so that an
+    average depends neither on the blocks nor on the other averages.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, section "Laser Radar Range Signatures" and Figure 5.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.ladar import cumulative_average
+    >>> frames = np.array([[1.0, 4.0], [3.0, 4.0], [5.0, 1.0]])
+    >>> cumulative_average(frames, [1, 2, 3])
+    array([[1., 4.],
+           [2., 4.],
+           [3., 3.]])
+
+    The standard error falls as the inverse root of the number of frames:
+
+    >>> noise = np.random.default_rng(0).normal(size=(256, 10_000))
+    >>> cumulative_average(noise, [1, 16, 256]).std(axis=1).round(2)
+    array([1.  , 0.25, 0.06])
     """
     if not len(frame_counts):
         raise ValueError("frame_counts is empty, but must hold at least one number")
@@ -240,143 +316,8 @@ def cumulative_average(
     return np.stack([averages[int(count)] for count in frame_counts])
 
 
-class _Speckle(NamedTuple):
-    """What the target adds to the fields of IFOVs, those without a target last."""
-
-    first: NDArray[np.int64]  # (ifov + 1,) where each IFOV begins in the next three
-    occupied: NDArray[np.int64]  # (place,) bins
-    amplitude: NDArray[np.float32]
-    reach: NDArray[np.int64]  # so many bins feel a scatterer on each side, its own included
-    response: NDArray[np.float32]  # (2 bin - 1,) by lag, from the farthest bin below on
-
-    @classmethod
-    def of(
-        cls, extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int = 0
-    ) -> _Speckle:
-        """Return that of a view, each bin's out to where it is lost in the noise's rounding."""
-        pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
-        bins = extent.down_range.size
-        response = _response(**pulse, bin_count=bins)
-        density = extent.density
-        (occupied,) = density.reshape(-1).nonzero()
-        amplitude = np.sqrt(cnr * density.take(occupied)).astype(np.float32)
-        felt = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
-        # The response falls with the lag: how many lags are above what each bin asks.
-        with np.errstate(divide="ignore"):
-            lost = felt / amplitude
-        reach = bins - response[:bins].searchsorted(lost, side="right")
-        ifovs = len(density)
-        first = np.searchsorted(occupied, bins * np.arange(ifovs + 1 + target_free_ifovs))
-        return cls(first, occupied % bins, amplitude, reach, response)
-
-
-@lru_cache(maxsize=32)
-def _response(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
-    """Return `target_kernel` by lag, from the farthest bin below on, without its farthest tails."""
-    kernel = target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    by_lag = np.concatenate([kernel[0, :0:-1], kernel[0]])
-    # Numbers below the least normal float32 are a hundred times slower to multiply.
-    return np.where(by_lag > 1e-20, by_lag, 0.0).astype(np.float32)
-
-
-class _Noise(NamedTuple):
-    """`noise_factor` in halves: its rows are even and odd in turn about the window's middle.
-
-    The covariance is symmetric about it, and strictly totally positive as every Gaussian kernel,
-    so that the eigenvector of the n-th largest eigenvalue has n - 1 changes of sign (Gantmacher
-    and Krein, Oscillation Matrices and Kernels, 1950, chapter II): the parities alternate.
-    Products with the halves take half the multiplications of one with the whole.
-    """
-
-    bins: int
-    even: NDArray[np.float32]  # (rank, half) of the lower half, the middle of an odd number in it
-    odd: NDArray[np.float32]
-    of_even: tuple[int, int]  # first of a quadrature's normals that is of an even row, and step
-    of_odd: tuple[int, int]
-
-    @property
-    def rank(self) -> int:
-        """Normals of one quadrature."""
-        return len(self.even) + len(self.odd)
-
-    @classmethod
-    @lru_cache(maxsize=32)
-    def of(cls, *, pulse_width: float, bin_width: float, bin_count: int) -> _Noise:
-        """Return the halves of the noise of a pulse."""
-        pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
-        half = (bin_count + 1) // 2
-        factor = noise_factor(**pulse, bin_count=bin_count)
-        # Eigenvalues ascend: the last row is that of the largest, which is even.
-        last = len(factor) - 1
-        of_even, of_odd = (last % 2, 2), (1 - last % 2, 2)
-        even, odd = factor[last % 2 :: 2], factor[1 - last % 2 :: 2]
-        mixed = max(
-            np.abs(even - even[:, ::-1]).max(initial=0.0),
-            np.abs(odd + odd[:, ::-1]).max(initial=0.0),
-        )
-        if mixed > 1e-6 * np.abs(factor).max():
-            # Pulses so short that bins are independent: eigenvalues are equal, and any mixture of
-            # their eigenvectors is one. Those of both parities are then sought apart.
-            covariance = noise_covariance(**pulse, bin_count=bin_count)
-            direct, across = covariance[:half, :half], covariance[:half, ::-1][:, :half]
-            even = low_rank_factor((direct + across) / 2, tolerance=1e-6)
-            odd = low_rank_factor((direct - across) / 2, tolerance=1e-6)
-            of_even, of_odd = (0, 1), (len(even), 1)
-        even, odd = (np.ascontiguousarray(part[:, :half]) for part in (even, odd))
-        return cls(bin_count, even, odd, of_even, of_odd)
-
-
-class _Waveforms:
-    """Detector outputs |l| of IFOVs from normals, in memory that is used again.
-
-    A frame's normals are those of an IFOV after the other: its one quadrature, then its other,
-    in each first those of the occupied bins, then those of the noise.
-    """
-
-    def __init__(self, noise: _Noise, speckle: _Speckle, *, begin: int, frames: int) -> None:
-        self.noise, self.speckle = noise, speckle
-        occupied = np.repeat(np.diff(speckle.first), 2)
-        ends = begin + np.cumsum(occupied + noise.rank)
-        # Of each quadrature: first normal of its speckle, first of its noise, and one past both.
-        self.parts = np.stack([ends - noise.rank - occupied, ends - noise.rank, ends])
-        most = min(IFOVS_AT_ONCE, len(speckle.first) - 1)
-        half = noise.even.shape[1]
-        self.sizes = len(noise.even), len(noise.odd), half, half
-        rows = min(frames, ROWS_AT_ONCE)
-        self.halves = [np.empty(rows * 2 * most * size, dtype=np.float32) for size in self.sizes]
-        self.magnitude = np.empty(rows * most * noise.bins, dtype=np.float32)
-
-    def of(self, normals: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
-        """Yield (frame, ifov, bin): some IFOVs at once, for at most `ROWS_AT_ONCE` frames."""
-        from ncti.ladar.waveforms import part_noise, put_magnitudes  # numba takes long to import
-
-        noise, target = self.noise, self.speckle
-        ifovs = len(target.first) - 1
-        for start in range(0, ifovs, IFOVS_AT_ONCE):
-            stop = min(start + IFOVS_AT_ONCE, ifovs)
-            speckle, begin, end = self.parts[:, 2 * start : 2 * stop]
-            # Arrays of the last IFOVs lie whole in memory, too: loops are compiled for those alone.
-            rows, quadratures = len(normals), 2 * (stop - start)
-            even_normals, odd_normals, even, odd = (
-                part[: rows * quadratures * size].reshape(rows, quadratures, size)
-                for part, size in zip(self.halves, self.sizes, strict=True)
-            )
-            part_noise(normals, begin, end, noise.of_even, noise.of_odd, even_normals, odd_normals)
-            # One product a frame, so that no frame depends on how many there are.
-            np.matmul(even_normals, noise.even, out=even)
-            np.matmul(odd_normals, noise.odd, out=odd)
-            magnitude = self.magnitude[: rows * (stop - start) * noise.bins]
-            magnitude = magnitude.reshape(rows, stop - start, noise.bins)
-            put_magnitudes(
-                *(even, odd, normals, speckle, target.first[start : stop + 1]),
-                *(target.occupied, target.amplitude, target.reach, target.response),
-                magnitude,
-            )
-            yield magnitude
-
-
 @lru_cache(maxsize=32)
 def _floor_factor(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
-    """Factor of the covariance of one target-free IFOV's output over range bins."""
+    """Return a factor of the covariance between bins of the output of one target-free IFOV."""
     noise = noise_covariance(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
     return low_rank_factor(magnitude_covariance(noise), tolerance=1e-6)

@@ -1,4 +1,4 @@
-"""The loops that sampled frames run, and how they are compiled."""
+"""Compiled loops of sampled frames, and a small call that compiles them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ncti.machine_code import Loops
 
 
 def _sample() -> None:
+    """Sample one small frame, which compiles its loops for the types that sweeps use."""
     nowhere = RangeExtent(
         np.zeros((0, 20)),
         np.arange(20.0),

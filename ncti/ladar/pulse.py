@@ -1,4 +1,4 @@
-"""The transmitted pulse, the matched filter, and what they do to target and noise."""
+"""Pulse and matched filter: their response to the target, and the filtered shot noise."""
 
 from __future__ import annotations
 
@@ -13,31 +13,45 @@ from ncti.checks import require
 
 SPEED_OF_LIGHT = 299_792_458.0  # m/s, exact
 
-# Bins a pulse must span, N_z: samples of a narrower kernel would not add up to its integral (at 2
-# they do within 1.5 %, at 1 within 60 %), and the amplitude would depend on the bin.
+# Smallest N_z, the bins that a pulse must span. The samples of a narrower kernel do not add up to
+# its integral (within 1.5 % at 2, 60 % at 1), and the amplitude would depend on the bin width.
 MIN_BINS = 2.0
 
-SHORTEST, LONGEST = 1e-15, 1.0  # s; beyond them squares of N_z leave float64
-MOST_BINS = 2**14  # of a profile: its response to itself, bin by bin, then has 2 GB
+SHORTEST, LONGEST = 1e-15, 1.0  # s; outside these limits the square of N_z leaves float64
+MOST_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
 
 def shortest_pulse(bin_width: float) -> float:
-    """Shortest pulse [s] that range bins of a width [m] can sample: N_z = 2."""
+    """Return the shortest pulse [s] that range bins of width `bin_width` [m] sample, N_z = 2.
+
+    See Also
+    --------
+    target_kernel : Response that must be sampled.
+
+    Examples
+    --------
+    Bins of 1 m sample pulses of 9.4 ns and longer:
+
+    >>> from ncti.ladar.pulse import shortest_pulse
+    >>> print(f"{1e9 * shortest_pulse(1.0):.1f} ns")
+    9.4 ns
+    """
     return MIN_BINS * math.sqrt(2) * bin_width / SPEED_OF_LIGHT
 
 
 def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float64]:
-    """Field response to one scatterer over the range bins around it, as far as it counts.
+    """Return the field response to one scatterer over the range bins around it.
 
     Parameters
     ----------
     pulse_width, bin_width
-        As in `target_kernel`.
+        See `target_kernel`.
 
     Returns
     -------
     (bin,) float64 ndarray
-        A row of `target_kernel`, of an odd number of bins, down to exp(-16) of its peak.
+        The part of a row of `target_kernel` above exp(-16) of its peak; an odd number of bins,
+        the scatterer in the middle one.
     """
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
     reach = math.ceil(2 * n_z)
@@ -46,7 +60,7 @@ def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float
 
 
 def _check(pulse_width: float, bin_width: float, bin_count: int) -> None:
-    """Refuse pulses and bins that no arithmetic or memory holds."""
+    """Raise `ValueError` for pulses and bins beyond the limits of float64 or memory."""
     require("pulse_width", pulse_width, minimum=SHORTEST, maximum=LONGEST)
     require("bin_width", bin_width, positive=True)
     if bin_count > MOST_BINS:
@@ -58,14 +72,14 @@ def _check(pulse_width: float, bin_width: float, bin_count: int) -> None:
 
 @lru_cache(maxsize=32)
 def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
-    """Field response of every range bin to a scatterer in every range bin.
+    """Return the field response in every range bin to a scatterer in every range bin.
 
     Parameters
     ----------
     pulse_width : float
         Full width of pulse and filter at 1/e^2 of the intensity [s].
     bin_width : float
-        Range bin [m].
+        Width of a range bin [m].
     bin_count : int
         Number of bins.
 
@@ -84,10 +98,32 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     UserWarning
         If the pulse is too short for the bins to sample, N_z < 2.
 
+    See Also
+    --------
+    noise_covariance : Covariance of the noise behind the same filter.
+
     Notes
     -----
-    Article, Appendix 1, Equation B, with N_z = c T / (sqrt(2) dR): pulse and matched filter
-    are the same Gaussian, so the filtered pulse is sqrt(2) wider in time.
+    Equation B of [1]_, with N_z = c T / (sqrt(2) dR): pulse and matched filter are the same
+    Gaussian, so the filtered pulse is sqrt(2) wider in time.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Appendix 1, Equation B.
+
+    Examples
+    --------
+    A pulse of 30 ns spreads over N_z = 6.4 bins of 1 m. The power response to one scatterer sums
+    to sqrt(pi/8), however wide the pulse:
+
+    >>> from ncti.ladar.pulse import target_kernel
+    >>> kernel = target_kernel(pulse_width=30e-9, bin_width=1.0, bin_count=101)
+    >>> print(f"{(kernel[50] ** 2).sum():.4f}")
+    0.6267
+    >>> kernel = target_kernel(pulse_width=60e-9, bin_width=1.0, bin_count=101)
+    >>> print(f"{(kernel[50] ** 2).sum():.4f}")
+    0.6267
     """
     _check(pulse_width, bin_width, bin_count)
     if pulse_width < shortest_pulse(bin_width) * (1 - 1e-12):
@@ -100,44 +136,61 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
     lag = np.subtract.outer(np.arange(bin_count), np.arange(bin_count))
     kernel = np.exp(-4 * lag**2 / n_z**2) / math.sqrt(n_z)
-    kernel.setflags(write=False)  # it is kept for the next caller
+    kernel.setflags(write=False)  # the cache returns the same array to every caller
     return kernel
 
 
 def noise_covariance(
     *, pulse_width: float, bin_width: float, bin_count: int
 ) -> NDArray[np.float64]:
-    """Covariance over range bins of one quadrature of the filtered shot noise.
+    """Return the covariance between range bins of one quadrature of the filtered shot noise.
 
     Parameters
     ----------
     pulse_width, bin_width, bin_count
-        As in `target_kernel`.
+        See `target_kernel`.
 
     Returns
     -------
     (bin, bin) float64 ndarray
         sqrt(pi/8) exp(-2 (n - m)^2 / N_t^2).
 
+    See Also
+    --------
+    target_kernel : Response of the same filter to the target.
+
     Notes
     -----
-    Article, Appendix 1: white noise through the matched filter h, N_t = c T / (2 dR). The
-    article sums the noise over samples one bin apart, yet its constant B in Equation C is the
-    integral; at 10 ns and 1 m the sum gives 6 % more amplitude and depends on the bin. We take
-    the integral here (noise sampled as finely as it takes), so samples agree with the printed
-    B, and nothing depends on the bin width.
+    White noise through the matched filter h of [1]_, N_t = c T / (2 dR). The article sums the noise
+    over samples one bin apart, yet its constant B in Equation C is the integral; at 10 ns and 1 m
+    the sum gives 6 % more amplitude, and it depends on the bin width. We use the integral, so that
+    samples agree with the printed B and nothing depends on the bin width.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Appendix 1.
+
+    Examples
+    --------
+    The variance is sqrt(pi/8) in every bin, and the correlation falls to 1/e over N_t / sqrt(2)
+    bins, 3.2 m at 30 ns:
+
+    >>> from ncti.ladar.pulse import noise_covariance
+    >>> noise_covariance(pulse_width=30e-9, bin_width=1.0, bin_count=4)[0].round(3)
+    array([0.627, 0.568, 0.422, 0.257])
     """
     by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
     return by_lag[np.abs(np.subtract.outer(np.arange(bin_count), np.arange(bin_count)))]
 
 
 def noise_by_lag(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
-    """First row of `noise_covariance`: what two bins share that are so many bins apart.
+    """Return the first row of `noise_covariance`: covariance of two bins by their distance.
 
     Parameters
     ----------
     pulse_width, bin_width, bin_count
-        As in `target_kernel`.
+        See `target_kernel`.
 
     Returns
     -------
@@ -150,9 +203,37 @@ def noise_by_lag(*, pulse_width: float, bin_width: float, bin_count: int) -> NDA
 
 
 def noise_floor() -> float:
-    """Expected detector output of one target-free IFOV, sqrt(B) with B = sqrt(pi^3 / 32).
+    """Return the expected detector output of one target-free IFOV.
 
-    Article, Appendix 1, Equation C; the unit of every amplitude in this package.
+    Returns
+    -------
+    float
+        sqrt(B) with B = sqrt(pi^3 / 32), in the units of every amplitude of this package.
+
+    See Also
+    --------
+    expected_profile : Profile that includes the floor of every IFOV.
+
+    Notes
+    -----
+    The term of Equation C of [1]_ that remains without a target.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Appendix 1, Equation C.
+
+    Examples
+    --------
+    It is the mean of a Rayleigh distribution, sigma sqrt(pi/2), whose variance in each quadrature
+    is that of the filtered noise, sqrt(pi/8):
+
+    >>> import math
+    >>> from ncti.ladar import noise_floor
+    >>> print(f"{noise_floor():.4f}")
+    0.9921
+    >>> print(f"{math.sqrt(math.pi / 2) * math.sqrt(math.sqrt(math.pi / 8)):.4f}")
+    0.9921
     """
     return (math.pi**3 / 32) ** 0.25
 
@@ -161,31 +242,31 @@ def noise_floor() -> float:
 def noise_factor(
     *, pulse_width: float, bin_width: float, bin_count: int, tolerance: float = 1e-6
 ) -> NDArray[np.float32]:
-    """Low-rank factor F with F.T @ F equal to the noise covariance.
+    """Return a low-rank factor F of the noise covariance, F.T @ F.
 
     Parameters
     ----------
     pulse_width, bin_width, bin_count
-        As in `target_kernel`.
+        See `target_kernel`.
     tolerance : float
-        Largest eigenvalue that may be dropped, relative to the largest one.
+        Eigenvalues up to this, relative to the largest, are dropped.
 
     Returns
     -------
     (rank, bin) float32 ndarray
-        Read-only. z @ F of standard normals z has the noise covariance.
+        Read-only. z @ F, z standard normal, has the noise covariance.
 
     Notes
     -----
-    The matched filter is a band limit, so the noise of 250 bins of 1 m has far fewer degrees
-    of freedom than bins: about 500 sqrt(2 ln(1/tolerance)) / (pi N_t).
+    The matched filter limits the band, so the noise in 250 bins of 1 m has far fewer degrees of
+    freedom than bins: about 500 sqrt(2 ln(1/tolerance)) / (pi N_t).
     """
     covariance = noise_covariance(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
     return low_rank_factor(covariance, tolerance=tolerance)
 
 
 def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDArray[np.float32]:
-    """Factor F of a covariance, F.T @ F, without its negligible eigenvalues.
+    """Return a factor F of a covariance, F.T @ F, without its negligible eigenvalues.
 
     Parameters
     ----------

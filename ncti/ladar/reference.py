@@ -1,8 +1,9 @@
-"""Range extents without sampling: the truth that the rendered ones are measured against.
+"""Range extents without sampling: the reference that rendered extents are compared with.
 
-What a distant sensor sees of a solid at ranges below r is the union of the outlines of all
-facets that face it, cut off at r. The union grows bin by bin, by exact polygon clipping; what a
-bin adds to it is the visible area in that bin. No pixel, no ray, and no other code of the library.
+The part of a solid that a distant sensor sees at ranges below r is the union of the outlines of all
+facets that face the sensor, cut off at r. The union is built bin by bin with exact polygon
+clipping; the area that a bin adds is the visible area in that bin. The module uses neither pixels
+nor rays, and shares no code with the rest of the library.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ class ReferenceExtent:
     Attributes
     ----------
     area : (ifov, bin) float64 ndarray
-        Visible projected area [m^2], only of IFOVs that see something.
+        Visible projected area [m^2] of the IFOVs that see some of the mesh.
     cell : (ifov, 2) int64 ndarray
-        Column and row of each IFOV; the line of sight through the ship origin is the corner
-        that the cells (-1, -1) and (0, 0) share.
+        Column and row of each IFOV; the cells (-1, -1) and (0, 0) share the corner on the line of
+        sight through the ship origin.
     """
 
     area: Floats
@@ -44,31 +45,54 @@ def reference_range_extent(
     bin_edges: Floats,
     side: float | None = None,
 ) -> ReferenceExtent:
-    """Visible projected area of a mesh in the far field.
+    """Return the exact visible projected area of a mesh in the far field, by range bin.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        A closed mesh wound outward, or a sheet wound towards the sensor.
+        Closed mesh with outward winding, or a sheet wound towards the sensor.
     aspect, depression : float
         View angles [deg].
     bin_edges : (bin + 1,) float64 ndarray
-        Increasing down-range edges [m], beyond all of the mesh at the far end.
+        Increasing down-range edges [m]; the last one beyond the whole mesh.
     side : float, optional
-        Side of the square cells of an IFOV [m]; without it one IFOV sees all, as cell (0, 0).
+        Side of a square IFOV [m]; by default one IFOV, cell (0, 0), sees everything.
 
     Returns
     -------
     ReferenceExtent
-        Good to the 1e-8 m grid of the polygon clipper along every outline.
+        Accurate to the 1e-8 m grid of the polygon clipper along every outline.
+
+    Raises
+    ------
+    ValueError
+        If the mesh reaches beyond the last edge.
+
+    See Also
+    --------
+    ncti.ladar.range_extent : The fast, sampled computation.
 
     Notes
     -----
-    Only outlines are united, never solids: trimming a solid and projecting it, the shorter way,
-    goes wrong by percents on hulls with slivers.
+    Only outlines are united, never solids. Trimming a solid and projecting it would be shorter,
+    but is wrong by percents for hulls with slivers.
+
+    Examples
+    --------
+    A block of 40 m x 10 m x 10 m seen 30 degrees from above shows its deck and its near face:
+
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.ladar.reference import reference_range_extent
+    >>> block = trimesh.creation.box(extents=(40.0, 10.0, 10.0))
+    >>> edges = np.arange(-30.0, 31.0)
+    >>> exact = reference_range_extent(block, aspect=0, depression=30, bin_edges=edges)
+    >>> print(f"{exact.area.sum():.4f} {400 * 0.5 + 100 * 0.75**0.5:.4f}")
+    286.6025 286.6025
     """
     corners = _project(mesh, aspect, depression)
     pieces, slab = _slice(corners, np.append(-np.inf, bin_edges))
+    # Slab by slab from the near end: the area of its outlines that nothing nearer covers.
     seen = CrossSection()
     added: list[list[tuple[tuple[int, int], float]]] = []
     starts = np.searchsorted(slab, np.arange(len(bin_edges) + 1))
@@ -80,7 +104,7 @@ def reference_range_extent(
         added.append(_areas(outline - seen, side))
         seen = seen + outline
 
-    # What lies before the first edge, added[0], hides but is in no bin.
+    # added[0] lies in front of the first edge: it obscures what is behind but is in no bin.
     found = sorted({cell for areas in added[1:] for cell, _ in areas})
     row = {cell: k for k, cell in enumerate(found)}
     area = np.zeros((len(found), len(bin_edges) - 1))
@@ -91,7 +115,7 @@ def reference_range_extent(
 
 
 def _project(mesh: trimesh.Trimesh, aspect: float, depression: float) -> Floats:
-    """(facet, corner, 3) coordinates right, up and down-range of the facets seen from in front."""
+    """Return (facet, corner, 3) right, up, down-range coordinates of facets facing the sensor."""
     a, d = np.radians([aspect, depression])
     u = np.array([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
@@ -103,7 +127,7 @@ def _project(mesh: trimesh.Trimesh, aspect: float, depression: float) -> Floats:
 def _slice(corners: Floats, edges: Floats) -> tuple[Floats, NDArray[np.intp]]:
     """Cut facets at range edges.
 
-    Returns the (piece, 5, 2) outlines, counter-clockwise, and the slab of each, ascending.
+    Returns the (piece, 5, 2) counter-clockwise outlines, and the slab of each, in ascending order.
     """
     order = np.argsort(corners[..., 2], axis=1)
     corners = np.take_along_axis(corners, order[..., None], axis=1)
@@ -112,7 +136,10 @@ def _slice(corners: Floats, edges: Floats) -> tuple[Floats, NDArray[np.intp]]:
     end = np.searchsorted(edges, ranges[:, 2], side="left") - 1
     end = np.maximum(begin, end)
     if end.max(initial=0) > len(edges) - 2:
-        raise ValueError("bin_edges must reach beyond the mesh.")
+        raise ValueError(
+            f"bin_edges end at {edges[-1]:g} m, but must reach beyond the mesh, which ends at "
+            f"{ranges.max():g} m"
+        )
 
     count = end - begin + 1
     facet = np.repeat(np.arange(len(corners)), count)
@@ -121,21 +148,21 @@ def _slice(corners: Floats, edges: Floats) -> tuple[Floats, NDArray[np.intp]]:
     start, stop = np.maximum(edges[slab], near), np.minimum(edges[slab + 1], far)
 
     def between(i: int, j: int, at: Floats, low: Floats, high: Floats) -> Floats:
-        """Where the edge from corner i to corner j has the range `at`."""
+        """Return the point on the edge from corner i to corner j at the range `at`."""
         span = high - low
         t = np.divide(at - low, span, out=(at > low).astype(float), where=span > 0.0)
         return p[:, i] + (p[:, j] - p[:, i]) * t[:, None]
 
     def along(at: Floats) -> Floats:
-        """The same on the way by the middle corner."""
+        """Return the point at the range `at` on the path through the middle corner."""
         before, after = between(0, 1, at, near, middle), between(1, 2, at, middle, far)
         return np.where((at < middle)[:, None], before, after)
 
-    # The piece between two ranges: along the longest edge and back by way of the middle corner.
+    # The piece between two ranges: along the longest edge and back through the middle corner.
     bend = along(np.clip(middle, start, stop))
     path = [between(0, 2, start, near, far), between(0, 2, stop, near, far)]
     pieces = np.stack([*path, along(stop), bend, along(start)], axis=1)
-    flat = near == far  # no range to cut at: the facet itself
+    flat = near == far  # all corners at one range: the whole facet
     pieces[flat] = p[flat][:, [0, 1, 2, 2, 2]]
     area = _signed_area(pieces)
     pieces[area < 0.0] = pieces[area < 0.0, ::-1]
@@ -145,7 +172,7 @@ def _slice(corners: Floats, edges: Floats) -> tuple[Floats, NDArray[np.intp]]:
 
 
 def _areas(outline: CrossSection, side: float | None) -> list[tuple[tuple[int, int], float]]:
-    """Area of an outline in every cell that it reaches."""
+    """Return the area of an outline in each cell that it reaches."""
     if outline.is_empty():
         return []
     if side is None:
@@ -163,6 +190,6 @@ def _areas(outline: CrossSection, side: float | None) -> list[tuple[tuple[int, i
 
 
 def _signed_area(polygons: Floats) -> Floats:
-    """Area of (..., corner, 2) polygons, positive when counter-clockwise."""
+    """Return the area of (..., corner, 2) polygons, positive if counter-clockwise."""
     x, y = np.moveaxis(polygons - polygons[..., :1, :], -1, 0)
     return 0.5 * np.sum(x * np.roll(y, -1, axis=-1) - np.roll(x, -1, axis=-1) * y, axis=-1)

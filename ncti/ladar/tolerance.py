@@ -1,4 +1,4 @@
-"""As many lines as a tolerance takes, and no more."""
+"""Line images of a given accuracy."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     import trimesh
 
 FINEST = 1 / 64
-"""Distance between lines [m] that are not refined further: the error of ships is some 0.003 %."""
+"""Smallest distance between lines [m]: the error of ships is then some 0.003 %."""
 
 FEWEST = 32
-"""Lines across a ship below which odd and even ones may agree by chance."""
+"""Lines across a ship below which odd and even lines may agree by chance."""
 
 SPARE = 0.98
-"""Part of the tolerance that is used: at the range of the sensor, not known in the far field, the
-wavefront moves some of the extent into the next bin, and the estimate with it."""
+"""Part of the tolerance that is used. The estimate is made in the far field; at the range of the
+sensor, wavefront curvature moves some of the extent, and of the estimate, into the next bin."""
 
 
 def lines_within(
@@ -38,36 +38,57 @@ def lines_within(
     bin_width: float = 1.0,
     spacing: float = 1.0,
 ) -> LineImage:
-    """The fewest lines whose range extent is within a tolerance.
+    """Return the coarsest line image whose range extent is accurate to a tolerance.
 
     Parameters
     ----------
     mesh, aspect, depression, roll, slant_range
-        As of `ncti.render.line_image`.
+        See `ncti.render.line_image`.
     tolerance : float
-        Largest error of the ship's range extent after the pulse, sum |p - q| / sum q.
+        Largest error of the summed range extent after the pulse, sum |p - q| / sum q.
     pulse_width : float
         Full width of pulse and matched filter at 1/e^2 of the intensity [s].
     bin_width : float
-        Range bins of the extent [m].
+        Width of the range bins of the extent [m].
     spacing : float
-        Distance between the first lines [m].
+        Distance between the lines tried first [m].
 
     Returns
     -------
     LineImage
-        The first of ever finer lines, each half as far apart, whose estimated error is within the
-        tolerance, down to 1/64 m; the last of them if none is.
+        The spacing is halved until the estimated error is within the tolerance, or to 1/64 m at
+        the smallest.
 
     Raises
     ------
     ValueError
-        If a parameter is out of its range.
+        If a parameter is out of range.
+
+    See Also
+    --------
+    ncti.render.line_image : Lines of a given spacing.
+    RangeExtent.error_after : The error estimate.
 
     Notes
     -----
-    Lines that are there are kept; those between them are added. See `RangeExtent.error_after`
-    for how the error is estimated.
+    Existing lines are kept when the spacing is halved; only those between them are added.
+
+    Examples
+    --------
+    An error of 10 %, 1 % and 0.3 % in the profile of a destroyer takes lines 1 m, 0.5 m and
+    0.25 m apart:
+
+    >>> import ncti
+    >>> from ncti.ladar import lines_within
+    >>> ship = ncti.ships.load("duncan")
+    >>> for tolerance in (0.1, 0.01, 0.003):
+    ...     lines = lines_within(
+    ...         ship, aspect=37, depression=3.84, tolerance=tolerance, pulse_width=30e-9
+    ...     )
+    ...     print(tolerance, lines.spacing)
+    0.1 1.0
+    0.01 0.5
+    0.003 0.25
     """
     require("tolerance", tolerance, positive=True)
     require("pulse_width", pulse_width, positive=True)
@@ -85,9 +106,10 @@ def lines_within(
 
 
 def _within(lines: LineImage, tolerance: float, pulse_width: float, bin_width: float) -> bool:
-    """Whether lines are known to err by no more than the tolerance."""
+    """Return True if the estimated error of the lines is within the tolerance."""
     if not len(lines.line) or np.ptp(lines.line) < FEWEST:
         return False
+    # One IFOV that holds the whole ship: the error does not depend on the tiling.
     bins = math.ceil(float(np.abs(lines.down_range).max()) / bin_width)
     ((even, odd),) = lines.bin(
         side=1e9,

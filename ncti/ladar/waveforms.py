@@ -1,4 +1,4 @@
-"""Detector outputs of IFOVs from normals at hand, as compiled loops."""
+"""Compiled loops that turn normals into the detector outputs of IFOVs."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ def part_noise(
     even: Singles,
     odd: Singles,
 ) -> None:
-    """Copy normals of the noise to where products with its halves take them.
+    """Sort the normals of the noise into those of even and of odd rows of its factor.
 
     Parameters
     ----------
     normals : (frame, normal) float32 ndarray
-        What frames are drawn from.
+        Standard normals of each frame.
     begin, end : (quadrature,) int64 ndarray
-        First normal of the noise of each quadrature of each IFOV, and that past the last.
+        First normal of the noise of each quadrature of each IFOV, and one past the last.
     of_even, of_odd : (int, int)
-        First of a quadrature's normals that is one of even or odd rows, and how far the next is.
+        First normal of a quadrature that belongs to an even or odd row, and step to the next.
     even, odd : (frame, quadrature, row) float32 ndarray
-        Filled.
+        Output.
     """
     for frame in range(even.shape[0]):
         for quadrature in range(even.shape[1]):
@@ -56,32 +56,34 @@ def put_magnitudes(
     response: Singles,
     out: Singles,
 ) -> None:
-    """Put the detector output |l| of each IFOV and frame into `out`.
+    """Write the detector output |l| of each IFOV and frame to `out`.
 
     Parameters
     ----------
     even, odd : (frame, quadrature, half) float32 ndarray
-        Even and odd part of the noise in the lower half of the window, the middle bin in it; two
-        quadratures an IFOV.
+        Even and odd part of the noise in the lower half of the window, a middle bin included;
+        two quadratures per IFOV.
     normals : (frame, normal) float32 ndarray
-        What frames are drawn from.
+        Standard normals of each frame.
     speckle : (quadrature,) int64 ndarray
         First normal of the speckle of each quadrature.
     first : (ifov + 1,) int64 ndarray
-        Where the occupied bins of each IFOV begin in the next three.
+        Start of the occupied bins of each IFOV in the next three arrays.
     occupied, amplitude, reach : (place,) ndarray
-        Occupied bins of all IFOVs, their amplitudes, and how many bins they are felt in on each
-        side, their own included.
+        Occupied bins of all IFOVs, their amplitudes, and the number of bins that they affect on
+        each side, their own included.
     response : (2 bin - 1,) float32 ndarray
-        Field by lag of a scatterer of unit amplitude, from the farthest bin below on.
+        Field of a scatterer of unit amplitude by lag, the most negative lag first.
     out : (frame, ifov, bin) float32 ndarray
-        Filled.
+        Output.
     """
     bins, half = out.shape[2], even.shape[2]
     field = np.empty((2, bins), dtype=np.float32)
     one, other = field[0], field[1]
     for frame in range(out.shape[0]):
         for ifov in range(out.shape[1]):
+            # Noise of both quadratures: sum and difference of its even and odd part are the lower
+            # half of the window and the mirrored upper half.
             for q in range(2):
                 lower, upper = field[q, :half], field[q, bins - half :]
                 same, turned = even[frame, 2 * ifov + q], odd[frame, 2 * ifov + q]
@@ -92,8 +94,9 @@ def put_magnitudes(
             start, stop = first[ifov], first[ifov + 1]
             drawn = normals[frame, speckle[2 * ifov] :]
             drawn_other = normals[frame, speckle[2 * ifov + 1] :]
-            # Two bins at once, within both their reaches: fields are loaded and kept half as often.
-            # An odd bin at the end stands with itself, which then adds nothing.
+            # Speckle: every occupied bin adds the response of the pulse, as far as it reaches. Bins
+            # are taken in pairs, which halves the loads and stores of the field. The last of an
+            # odd number is paired with itself at amplitude zero.
             for place in range(start, stop, 2):
                 pair = min(place + 1, stop - 1)
                 at, then = occupied[place], occupied[pair]
@@ -108,6 +111,7 @@ def put_magnitudes(
                 for n in range(shape.size):
                     near[n] += a * shape[n] + c * shape_then[n]
                     near_other[n] += b * shape[n] + d * shape_then[n]
+            # Magnitude of the two quadratures.
             magnitude = out[frame, ifov]
             for n in range(bins):
                 magnitude[n] = np.sqrt(one[n] * one[n] + other[n] * other[n])
@@ -115,7 +119,7 @@ def put_magnitudes(
 
 @compiled
 def add_in_turn(kept: Singles, total: NDArray[np.float64]) -> None:
-    """Add what is kept of one IFOV (frame, ifov, bin) after the other to frames (frame, bin)."""
+    """Add the receiver output (frame, ifov, bin) to the frames (frame, bin), IFOV by IFOV."""
     for frame in range(kept.shape[0]):
         whole = total[frame]
         for ifov in range(kept.shape[1]):

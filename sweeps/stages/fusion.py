@@ -95,7 +95,7 @@ def profile_doubt(
     frame_count: tuple[int, ...],
     rng: np.random.Generator,
 ) -> Floats:
-    """(gain_sigma, frame_count): see `ncti.classify.fit_doubt`; noise is that of one frame."""
+    """Return (gain_sigma, frame_count) doubts of `ncti.classify.calibration.fit_doubt`."""
     # Imported where it is used: scipy takes a second.
     from ncti.classify.calibration import fit_doubt
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ncti import infrared as library
-from ncti.features import SEGMENTATION_METHODS
 from ncti.features.log_polar import INTERPOLATIONS
+from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Value
 from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from ncti import ladar as library
 from ncti.features.profile import EDGE
-from ncti.ladar import RECEIVERS, RangeExtent
-from ncti.ladar.pulse import SPEED_OF_LIGHT
+from ncti.ladar import RangeExtent
+from ncti.ladar.pulse import SPEED_OF_LIGHT, shortest_pulse
+from ncti.ladar.receivers import RECEIVERS
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, count, draws, number, word
@@ -345,7 +346,7 @@ def check(choices: Choices) -> Choices:
     _check_receivers(choices)
     if set(choices.one(Sweep.sensor)) - {INFRARED}:  # flights make profiles, too
         bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])
-        shortest = library.shortest_pulse(bin_width) * 1e9
+        shortest = shortest_pulse(bin_width) * 1e9
         if given < shortest:
             raise ConfigurationError(
                 f"grid.pulse_width has {given:g}, but must be at least {shortest:.3g} for "

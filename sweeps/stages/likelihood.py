@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.classify.fusion import label_posterior
-from ncti.features import estimated_floor
+from ncti.features.profile import estimated_floor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, number, switch, word
 from sweeps.engine.stage import Output, Stage, in_memory, stage

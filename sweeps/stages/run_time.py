@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ncti import ladar as library
 from ncti.ladar import RangeExtent
+from ncti.ladar.pulse import shortest_pulse, target_kernel
 from ncti.render import available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
@@ -125,7 +126,7 @@ def sampled(
         p, q = extent.fraction.sum(axis=0), exact_ifovs.fraction.sum(axis=0)
         whole, single = relative_error(p, q), ifov_error(extent, exact_ifovs)
         for width in pulse_width:
-            kernel = library.target_kernel(
+            kernel = target_kernel(
                 pulse_width=width * 1e-9, bin_width=sighting.bin_width, bin_count=len(q)
             )
             after = relative_error(kernel**2 @ p, kernel**2 @ q)
@@ -278,7 +279,7 @@ def check(choices: Choices) -> Choices:
         )
     window = choices.one(Ladar.window)
     for bin_width in choices[RunTime.bin_width]:
-        shortest = library.shortest_pulse(bin_width) * 1e9
+        shortest = shortest_pulse(bin_width) * 1e9
         if window < 10 * bin_width:
             raise ConfigurationError(
                 f"run_time.bin_width has {bin_width:g}, but must be at most a tenth of "

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ncti.classify import GaussianTemplates, doubted, fit_doubt, label_posterior, least_sharpness
+from ncti.classify import GaussianTemplates, label_posterior
 from ncti.classify.bands import mean_correlation, residual_band
 from ncti.classify.between import cells, every_other
+from ncti.classify.calibration import fit_doubt
+from ncti.classify.fusion import doubted, least_sharpness
 
 WHITE = np.array([1.0])
 BINS = 40

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ncti.evaluate import category_formation, compression
+from ncti.evaluate import category_formation
 
 
 def test_a_category_is_confused_where_another_ship_shares_it():
@@ -50,14 +50,3 @@ def test_views_that_make_no_grid_are_refused():
         category_formation([0.5], [0], [0.0])
     with pytest.raises(ValueError, match="duncan 2 times at 3 deg"):
         category_formation([0, 1], ["duncan", "duncan"], [3.0, 3.0])
-
-
-@pytest.mark.parametrize(("n_categories", "factor"), [(26, 5), (18, 7), (16, 8)])
-def test_compression_rounds_to_the_sources(n_categories, factor):
-    assert round(compression(124, n_categories)) == factor
-
-
-@pytest.mark.parametrize("n_categories", [0, -1, 125])
-def test_compression_needs_categories(n_categories):
-    with pytest.raises(ValueError, match="n_categories"):
-        compression(124, n_categories)

@@ -93,7 +93,6 @@ def test_an_aspects_bin_does_not_depend_on_the_others(aspects, data):
 def test_bins_are_named_after_the_aspects_they_hold():
     assert aspect_bins([80.0, 10.0, 12.5])[0] == ("10-12.5", "80")
     np.testing.assert_array_equal(aspect_bins([80.0, 10.0, 12.5])[1], [1, 0, 0])
-    assert aspect_bins([0, 10, 20, 40], edges=(0, 15, 45))[0] == ("0-10", "20-40")
 
 
 def test_an_edge_missed_by_rounding_is_the_edge():
@@ -103,14 +102,8 @@ def test_an_edge_missed_by_rounding_is_the_edge():
 
 @pytest.mark.parametrize("aspects", [[], [[0.0]], [-1.0], [361.0], [np.nan]])
 def test_aspects_that_are_none_are_refused(aspects):
-    with pytest.raises(ValueError, match="aspects must"):
+    with pytest.raises(ValueError, match="aspects has"):
         aspect_bins(aspects)
-
-
-@pytest.mark.parametrize("edges", [(0.0,), (0.0, 0.0), (30.0, 0.0), (-5.0, 5.0), (0.0, 400.0)])
-def test_edges_that_are_none_are_refused(edges):
-    with pytest.raises(ValueError, match="edges"):
-        aspect_bins([0.0], edges)
 
 
 def test_accuracy_is_counted_bin_by_bin():

@@ -6,14 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from ncti.features import (
-    SEGMENTATION_METHODS,
-    cyclic_similarity,
-    log_polar,
-    profile_vector,
-    segment,
-)
+from ncti.features import cyclic_similarity, log_polar, profile_vector, segment
 from ncti.features.log_polar import INTERPOLATIONS
+from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 
 LAYOUTS = {
     "rows": np.ascontiguousarray,

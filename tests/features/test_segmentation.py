@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from scipy import ndimage, stats
 
-from ncti.features import SEGMENTATION_METHODS, segment
+from ncti.features import segment
+from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 from ncti.features.segmentation import _conditional_modes, _log_likelihood_ratio, _whole
 
 KNOWN = {"contrast": 1.28, "target_sigma": 0.1, "sea_sigma": 0.1}  # 25 km

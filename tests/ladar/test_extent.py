@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from plates import hit_area, plane
 
 from ncti.ladar import range_extent
-from ncti.ladar.extent import _bin_boxes
+from ncti.ladar.pixels import bin_boxes
 from ncti.render import LineImage, line_image
 
 
@@ -30,7 +30,7 @@ def test_binning_is_the_overlap_of_every_box_with_every_bin(seed, widest):
     start = rng.uniform(0, 20 - widest, 50)
     stop = start + rng.uniform(0.002, widest, 50)
     area = rng.uniform(0.1, 2, 50)
-    ours = _bin_boxes(group, start, stop, area, group_count=3, bin_count=20)
+    ours = bin_boxes(group, start, stop, area, group_count=3, bin_count=20)
     # Ramps have slopes up to 1/0.002 at edges up to 20: products of 1e4, rounded at 1e-16 each.
     np.testing.assert_allclose(
         ours, plain_boxes(group, start, stop, area, 3, 20), atol=50 * 1e4 * 2e-16 * 10
@@ -39,7 +39,7 @@ def test_binning_is_the_overlap_of_every_box_with_every_bin(seed, widest):
 
 def test_a_point_falls_whole_into_its_bin():
     at = np.array([0.0, 0.5, 3.999, 7.5])
-    ours = _bin_boxes(np.zeros(4, int), at, at, np.ones(4), group_count=1, bin_count=8)
+    ours = bin_boxes(np.zeros(4, int), at, at, np.ones(4), group_count=1, bin_count=8)
     # A point is 1/1000 of a bin wide, so the one at 3.999 stays inside its bin.
     np.testing.assert_allclose(ours[0], [2, 0, 0, 1, 0, 0, 0, 1], atol=1e-9)
 

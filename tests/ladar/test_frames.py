@@ -13,14 +13,13 @@ from scipy import stats
 from ncti.ladar import (
     RangeExtent,
     cumulative_average,
+    fields,
     frame_blocks,
     frame_moments,
     frames,
-    noise_covariance,
     sample_frames,
-    target_kernel,
 )
-from ncti.ladar.pulse import noise_factor
+from ncti.ladar.pulse import noise_covariance, noise_factor, target_kernel
 
 COUNTS = st.integers(1, 100)
 
@@ -218,7 +217,7 @@ def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
 def test_noise_is_even_and_odd_in_turn(pulse_width, bins):
     """Halves make the whole covariance, up to the eigenvalues left out and the rounding."""
     pulse = {"pulse_width": pulse_width, "bin_width": 1.0, "bin_count": bins}
-    noise = frames._Noise.of(**pulse)
+    noise = fields.Noise.of(**pulse)
     even, odd = noise.even.astype(float), noise.odd.astype(float)
     lower = even.T @ even + odd.T @ odd
     upper = (even.T @ even - odd.T @ odd)[:, ::-1]
@@ -244,8 +243,8 @@ def factors_of(speckle):
 def test_no_factor_is_subnormal(pulse_width, cnr):
     """Products with subnormal numbers take a hundred times as long as others."""
     seen = extent(bins=250, ifovs=4)
-    noise = frames._Noise.of(pulse_width=pulse_width, bin_width=1.0, bin_count=250)
-    speckle = frames._Speckle.of(seen, pulse_width=pulse_width, cnr=cnr)
+    noise = fields.Noise.of(pulse_width=pulse_width, bin_width=1.0, bin_count=250)
+    speckle = fields.Speckle.of(seen, pulse_width=pulse_width, cnr=cnr)
     for factor in (noise.even, noise.odd, speckle.response, *factors_of(speckle)):
         size = np.abs(factor[factor != 0])
         assert (size >= np.finfo(np.float32).tiny).all()
@@ -285,7 +284,7 @@ def test_bins_outside_the_target_add_nothing(pulse_width):
     everywhere = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
     signal = {"pulse_width": pulse_width, "cnr": 1e3}
     for few, whole in zip(
-        *(factors_of(frames._Speckle.of(one, **signal)) for one in (seen, everywhere)), strict=True
+        *(factors_of(fields.Speckle.of(one, **signal)) for one in (seen, everywhere)), strict=True
     ):
         assert len(few) < len(whole)
         found, plain = (part.astype(float).T @ part for part in (few, whole))

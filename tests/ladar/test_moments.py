@@ -11,12 +11,11 @@ from ncti.ladar import (
     RangeExtent,
     banded_frame_moments,
     frame_moments,
-    magnitude_covariance,
     moments,
     range_extent,
     sample_frames,
 )
-from ncti.ladar.moments import NEGLIGIBLE
+from ncti.ladar.moments import NEGLIGIBLE, magnitude_covariance
 from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel
 
 CNR = 10**3.2

@@ -154,7 +154,7 @@ def test_profiles_of_nothing_and_of_one_bin(classifier):
         assert cosine[:2].tolist() == [0.0, 0.0]
         assert len(set(place[2:])) == 20
         np.testing.assert_allclose(cosine[2:], 1.0, atol=8 * EPS)
-        with pytest.raises(ValueError, match="X has only zero vectors; at least one must"):
+        with pytest.raises(ValueError, match="X has only zero vectors, but must have one"):
             classifier().fit(nothing, ["a", "b"])
     learned[3, 4] = np.nan
     for call in (named.predict, lambda some: classifier().fit(some, np.arange(20) % 2)):

@@ -11,16 +11,9 @@ from hypothesis import strategies as st
 import ncti.ladar.frames as frames_module
 from ncti.classify import CorrelationNeighbour
 from ncti.features import log_polar, profile_vector
-from ncti.ladar import (
-    expected_profile,
-    frame_moments,
-    magnitude_covariance,
-    noise_covariance,
-    noise_floor,
-    range_extent,
-    sample_frames,
-    target_kernel,
-)
+from ncti.ladar import expected_profile, frame_moments, noise_floor, range_extent, sample_frames
+from ncti.ladar.moments import magnitude_covariance
+from ncti.ladar.pulse import noise_covariance, target_kernel
 
 U = float(np.finfo(np.float32).eps) / 2  # relative rounding of a float32
 SIGNAL = {"pulse_width": 30e-9, "cnr": 10**3.2}

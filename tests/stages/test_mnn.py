@@ -86,7 +86,7 @@ def test_every_setting_is_the_librarys(setting):
         scaling="common" if inputs == "standardised" else "none",
         random_state=int(cell_rng(0, stage="mnn").integers(2**32)),
     )
-    with pytest.warns(match="raise epochs"):
+    with pytest.warns(match="increase epochs"):
         network.fit(training.reshape(-1, BINS), TRUTH.ravel())
     assert found["presentations"] == given["epochs"]
     assert found["hidden"] == min(4, (given["epochs"] - 1) // 5 + 1)

@@ -33,7 +33,8 @@ print("numba" in sys.modules)
 RUN = """
 import numpy as np
 from ncti.infrared import SUPER_RESOLUTIONS, image
-from ncti.ladar import RECEIVERS, RangeExtent, sample_frames
+from ncti.ladar import RangeExtent, sample_frames
+from ncti.ladar.receivers import RECEIVERS
 from ncti.render import RangeImage
 
 rng = np.random.default_rng(0)

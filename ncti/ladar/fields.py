@@ -1,0 +1,164 @@
+"""Random fields of IFOVs: speckle of the target, filtered noise, and the detector output."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.ladar.extent import RangeExtent
+from ncti.ladar.pulse import (
+    low_rank_factor,
+    noise_by_lag,
+    noise_covariance,
+    noise_factor,
+    target_kernel,
+)
+
+# Frames and IFOVs of one matrix product. The last bit of a product depends on its number of rows,
+# and a frame must not depend on how many follow it, so target-free sums always have ROWS_AT_ONCE
+# rows, drawn or not. Arrays of this size stay in the cache of a core.
+ROWS_AT_ONCE, IFOVS_AT_ONCE = 8, 32
+# Share of the standard deviation of the noise below which the field of the target is neglected: a
+# sixtieth of the rounding error of float32.
+UNFELT = 1e-9
+
+
+class Speckle(NamedTuple):
+    """Contribution of the target to the fields of IFOVs; those without a target come last."""
+
+    first: NDArray[np.int64]  # (ifov + 1,) start of each IFOV in the next three arrays
+    occupied: NDArray[np.int64]  # (place,) occupied bins
+    amplitude: NDArray[np.float32]  # (place,) root mean square of each quadrature
+    reach: NDArray[np.int64]  # (place,) bins that a scatterer affects on each side, own included
+    response: NDArray[np.float32]  # (2 bin - 1,) by lag, the most negative lag first
+
+    @classmethod
+    def of(
+        cls, extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int = 0
+    ) -> Speckle:
+        """Return the speckle of a view, each bin's as far as it exceeds the rounding of noise."""
+        pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+        bins = extent.down_range.size
+        response = _response(**pulse, bin_count=bins)
+        density = extent.density
+        (occupied,) = density.reshape(-1).nonzero()
+        amplitude = np.sqrt(cnr * density.take(occupied)).astype(np.float32)
+        felt = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
+        # The response falls with the lag: the reach is the number of lags above a bin's threshold.
+        with np.errstate(divide="ignore"):
+            lost = felt / amplitude
+        reach = bins - response[:bins].searchsorted(lost, side="right")
+        ifovs = len(density)
+        first = np.searchsorted(occupied, bins * np.arange(ifovs + 1 + target_free_ifovs))
+        return cls(first, occupied % bins, amplitude, reach, response)
+
+
+@lru_cache(maxsize=32)
+def _response(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
+    """Return `target_kernel` by lag, the most negative lag first, its far tails set to zero."""
+    kernel = target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
+    by_lag = np.concatenate([kernel[0, :0:-1], kernel[0]])
+    # Subnormal float32 numbers are a hundred times slower to multiply.
+    return np.where(by_lag > 1e-20, by_lag, 0.0).astype(np.float32)
+
+
+class Noise(NamedTuple):
+    """`noise_factor` split into rows even and odd about the middle of the window.
+
+    The covariance is symmetric about the middle and, like every Gaussian kernel, strictly totally
+    positive, so the eigenvector of the n-th largest eigenvalue has n - 1 changes of sign
+    (Gantmacher and Krein, Oscillation Matrices and Kernels, 1950, chapter II): even and odd rows
+    alternate. Products with the two halves take half the multiplications of the full product.
+    """
+
+    bins: int
+    even: NDArray[np.float32]  # (rank, half) lower half of the rows, a middle bin included
+    odd: NDArray[np.float32]
+    of_even: tuple[int, int]  # first normal of a quadrature for an even row, and step to the next
+    of_odd: tuple[int, int]
+
+    @property
+    def rank(self) -> int:
+        """Number of normals of one quadrature."""
+        return len(self.even) + len(self.odd)
+
+    @classmethod
+    @lru_cache(maxsize=32)
+    def of(cls, *, pulse_width: float, bin_width: float, bin_count: int) -> Noise:
+        """Return the noise of a pulse, split into even and odd rows."""
+        pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
+        half = (bin_count + 1) // 2
+        factor = noise_factor(**pulse, bin_count=bin_count)
+        # Eigenvalues ascend: the last row belongs to the largest one and is even.
+        last = len(factor) - 1
+        of_even, of_odd = (last % 2, 2), (1 - last % 2, 2)
+        even, odd = factor[last % 2 :: 2], factor[1 - last % 2 :: 2]
+        mixed = max(
+            np.abs(even - even[:, ::-1]).max(initial=0.0),
+            np.abs(odd + odd[:, ::-1]).max(initial=0.0),
+        )
+        if mixed > 1e-6 * np.abs(factor).max():
+            # Of very short pulses bins are independent: eigenvalues coincide and their
+            # eigenvectors may be mixed. Even and odd parts are then decomposed separately.
+            covariance = noise_covariance(**pulse, bin_count=bin_count)
+            direct, across = covariance[:half, :half], covariance[:half, ::-1][:, :half]
+            even = low_rank_factor((direct + across) / 2, tolerance=1e-6)
+            odd = low_rank_factor((direct - across) / 2, tolerance=1e-6)
+            of_even, of_odd = (0, 1), (len(even), 1)
+        even, odd = (np.ascontiguousarray(part[:, :half]) for part in (even, odd))
+        return cls(bin_count, even, odd, of_even, of_odd)
+
+
+class Waveforms:
+    """Detector outputs |l| of IFOVs from normals, computed in memory that is reused.
+
+    The normals of a frame are ordered by IFOV, by quadrature, and within that the normals of the
+    occupied bins come before those of the noise.
+    """
+
+    def __init__(self, noise: Noise, speckle: Speckle, *, begin: int, frames: int) -> None:
+        self.noise, self.speckle = noise, speckle
+        occupied = np.repeat(np.diff(speckle.first), 2)
+        ends = begin + np.cumsum(occupied + noise.rank)
+        # For each quadrature: first normal of its speckle, first of its noise, and end of both.
+        self.parts = np.stack([ends - noise.rank - occupied, ends - noise.rank, ends])
+        most = min(IFOVS_AT_ONCE, len(speckle.first) - 1)
+        half = noise.even.shape[1]
+        self.sizes = len(noise.even), len(noise.odd), half, half
+        rows = min(frames, ROWS_AT_ONCE)
+        self.halves = [np.empty(rows * 2 * most * size, dtype=np.float32) for size in self.sizes]
+        self.magnitude = np.empty(rows * most * noise.bins, dtype=np.float32)
+
+    def of(self, normals: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
+        """Yield (frame, ifov, bin) magnitudes, some IFOVs at a time; up to ROWS_AT_ONCE frames."""
+        # Imported here because numba is slow to import.
+        from ncti.ladar.waveforms import part_noise, put_magnitudes
+
+        noise, target = self.noise, self.speckle
+        ifovs = len(target.first) - 1
+        for start in range(0, ifovs, IFOVS_AT_ONCE):
+            stop = min(start + IFOVS_AT_ONCE, ifovs)
+            speckle, begin, end = self.parts[:, 2 * start : 2 * stop]
+            # Arrays are contiguous for the last IFOVs too: the loops are compiled for those alone.
+            rows, quadratures = len(normals), 2 * (stop - start)
+            even_normals, odd_normals, even, odd = (
+                part[: rows * quadratures * size].reshape(rows, quadratures, size)
+                for part, size in zip(self.halves, self.sizes, strict=True)
+            )
+            part_noise(normals, begin, end, noise.of_even, noise.of_odd, even_normals, odd_normals)
+            # One product per frame, so that no frame depends on the number of frames.
+            np.matmul(even_normals, noise.even, out=even)
+            np.matmul(odd_normals, noise.odd, out=odd)
+            magnitude = self.magnitude[: rows * (stop - start) * noise.bins]
+            magnitude = magnitude.reshape(rows, stop - start, noise.bins)
+            put_magnitudes(
+                *(even, odd, normals, speckle, target.first[start : stop + 1]),
+                *(target.occupied, target.amplitude, target.reach, target.response),
+                magnitude,
+            )
+            yield magnitude
