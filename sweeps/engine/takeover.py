@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import product
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from sweeps.engine.cube import Layout, Spans, layouts_of, within
 from sweeps.engine.folders import verify
+from sweeps.engine.kinds import Value
 from sweeps.engine.plan import Place, Plan
 from sweeps.engine.provenance import choices_of
 from sweeps.engine.results import write_pack
@@ -39,8 +41,7 @@ class OldStore:
         self._now = plan
         before = choices_of(plan.experiment, old)
         # What the store was made with; where it ran is as it is now.
-        choices = Choices({**plan.choices.values, **before.values}, before.joint)
-        self._plan = Plan(plan.experiment, choices)
+        self._plan = Plan(plan.experiment, _as_now(before, plan.choices))
         self._path = path
         self._old = old
         self._say = say
@@ -163,6 +164,24 @@ class OldStore:
     def _decoded(self, name: str, place: tuple[int, ...]) -> Any:
         array = self._array(name)
         return array.get_block_selection(place) if array.size else array[...]
+
+
+def _as_now(before: Choices, now: Choices) -> Choices:
+    """Choices of a store, with equal values of now in their place.
+
+    A value may be more than the label that a store has of it, as a file is more than its name.
+    """
+    own = {key: {value: value for value in values} for key, values in now.values.items()}
+
+    def point(keys: Iterable[str], values: Iterable[Value]) -> tuple[Value, ...]:
+        return tuple(own[key].get(value, value) for key, value in zip(keys, values, strict=True))
+
+    values = {key: point([key] * len(given), given) for key, given in before.values.items()}
+    joint = (
+        replace(one, points=tuple(point(one.keys, there) for there in one.points))
+        for one in before.joint
+    )
+    return Choices({**now.values, **values}, tuple(joint))
 
 
 def _is_whole(bound: Bound) -> bool:

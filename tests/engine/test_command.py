@@ -349,3 +349,13 @@ def test_a_command_that_is_stopped_says_so_and_goes_on(ended, number):
         slow = {"measured__pause": 0.02, "spring__stiffness": STIFF}
         finished = go(folder / "s.zarr", folder / "cache", **slow)
         assert finished.progress["period"].reused > 0
+
+
+@pytest.mark.parametrize("arguments", [[], ["dry_run=true"]])
+def test_what_is_swept_is_told_once_before(arguments, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    told = Command(replace(SPRINGS, about=lambda choices: ["a spring", "another"]))
+    assert told.main(["cache=cache", "cluster=inline", "store=s.zarr", *arguments]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    place = lines.index(f"{told.name}: a spring")
+    assert lines[place + 1] == f"{told.name}: another" and lines.count(lines[place]) == 1

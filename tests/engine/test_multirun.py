@@ -11,6 +11,7 @@ from small_stores import files, opened
 from toys import CALLS, SPRINGS, Spring, go
 
 from sweeps.engine.command import Command
+from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.multirun import Job, crossed, fused, jobs_of
 from sweeps.engine.settings import read_choices
 
@@ -316,3 +317,28 @@ def test_a_glob_is_all_choices_of_a_group(command, tmp_path):
     assert command("-m", "store=m.zarr", "spring=glob(*)", "measured.draw=1") == 0
     springs = opened(tmp_path / "m.zarr", "springs")
     assert springs.spring.values.tolist() == ["hard", "soft", "stiff"]
+
+
+class Named(str):
+    """A label of something that two values of it may not share."""
+
+    def __new__(cls, label, origin):
+        named = super().__new__(cls, label)
+        named.origin = origin
+        return named
+
+
+def test_equal_labels_of_different_things_are_refused():
+    """A store has the labels only; of one thing, they are one value."""
+    first = read_choices(SPRINGS.declared, {})
+    alike, other = (
+        [
+            Job({"run": str(n)}, first.having(Spring.limit, (Named("a", origin),)), "s.zarr")
+            for n, origin in enumerate(origins)
+        ]
+        for origins in ("xx", "xy")
+    )
+    [(choices, _)] = fused(SPRINGS, alike)
+    assert choices[Spring.limit] == ("a",)
+    with pytest.raises(ConfigurationError, match=r"^spring\.limit has 'a' for two things in jobs"):
+        fused(SPRINGS, other)

@@ -1,7 +1,7 @@
 """Settings: what may be written, what is refused and how, and what is derived from them."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 from hypothesis import given, settings
@@ -10,11 +10,12 @@ from toys import SPRINGS, Measured, Spring
 
 from sweeps.engine.cube import value_array
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
+from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Vector, Word
 from sweeps.engine.provenance import written
 from sweeps.engine.settings import (
     ENGINE_SETTINGS,
     Run,
+    Setting,
     Settings,
     count,
     draws,
@@ -22,9 +23,11 @@ from sweeps.engine.settings import (
     nested,
     number,
     read_choices,
+    read_entries,
     set_of,
     settings_table,
     text,
+    vector,
     word,
 )
 
@@ -219,3 +222,51 @@ def test_choices_with_other_values():
     assert choices[Spring.mass] == (1.0, 2.0)
     assert draws(3, label="d").values(2) == (0, 1)
     assert replace(Spring.mass, dimension="m").name == "m"
+
+
+class Bob(Settings, key="pendulum.bob"):
+    """A mapping that a setting may have for one of its values."""
+
+    file = replace(text("", label="file"), default=None)
+    mass = number(1.0, 0, 9, unit="kg", label="mass", fixed="it is of one bob")
+    place = vector([0, 0], 2, -5, 5, unit="m", label="place")
+
+
+def test_a_mapping_is_read_by_its_entries():
+    found = read_entries(Bob.declared, "pendulum.bob", {"file": "a", "place": [1, -0.0]})
+    assert found == {"file": "a", "mass": 1.0, "place": (1.0, 0.0)}
+    assert math.copysign(1, found["place"][1]) == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({}, "pendulum.bob is {}, but must have file"),
+        ({"file": "a", "size": 1}, "pendulum.bob.size is no key of the configuration; "),
+        ({"file": "a", "mass": 10}, "pendulum.bob.mass has 10, but every value must be a finite"),
+        ({"file": "a", "mass": [1, 2]}, "pendulum.bob.mass has 2 values, but must have one: it is"),
+        ({"file": "a", "place": 1}, "pendulum.bob.place is 1, but must be a list of 2, each a"),
+        ({"file": "a", "place": [0, 6]}, "pendulum.bob.place is [0, 6], but must be a list of 2"),
+        ({"file": "a", "place": ["0", 0]}, "pendulum.bob.place is ['0', 0], but must be a list"),
+        ({"file": ""}, "pendulum.bob.file is empty, but must be a text"),
+    ],
+)
+def test_a_wrong_entry_is_refused_by_its_whole_key(given, sentence):
+    with pytest.raises(ConfigurationError) as refused:
+        read_entries(Bob.declared, "pendulum.bob", given)
+    assert str(refused.value).startswith(sentence)
+
+
+def test_entries_stand_below_their_setting_in_the_table():
+    @dataclass(frozen=True)
+    class Bobs(Text):
+        entries: tuple = Bob.declared
+
+    class Pendulum(Settings, key="pendulum"):
+        bob = Setting(Bobs(), "a", "bob")
+        length = number(1.0, label="length")
+
+    rows = settings_table(Pendulum.declared).splitlines()[2:]
+    keys = [row.split("`")[1] for row in rows]
+    assert keys == ["pendulum.bob", *(one.key for one in Bob.declared), "pendulum.length"]
+    assert Vector(2).allowed == "a list of 2, each a finite number"

@@ -39,10 +39,14 @@ def wigley(length=100.0, beam=13.0, draught=4.5, freeboard=6.0) -> trimesh.Trime
     breadth = np.sqrt(np.clip(1 - z**2, 0, None))[:, None] * (1 - 0.98 * x**2) + 0.002
     breadth = np.vstack([breadth, breadth[-1:]])
     height = np.append(z * draught, freeboard)[:, None] + np.zeros_like(x)
-    rings = [np.dstack([np.broadcast_to(x * length / 2, height.shape), side, height])
-             for side in (breadth * beam / 2, -breadth * beam / 2)]
+    rings = [
+        np.dstack([np.broadcast_to(x * length / 2, height.shape), side, height])
+        for side in (breadth * beam / 2, -breadth * beam / 2)
+    ]
     hull = trimesh.Trimesh(np.concatenate(rings).reshape(-1, 3)).convex_hull
-    house = trimesh.creation.box((25, 8, 12), trimesh.transformations.translation_matrix((-5, 0, 9)))
+    house = trimesh.creation.box(
+        (25, 8, 12), trimesh.transformations.translation_matrix((-5, 0, 9))
+    )
     return trimesh.boolean.union([hull, house], engine="manifold")
 
 
@@ -70,7 +74,9 @@ def test_every_turned_ship_is_turned_back(name, up, forward, arrays):
 
 
 @six
-@settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     turn=st.sampled_from([one for one in TURNS if one != ("z", "-x")]),
     scale=st.floats(0.2, 3.0),
@@ -120,9 +126,10 @@ def test_a_hull_on_its_keel_is_lowered_by_a_draught():
     vertices, faces = np.array(hull.vertices), np.array(hull.faces)
     assert diagnose(vertices, faces).findings == ()
     for lifted, findings in ((4.5, 1), (20.0, 2)):
-        found = diagnose(vertices + [0, 0, lifted], faces)
+        above = vertices + np.array([0, 0, lifted])
+        found = diagnose(above, faces)
         assert len(found.findings) == findings and "keel" in found.findings[-1]
-        mended = found.mend.apply(vertices + [0, 0, lifted])
+        mended = found.mend.apply(above)
         assert mended[:, 2].min() == pytest.approx(-13 / 3, abs=0.01)
         assert diagnose(mended, faces).findings == ()
     upside_down = ships.Transform(up="-z").apply(vertices)
@@ -134,7 +141,7 @@ def test_a_box_afloat_is_not_suspicious(box):
     """Barges are as symmetric along all axes, and as large above as below."""
     mesh = trimesh.creation.box(box)
     for height in (0, box[2] / 2, 0.3 * box[2]):
-        vertices = mesh.vertices + [0, 0, height]
+        vertices = mesh.vertices + np.array([0, 0, height])
         assert diagnose(np.array(vertices), np.array(mesh.faces)).findings == ()
 
 

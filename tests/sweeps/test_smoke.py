@@ -74,7 +74,7 @@ def test_root_says_what_made_it(smoke_store):
 
 def test_every_cell_is_done(groups):
     states = {name: data for name, data in groups.items() if name.startswith("status")}
-    assert len(states) == 6
+    assert len(states) == 7
     for dataset in states.values():
         for state in dataset.values():
             assert (state == 1).all()

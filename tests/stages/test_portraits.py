@@ -108,7 +108,7 @@ def test_a_ship_is_told_in_a_line_and_what_is_wrong_in_another(hull):
     lying = {"path": hull, "scale": 0.001, "name": "my hull", "up": "z", "offset": [0, 0, 50]}
     measures, warning = portraits.about(choose(grid__ship=lying))
     assert measures.startswith("my hull  60.0 x ")
-    assert warning.startswith("warning: my hull lies on its side; if so, use ")
+    assert warning.startswith("warning: my hull lies on its side and has its origin 50.0 m off ")
     [fragment] = shlex.split(warning.partition("use ")[2])
     assert fragment.startswith('grid.ship={path: hull.stl, name: "my hull", up: y, scale: 0.001')
     assert "\n" not in warning
@@ -117,9 +117,7 @@ def test_a_ship_is_told_in_a_line_and_what_is_wrong_in_another(hull):
 def test_of_many_ships_some_are_told(monkeypatch):
     monkeypatch.setattr(portraits, "MOST_LINES", 2)
     lines = portraits.about(choose(grid__ship=list(ncti.ships.names())))
-    assert len(lines) == 3 and lines[2] == "and 4 more ships, 135.6 to 178.3 m long".replace(
-        "135.6", "138.1"
-    )
+    assert len(lines) == 3 and lines[2] == "and 4 more ships, 138.1 to 178.3 m long"
 
 
 def test_a_window_that_is_too_small_for_a_shifted_ship_says_why():

@@ -1,0 +1,70 @@
+"""A user's mesh in a whole sweep: on the command line, in an experiment's file, in the store."""
+
+import pytest
+import trimesh
+from commands import FAST, chosen, opened, ran
+
+import ncti.ships
+from ncti.ships import Transform
+from sweeps.stages.views import Grid, hull
+
+MILLIMETRES = "grid.ship={path: hull.stl, up: y, scale: 0.001}"
+BOTH = "grid.ship=[{path: hull.stl, up: y, scale: 0.001}, duncan]"
+
+
+@pytest.fixture
+def mesh(folder):
+    """Connole in a file in millimetres with y up."""
+    ship = ncti.ships.load("connole")
+    vertices = ship.vertices @ Transform(up="y").axes * 1000
+    trimesh.Trimesh(vertices, ship.faces, process=False).export(folder / "hull.stl")
+    return ship
+
+
+def test_one_store_has_it_before_and_beside_another(mesh, folder, results, capsys):
+    common = (*FAST, "grid.aspect=[30,60]", "grid.frame_count=4", "store=s.zarr")
+    assert ran(MILLIMETRES, *common, f"cache={results}") == 0, capsys.readouterr().err
+    assert "hull  133.5 x 14.2 x 36.9 m, 28,860 facets\n" in capsys.readouterr().err
+    alone = opened(folder / "s.zarr", "ships")
+    assert ran(BOTH, *common, f"cache={results}") == 0
+    assert "warning" not in capsys.readouterr().err
+    ships = opened(folder / "s.zarr", "ships")
+    assert ships.ship.values.tolist() == ["duncan", "hull"]
+    assert ships.sel(ship=["hull"]).drop_vars("ship").equals(alone.drop_vars("ship"))
+    own = ships.sel(ship="hull")
+    # STL is single precision.
+    measured = [float(own[name]) for name in ("length", "beam", "height")]
+    assert measured == pytest.approx(mesh.extents, abs=1e-4)
+    assert own.facets == len(mesh.faces) and own.warning == ""
+    assert own.picture.shape == (80, 200) and 1000 < own.picture.count() < 12_000
+    import zarr
+
+    attributes = zarr.open_group(folder / "s.zarr", mode="r").attrs
+    assert attributes["mesh_transforms"] == {"hull": "up: y, scale: 0.001"}
+    digest = ncti.ships.digest(folder / "hull.stl", up="y", scale=0.001)
+    assert attributes["mesh_digests"]["hull"] == digest
+
+
+def test_a_multirun_crosses_it(mesh):
+    found = chosen("-m", "grid.ship={path: hull.stl, up: y, scale: 0.001},duncan")
+    assert found[Grid.ship] == ("duncan", "hull")
+    assert hull(found[Grid.ship][1]).transform == Transform(up="y", scale=0.001)
+
+
+def test_a_value_replaces_one_of_another_form(mesh, capsys):
+    assert ran("--cfg", "job", "grid.ship=duncan", MILLIMETRES.replace("grid", "++grid")) == 0
+    printed = capsys.readouterr().out
+    assert "    path: hull.stl\n    up: 'y'\n    scale: 0.001\n" in printed
+
+
+def test_what_looks_wrong_is_told_and_stored(mesh, folder, results, capsys):
+    on_side = "grid.ship={path: hull.stl, scale: 0.001}"
+    fast = (*FAST, "grid.aspect=90", "grid.frame_count=4", "store=s.zarr", f"cache={results}")
+    assert ran(on_side, *fast) == 0
+    [line] = [one for one in capsys.readouterr().err.splitlines() if "warning" in one]
+    assert line.endswith(
+        "warning: hull lies on its side; if so, use "
+        "'grid.ship={path: hull.stl, up: y, scale: 0.001}'"
+    )
+    [warning] = opened(folder / "s.zarr", "ships").warning.values
+    assert warning == "lies on its side; if so, use {up: y, scale: 0.001}"
