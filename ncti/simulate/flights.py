@@ -9,18 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
-from ncti.irar import (
-    Correction,
-    Flight,
-    Scan,
-    Snapshot,
-    correct,
-    fly,
-    segmented,
-    ship_heading,
-    ship_window,
-    time_delay_integrate,
-)
+from ncti.irar.chain import Correction, correct, segmented
+from ncti.irar.flight import Flight, ship_heading
+from ncti.irar.scan import Scan, fly
+from ncti.irar.snapshot import Snapshot, ship_window
+from ncti.irar.time_delay import time_delay_integrate
 from ncti.simulate.subject import Ship, coordinates, generator, mesh_of, seed_of
 
 if TYPE_CHECKING:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.checks import require
-from ncti.infrared import IFOV, contrast, image, silhouette
+from ncti.infrared.radiometry import IFOV, contrast
+from ncti.infrared.silhouette import silhouette
+from ncti.infrared.synthesis import image
 from ncti.render import line_image
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (

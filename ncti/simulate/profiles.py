@@ -10,17 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_all
-from ncti.ladar import (
-    RangeExtent,
-    carrier_to_noise,
-    cumulative_average,
-    expected_profile,
-    frame_blocks,
-    lines_within,
-    noise_floor,
-    range_extent,
-    shortest_pulse,
-)
+from ncti.ladar.budget import carrier_to_noise
+from ncti.ladar.expected import expected_profile
+from ncti.ladar.extent import RangeExtent, range_extent
+from ncti.ladar.frames import cumulative_average, frame_blocks
+from ncti.ladar.pulse import noise_floor, shortest_pulse
+from ncti.ladar.tolerance import lines_within
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
     SPACING,
