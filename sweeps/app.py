@@ -100,15 +100,16 @@ def report(store: Path, choices: Choices, finished: Finished) -> None:
 def report_page(store: Path, finished: Finished) -> None:
     """Write the page of a finished store, unless the one beside it is of the same store."""
     from sweeps.engine.process import say
+    from sweeps.report.command import write_report
     from sweeps.report.page.work import write_work
-    from sweeps.report.page.write import is_current, write_page
+    from sweeps.report.page.write import is_current
 
     if not finished.written and is_current(store):
         return
     try:
         if finished.written:
             write_work(store, finished.progress)
-        say(NAME, f"report page {write_page(store)}")
+        say(NAME, f"report page {write_report(store)}")
     except (OSError, ValueError) as error:
         say(NAME, f"the report page is not written: {error}")
 

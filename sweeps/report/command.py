@@ -113,13 +113,23 @@ def main() -> None:
             complain(f"pictures are not drawn: {error}")
             sys.exit(2)
     if arguments.html:
-        from sweeps.report.page.write import write_page  # which takes long to import
-
         try:
-            print(write_page(path))
+            print(write_report(path))
         except (OSError, ValueError) as error:
             complain(f"the report page is not written: {error}")
             sys.exit(2)
+
+
+def write_report(path: Path) -> Path:
+    """Write the report page of a store beside it; returns its path.
+
+    Raises OSError or ValueError if it cannot.
+    """
+    # Here, since they take longer to import than tables take to print.
+    from sweeps.report.figures import draw
+    from sweeps.report.page.write import write_page
+
+    return write_page(path, draw)
 
 
 def report(path: Path, console: Console) -> None:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from sweeps.stages.scan import DECOY, NOWHERE
+from sweeps.stages.scan_tables import DECOY, NOWHERE
 
 COLOURS = {
     "right": "#2a9d5c",

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.render import View, cast_rays
+from ncti.render import cast_rays
+from ncti.render.view import View
 from ncti.ships.errors import printable
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, stage

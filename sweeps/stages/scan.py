@@ -20,15 +20,14 @@ from sweeps.engine.settings import Settings, count, number, word
 from sweeps.engine.stage import Output, Stage, plain, stage
 from sweeps.stages import views
 from sweeps.stages.ladar import Arrays, Ladar, profile_bins
+from sweeps.stages.scan_tables import DECOY
 from sweeps.stages.views import SCAN, STATUS, Grid, Render, looks, quantity
 
 if TYPE_CHECKING:
     import trimesh
 
 SENSOR = GROUP = SCAN
-NOWHERE = -1  # of a detection: no target, but the sea
 BARGE, NO_DECOY = "barge", "none"
-DECOY = "decoy"  # name of the last target
 
 
 class Scan(Settings, key="scan"):

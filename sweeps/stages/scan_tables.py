@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DRAW = "replicate"
+NOWHERE = -1  # of a detection: no target, but the sea
+DECOY = "decoy"  # name of the last target
 SHARES = {
     "share_detected": ("detected", "ships", "share of ships detected"),
     "share_right": ("right", "detected", "share of ships detected that are named right"),

@@ -24,13 +24,13 @@ from sweeps.stages.scan import (
     BARGE,
     GROUP,
     NO_DECOY,
-    NOWHERE,
     VIEW,
     Scan,
     of_scan,
     targets_of,
     view_of,
 )
+from sweeps.stages.scan_tables import NOWHERE
 from sweeps.stages.views import SCAN, Grid, Render, Scene, looks
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, Table, in_memory, plain
 from sweeps.stages.ladar import Arrays, Floats, Ladar, nowhere
 from sweeps.stages.likelihood import Likelihood
-from sweeps.stages.scan import GROUP, NOWHERE, Target, of_scan, targets_of, view_of
-from sweeps.stages.scan_tables import tabulate
+from sweeps.stages.scan import GROUP, Target, of_scan, targets_of, view_of
+from sweeps.stages.scan_tables import NOWHERE, tabulate
 from sweeps.stages.views import SCAN, Grid, looks
 
 if TYPE_CHECKING:

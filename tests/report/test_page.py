@@ -41,6 +41,11 @@ def stored(path, attributes=None, **groups):
     return path
 
 
+def page_of(path):
+    """The page of a store without figures."""
+    return write.page_of(path, lambda kind, store: None)
+
+
 def states(*values):
     return xr.Dataset({"view": ("ship", np.array(values, dtype="i1"))})
 
@@ -90,13 +95,13 @@ def test_figures_of_the_source_stand_beside_ours_where_the_sweep_has_its_views(t
     fixed = {"accuracy": 0.8, "ci_low": 0.65, "ci_high": 0.9}
     for name, value in fixed.items():
         table[name] = value + 0 * table[name]
-    page = parsed(write.page_of(stored(tmp_path / "s.zarr", tables__acn=table)))
+    page = parsed(page_of(stored(tmp_path / "s.zarr", tables__acn=table)))
     row = page.root.one("section", id="scores").all("table")[0].all("tr")[1]
     cells = row.all("td")[:2]  # 16 frames, 30 ns: 78 and 40, the article's Table 4
     assert [cell.one("span", **{"class": "src"}).text for cell in cells] == ["78 +2", "40 +40"]
     assert [cell.attrs["class"] for cell in cells] == ["same", "above strong"]
     few = of_the_source(view_count=table.view_count - 1)
-    page = parsed(write.page_of(stored(tmp_path / "few.zarr", tables__acn=few)))
+    page = parsed(page_of(stored(tmp_path / "few.zarr", tables__acn=few)))
     assert not any(one.text for one in page.root.all("span", **{"class": "src"}))
 
 
@@ -123,7 +128,7 @@ def test_an_axis_that_nobody_foresaw_has_its_curves(tmp_path):
         {"ripeness": [1.0, 2.0, 8.0], "weather": ["sun", "rain"]},
     )
     path = stored(tmp_path / "s.zarr", tables__oracle=table, tables__grown=grown)
-    page = parsed(write.page_of(path))
+    page = parsed(page_of(path))
     curves = page.root.one("section", id="curves").all("svg", role="img")
     assert {one.attrs["data-axis"] for one in curves} == {"ripeness", "colour", "aspect_bin"}
     (curve,) = [one for one in curves if one.attrs["data-axis"] == "ripeness"]
@@ -143,7 +148,7 @@ def test_an_axis_that_nobody_foresaw_has_its_curves(tmp_path):
 def test_settings_that_run_together_are_one_axis(tmp_path):
     joint = {"error_parameter": ["none", "heading"], "error_value": [0.0, 2.0]}
     path = stored(tmp_path / "s.zarr", tables__oracle=scores(error=joint))
-    page = parsed(write.page_of(path))
+    page = parsed(page_of(path))
     (select,) = [one for one in page.root.all("select") if one.attrs.get("data-axis") == "error"]
     assert [one.text for one in select.all("option")] == [
         "error parameter none, error value 0",
@@ -174,7 +179,7 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
     path = stored(
         tmp_path / "s.zarr", attributes, status=states(*given), tables__o=scores(a=[1, 2])
     )
-    page = parsed(write.page_of(path))
+    page = parsed(page_of(path))
     title, alerts = page.root.one("head").one("title").text, page.root.all("div", role="alert")
     header = page.root.one("header", id="summary").text
     assert said in header
@@ -188,7 +193,7 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
 
 
 def test_a_store_without_states_does_not_look_complete(tmp_path):
-    page = parsed(write.page_of(stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))))
+    page = parsed(page_of(stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))))
     assert page.root.one("head").one("title").text.startswith("UNKNOWN: ")
 
 
@@ -231,7 +236,7 @@ def test_whatever_a_store_says_is_text(tmp_path):
         path, group="tables/other", mode="a", consolidated=False
     )
     (path.parent / "x").mkdir()
-    page = parsed(write.page_of(path))
+    page = parsed(page_of(path))
     assert len(page.root.all("script")) == 2 and not page.root.all("img")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", page.written)
     assert not any(key.startswith("on") for one in all_of(page.root) for key in one.attrs)
@@ -360,9 +365,11 @@ def test_a_page_in_the_way_costs_the_sweep_a_sentence(tmp_path, capsys):
 def test_a_page_is_written_again_when_the_store_changes(tmp_path, monkeypatch):
     path = stored(tmp_path / "s.zarr", {"seed": 1}, tables__o=scores(a=[1, 2]))
     pages = []
-    monkeypatch.setattr(write, "write_page", lambda store: pages.append(store) or store)
+    monkeypatch.setattr(
+        "sweeps.report.command.write_report", lambda store: pages.append(store) or store
+    )
     assert not write.is_current(path)
-    page_file(path).write_text(write.page_of(path), encoding="utf-8")
+    page_file(path).write_text(page_of(path), encoding="utf-8")
     report_page(path, Finished(written=False))
     assert pages == []
     stored(path, {"seed": 2})
@@ -377,7 +384,7 @@ def test_work_is_kept_beside_the_tables_and_shown(tmp_path):
     kept = read_work(path)
     first = kept[0]
     assert (first.stage, first.done, first.reused, first.seconds) == ("fast", 1, 2, 0.25)
-    page = parsed(write.page_of(path))
+    page = parsed(page_of(path))
     rows = page.root.one("section", id="work").all("tr")[1:]
     assert [row.all("th")[0].text for row in rows] == ["fast", kept[1].stage]
     assert [cell.text for cell in rows[0].all("td")][:4] == ["1", "2", "0", "0.25"]
@@ -403,5 +410,5 @@ def test_ships_have_their_measures_and_a_picture(tmp_path):
     pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(one.picture))))
     assert pixels.shape == (3, 5, 4)
     assert (pixels[2, :, 3] == 255).all() and (pixels[:2, :, 3] == 0).all()
-    page = parsed(write.page_of(path))
+    page = parsed(page_of(path))
     assert "own: length 20.0 m, facets 12" in page.root.one("section", id="ships").text

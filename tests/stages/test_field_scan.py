@@ -14,7 +14,8 @@ from ncti.ladar import noise_floor
 from ncti.search import imaging_time, position_count
 from sweeps.engine.errors import ConfigurationError
 from sweeps.report import figures, scan_figures, scans
-from sweeps.stages.scan import DECOY, view_of
+from sweeps.stages.scan import view_of
+from sweeps.stages.scan_tables import DECOY
 from sweeps.stages.scan_targets import box, source_of
 from sweeps.stages.scan_visits import Templates, unit
 from sweeps.stages.views import drawing_engine

@@ -5,6 +5,7 @@ is named. None of its words stands anywhere else in the project.
 """
 
 import csv
+import re
 import sys
 
 import numpy as np
@@ -124,6 +125,14 @@ def test_its_table_is_reported(store, capsys):
     rows = list(csv.DictReader(files["toy.csv"].open()))
     assert len(rows) == 4
     assert [float(row["share"]) for row in rows if float(row["scatter_m"]) == 0] == [1, 1]
+
+
+def test_its_axes_have_curves_and_selectors_on_the_page(store):
+    text = store.with_name("s-report.html").read_text(encoding="utf-8")
+    charts = re.findall(r'<svg [^>]*aria-label="share against (\w+)[^>]*data-axis="(\w+)"', text)
+    assert charts == [("echoes", "echoes"), ("scatter", "scatter")]
+    assert set(re.findall(r'<select data-axis="(\w+)"', text)) >= {"echoes", "scatter"}
+    assert "xr.open_zarr(&#39;s.zarr&#39;, group=&#39;tables/toy&#39;)" in text
 
 
 def test_it_extends_and_is_found_again(store, capsys):

@@ -49,7 +49,7 @@ def test_code_and_data_of_users_are_in_the_wheel(unpacked):
     conf = below(unpacked / "sweeps" / "conf", "*.yaml")
     assert conf == below(ROOT / "conf", "*.yaml")
     for package in packages:
-        kinds = ("*.py", "*.yaml", "*.vert", "*.frag", "*.glsl")
+        kinds = ("*.py", "*.yaml", "*.vert", "*.frag", "*.glsl", "*.html", "*.css", "*.js")
         found = below(unpacked / package, *kinds) - {Path("conf") / path for path in conf}
         assert found == below(ROOT / package, *kinds)
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sweeps.report.rows import groups
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 DPI = 100
+Draw = Callable[[str, Path], "Figure"]  # of a kind and a store
 
 
 @dataclass(frozen=True)
@@ -103,11 +107,11 @@ class Picture:
     why: str = ""
 
 
-def pictures_of(path: Path, store: Any) -> Iterator[Picture]:
-    """Draw what a store has the groups for, as PNG in base64."""
+def pictures_of(path: Path, store: Any, draw: Draw) -> Iterator[Picture]:
+    """Yield the figures that a store has the groups for, as PNG in base64."""
     for kind, one in KINDS.items():
         if all(_has(store, group) for group in one.needs):
-            drawn, why = _draw(kind, path)
+            drawn, why = _drawn(kind, path, draw)
             if why and kind == "sensitivity":  # of flights without errors there is none
                 continue
             command = f"python -m sweeps.report.figures {kind} {path.name} {kind}.png"
@@ -119,10 +123,8 @@ def _has(store: Any, group: str) -> bool:
     return name in groups(store, under)
 
 
-def _draw(kind: str, path: Path) -> tuple[str, str]:
+def _drawn(kind: str, path: Path, draw: Draw) -> tuple[str, str]:
     """Return the picture, or why there is none."""
-    from sweeps.report.figures import draw
-
     content = io.BytesIO()
     try:
         draw(kind, path).savefig(content, format="png", dpi=DPI)

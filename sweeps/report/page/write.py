@@ -16,7 +16,7 @@ from sweeps.report.page import confusion, layout, summary
 from sweeps.report.page.cells import Cells
 from sweeps.report.page.charts import shape_of
 from sweeps.report.page.cubes import NAMED, TRUE, Axes, Axis, Cube, cubes_of, placed
-from sweeps.report.page.pictures import pictures_of
+from sweeps.report.page.pictures import Draw, pictures_of
 from sweeps.report.page.ships import ships_of
 from sweeps.report.page.work import read_work
 from sweeps.report.screen import write_whole
@@ -26,12 +26,12 @@ LARGEST = 200_000  # values of a variable; images and profiles have more
 STAMP = "ncti-store"  # name of the meta element that says which store a page is of
 
 
-def write_page(store: Path) -> Path:
+def write_page(store: Path, draw: Draw) -> Path:
     """Write the page of a store beside it, whole or not at all; returns its path.
 
-    Raises OSError if the store cannot be read, or the page cannot be written.
+    `draw` makes a figure of a kind from a store, as `sweeps.report.figures.draw` does. Raises OSError if the store cannot be read, or the page cannot be written.
     """
-    path, text = rows.page_file(store), page_of(store)
+    path, text = rows.page_file(store), page_of(store, draw)
     write_whole(path, lambda made: made.write_text(text, encoding="utf-8", errors="replace"))
     return path
 
@@ -55,7 +55,7 @@ def _stamp(store: Path) -> str:
     return hashlib.sha256(known.encode() + content).hexdigest()[:32]
 
 
-def page_of(path: Path) -> str:
+def page_of(path: Path, draw: Draw) -> str:
     """Return the page of a store. Raises OSError if the store cannot be read."""
     store = rows.opened(path)
     attributes = dict(store.attrs)
@@ -82,7 +82,7 @@ def page_of(path: Path) -> str:
         "charts": layout.score_charts(cubes, axes),
         "others": layout.other_sections(cubes, axes, titles),
         "matrices": confusion.laid_out(cubes, axes),
-        "pictures": list(pictures_of(path, store)),
+        "pictures": list(pictures_of(path, store, draw)),
         "ships": ships_of(store),
         "work": read_work(path),
         "provenance": summary.provenance(attributes),
