@@ -278,7 +278,7 @@ def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, ti
             bar.set_label(label, fontsize=SMALL)
             bar.ax.tick_params(labelsize=SMALL - 1)
         said = stage.title if wide else fill(stage.title, NARROW)
-        row[0].set_title(said, fontsize=HEADING, loc="left")
+        row[0].set_title(said, fontsize=SMALL, loc="left")
     figure.suptitle(title, fontsize=TITLE)
     if any(stage.unseen.any() for stage in every):
         figure.supxlabel(UNSEEN, fontsize=LABEL, color="0.3")

@@ -6,6 +6,7 @@ import inspect
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ SHIP, ASPECT, FRAMES = "spruance", 60.0, 16
 INK, SEA, RING = BLUE, "#e4ecf1", RUST
 OUTER_RADIUS: float = inspect.signature(log_polar).parameters["outer_radius"].default
 TITLES = ("image above the sea [K]", "silhouette and mapped ring", "log-polar map")
+NARROW = 20  # letters of what stands beside a row
 LABELS = ("across [m]", "across [m]", "angle [°], 0 right, 90 up")
 
 
@@ -140,14 +142,14 @@ def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Fi
     gap, head, foot = 0.1, 0.6, 0.34
     groups = [look.slant_range for look in looks]
     apart = [0.22 * (len(set(groups[: place + 1])) - 1) for place in range(len(looks))]
-    width, height = 11.95, head + len(looks) * (high + gap) + apart[-1] + foot
+    width, height = 12.35, head + len(looks) * (high + gap) + apart[-1] + foot
     figure = Figure(figsize=(width, height), dpi=130)
     rows: list[list[Axes]] = []
     for place, look in enumerate(looks):
         base = height - head - (place + 1) * (high + gap) + gap - apart[place]
         image, silhouette, polar = row = [
             figure.add_axes((left / width, base / height, across / width, high / height))
-            for left, across in ((1.5, wide), (5.7, wide), (9.75, 2.0))
+            for left, across in ((1.8, wide), (6.0, wide), (10.15, 2.0))
         ]
         rows.append(row)
         _show_silhouette(silhouette, look, inner_radius=inner)
@@ -160,10 +162,10 @@ def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Fi
         polar.set_ylabel("radius [√(area/π)]", fontsize=SMALL)
         how: Any = {"xycoords": "axes fraction", "color": INK}
         slant_range = f"{look.slant_range:g} km"
-        image.annotate(slant_range, (-0.40, 0.72), fontsize=TITLE, weight="bold", **how)
-        below = WAYS.get(look.way, look.way).replace("from ", "from\n")
+        image.annotate(slant_range, (-0.48, 0.72), fontsize=TITLE, weight="bold", **how)
+        below = fill(WAYS.get(look.way, look.way), NARROW)
         pixel = f"{below}\n{look.pixel:.3g} m pixels"
-        image.annotate(pixel, (-0.40, 0.66), fontsize=SMALL, va="top", **how)
+        image.annotate(pixel, (-0.48, 0.66), fontsize=SMALL, va="top", **how)
         for axes in row:
             axes.tick_params(labelsize=SMALL, length=2.5, labelbottom=look is looks[-1])
     for one in dict.fromkeys(groups):

@@ -23,7 +23,6 @@ from sweeps.report.style import (
     TITLE,
     bare,
     nested,
-    offset,
 )
 from sweeps.stages.scan import DECOY, NOWHERE
 
@@ -194,8 +193,7 @@ def _found(axes: Axes, table: xr.Dataset) -> None:
         error = np.maximum([share - ends[0], ends[1] - share], 0)[:, there]
         how: dict[str, Any] = {"color": colour, "mfc": "white", "label": label}
         how |= nested(nth, len(shown))
-        at = offset(ranges[there], nth, len(shown))
-        axes.errorbar(at, share[there], error, fmt=style, **how)
+        axes.errorbar(ranges[there], share[there], error, fmt=style, **how)
     axes.set(ylim=(0, 104), ylabel="percent", xlabel="slant range [km]", xticks=ranges)
     draws, frames = int(table.draws.max()), int(last.frame_count)
     axes.set_title(f"{draws} draws, {frames} frames, 95 % intervals", fontsize=HEADING)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti import ladar as library
-from ncti.features.profile import EDGE
+from ncti.features.profile import EDGE, estimated_floor
 from ncti.ladar import RECEIVERS, RangeExtent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render import LineImage, RangeImage
@@ -246,6 +246,17 @@ def expected(ifovs: RangeExtent, pulse_width: float, signal: Signal) -> Profiles
 
 
 @_profile(
+    Output("noise_floor", label="noise floor of range profiles"),
+    Output("floor_removed", ("down_range",), label="expected range profile above the noise floor"),
+    dims=(*VIEW, "range", "target_free_ifovs"),
+)
+def above_floor(expected: Profiles) -> Arrays:
+    """Return the noise floor, read off both ends of the window, and the profile above it."""
+    floor = estimated_floor(expected)
+    return {"noise_floor": floor[0], "floor_removed": expected - floor}
+
+
+@_profile(
     Output("averaged", ("down_range",), label="frame-averaged range profile, noise floor included"),
     dims=(*VIEW, "replicate", "ifov_phase", "frame_count", "range", "target_free_ifovs"),
     reads={"ifovs": "seen_ifovs"},
@@ -395,5 +406,5 @@ def _check_window(choices: Choices) -> None:
 SETTINGS: tuple[type[Settings], ...] = (Ladar,)
 STAGES: tuple[Stage, ...] = (
     *(fineness, cnr_at_range, signal, shift, seen_shift, extent, ifovs, seen_extent, seen_ifovs),
-    *(profile_error, expected, averaged, covariance, profile_bins, lags),
+    *(profile_error, expected, above_floor, averaged, covariance, profile_bins, lags),
 )
