@@ -72,6 +72,7 @@ def draw(kind: str, path: Path) -> Figure:
         run_time_figures,
         scan_figures,
         score_figures,
+        sensitivity_figures,
         ship_figures,
         spacing_figures,
     )
@@ -123,7 +124,7 @@ def draw(kind: str, path: Path) -> Figure:
         return flight_figures.draw_flight(store.attrs, flights, place)
     if kind == "validation":
         return flight_figures.draw_validation(flights)
-    return flight_figures.draw_sensitivity(flights)
+    return sensitivity_figures.draw_sensitivity(flights)
 
 
 if __name__ == "__main__":

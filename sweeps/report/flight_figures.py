@@ -32,9 +32,6 @@ from sweeps.report.style import (
     THEIRS,
     TITLE,
     bare,
-    key_below,
-    nested,
-    titled,
 )
 from sweeps.stages.irar import FLOWN, RATES, RECORDED, scan_again, surface
 from sweeps.stages.views import hull, read_mesh, ship_name
@@ -54,15 +51,7 @@ MARKED = (  # m past the hangar, height, what is there
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
     *((45, 0.76, "main mast"), (61, 0.32, "bridge")),
 )
-UNITS = {"aircraft_speed": "%", "ship_speed": "m/s"} | dict.fromkeys(
-    ("aircraft_heading", "ship_heading", "pointing"), "°"
-)
-ACROSS = 3  # panels of one row
 NARROW = 24  # letters of a title over a narrow panel
-FOCUSED = (  # autofocus, colour, style, name
-    (False, OURS, "o-", "parameters as recorded"),
-    (True, THEIRS, "s--", "with autofocus"),
-)
 
 
 @dataclass(frozen=True)
@@ -325,7 +314,7 @@ def draw_validation(flights: xr.Dataset) -> Figure:
         _profile(axes, place, profile.sel(source="noiseless"), "noiseless")
         _profile(axes, place, profile.sel(source="measured"), "measured in flight, corrected", OURS)
         likeness = float(one.profile_correlation)
-        title = _titled(one) + which(one, flights, but=TITLED)
+        title = titled_place(one) + which(one, flights, but=TITLED)
         title += f", first of {draws} draws" * (draws > 1)
         seen = "nothing seen" if math.isnan(likeness) else f"correlation {likeness:.3f}"
         axes.set_title(f"{title}, {seen}", fontsize=HEADING)
@@ -342,8 +331,8 @@ def draw_validation(flights: xr.Dataset) -> Figure:
     return figure
 
 
-def _titled(one: xr.Dataset) -> str:
-    """Ship, range and aspect."""
+def titled_place(one: xr.Dataset) -> str:
+    """Return ship, range and aspect of one flight, for a title."""
     return Place(str(one.ship.item()), float(one.aspect), float(one.range)).title
 
 
@@ -381,51 +370,3 @@ def _profile(axes: Axes, place: Any, profile: Any, label: str, colour: str = TRU
         axes.fill_between(place, 0, values, step="mid", color=colour, lw=0, label=label)
     else:
         axes.step(place, values, where="mid", color=colour, lw=1.1, label=label)
-
-
-def draw_sensitivity(flights: xr.Dataset) -> Figure:
-    """Draw mean correlation with the noiseless profile against the error of each parameter.
-
-    Raises ValueError if there are no errors.
-    """
-    if flights.sizes.get("error", 1) < 2:
-        raise ValueError("irar.errors is empty, but must name parameters and their errors")
-    first = flights.sel(ship=flown_past(flights)[0]).isel(aspect=0, range=0)
-    one = nominal(first, keep=("error", "autofocus", "replicate"))[["profile_correlation"]].load()
-    names = one.error_parameter.values.tolist()
-    parameters = [name for name in dict.fromkeys(names) if name in UNITS]
-    columns = min(ACROSS, len(parameters))
-    rows = math.ceil(len(parameters) / columns)
-    size = (3.1 * columns + 0.6, 2.5 * rows + 1.1)
-    figure = Figure(figsize=size, dpi=150, layout="constrained")
-    panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
-    for axes, name in zip(panels, parameters, strict=False):
-        there = [named == name or named not in UNITS for named in names]
-        part = one.isel(error=there).sortby("error_value")
-        for place, (on, colour, style, label) in enumerate(FOCUSED):
-            here = part.sel(autofocus=on) if "autofocus" in part.dims else part
-            if bool(here.autofocus) != on:
-                continue
-            values = here.profile_correlation
-            over = [dim for dim in values.dims if dim == "replicate"]
-            scatter = (values.std(over, ddof=1) if over else 0 * values).values
-            how: dict[str, Any] = {"color": colour, "mfc": "white", "label": label}
-            how |= nested(place, len(FOCUSED))
-            means = values.mean(over).values
-            axes.errorbar(here.error_value.values, means, scatter, fmt=style, **how)
-        axes.set_xlabel(f"error of {name.replace('_', ' ')} [{UNITS[name]}]", fontsize=LABEL)
-        axes.tick_params(labelsize=SMALL)
-        axes.grid(color="0.92")
-        axes.set_axisbelow(True)
-        bare(axes)
-    for axes in panels[::columns]:
-        axes.set_ylabel("correlation", fontsize=LABEL)
-    for spare in panels[len(parameters) :]:
-        spare.set_axis_off()
-    draws = flights.sizes.get("replicate", 1)
-    bars = f"mean ± standard deviation over {draws} draws of the noise" if draws > 1 else ""
-    key_below(figure, panels[0], title=bars)
-    others = which(one, flights.looks, but=(*TITLED, "autofocus")).removeprefix(", ")
-    title = "Correlation of measured with noiseless profiles, one flight parameter wrong"
-    titled(figure, title, _titled(one), others)
-    return figure

@@ -76,8 +76,8 @@ def draw_scan(scan: xr.Dataset, table: xr.Dataset, given: dict[str, Any]) -> Fig
     _times(figure.add_subplot(grid[1:, 1]), table)
     for axes in figure.axes:
         axes.tick_params(labelsize=SMALL)
-        axes.xaxis.label.set_size(LABEL)
-        axes.yaxis.label.set_size(LABEL)
+        axes.xaxis.label.set_fontsize(LABEL)
+        axes.yaxis.label.set_fontsize(LABEL)
     figure.suptitle("Ships detected by the imager, identified by the laser radar", fontsize=TITLE)
     return figure
 

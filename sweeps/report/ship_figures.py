@@ -191,12 +191,12 @@ def _stack(
             shade, style = profile_vector(behind), {"color": "0.8"}
         axes.fill_between(down_range, base, base + shade, lw=0, **style)
         axes.plot(down_range, base + profile, color=colour, linewidth=1.1)
-        style: dict[str, Any] = {"weight": "bold", "fontsize": LABEL}
-        style["color"] = 0.75 * np.asarray(colour)[:3]  # dark enough for text
+        words: dict[str, Any] = {"weight": "bold", "fontsize": LABEL}
+        words["color"] = 0.75 * np.asarray(colour)[:3]  # dark enough for text
         if behind is None:  # inside, above the end of the window, which no ship reaches
-            axes.text(down_range[-1], base + LIFT, label, ha="right", va="bottom", **style)
+            axes.text(down_range[-1], base + LIFT, label, ha="right", va="bottom", **words)
         else:  # beside noise that fills the window
-            axes.text(down_range[-1] + 4.0, base, label, va="center", **style)
+            axes.text(down_range[-1] + 4.0, base, label, va="center", **words)
     axes.set_xlim(down_range[0], down_range[-1])
     axes.set_xlabel("down-range from the ship origin [m]", fontsize=LABEL)
     axes.tick_params(labelsize=LABEL)

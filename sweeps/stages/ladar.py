@@ -20,7 +20,7 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, count, draws, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
 from sweeps.stages import views
-from sweeps.stages.places import place
+from sweeps.stages.places import Shift, place, shift
 from sweeps.stages.views import (
     INFRARED,
     LINES,
@@ -38,7 +38,6 @@ Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Profiles = NDArray[np.float32]
 Signal = tuple[tuple[str, Any], ...]  # keywords of the library
-Shift = tuple[float, float]  # right and up [IFOV]
 
 SENSOR = RANGE
 # By its stages, when they are called; takes long.
@@ -116,12 +115,6 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
         reference_range=cnr_range * 1e3,
         extinction=extinction * 1e-3,
     )
-
-
-@plain()
-def shift() -> Shift:
-    """Return where in an IFOV the ship origin lies in what is learned: on a corner."""
-    return 0.0, 0.0
 
 
 @plain(uses=(Grid, Ladar))
@@ -283,12 +276,7 @@ def averaged(
 
 
 @_profile(
-    Output(
-        "covariance",
-        ("lag", "down_range"),
-        pad=0,
-        label="covariance of one frame at this bin and the one a lag further",
-    ),
+    Output("covariance", ("lag", "down_range"), pad=0, label="covariance of a frame, by lag"),
     dims=(*VIEW, "range", "target_free_ifovs"),
     when=stores_moments,
 )

@@ -124,8 +124,10 @@ def test_lines_are_the_tables(smoke_store):
             and row["vigilance"] in ("", "0.95")
         }
         x, y = lines[name].lines[0].get_data()
-        np.testing.assert_allclose(x, sorted(expected), rtol=OFFSET)
-        np.testing.assert_array_equal(y, [expected[count] for count in sorted(expected)])
+        np.testing.assert_allclose(np.asarray(x, float), sorted(expected), rtol=OFFSET)
+        np.testing.assert_array_equal(
+            np.asarray(y, float), [expected[count] for count in sorted(expected)]
+        )
 
 
 def test_fusion_shows_three_channels(smoke_store):

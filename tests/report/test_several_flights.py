@@ -10,8 +10,8 @@ import xarray as xr
 from made import scores, with_units
 from rich.console import Console
 
-from sweeps.report.axes import axes_of
-from sweeps.report.flight_figures import draw_sensitivity, draw_validation
+from sweeps.report.axes import axes_of, nominal
+from sweeps.report.flight_figures import draw_validation
 from sweeps.report.flights import (
     LANDMARKS,
     flight_rows,
@@ -20,6 +20,8 @@ from sweeps.report.flights import (
     print_measured,
 )
 from sweeps.report.score_figures import draw_measured
+from sweeps.report.sensitivity_figures import draw_sensitivity
+from sweeps.report.tables import TITLES
 
 DOWN_RANGE = np.arange(-60.0, 61.0)
 SOURCES = ["measured", "noiseless", "synthetic", "point"]

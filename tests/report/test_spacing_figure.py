@@ -31,7 +31,7 @@ def test_lines_are_the_scores_at_random_aspects():
     line = figure.axes[-1].containers[names.index(BOTH)][0]
     here = given["fusion"].sel(channel="both", range=50, aspects="random", aspect_bin="overall")
     x, y = line.get_data()
-    np.testing.assert_allclose(x, [1.5, 3, 6], rtol=OFFSET)
+    np.testing.assert_allclose(np.asarray(x, float), [1.5, 3, 6], rtol=OFFSET + 1e-12)
     wanted = here.transpose("template_spacing").accuracy.values
     np.testing.assert_allclose(y, 100 * wanted)
 
