@@ -1,4 +1,4 @@
-"""Scans of flights corrected: their images, held against the truth, and their range profiles."""
+"""Corrected images of flights, compared with the truth, and their range profiles."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 LEAST_SEEN = 20
-"""Pixels above the threshold that are a ship and no false alarms."""
+"""Number of pixels above the threshold from which they are a ship, not false alarms."""
 
 SOURCES = ("measured", "noiseless", "synthetic", "point")
 STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are told within so much of it
@@ -39,7 +39,7 @@ HANGARS = {"connole": (-40.0, -20.0)}
 more."""
 
 PERRY = ("duncan", "roberts")
-"""Ships whose masts and bridge are where landmarks are looked for; of others they are not told."""
+"""Ships with masts and a bridge at the places of the landmarks; others have none."""
 
 ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
 """Share of the highest peak at which a ship begins: a bare deck returns 0.02, which is all that is
@@ -90,7 +90,7 @@ IMAGES = {  # unit and label
 ORIGIN = {"row": "window_bottom", "column": "window_left"}
 
 _place = partial(Output, dtype="i4", unit="pixel", fill=0, stored=False)
-# Parts of the overscanned image: where it shows the ship, and with what.
+# Parts of the overscanned image that show the ship.
 _part = partial(Output, dtype="f8", stored=False)
 
 
@@ -206,7 +206,7 @@ def corrected(
 
 
 def _nothing(bins: int) -> Arrays:
-    """Return what there is of a ship that is not flown past: no pixel, and no number."""
+    """Return the empty results of a ship that is not flown past."""
     lengths = {"source": len(SOURCES), "down_range": bins, "place": 2, "value": 2}
     return {
         one.name: np.full([lengths.get(dim, 0) for dim in one.dims], one.empty)
@@ -252,7 +252,7 @@ def widened(truth: Snapshot, values: Floats, window: Window) -> Floats:
 
 
 def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str = "") -> Arrays:
-    """Return how alike (source, bin) profiles at an aspect [deg] are, and their landmarks.
+    """Return correlations of (source, bin) profiles at an aspect [deg], and their landmarks.
 
     Returns
     -------
@@ -293,7 +293,7 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str =
 
 
 def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
-    """Landmarks of one profile by name, and its hangar."""
+    """Return the landmarks of one profile by name, and its hangar."""
     if marks is None:
         return {}
     figures = {
@@ -312,13 +312,13 @@ def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
 
 
 @stage(
-    Output("source", ("source",), "U9", label="where a profile comes from"),
+    Output("source", ("source",), "U9", label="source of a profile"),
     group=irar.GROUP,
     when=looks(IRAR),
     coordinates=True,
 )
 def profile_sources() -> NDArray[np.str_]:
-    """Return where the profiles of a flight come from."""
+    """Return the sources of the profiles of a flight."""
     return np.array(SOURCES)
 
 

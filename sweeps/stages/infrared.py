@@ -1,4 +1,4 @@
-"""The passive-infrared imager: its settings, and ships before its detector."""
+"""The passive-infrared imager: settings, and ships on its detector."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Infrared(Settings, key="infrared"):
     super_resolution = word(
         list(library.SUPER_RESOLUTIONS),
         library.SUPER_RESOLUTIONS,
-        label="how an image gets finer than the detector",
+        label="super-resolution method",
         help="perfect: half pixels with the noise of whole ones, the source's assumption; shifted: "
         "recombined from frame_count frames at each of four places of the detector, so "
         "4 x frame_count in all",
@@ -83,7 +83,7 @@ class Infrared(Settings, key="infrared"):
         0.25,
         0.01,
         MOST_COVERAGE,
-        label="share of a pixel that a ship fills to show",
+        label="share of a pixel that a ship must fill to show",
         help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
         "at 25 km",
         noted=True,
@@ -91,20 +91,20 @@ class Infrared(Settings, key="infrared"):
     segmentation = word(
         "matched",
         SEGMENTATION_METHODS,
-        label="how a silhouette is cut out of an image",
+        label="segmentation method of silhouettes",
         help="takes pixels as independent; neighbours in a shifted image share noise",
         noted=True,
     )
     inner_radius = number(
         *(0.5, 0.01, 2),
-        label="inner radius of the map, in sqrt(area / pi)",
+        label="inner radius of the log-polar map, in sqrt(area / pi)",
         help="a compromise between scores and categories of the source's Table 5",
         noted=True,
     )
     interpolation = word(
         "nearest",
         INTERPOLATIONS,
-        label="how the map samples a silhouette",
+        label="interpolation of the log-polar map",
         help="nearest: the plain map, as the source's; bilinear is the more invariant one and "
         "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
         noted=True,
@@ -115,13 +115,13 @@ class Infrared(Settings, key="infrared"):
     vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
     phases = draws(
         4,
-        label="number of the ship's place on the detector's pixels",
+        label="position of the ship on the detector's pixels, by number",
         dimension="phase",
         shown=True,
     )
     orders = draws(
         4,
-        label="number of the order of presentation, 0 as in the grid",
+        label="order of presentation; 0 is the order of the grid",
         dimension="order",
         shown=True,
     )
@@ -166,7 +166,7 @@ def look(
     sea_spread: float,
     seed: int,
 ) -> Look:
-    """Return a ship before the detector."""
+    """Return a ship on the detector."""
     contrast = library.contrast(
         range * 1e3, contrast_at_zero=contrast_at_zero, extinction=extinction * 1e-3
     )
@@ -177,7 +177,7 @@ def look(
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) ranges and ships that the imager does not see as it should."""
+    """Refuse (`ConfigurationError`) ranges and ships that the imager does not resolve or hold."""
     if not looks_infrared(choices):
         return choices
     same = choices[Infrared.range] == choices[Grid.range]

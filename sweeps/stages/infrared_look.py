@@ -1,4 +1,4 @@
-"""A ship before an infrared detector: its places on the pixels, and images made when asked for."""
+"""A ship on an infrared detector: its positions on the pixels, and its images."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def footprint_at(slant_range: float, ifov: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A ship at one aspect and range before one detector, imaged when it is asked for.
+    """A ship at one aspect and range on one detector, imaged on request.
 
     Only the ship and a margin of sea around it are ever synthesised: what lies further off
     changes nothing on the ship.

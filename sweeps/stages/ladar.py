@@ -40,7 +40,7 @@ Profiles = NDArray[np.float32]
 Signal = tuple[tuple[str, Any], ...]  # keywords of the library
 
 SENSOR = RANGE
-# By its stages, when they are called; takes long.
+# Imported by stages when they are called, because it takes long.
 IMPORTS = ("ncti.ladar.waveforms", "ncti.normals")
 PROFILES = "range_profile"  # group, and name of the noise
 VIEW = ("ship", "aspect", "pulse_width")
@@ -64,24 +64,24 @@ class Ladar(Settings, key="ladar"):
     reflectance = word(
         "projected_area",
         ("projected_area", "lambertian"),
-        label="what a return is in proportion to",
+        label="model of the reflected power",
     )
     cnr = quantity(32, -100, 100, "dB", "carrier-to-noise ratio of a filled IFOV at cnr_range")
     cnr_range = quantity(100, 1, 1000, "km", "range at which cnr is stated")
     extinction = quantity(
         *(0, 0, 10, "dB km-1", "extinction of the air at 10.6 um, one way"),
-        help="the source's 32 dB at 100 km contains its own",
+        help="the source's 32 dB at 100 km includes extinction",
     )
     target_free_ifovs = count(
-        4000, 0, 10**7, label="target-free IFOVs accumulated a frame", noted=True
+        4000, 0, 10**7, label="target-free IFOVs accumulated per frame", noted=True
     )
     receiver = word(
-        FULL, RECEIVERS, label="what the receiver keeps of a returned waveform", noted=True
+        FULL, RECEIVERS, label="receiver: the part of a returned waveform that it keeps", noted=True
     )
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
     phases = draws(
         1,
-        label="number of the ship's place on the grid of IFOVs",
+        label="position of the ship on the grid of IFOVs, by number",
         help="of averaged profiles, each with noise of its own; expected ones, which are learned, "
         "have the first: its origin on a corner",
         dimension="ifov_phase",
@@ -90,14 +90,14 @@ class Ladar(Settings, key="ladar"):
 
 
 def stores_moments(choices: Choices) -> bool:
-    """Whether range profiles have their covariance beside them."""
+    """Return whether covariances of range profiles are stored."""
     sensors = set(choices.one(Sweep.sensor))
     names = choices.values.get("classifier.name", ())
     return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in names)
 
 
 def by_lines(choices: Choices) -> bool:
-    """Whether some of what is seen is seen along lines, which know their error."""
+    """Return whether views are sampled along lines, which estimate their error."""
     along = LINES in choices[Render.engine] or any(choices[Render.tolerance])
     return looks(RANGE)(choices) and along
 
@@ -119,7 +119,7 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
 
 @plain(uses=(Grid, Ladar))
 def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
-    """Return the same of what is averaged, mirrored where the other side is drawn."""
+    """Return the position of the ship origin in averages, mirrored where the other side is drawn."""
     right, up = place(phases)
     return (right if aspect == drawn_aspect else -right % 1), up
 
@@ -130,7 +130,12 @@ def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
     ),
     Output("down_range", ("down_range",), "f8", label="centres of the bins", unit="m"),
     Output("cell", ("ifov", "side"), "i8", label="column and row of each IFOV"),
-    Output("difference", ("down_range",), "f8", label="of odd and even lines; NaN without lines"),
+    Output(
+        "difference",
+        ("down_range",),
+        "f8",
+        label="difference of odd and even lines; NaN without lines",
+    ),
     uses=(Grid, Ladar),
     status=STATUS,
 )
@@ -174,14 +179,14 @@ def ifovs(
     bin_width: float,
     shift: Shift,
 ) -> RangeExtent:
-    """Return the range extent as the library has it, mirrored where the other side was drawn."""
+    """Return the library's range extent, mirrored where the other side was drawn."""
     found = RangeExtent(
         **extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3, shift=shift
     )
     return found if aspect == drawn_aspect else found.mirrored()
 
 
-# At the phase 0 its cells are those of what is learned.
+# At phase 0 these cells are those of the training views.
 seen_extent = replace(extent, name="seen_extent", reads={"shift": "seen_shift"})
 seen_ifovs = replace(
     ifovs, name="seen_ifovs", reads={"extent": "seen_extent", "shift": "seen_shift"}
@@ -201,12 +206,16 @@ def fineness(
         "profile_error",
         label="estimated error of the range extent after the pulse, sum |p - q| over sum q",
     ),
-    Output("within_tolerance", dtype="i1", label="1 where that is within render.tolerance"),
+    Output(
+        "within_tolerance",
+        dtype="i1",
+        label="1 where the estimated error is within render.tolerance",
+    ),
     dims=(*VIEW, "range"),
     when=by_lines,
 )
 def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float, ...]) -> Arrays:
-    """Return what lines say of their error: NaN of other engines, -1 without a tolerance."""
+    """Return the error estimated from lines: NaN for other engines, -1 without a tolerance."""
     error = ifovs.error_after(pulse_width * 1e-9)
     return {
         "profile_error": np.array(error),
@@ -218,7 +227,7 @@ def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float,
 def signal(
     cnr_at_range: float, target_free_ifovs: int, receiver: str, false_alarm: float
 ) -> Signal:
-    """Return what a receiver meets, and what it keeps of it."""
+    """Return the keywords of the library that describe signal and receiver."""
     return (
         *(("cnr", cnr_at_range), ("target_free_ifovs", target_free_ifovs)),
         *(("receiver", receiver), ("false_alarm", false_alarm)),
@@ -230,7 +239,7 @@ def signal(
     dims=(*VIEW, "range", "target_free_ifovs"),
 )
 def expected(ifovs: RangeExtent, pulse_width: float, signal: Signal) -> Profiles:
-    """Return the expected range profile: what the receiver reports of each IFOV's waveform.
+    """Return the expected range profile: the sum of the receiver's reports over IFOVs.
 
     Equation C of the article for the full profile.
     """
@@ -259,7 +268,7 @@ def above_floor(expected: Profiles) -> Arrays:
         *(Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range),
         *(Ladar.target_free_ifovs, Grid.replicate, Ladar.phases),
     ),
-    # The first of each is what a sweep without them draws.
+    # A sweep without these settings draws the first value of each.
     optional=(Grid.replicate, Ladar.phases),
 )
 def averaged(
@@ -298,7 +307,7 @@ def covariance(
     when=looks(RANGE),
 )
 def profile_bins(window: float, bin_width: float) -> Floats:
-    """Return the (bin,) down-range places [m] of every profile in a range window [m]."""
+    """Return the (bin,) down-range positions [m] of profiles in a range window [m]."""
     bins = round(window / bin_width)
     return bin_width * (np.arange(bins, dtype=np.float64) - (bins - 1) / 2)
 
@@ -340,7 +349,7 @@ def nowhere(window: float, bin_width: float) -> RangeExtent:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) what makes no sense together of the laser radar."""
+    """Refuse (`ConfigurationError`) inconsistent settings of the laser radar."""
     _check_receivers(choices)
     if set(choices.one(Sweep.sensor)) - {INFRARED}:  # flights make profiles, too
         bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])

@@ -1,4 +1,4 @@
-"""Naming measured profiles by classifiers that learned synthetic ones.
+"""Identification of measured profiles by classifiers trained on synthetic ones.
 
 Article, 'Conclusions': measured profiles of ships that synthetic ones were learned of.
 """
@@ -72,7 +72,7 @@ def mnn_namer(
 
 
 def correlation_namer(profiles: Profiles, there: Views, taught: Views) -> Namer:
-    """Learn profiles to correlate others with."""
+    """Store the training profiles for correlation."""
     lessons = classifier.profile_vectors(profiles)[None]
 
     def name(tests: Profiles, now_there: Views) -> Arrays:
@@ -90,7 +90,7 @@ TRAINERS: dict[str, Callable[..., Namer]] = {
     "mnn": mnn_namer,
     "correlation": correlation_namer,
 }
-"""Who can name measured profiles: whoever needs no moments, which nobody knows of them."""
+"""Classifiers of measured profiles: those that need no moments, which are unknown for them."""
 
 Lesson = tuple[str, tuple[tuple[str, Any], ...]]
 
@@ -107,7 +107,7 @@ def lesson(
     score_rule: str,
     mnn_settings: tuple[tuple[str, Any], ...],
 ) -> Lesson:
-    """Return who learns, and the settings that matter to it: others do not train it again."""
+    """Return the classifier and its own settings, so that others do not repeat its training."""
     given = locals()
     of_network = tuple(
         (one.name, given[one.name])
@@ -133,7 +133,7 @@ def namer(
     aspect: tuple[float, ...],
     rng: np.random.Generator,
 ) -> Namer:
-    """Return a classifier that learned synthetic profiles, for all flights."""
+    """Return a classifier trained on synthetic profiles, for all flights."""
     name, settings = lesson
     if name not in TRAINERS:
         nothing = ("predicted", "correct")
@@ -153,7 +153,7 @@ def namer(
     names=NAMES,
 )
 def measured(namer: Namer, signature: Profiles, there: Views) -> Arrays:
-    """Return what signatures of every kind are named.
+    """Return the ships predicted for signatures of every kind.
 
     -1 where a view is not there, or not measured. A signature that shows nothing names no ship,
     which counts as wrong.
@@ -183,7 +183,7 @@ kinds_named, kinds_of_states = (
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse classifiers that cannot name measured profiles; drop them where others can."""
+    """Refuse classifiers that cannot identify measured profiles; drop them if others can."""
     if not looks(IRAR)(choices):
         return choices
     names = tuple(name for name in choices[Classifier.name] if name in TRAINERS)
@@ -205,7 +205,7 @@ def check(choices: Choices) -> Choices:
 
 
 def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Tabulate the answers about ships that are learned, and flown past."""
+    """Return the scores of ships that are in training and flown past."""
     known, past = classifier.known_ships(classified, choices), flown(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
     return data_set(scored_profiles(known, classifier.aspects_of(choices)), known.aspect)
