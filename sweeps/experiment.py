@@ -110,7 +110,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         return choices.having(Render.engine, drawing_engines(choices))
 
     def remarks(choices: Choices) -> list[str]:
-        # Sensors that others name ships by, flights among them, and those of their own.
+        # Flights, run times and scans have classifiers of their own.
         named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME, SCAN))
         return [
             f"classifier.name has {name}, which names nothing with these sensors and ranges"

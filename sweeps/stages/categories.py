@@ -90,7 +90,7 @@ def presentation_order(views: int, order: int, seed: int) -> Places:
 
 def form_categories(
     lessons: Lessons,
-    taught: Views,
+    training_views: Views,
     presentation: tuple[int, int],
     vigilance: float,
     learning_rate: float,
@@ -101,13 +101,13 @@ def form_categories(
     Returns
     -------
     dict of str to ndarray
-        training_category, training_confused : (ship, aspect), negative where not taught;
+        training_category, training_confused : (ship, aspect), negative outside training;
         passes : (), negative where the categories did not settle;
         weights : (view, view) float64, a row a category, zero below the last of them;
         turn : (view,), the order of all views; taught_by : the last three arguments
     """
-    known = (taught & lessons.there).reshape(-1)
-    ship, aspect = np.indices(taught.shape).reshape(2, -1)
+    known = (training_views & lessons.there).reshape(-1)
+    ship, aspect = np.indices(training_views.shape).reshape(2, -1)
     turn = presentation_order(known.size, *presentation)
     found = cluster(
         lessons.similarities,
@@ -123,8 +123,8 @@ def form_categories(
     weights = np.zeros((known.size, known.size))
     weights[: len(found.weights)] = found.weights
     return {
-        "training_category": found.labels.reshape(taught.shape),
-        "training_confused": confused.reshape(taught.shape),
+        "training_category": found.labels.reshape(training_views.shape),
+        "training_confused": confused.reshape(training_views.shape),
         "passes": np.array(found.passes if found.converged else -found.passes),
         "weights": weights,
         "turn": turn,
@@ -143,7 +143,7 @@ def name_categories(training: Arrays, label_rule: str) -> Arrays:
     """Label every category with the ship of most members, or of the first one presented.
 
     (view,) `names`, -1 beyond the last category; (ship, aspect) `training_correct`, 1 where a
-    view's category has its ship's name, -1 where it is not taught.
+    view's category has its ship's name, -1 outside training.
     """
     categories = training["training_category"]
     ship = np.indices(categories.shape)[0]
@@ -177,7 +177,7 @@ def answer_tests(
 
     These, as of `form_categories` and `name_categories`, have leading axes (...) and (...,
     label_rule). By the rule `ship` the ship must be right; by `category` the category must be that
-    of the same view, and nothing is asked where that is not taught.
+    of the same view, and views outside training are not asked for.
 
     Returns
     -------
@@ -227,15 +227,15 @@ def network_of(vectors: Floats, formed: Arrays) -> AdaptiveClusteringNetwork:
 
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
 
-    taught, turn = formed["training_confused"] >= 0, formed["turn"]
-    presented = turn[taught.reshape(-1)[turn]]
+    training_views, turn = formed["training_confused"] >= 0, formed["turn"]
+    presented = turn[training_views.reshape(-1)[turn]]
     vigilance, learning_rate, passes = formed["taught_by"].tolist()
     network = AdaptiveClusteringNetwork(
         vigilance=vigilance, learning_rate=learning_rate, max_passes=int(passes)
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
-        network.fit(vectors[presented], np.indices(taught.shape)[0].reshape(-1)[presented])
+        network.fit(vectors[presented], np.indices(training_views.shape)[0].reshape(-1)[presented])
     return network
 
 
@@ -247,8 +247,8 @@ def match_learning(
     They are presented in the order of the training, those of ships that are learned first: what
     is unknown then moves no category that they are held against.
     """
-    taught, turn = formed["training_confused"] >= 0, formed["turn"]
-    unknown = np.repeat(~taught.any(axis=1), taught.shape[1])
+    training_views, turn = formed["training_confused"] >= 0, formed["turn"]
+    unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])
     category, similarity = np.empty(len(tests), dtype=np.intp), np.empty(len(tests))
     order = turn[np.argsort(unknown[turn], kind="stable")]
     category[order], similarity[order] = network.match(tests[order], learning=True)

@@ -82,24 +82,24 @@ def names_by(name: str, sensor: str) -> Condition:
 
 
 @stage(uses=(Grid, Fresh, Run), gather=(Grid.aspect,), plain=True)
-def unlearned(aspect: tuple[float, ...], fresh: int, seed: int) -> tuple[float, ...]:
+def random_aspects(aspect: tuple[float, ...], fresh: int, seed: int) -> tuple[float, ...]:
     """Return the aspects drawn at random, which are absent from training by default."""
     return drawn_aspects(aspect[0], aspect[-1], fresh, seed)
 
 
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)
-def taught(
+def training_views(
     ship: tuple[str, ...],
     aspect: tuple[float, ...],
     unknown: tuple[str, ...] | None,
     training_aspect: tuple[float, ...] | None,
     template_spacing: float | None = None,
-    unlearned: tuple[float, ...] = (),
+    random_aspects: tuple[float, ...] = (),
 ) -> Views:
     """Return the (ship, aspect) mask of training views."""
     known = ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
     given = training_aspect
-    learned = ~np.isin(aspect, unlearned) if given is None else np.isin(aspect, given)
+    learned = ~np.isin(aspect, random_aspects) if given is None else np.isin(aspect, given)
     if template_spacing is not None:
         steps = np.array(aspect) / template_spacing
         learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
@@ -116,7 +116,7 @@ def learned_of(choices: Choices) -> xr.DataArray:
     of_all = (*(choices[one] for one in GATHERED), choices.one(Classifier.unknown))
     training, spacings = choices.one(Classifier.training_aspect), choices[SPACING]
     drawn = fresh_aspects(choices, choices[Grid.aspect])
-    views = [taught(*of_all, training, one, drawn) for one in spacings]
+    views = [training_views(*of_all, training, one, drawn) for one in spacings]
     found = xr.DataArray(views, {SPACING.name: list(spacings)}, (SPACING.name, *VIEW))
     return found if len(spacings) > 1 else found.isel({SPACING.name: 0}, drop=True)
 
@@ -167,7 +167,7 @@ def check(choices: Choices) -> Choices:
     drawn = fresh_aspects(choices, choices[Grid.aspect])
     for spacing in choices[SPACING]:
         of_all = choices[GATHERED[0]], choices[Grid.aspect], unknown, given, spacing, drawn
-        if spacing is not None and not taught(*of_all).any():
+        if spacing is not None and not training_views(*of_all).any():
             raise ConfigurationError(
                 f"{SPACING.key} has {spacing:g}, but must have a multiple among the aspects learned"
             )
@@ -181,9 +181,9 @@ def check_left_out(choices: Choices) -> None:
         raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
 
-def require_another_aspect(taught: Views, left_out: tuple[bool, ...]) -> None:
+def require_another_aspect(training_views: Views, left_out: tuple[bool, ...]) -> None:
     """Refuse (`ValueError`) the same where views failed and so are absent from training."""
-    if any(left_out) and taught.any(axis=0).sum() < 2:
+    if any(left_out) and training_views.any(axis=0).sum() < 2:
         raise ValueError(LEFT_ALONE.format("fewer than two aspects are"))
 
 
@@ -319,4 +319,4 @@ class Naming:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Fresh, Classifier)
-STAGES: tuple[Stage, ...] = (unlearned, taught)
+STAGES: tuple[Stage, ...] = (random_aspects, training_views)

@@ -52,7 +52,7 @@ def profile_draws(averaged: Profiles) -> Floats:
 )
 def correlation(
     profile_draws: Floats,
-    taught: Views,
+    training_views: Views,
     expected: Profiles,
     averaged: Profiles,
     there: Views,
@@ -69,7 +69,7 @@ def correlation(
     ships at it are. A profile that nowhere rises above its floor has no direction: it names no
     ship, which counts as wrong, and what is learned of it answers for none.
     """
-    known = taught & there
+    known = training_views & there
     classifier.require_another_aspect(known, left_out)
     if training == NOISY:
         lessons = np.delete(profile_draws, replicate, axis=0)
@@ -79,7 +79,7 @@ def correlation(
 
 
 def match_views(
-    lessons: Floats, tests: Floats, there: Views, taught: Views, left_out: tuple[bool, ...]
+    lessons: Floats, tests: Floats, there: Views, training_views: Views, left_out: tuple[bool, ...]
 ) -> Arrays:
     """Return the ship of the training vector most similar to each test, (left_out, ship, aspect).
 
@@ -92,11 +92,11 @@ def match_views(
     ship, aspect = np.indices(there.shape).reshape(2, -1)
     known, of_lesson = np.tile(ship, len(lessons)), np.tile(aspect, len(lessons))
     neighbour = CorrelationNeighbour().fit(lessons.reshape(-1, lessons.shape[-1]), known)
-    untaught = np.tile(~taught.reshape(-1), len(lessons))
+    untrained = np.tile(~training_views.reshape(-1), len(lessons))
     same = aspect[:, None] == of_lesson
     named, cosines = [], []
     for leave in left_out:
-        best, cosine = neighbour.match(tests, exclude=untaught | (same & leave))
+        best, cosine = neighbour.match(tests, exclude=untrained | (same & leave))
         named.append(np.where(best == NO_TEMPLATE, NONE, known[best]).reshape(there.shape))
         cosines.append(np.where(there, cosine.reshape(there.shape), np.nan))
     return classifier.judged(np.array(named), there) | {"similarity": np.array(cosines)}

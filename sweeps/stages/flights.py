@@ -189,7 +189,7 @@ def believed(flight: Flight, error: Error) -> Flight:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) impossible flights and impossible errors of their parameters."""
+    """Refuse (`ConfigurationError`) flights, and errors of them, that are impossible."""
     for ship in choices.one(Irar.flown) or ():
         if ship not in choices[Grid.ship]:
             raise ConfigurationError(

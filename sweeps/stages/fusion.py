@@ -66,16 +66,16 @@ def silhouette_scores(
 
 
 @stage(Output("silhouette_sharpness", ("weight", "phase"), "f8"))
-def silhouette_sharpness(silhouette_scores: NDArray[np.float32], taught: Views) -> Floats:
+def silhouette_sharpness(silhouette_scores: NDArray[np.float32], training_views: Views) -> Floats:
     """Return the (weight, phase) log-probability of a unit of each silhouette's score.
 
     Alone, and at the least, which is what counts beside a profile. A quarter of the views are
     scored without templates of their own aspect: what is left out lies a whole step from the
     next, and a fresh aspect a quarter of a step on average. See `calibrate`.
     """
-    lessons = (taught.reshape(-1) & compared(silhouette_scores)).nonzero()[0]
+    lessons = (training_views.reshape(-1) & compared(silhouette_scores)).nonzero()[0]
     scores = silhouette_scores.astype(np.float64)[:, lessons[:, None], lessons]
-    ship, aspect = np.divmod(lessons, taught.shape[1])
+    ship, aspect = np.divmod(lessons, training_views.shape[1])
     place = np.unique(aspect, return_inverse=True)[1]
     if place.max(initial=0) >= EVERY:
         left_out = (place % EVERY == 1)[:, None] & (place[:, None] == place)
@@ -132,7 +132,7 @@ def fusion(
     silhouette_scores: NDArray[np.float32],
     silhouette_sharpness: Floats,
     profile_doubt: Floats,
-    taught: Views,
+    training_views: Views,
     ship: tuple[str, ...],
     aspect: tuple[float, ...],
 ) -> Arrays:
@@ -146,7 +146,7 @@ def fusion(
     """
     of_profiles = profile_scores["log_density"]
     seen = compared(of_profiles) & compared(silhouette_scores)
-    views, lessons = seen.nonzero()[0], (taught.reshape(-1) & seen).nonzero()[0]
+    views, lessons = seen.nonzero()[0], (training_views.reshape(-1) & seen).nonzero()[0]
     draws = max(len(of_profiles), len(silhouette_scores))
     whole = (len(CHANNELS), draws, len(ship), len(aspect))
     there = seen.reshape(whole[2:])

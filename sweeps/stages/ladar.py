@@ -119,7 +119,7 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
 
 @plain(uses=(Grid, Ladar))
 def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
-    """Return the position of the ship origin in averages, mirrored where the other side is drawn."""
+    """Return the place of the ship origin in averages, mirrored where the other side is drawn."""
     right, up = place(phases)
     return (right if aspect == drawn_aspect else -right % 1), up
 

@@ -89,7 +89,7 @@ def calibrated_error(
     expected: Profiles,
     covariance: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     nugget: float,
     floor_sigma: float,
@@ -99,7 +99,7 @@ def calibrated_error(
     floor_estimated: bool = False,
 ) -> Floats:
     """Return the template error, calibrated on templates left out unless it is given."""
-    known = there & taught
+    known = there & training_views
     if aspect_known:
         return np.array(0.0)
     if template_error is None and known.any():
@@ -115,7 +115,7 @@ def profile_moments(
     expected: Profiles,
     covariance: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     nugget: float,
     floor_sigma: float,
@@ -123,7 +123,7 @@ def profile_moments(
     floor_estimated: bool = False,
 ) -> tuple[GaussianTemplates, Views]:
     """Return the templates of all training views, and their (ship, aspect) mask."""
-    known = there & taught
+    known = there & training_views
     error, priors = float(calibrated_error), (nugget, floor_sigma)
     means = _levelled(expected, floor_estimated)
     return _templates(means, covariance, known, aspect, priors, error), known

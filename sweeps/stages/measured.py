@@ -37,7 +37,7 @@ NAMING = Naming("measured", looks(IRAR), of="measured profiles", dims=("kind", "
 def acn_namer(
     profiles: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     *,
     presentation: tuple[int, int],
     learn_in_test: bool,
@@ -47,7 +47,7 @@ def acn_namer(
 ) -> Namer:
     """Train the Adaptive Clustering Network."""
     lessons = Lessons.of(profiles, there, classifier.profile_vectors)
-    formed = categories.form_categories(lessons, taught, presentation, **settings)
+    formed = categories.form_categories(lessons, training_views, presentation, **settings)
     names = {key: one[None] for key, one in categories.name_categories(formed, label_rule).items()}
 
     def name(tests: Profiles, there: Views) -> Arrays:
@@ -61,23 +61,23 @@ def acn_namer(
 def mnn_namer(
     profiles: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
     **settings: Any,
 ) -> Namer:
     """Train the multilayered network."""
-    trained = mnn_training(profiles, there, taught, aspect, tuple(settings.items()), rng)
+    trained = mnn_training(profiles, there, training_views, aspect, tuple(settings.items()), rng)
     return lambda tests, there: mnn(trained, tests, there, aspect, settings["inputs"])
 
 
-def correlation_namer(profiles: Profiles, there: Views, taught: Views) -> Namer:
+def correlation_namer(profiles: Profiles, there: Views, training_views: Views) -> Namer:
     """Store the training profiles for correlation."""
     lessons = classifier.profile_vectors(profiles)[None]
 
     def name(tests: Profiles, now_there: Views) -> Arrays:
         found = [
-            match_views(lessons, of_kind, now_there, taught & there, (False,))
+            match_views(lessons, of_kind, now_there, training_views & there, (False,))
             for of_kind in classifier.profile_vectors(tests)
         ]
         return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
@@ -129,7 +129,7 @@ def namer(
     lesson: Lesson,
     learned_signature: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
 ) -> Namer:
@@ -139,7 +139,7 @@ def namer(
         nothing = ("predicted", "correct")
         return lambda tests, there: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
     more = {"aspect": aspect, "rng": rng} if name == "mnn" else {}
-    return TRAINERS[name](learned_signature, there, taught, **dict(settings), **more)
+    return TRAINERS[name](learned_signature, there, training_views, **dict(settings), **more)
 
 
 @NAMING.answers(

@@ -118,7 +118,7 @@ def mnn_settings(
 def mnn_training(
     expected: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     mnn_settings: tuple[tuple[str, Any], ...],
     rng: np.random.Generator,
@@ -140,7 +140,7 @@ def mnn_training(
     first = int(rng.integers(2**32))
     network = GainAnnealedNetwork(**settings, scaling=scaling, random_state=first)
     truth = classes_of(there.shape, aspect)
-    known = taught & there
+    known = training_views & there
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` tells
         network.fit(seen(expected[known], inputs), truth[known])
