@@ -65,7 +65,7 @@ class Classifier(Settings, key="classifier"):
     left_out = switch(
         False,
         label="leaving the true aspect out of training",
-        help="of correlation and likelihood",
+        help="used by correlation and likelihood",
         noted=True,
     )
 

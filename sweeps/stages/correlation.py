@@ -24,7 +24,7 @@ class Correlation(Settings, key="classifier"):
         EXPECTED,
         (EXPECTED, NOISY),
         label="training profiles: expected ones, or other draws of noisy ones",
-        help="of correlation; noisy needs grid.replicate of 2 or more",
+        help="used by correlation; noisy needs grid.replicate of 2 or more",
         noted=True,
     )
 

@@ -113,7 +113,7 @@ def models(
     bin_width: float,
     window: float,
 ) -> NDArray[np.float64] | None:
-    """(noiseless, synthetic, point; bin): profiles without noise, of carrier-to-noise ratio 1.
+    """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1.
 
     The last two are of the whole view's range image at the sensor's pixel, of even reflectivity:
     each pixel's area spread over its range extent, or sampled at its middle. Rows of pixels that

@@ -43,15 +43,15 @@ class Infrared(Settings, key="infrared"):
 
     ifov = quantity(150, 1, 100e3, "urad", "field of view of a pixel")
     contrast_at_zero = quantity(
-        library.CONTRAST_AT_ZERO, 0, 1000, "K", "ship above sea, before the air takes its part"
+        library.CONTRAST_AT_ZERO, 0, 1000, "K", "contrast of ship to sea at zero range"
     )
     extinction = quantity(0.181, 0, 10, "dB km-1", "extinction in the air, one way")
     nedt = quantity(library.NEDT, LEAST_NEDT, 1000, "K", "noise of one frame")
     target_spread = quantity(
         *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
-        help="assumed, and decisive at 100 km. of a pixel of the detector, which averaging leaves "
-        "(half pixels of shifted scenes have twice as much, which the detector averages out); of "
-        "perfect of a half pixel, as the source assumes",
+        help="assumed, and decisive at 100 km; per pixel of the detector, and not reduced by averaging "
+        "frames (half pixels of shifted scenes have twice as much, which the detector averages "
+        "out); with perfect per half pixel, as the source assumes",
     )
     sea_spread = quantity(
         library.SPREAD,
@@ -64,8 +64,10 @@ class Infrared(Settings, key="infrared"):
     false_alarm = number(
         1e-6, 1e-12, 0.5, label="false-alarm probability of one pixel of sea, for the detector"
     )
-    window_length = quantity(200, 1, 5000, "m", "the longest ship that images hold", fixed=SHAPES)
-    window_height = quantity(50, 1, 500, "m", "the highest ship that images hold", fixed=SHAPES)
+    window_length = quantity(
+        200, 1, 5000, "m", "length of the longest ship in images", fixed=SHAPES
+    )
+    window_height = quantity(50, 1, 500, "m", "height of the highest ship in images", fixed=SHAPES)
     range = quantity(None, 1, 1000, "km", "slant range", **_as(Grid.range))
     frame_count = count(
         None, 1, MOST_FRAMES, label="infrared frames averaged", **_as(Grid.frame_count)
@@ -110,7 +112,7 @@ class Infrared(Settings, key="infrared"):
         noted=True,
     )
     training_range = quantity(
-        25, 1, 1000, "km", "slant range of the noiseless silhouettes that are learned"
+        25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
     )
     vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
     phases = draws(

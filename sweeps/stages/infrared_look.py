@@ -59,7 +59,7 @@ def pack_hits(image: RangeImage | LineImage) -> Bits:
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Patches of ship across the line of sight: (point,) cross-ranges [m], area of one [m^2].
+    """Patches of a ship: (point,) cross-ranges [m], and the area of one [m^2].
 
     Of lines, points are the corners of their bounding box, and `lines` has what lies between.
     """
@@ -171,7 +171,7 @@ class Look:
         return self._shown[phase, halves]
 
     def images(self, way: str, phases: tuple[int, ...], frame_counts: tuple[int, ...]) -> Floats:
-        """(phase, frame_count, row, col): images made finer by one way of super-resolution [K].
+        """Return (phase, frame_count, row, col) images [K] of one super-resolution method.
 
         All places are drawn from one stream in turn, so those before the last one wanted, too.
         """

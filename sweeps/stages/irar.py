@@ -31,8 +31,8 @@ GROUP = "validation"
 
 EXACT = "exact"
 RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
-"""Of the source's corrections, as printed: what f is, the line rate, or the pulse-repetition
-frequency that it says f is."""
+"""Meaning of f in the source's printed corrections: the line rate, or the pulse-repetition
+frequency, as the source states."""
 
 Error = tuple[str, float]
 NO_ERROR: Error = ("none", 0.0)
@@ -168,9 +168,7 @@ class Irar(Settings, key="irar"):
     nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
     band_stop = _axis(12, 0.1, 1000, "um", "longest wavelength of the passive detectors")
-    contrast_at_zero = _axis(
-        *(2.1585, 0, 1000, "K", "ship above sea, before the air takes its part")
-    )
+    contrast_at_zero = _axis(*(2.1585, 0, 1000, "K", "contrast of ship to sea at zero range"))
     sea_temperature = _axis(288.15, 100, 1000, "K", "temperature of the sea")
     band_extinction = _axis(
         *(0.5, 0, 10, "dB km-1", "extinction of radiance in the passive band, one way"),
@@ -194,14 +192,14 @@ class Irar(Settings, key="irar"):
     autofocus = switch(
         False,
         label="estimation of the closing speed from the image",
-        help="the exactly corrected one",
+        help="of the exact chain",
         noted=True,
     )
     chain = _word(
         EXACT,
         (EXACT, *RATES),
         label="chain of corrections: exact, or as printed by the source",
-        help="f of the printed ones is the line rate, or the pulse rate that the source says it is",
+        help="in the printed chains f is the line rate, or the pulse rate as the source states",
     )
     azimuth = _word(
         "pixel",
@@ -216,7 +214,7 @@ class Irar(Settings, key="irar"):
     segmentation_threshold = number(
         *(None, 0, 1e9),
         label="segmentation threshold, in noise powers",
-        help="null: what one pixel of the sea in 1,000 exceeds",
+        help="null: exceeded by one sea pixel in 1,000",
     )
     profile_range = quantity(
         *(100, 1, 1000, "km"),

@@ -82,8 +82,8 @@ class Ladar(Settings, key="ladar"):
     phases = draws(
         1,
         label="position of the ship on the grid of IFOVs, by number",
-        help="of averaged profiles, each with noise of its own; expected ones, which are learned, "
-        "have the first: its origin on a corner",
+        help="for averaged profiles, with independent noise; expected profiles have the first, the "
+        "origin on a corner",
         dimension="ifov_phase",
         noted=True,
     )

@@ -75,7 +75,7 @@ class Likelihood(Settings, key="classifier"):
         (FIT, POSTERIOR),
         label="similarity by which the likelihood accepts an answer or rejects it as 'unknown'",
         help="fit: bins / (bins + squared distance of the nearest template), 1/2 where the model "
-        "holds; posterior: the probability of the ship named",
+        "holds; posterior: the probability of the predicted ship",
     )
 
 

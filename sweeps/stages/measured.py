@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Namer = Callable[[Profiles, Views], Arrays]
-"""(kind, ship, aspect, bin) profiles, (ship, aspect) views that are there -> `predicted` and
-`correct`, (kind, ship, aspect)."""
+"""Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that
+returns `predicted` and `correct`, (kind, ship, aspect)."""
 
 NAMING = Naming("measured", looks(IRAR), of="measured profiles", dims=("kind", "ship", "aspect"))
 

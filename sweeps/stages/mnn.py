@@ -46,8 +46,7 @@ class Mnn(Settings, key="classifier.mnn"):
     )
     grow_every = count(
         *(10, 1, 10**6),
-        label="presentations before a hidden node is added",
-        help="and the gain is raised",
+        label="presentations before a hidden node is added and the gain raised",
         noted=True,
     )
     learning_rate = number(

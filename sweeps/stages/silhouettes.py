@@ -80,7 +80,10 @@ def log_polar(
     phases: tuple[int, ...],
     frame_count: tuple[int, ...],
 ) -> Bytes:
-    """Return maps, (segmentation, inner_radius, interpolation, phase, frame_count, angle, radius)."""
+    """Return maps by segmentation, inner radius, interpolation, phase and number of frames.
+
+    (segmentation, inner_radius, interpolation, phase, frame_count, angle, radius).
+    """
     # Padding bits beyond the last column are sea, which does not change the map.
     masks = np.unpackbits(silhouettes, axis=-1).astype(bool)
     # (inner_radius, interpolation, segmentation, ...)

@@ -156,7 +156,7 @@ class Scene(Settings, key="scene"):
     )
     depression = quantity(
         *(3.84, 0, 90, "degree", "depression of the line of sight at the target"),
-        help="where geometry is fixed; 22,000 ft at 100 km over a flat sea",
+        help="used where geometry is fixed; equals 22,000 ft at 100 km over a flat sea",
     )
     altitude = quantity(6705.6, 1, 50e3, "m", "altitude of the aircraft", help="22,000 ft")
     earth_radius = quantity(
@@ -192,13 +192,13 @@ class Render(Settings, key="render"):
     roll = quantity(
         *(ROLL, -180, 180, "degree", "roll of the pixels about the line of sight"),
         help="by default atan of the golden section, so that no ship edge lies along the lattice; "
-        "the other way round for aspects above 180",
+        "of opposite sign for aspects above 180",
     )
     skip = word(
         "all",
         ("all", "none"),
         label="views that are not rendered",
-        help="all: from aspects above 180 of a symmetric ship, whose other side is taken mirrored",
+        help="all: aspects above 180 of a symmetric ship are mirrored from its other side",
     )
 
 
