@@ -130,12 +130,7 @@ def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
     ),
     Output("down_range", ("down_range",), "f8", label="centres of the bins", unit="m"),
     Output("cell", ("ifov", "side"), "i8", label="column and row of each IFOV"),
-    Output(
-        "difference",
-        ("down_range",),
-        "f8",
-        label="difference of odd and even lines; NaN without lines",
-    ),
+    Output("difference", ("down_range",), "f8", label="odd less even lines; NaN without lines"),
     uses=(Grid, Ladar),
     status=STATUS,
 )
@@ -206,11 +201,7 @@ def fineness(
         "profile_error",
         label="estimated error of the range extent after the pulse, sum |p - q| over sum q",
     ),
-    Output(
-        "within_tolerance",
-        dtype="i1",
-        label="1 where the estimated error is within render.tolerance",
-    ),
+    Output("within_tolerance", dtype="i1", label="1 where the error is within render.tolerance"),
     dims=(*VIEW, "range"),
     when=by_lines,
 )
