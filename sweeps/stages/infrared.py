@@ -50,8 +50,8 @@ class Infrared(Settings, key="infrared"):
     target_spread = quantity(
         *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
         help="assumed, and decisive at 100 km; per pixel of the detector, and not reduced by "
-        "averaging frames (half pixels of shifted scenes have twice as much, which the detector averages "
-        "out); with perfect per half pixel, as the source assumes",
+        "averaging frames (half pixels of shifted scenes have twice as much, which the detector "
+        "averages out); with perfect per half pixel, as the source assumes",
     )
     sea_spread = quantity(
         library.SPREAD,
