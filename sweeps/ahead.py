@@ -1,4 +1,4 @@
-"""What workers of any sweep of ships need, imported before it is known which sweep it is.
+"""Imports that workers of any sweep of ships need, made before the sweep is known.
 
 Importing this module imports it; see `sweeps.engine.forking`.
 """

@@ -1,4 +1,4 @@
-"""The experiment: what the modules of `sweeps.stages` declare, put together.
+"""The experiment, assembled from the declarations of the modules of `sweeps.stages`.
 
 A module declares any of SETTINGS, STAGES, TABLES and STATUSES; SENSOR or NAME, if it is a sensor or
 a classifier; `check`, which refuses choices that make no sense, and `remarks` on them. To add one,
@@ -107,11 +107,11 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
                 choices = one.check(choices)
             if hasattr(one, "check_meshes"):
                 one.check_meshes(choices, lambda ship: read_mesh(hull.function(ship)))
-        # What drew is part of a store's name, not that something should.
+        # A store records the engine that rendered, not the choice "auto".
         return choices.having(Render.engine, drawing_engines(choices))
 
     def remarks(choices: Choices) -> list[str]:
-        # Sensors that others name ships by, flights among them, and those of their own.
+        # Flights, run times and scans have classifiers of their own.
         named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME, SCAN))
         return [
             f"classifier.name has {name}, which names nothing with these sensors and ranges"
@@ -144,7 +144,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
 
 def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
-    """Return those classifiers of a sweep without which it would have the same groups."""
+    """Return the classifiers of a sweep that add no groups to its store."""
     asked = [stage for stage in stages if stage.group is not None and stage.when(choices)]
     names = choices[Classifier.name]
 

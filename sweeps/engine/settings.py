@@ -334,7 +334,7 @@ def settings_table(settings: Iterable[Setting]) -> str:
     rows = [("key", "default", "unit", "allowed", "what it is"), ("---",) * 5]
     for one in (entry for setting in settings for entry in (setting, *setting.entries)):
         unit = "" if one.unit == "1" else one.unit
-        about = ". ".join(filter(None, (one.label, one.help)))
+        about = "; ".join(filter(None, (one.label, one.help)))
         axis = f"one value: {one.fixed}" if one.fixed else ""
         allowed = "; ".join(filter(None, (one.kind.allowed, axis)))
         rows.append((f"`{one.key}`", _written(one.default), unit, allowed, about))

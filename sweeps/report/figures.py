@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = {
-    "profiles": "range profiles by aspect, by ship and by number of frames",
+    "profiles": "range profiles by aspect, ship and number of frames",
     "tables": "percent correct by aspect and number of frames, beside the source's",
-    "silhouettes": "infrared images, their silhouettes and log-polar maps, by range",
+    "silhouettes": "infrared images, silhouettes and log-polar maps by range",
     "formation": "categories formed from silhouettes, by ship and aspect",
     "profile_formation": "categories formed from range profiles, by ship and aspect",
     "table5": "percent correct of silhouettes by range and super-resolution, beside the source's",
     "classifiers": "percent correct of every classifier by aspect and number of frames",
     "fusion": "percent correct of profile, silhouette and both by aspect and range",
-    "spacing": "percent correct at aspects that nobody learned by the spacing of templates",
-    "flight": "every stage of the corrections of a flight, beside the truth",
+    "spacing": "percent correct at aspects absent from training, by template spacing",
+    "flight": "images of a flight after each correction, beside the truth",
     "validation": "measured near-stern profiles beside noiseless and synthetic ones",
-    "sensitivity": "what wrong flight parameters cost, with and without autofocus",
-    "measured": "measured profiles named right by who learned synthetic ones",
-    "scan": "a field of regard, what is detected and named in it, and the time it takes",
+    "sensitivity": "effect of wrong flight parameters, with and without autofocus",
+    "measured": "percent correct of measured profiles after training on synthetic ones",
+    "scan": "field of regard with its detections and visits, scores and times",
     "runtime_vs_error": "error of range extents against run time, by engine",
 }
 
@@ -66,6 +66,7 @@ def draw(kind: str, path: Path) -> Figure:
         run_time_figures,
         scan_figures,
         score_figures,
+        sensitivity_figures,
         ship_figures,
         spacing_figures,
     )
@@ -117,7 +118,7 @@ def draw(kind: str, path: Path) -> Figure:
         return flight_figures.draw_flight(store.attrs, flights, place)
     if kind == "validation":
         return flight_figures.draw_validation(flights)
-    return flight_figures.draw_sensitivity(flights)
+    return sensitivity_figures.draw_sensitivity(flights)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,15 @@ from ncti.irar import Correction, Scan, Snapshot
 from sweeps.report.axes import nominal, shown, which
 from sweeps.report.flights import GAINS, SISTERS, STERN, TITLED, flown_past, put_in
 from sweeps.report.rows import setting
+from sweeps.report.style import (
+    HEADING,
+    LABEL,
+    OURS,
+    SMALL,
+    THEIRS,
+    TITLE,
+    bare,
+)
 from sweeps.stages.irar import FLOWN, RATES, RECORDED, scan_again, surface
 from sweeps.stages.ships import ship_name
 from sweeps.stages.views import hull, read_mesh
@@ -32,19 +42,17 @@ MARGIN = 12  # pixels around the ship in corrected images
 BRIGHTEST = 99.0  # percent of the ship's pixels that are not brighter than the scale
 # Of pixels that no sample fell into, and of those that were looked at and have no range.
 NO_LOOK, NO_RANGE = "#44566b", "0.62"
-UNSEEN = "slate blue: no sample fell there; black, and grey of ranges: looked at, no ship"
+UNSEEN = "slate blue: no sample; black, or grey in range images: sampled, no ship"
 
 SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
 TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
 
-OURS, THEIRS, TRUTH = "#1f4e79", "#c1440e", "0.75"
+TRUTH = "0.75"
 MARKED = (  # m past the hangar, height, what is there
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
     *((45, 0.76, "main mast"), (61, 0.32, "bridge")),
 )
-UNITS = {"aircraft_speed": "%", "ship_speed": "m/s"} | dict.fromkeys(
-    ("aircraft_heading", "ship_heading", "pointing"), "deg"
-)
+NARROW = 24  # letters of a title over a narrow panel
 
 
 @dataclass(frozen=True)
@@ -183,7 +191,7 @@ def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[St
     for title, image in _corrected(scan, way, belief):
         ship = irar.segmented(image, belief, threshold=way.threshold)
         found.append(_stage(title, ship, belief.slant_range))
-    return [*found, _stage("the truth, noiseless", truth, scan.flight.slant_range)]
+    return [*found, _stage("truth, noiseless", truth, scan.flight.slant_range)]
 
 
 def _corrected(scan: Scan, way: Way, belief: irar.Flight) -> Iterator[tuple[str, Snapshot]]:
@@ -233,33 +241,37 @@ def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, ti
     left, right, bottom, top = every[-1].extent
     wide = right - left > 1.5 * (top - bottom)
     # A ship from abeam is wide: its stages go below one another.
-    size = (13.5, 2.2 * len(every)) if wide else (3.1 * len(every), 9.0)
-    figure = Figure(figsize=size, dpi=130, layout="constrained")
+    size = (11.0, 1.85 * len(every)) if wide else (2.6 * len(every), 8.0)
+    figure = Figure(figsize=size, dpi=150, layout="constrained")
     panels = figure.subplots(*((len(every), 3) if wide else (3, len(every))), squeeze=False)
     top_intensity = brightest([stage.intensity for stage in every[1:]])
     warmth = np.concatenate([stage.infrared[~stage.unseen] for stage in every[1:-1]])
     ends = np.percentile(warmth, (100 - BRIGHTEST, BRIGHTEST)) if warmth.size else (0, 1)
     for row, stage in zip(panels if wide else panels.T, every, strict=True):
-        warm: tuple[str, Any, str] = ("above the sea [K]", ends, "both")
+        warm: tuple[str, Any, str] = ("infrared [K]", ends, "both")
         if stage is every[0]:
             warm = (warm[0], (None, None), "neither")
         elif stage is every[-1]:
             warm = ("share of ship", (0, 1), "neither")
-        lit = ("intensity [noise powers]", (0, top_intensity), "max")
-        far = (f"range, modulo {STRIPES:g} m", (0, STRIPES), "neither")
+        lit = ("intensity / noise", (0, top_intensity), "max")
+        far = (f"range mod {STRIPES:g} m", (0, STRIPES), "neither")
         images = (stage.intensity, np.mod(stage.range, STRIPES), stage.infrared)
         kinds = zip(row, images, ("gray", "twilight", "inferno"), (lit, far, warm), strict=True)
         for axes, values, colours, (label, (low, high), extend) in kinds:
             image = _show(axes, stage, values, colours, low=low, high=high)
-            axes.set_xlabel("column [pixel]" if stage.square else "sample", fontsize=7)
-            axes.set_ylabel("row [pixel]" if stage.square else "line", fontsize=7)
-            bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, extend=extend)
-            bar.set_label(label, fontsize=7)
-            bar.ax.tick_params(labelsize=6)
-        row[0].set_title(stage.title, fontsize=9, loc="left")
-    figure.suptitle(title, fontsize=11)
+            # Pixels of all stages but the raw one are the same: one label at each end will do.
+            if stage in (every[0], every[-1]) or not wide:
+                axes.set_xlabel("column [pixel]" if stage.square else "sample", fontsize=SMALL)
+            if axes is row[0] or not wide:
+                axes.set_ylabel("row [pixel]" if stage.square else "line", fontsize=SMALL)
+            bar = figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02, extend=extend)
+            bar.set_label(label, fontsize=SMALL)
+            bar.ax.tick_params(labelsize=SMALL - 1)
+        said = stage.title if wide else fill(stage.title, NARROW)
+        row[0].set_title(said, fontsize=SMALL, loc="left")
+    figure.suptitle(title, fontsize=TITLE)
     if any(stage.unseen.any() for stage in every):
-        figure.supxlabel(UNSEEN, fontsize=8, color="0.3")
+        figure.supxlabel(UNSEEN, fontsize=LABEL, color="0.3")
     return figure
 
 
@@ -279,7 +291,7 @@ def _show(
     if stage.unseen.any():
         nothing = np.ma.masked_where(~stage.unseen, stage.unseen)
         axes.imshow(nothing, cmap=ListedColormap([NO_LOOK]), **where)
-    axes.tick_params(labelsize=7)
+    axes.tick_params(labelsize=SMALL)
     return image
 
 
@@ -295,30 +307,33 @@ def draw_validation(flights: xr.Dataset) -> Figure:
     if not drawn:
         drawn = [(ships[0], float(np.atleast_1d(near.range)[0]))]
     count = len(drawn) + sisters
-    figure = Figure(figsize=(11.0, 2.7 * count), dpi=140, layout="constrained")
+    figure = Figure(figsize=(10.5, 2.6 * count), dpi=150, layout="constrained")
     panels = figure.subplots(count, 1, squeeze=False)[:, 0]
     for axes, (name, km) in zip(panels, drawn, strict=False):
         one = put_in(near.sel(ship=name).sel(range=km, method="nearest"))
         place, profile = one.down_range.values, one.profile
         _profile(axes, place, profile.sel(source="noiseless"), "noiseless")
-        _profile(axes, place, profile.sel(source="measured"), "flown past and corrected", OURS)
+        _profile(axes, place, profile.sel(source="measured"), "measured in flight, corrected", OURS)
         likeness = float(one.profile_correlation)
-        title = _titled(one) + which(one, flights, but=TITLED)
+        title = titled_place(one) + which(one, flights, but=TITLED)
         title += f", first of {draws} draws" * (draws > 1)
         seen = "nothing seen" if math.isnan(likeness) else f"correlation {likeness:.3f}"
-        axes.set_title(f"{title}, {seen}", fontsize=9)
-        axes.set(xlim=(-80, 80), xlabel="down-range from the ship's origin [m]")
+        axes.set_title(f"{title}, {seen}", fontsize=HEADING)
+        axes.set_xlim(-80, 80)
+        axes.set_xlabel("down-range from the ship origin [m]", fontsize=LABEL)
     if sisters:
         _sisters(panels[-1], near, flights)
     for axes in panels:
-        axes.set(ylabel="over the highest peak", ylim=(0, 1.08))
-        axes.legend(frameon=False, fontsize=8, loc="upper right")
-        axes.spines[["right", "top"]].set_visible(False)
+        axes.set_ylim(0, 1.08)
+        axes.set_ylabel("relative to the peak", fontsize=LABEL)
+        axes.tick_params(labelsize=SMALL)
+        axes.legend(frameon=False, fontsize=LABEL, loc="upper right")
+        bare(axes)
     return figure
 
 
-def _titled(one: xr.Dataset) -> str:
-    """Ship, range and aspect."""
+def titled_place(one: xr.Dataset) -> str:
+    """Return ship, range and aspect of one flight, for a title."""
     return Place(str(one.ship.item()), float(one.aspect), float(one.range)).title
 
 
@@ -329,22 +344,23 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
     glint, dark = float(flown.mast_gain.max()), float(flown.transom_gain.min())
     lines = [
         (drawn, "point", TRUTH, "Duncan, synthetic, point sampled"),
-        (put_in(flown), "measured", OURS, "Roberts, flown past"),
+        (put_in(flown), "measured", OURS, "Roberts, measured in flight"),
     ]
     if glint != 1 or dark != 1:
         changed = put_in(flown, transom_gain=dark, mast_gain=glint)
-        label = f"the same, transom x {dark:g} and masts x {glint:g} put in"
+        label = f"the same, if transom × {dark:g} and masts × {glint:g}"
         lines.append((changed, "measured", THEIRS, label))
     for one, source, colour, label in lines:
         profile = one.profile.sel(source=source).values
         place = one.down_range.values - one.down_range.values[profile.argmax()]
         _profile(axes, place, profile, label, colour)
     for place, height, name in MARKED:
-        axes.annotate(name, (place, height), fontsize=8, ha="center", color="0.3")
+        axes.annotate(name, (place, height), fontsize=LABEL, ha="center", color="0.3")
     others = which(put_in(flown), flights, but=(*TITLED, *GAINS))
     ranges = " and ".join(dict.fromkeys(f"{float(one.range):g}" for one in (drawn, flown)))
-    axes.set_title(f"Sister ships near the stern, {ranges} km{others}", fontsize=9)
-    axes.set(xlim=(-40, 100), xlabel="down-range from the hangar [m]")
+    axes.set_title(f"Sister ships near the stern, {ranges} km{others}", fontsize=HEADING)
+    axes.set_xlim(-40, 100)
+    axes.set_xlabel("down-range from the hangar [m]", fontsize=LABEL)
 
 
 def _profile(axes: Axes, place: Any, profile: Any, label: str, colour: str = TRUTH) -> None:
@@ -355,38 +371,3 @@ def _profile(axes: Axes, place: Any, profile: Any, label: str, colour: str = TRU
         axes.fill_between(place, 0, values, step="mid", color=colour, lw=0, label=label)
     else:
         axes.step(place, values, where="mid", color=colour, lw=1.1, label=label)
-
-
-def draw_sensitivity(flights: xr.Dataset) -> Figure:
-    """Draw mean correlation with the noiseless profile against the error of each parameter.
-
-    Raises ValueError if there are no errors.
-    """
-    if flights.sizes.get("error", 1) < 2:
-        raise ValueError("irar.errors is empty, but must name parameters and their errors")
-    first = flights.sel(ship=flown_past(flights)[0]).isel(aspect=0, range=0)
-    one = nominal(first, keep=("error", "autofocus", "replicate"))[["profile_correlation"]].load()
-    names = one.error_parameter.values.tolist()
-    parameters = [name for name in dict.fromkeys(names) if name in UNITS]
-    figure = Figure(figsize=(2.6 * len(parameters) + 0.8, 3.2), dpi=140, layout="constrained")
-    panels = figure.subplots(1, len(parameters), sharey=True, squeeze=False)[0]
-    for axes, name in zip(panels, parameters, strict=True):
-        there = [named == name or named not in UNITS for named in names]
-        part = one.isel(error=there).sortby("error_value")
-        for on, colour, label in ((False, OURS, "as believed"), (True, THEIRS, "with autofocus")):
-            here = part.sel(autofocus=on) if "autofocus" in part.dims else part
-            if bool(here.autofocus) != on:
-                continue
-            values = here.profile_correlation
-            over = [dim for dim in values.dims if dim == "replicate"]
-            scatter = (values.std(over, ddof=1) if over else 0 * values).values
-            means, style = values.mean(over).values, {"fmt": "o-", "ms": 3, "label": label}
-            axes.errorbar(here.error_value.values, means, scatter, color=colour, **style)
-        axes.set_xlabel(f"error of {name.replace('_', ' ')} [{UNITS[name]}]", fontsize=8)
-        axes.grid(color="0.92")
-        axes.spines[["right", "top"]].set_visible(False)
-    panels[0].set_ylabel("correlation with the noiseless profile", fontsize=8)
-    panels[0].legend(frameon=False, fontsize=8, loc="lower center")
-    title = _titled(one) + which(one, flights.looks, but=(*TITLED, "autofocus"))
-    figure.suptitle(title, fontsize=10)
-    return figure

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from sweeps.report.axes import nominal
 from sweeps.report.rows import source_figures
+from sweeps.report.style import HEADING, LABEL, SHIP_COLOURS, SMALL, TITLE
 
-# Of ships, as in the source's Figure 20: a category is a tint of its ship's.
-SHIP_COLOURS = ("#1f5fa8", "#c0392b", "#2a8c4a", "#d9a300", "#0e8a8a", "#7a5230")
+# A category is a tint of its ship's colour, as in the source's Figure 20, or of this one.
 SHARED_COLOUR = "#54278f"
 
 Colour = tuple[float, float, float]
@@ -104,7 +104,7 @@ def draw_formation(classified: xr.Dataset, subject: Subject) -> Figure:
     for axes in panels:
         axes.set_yticks(range(len(ships)), [name.capitalize() for name in ships])
         for k, label in enumerate(axes.get_yticklabels()):
-            label.set(color=_ship_colour(k), weight="bold")
+            label.set(color=_legible(_ship_colour(k)), weight="bold")
         axes.set_ylim(len(ships) - 0.5, -0.5)
         axes.tick_params(axis="y", length=0)
         axes.spines[["left", "right", "top", "bottom"]].set_visible(False)
@@ -112,7 +112,7 @@ def draw_formation(classified: xr.Dataset, subject: Subject) -> Figure:
         panels[0].tick_params(axis="x", length=0)
     panels[-1].set_xlabel("aspect [°], 0 bow-on, 90 port beam")
     panels[-1].set_xticks(np.arange(0, float(here.aspect.max()) + 1, 15))
-    figure.suptitle(_title(here, first, subject), fontsize=11.5)
+    figure.suptitle(_title(here, first, subject), fontsize=TITLE)
     if subject is PROFILES:
         _show_statement(figure, panels[0], here, first)
     return figure
@@ -173,15 +173,17 @@ def _source_count(first: xr.Dataset, answered: int) -> int | None:
 
 
 def _show_statement(figure: Figure, axes: Axes, here: xr.Dataset, first: xr.Dataset) -> None:
-    """Mark and tell where the source has its ship confused, and where the store has it."""
+    """Mark the aspect from which the source's ship is confused, and quote both results below."""
     theirs = source_figures()["figure19_formation"]
     if theirs["ship"] not in first.ship.values:
         return
     ship, begins = theirs["ship"], theirs["confused_from"]
-    axes.axvline(begins, color="0.15", lw=1.2, ls=(0, (4, 2)))
+    axes.axvline(begins, 0, 0.97, color="0.15", lw=1.2, ls=(0, (4, 2)))
     place: Any = {"xytext": (0, -2), "textcoords": "offset points", "ha": "center", "va": "top"}
     what = f"source: confused from about {begins}°"
-    axes.annotate(what, (begins, -0.02), xycoords=("data", "axes fraction"), fontsize=8.5, **place)
+    axes.annotate(
+        what, (begins, -0.02), xycoords=("data", "axes fraction"), fontsize=SMALL, **place
+    )
     own, name = first.sel(ship=ship), str(ship).capitalize()
     bow = own.training_category.where(own.aspect <= begins, drop=True)
     others = [
@@ -193,7 +195,7 @@ def _show_statement(figure: Figure, axes: Axes, here: xr.Dataset, first: xr.Data
     said += f"{begins}°, and confused ones from there.\n{name} here: {np.unique(bow.values).size} "
     said += f"categories from the bow to {begins}°, the first confused one from "
     said += _first_confused(own) + (f" ({', '.join(others)})" if others else "")
-    figure.supxlabel(said, fontsize=9)
+    figure.supxlabel(said, fontsize=LABEL)
 
 
 def confused_aspects(training: xr.Dataset) -> NDArray[np.float64]:
@@ -210,6 +212,12 @@ def _first_confused(training: xr.Dataset) -> str:
 
 def _ship_colour(ship: int) -> str:
     return SHIP_COLOURS[ship % len(SHIP_COLOURS)]
+
+
+def _legible(colour: str) -> Colour:
+    """A colour dark enough for text on white."""
+    red, green, blue = (0.75 * part for part in to_rgb(colour))
+    return red, green, blue
 
 
 def _tint(colour: str, share: float) -> Colour:
@@ -258,11 +266,11 @@ def _show_runs(axes: Axes, runs: list[Run]) -> None:
     axes.set_xlim(min(run.start for run in runs), max(run.stop for run in runs))
     shared = _tint(SHARED_COLOUR, 0.8)
     keys = [
-        Patch(color="0.6", label="a ship's own category, a tint each"),
-        Patch(fc=shared, ec="white", hatch="////", label="confused: a category that ships share"),
+        Patch(color="0.6", label="category of one ship, a tint each"),
+        Patch(fc=shared, ec="white", hatch="////", label="confused: category shared by ships"),
     ]
     place: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 0.99), "borderaxespad": 0.0}
-    axes.legend(handles=keys, ncols=2, frameon=False, fontsize=9, **place)
+    axes.legend(handles=keys, ncols=2, frameon=False, fontsize=LABEL, **place)
 
 
 def _show_sharing(axes: Axes, training: xr.Dataset, draws: tuple[str, ...]) -> None:
@@ -276,7 +284,9 @@ def _show_sharing(axes: Axes, training: xr.Dataset, draws: tuple[str, ...]) -> N
     what = f"{math.prod(training.sizes[name] for name in draws)} trainings"
     if "pulse_width" in draws:
         what += " (" + ", ".join(f"{width:g}" for width in training.pulse_width.values) + " ns)"
-    axes.set_title(f"Share of {what} in which another ship has the view's category", fontsize=10)
+    axes.set_title(
+        f"Share of {what} in which another ship has the view's category", fontsize=HEADING
+    )
     bar = axes.figure.colorbar(mesh, ax=axes, pad=0.01, aspect=12)
     bar.outline.set_visible(False)
-    bar.set_label("shared [%]", fontsize=9)
+    bar.set_label("shared [%]", fontsize=LABEL)

@@ -6,6 +6,7 @@ import inspect
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -22,13 +23,15 @@ from ncti.infrared import contrast, pixel_sigma
 from sweeps.report.axes import nominal
 from sweeps.report.rows import setting
 from sweeps.report.score_figures import WAYS
+from sweeps.report.style import BLUE, HEADING, LABEL, RUST, SMALL, TITLE
 
 # The source's examples: its Figures 6 to 8.
 SHIP, ASPECT, FRAMES = "spruance", 60.0, 16
 
-INK, SEA, RING = "#1d3b53", "#e4ecf1", "#c1440e"
+INK, SEA, RING = BLUE, "#e4ecf1", RUST
 OUTER_RADIUS: float = inspect.signature(log_polar).parameters["outer_radius"].default
-TITLES = ("image above the sea [K]", "silhouette, and the ring that is mapped", "log-polar map")
+TITLES = ("image above the sea [K]", "silhouette and mapped ring", "log-polar map")
+NARROW = 20  # letters of what stands beside a row
 LABELS = ("across [m]", "across [m]", "angle [°], 0 right, 90 up")
 
 
@@ -139,14 +142,14 @@ def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Fi
     gap, head, foot = 0.1, 0.6, 0.34
     groups = [look.slant_range for look in looks]
     apart = [0.22 * (len(set(groups[: place + 1])) - 1) for place in range(len(looks))]
-    width, height = 11.95, head + len(looks) * (high + gap) + apart[-1] + foot
+    width, height = 12.35, head + len(looks) * (high + gap) + apart[-1] + foot
     figure = Figure(figsize=(width, height), dpi=130)
     rows: list[list[Axes]] = []
     for place, look in enumerate(looks):
         base = height - head - (place + 1) * (high + gap) + gap - apart[place]
         image, silhouette, polar = row = [
             figure.add_axes((left / width, base / height, across / width, high / height))
-            for left, across in ((1.5, wide), (5.7, wide), (9.75, 2.0))
+            for left, across in ((1.8, wide), (6.0, wide), (10.15, 2.0))
         ]
         rows.append(row)
         _show_silhouette(silhouette, look, inner_radius=inner)
@@ -155,26 +158,26 @@ def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Fi
             axes.set(xlim=(-side, side), ylim=(bottom, top))
             axes.set_yticks([0, 20, 40])
         silhouette.set_yticklabels([])
-        image.set_ylabel("up [m]", fontsize=8)
-        polar.set_ylabel("radius [√(area/π)]", fontsize=8)
+        image.set_ylabel("up [m]", fontsize=LABEL)
+        polar.set_ylabel("radius [√(area/π)]", fontsize=SMALL)
         how: Any = {"xycoords": "axes fraction", "color": INK}
         slant_range = f"{look.slant_range:g} km"
-        image.annotate(slant_range, (-0.40, 0.72), fontsize=12, weight="bold", **how)
-        below = WAYS.get(look.way, look.way).replace("from ", "from\n")
+        image.annotate(slant_range, (-0.48, 0.72), fontsize=TITLE, weight="bold", **how)
+        below = fill(WAYS.get(look.way, look.way), NARROW)
         pixel = f"{below}\n{look.pixel:.3g} m pixels"
-        image.annotate(pixel, (-0.40, 0.66), fontsize=8, va="top", **how)
+        image.annotate(pixel, (-0.48, 0.66), fontsize=SMALL, va="top", **how)
         for axes in row:
-            axes.tick_params(labelsize=7, length=2.5, labelbottom=look is looks[-1])
+            axes.tick_params(labelsize=SMALL, length=2.5, labelbottom=look is looks[-1])
     for one in dict.fromkeys(groups):
         pairs = zip(rows, looks, strict=True)
         _show_images([(row[0], look) for row, look in pairs if look.slant_range == one])
     for axes, title in zip(rows[0], TITLES, strict=True):
-        axes.set_title(title, fontsize=10)
+        axes.set_title(title, fontsize=HEADING)
     for axes, label in zip(rows[-1], LABELS, strict=True):
-        axes.set_xlabel(label, fontsize=8)
+        axes.set_xlabel(label, fontsize=LABEL)
     name, aspect, frames = view.ship.item(), view.aspect.item(), view.frame_count.item()
-    title = f"{str(name).capitalize()} at {aspect:g}° in the passive infrared, {frames} frames"
-    figure.suptitle(title, fontsize=12, y=1 - 0.09 / height)
+    title = f"{str(name).capitalize()} in the passive infrared, aspect {aspect:g}°, {frames} frames"
+    figure.suptitle(title, fontsize=TITLE, y=1 - 0.09 / height)
     return figure
 
 
@@ -189,9 +192,9 @@ def _show_images(group: list[tuple[Axes, Look]]) -> None:
     bar = figure.colorbar(shown[-1], cax=key)
     bar.outline.set_visible(False)
     bar.locator = MaxNLocator(5)
-    key.set_xlabel("K", fontsize=8, labelpad=1)
+    key.set_xlabel("K", fontsize=SMALL, labelpad=1)
     key.xaxis.set_label_position("top")
-    key.tick_params(labelsize=7, length=2.5)
+    key.tick_params(labelsize=SMALL, length=2.5)
 
 
 def _show_silhouette(axes: Axes, look: Look, *, inner_radius: float) -> None:

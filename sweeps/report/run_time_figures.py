@@ -1,7 +1,8 @@
-"""Picture of run time against error: one curve an engine."""
+"""Picture of run time against error: one curve for each engine."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,26 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
+from sweeps.report.style import (
+    BELOW,
+    BLUE,
+    GREEN,
+    HALO,
+    HEADING,
+    LABEL,
+    RUST,
+    SKY,
+    SMALL,
+    bare,
+    titled,
+)
 from sweeps.stages.run_time_tables import BIN_WIDTH, TARGET, nominal
 
-COLOURS = {"osmesa": "#1f4e79", "egl": "#6aa5d8", "embree": "#c1440e", "lines": "#2a9d5c"}
-MARKERS = {"osmesa": "s", "egl": "x", "embree": "^", "lines": "o"}
-LABELLED = {"lines": (-8, -10), "embree": (8, 5)}  # whose pixels are written, and where
+COLOURS = {"osmesa": BLUE, "egl": SKY, "embree": RUST, "lines": GREEN}
+MARKERS = {"osmesa": "s", "egl": "D", "embree": "^", "lines": "o"}
+WIDTHS = {"egl": 3.0}  # osmesa, which has the same errors, is drawn over it
+LABELLED = {"lines": (-8, -11), "embree": (9, 5)}  # engines with pixels beside the marks, and where
+COLUMNS = 2  # of panels
 Floats = NDArray[np.float64]
 
 
@@ -32,30 +48,45 @@ def draw_run_time(table: xr.Dataset) -> Figure:
     kinds += [
         ("profile_error", f"{width:g} ns pulse", here.sel(pulse_width=width)) for width in widths
     ]
-    engines = here.engine.values.tolist() if "engine" in here.dims else [here.engine.item()]
-    figure = Figure(figsize=(3.0 * len(kinds) + 0.4, 4.1), dpi=130, layout="constrained")
-    panels = figure.subplots(1, len(kinds), sharex=True, sharey=True, squeeze=False)[0]
-    for axes, (name, title, part) in zip(panels, kinds, strict=True):
+    engines = sorted(np.atleast_1d(here.engine.values).tolist())
+    rows, columns = math.ceil(len(kinds) / COLUMNS), min(COLUMNS, len(kinds))
+    size = (4.3 * columns + 0.4, 2.7 * rows + 1.4)
+    figure = Figure(figsize=size, dpi=150, layout="constrained")
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes, (name, title, part) in zip(panels, kinds, strict=False):
         for engine in engines:
             of_one = part.sel(engine=engine) if "engine" in part.dims else part
             _curve(axes, of_one, name, engine)
-        axes.axhline(100 * TARGET, color="0.5", lw=0.8, ls=":")
-        axes.set(xscale="log", yscale="log", xlabel="run time of a view [ms]")
+        axes.axhline(100 * TARGET, color="0.4", lw=1.0, ls=":")
+        axes.set(xscale="log", yscale="log")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.set_title(title, fontsize=10)
+        axes.tick_params(labelsize=SMALL)
+        axes.set_title(title, fontsize=HEADING)
         axes.grid(True, color="0.92", lw=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-    panels[0].set_ylabel("error of the ship's range extent [%]")
+        axes.set_axisbelow(True)
+        axes.margins(0.09)
+        bare(axes)
+    for spare in panels[len(kinds) :]:
+        spare.set_axis_off()
+    for axes in panels[: len(kinds) : columns]:
+        axes.set_ylabel("error of the range extent [%]", fontsize=LABEL)
+    for axes in panels[max(0, len(kinds) - columns) : len(kinds)]:
+        axes.set_xlabel("run time of one view [ms]", fontsize=LABEL)
+        axes.tick_params(labelbottom=True)
     keys: list[Any] = [
-        Line2D([], [], color=_colour(engine), marker=MARKERS.get(engine, "o"), ms=4, label=engine)
+        Line2D([], [], color=_colour(engine), marker=MARKERS.get(engine, "o"), ms=5, label=engine)
         for engine in engines
     ]
     keys.append(Line2D([], [], color="0.4", lw=0.9, ls="--", label="worst view"))
     keys.append(Line2D([], [], color="0.6", ls="", marker=".", label="other rolls and spreads"))
-    figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), frameon=False)
-    said = "Run time against error: median of views"
-    figure.suptitle(f"{said}, labels are pixels or distances of lines [m]", fontsize=11)
+    keys.append(Line2D([], [], color="0.4", lw=1.0, ls=":", label=f"target, {100 * TARGET:g} %"))
+    figure.legend(handles=keys, ncols=4, fontsize=SMALL, **BELOW)
+    titled(
+        figure,
+        "Run time against error, median of views",
+        "numbers are pixels, or spacings of lines [m]",
+    )
     return figure
 
 
@@ -65,12 +96,22 @@ def _curve(axes: Axes, part: xr.Dataset, name: str, engine: str) -> None:
     axes.plot(*points_of(part, f"{name}_median")[:2], ".", alpha=0.25, ms=4, **style)
     here = nominal(part)
     x, y, pixels = points_of(here, f"{name}_median")
-    axes.plot(x, y, "-", marker=MARKERS.get(engine, "o"), ms=4, lw=1.5, label=engine, **style)
+    axes.plot(
+        x,
+        y,
+        "-",
+        marker=MARKERS.get(engine, "o"),
+        ms=5,
+        lw=WIDTHS.get(engine, 1.4),
+        label=engine,
+        **style,
+    )
     axes.plot(*points_of(here, f"{name}_worst")[:2], "--", lw=0.9, alpha=0.8, **style)
     for at, error, pixel in zip(x, y, pixels, strict=True):
         if engine in LABELLED:
             where: dict[str, Any] = {"xytext": LABELLED[engine], "textcoords": "offset points"}
-            axes.annotate(f"{pixel:g}", (at, error), fontsize=6.5, ha="center", **where, **style)
+            where |= {"fontsize": SMALL, "ha": "center", "path_effects": HALO}
+            axes.annotate(f"{pixel:g}", (at, error), **where, **style)
 
 
 def points_of(part: xr.Dataset, name: str) -> tuple[Floats, Floats, Floats]:

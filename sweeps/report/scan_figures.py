@@ -10,20 +10,34 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from sweeps.report.style import (
+    BLACK,
+    BLUE,
+    GOLD,
+    GREEN,
+    HEADING,
+    LABEL,
+    RUST,
+    SKY,
+    SMALL,
+    TITLE,
+    bare,
+    nested,
+)
 from sweeps.stages.scan_tables import DECOY, NOWHERE
 
 COLOURS = {
-    "right": "#2a9d5c",
-    "wrong": "#c1440e",
-    "rejected": "#1f4e79",
-    "imager": "#e9a23b",
-    "missed": "#888888",
-    "visits": "#6aa5d8",
+    "right": GREEN,
+    "wrong": RUST,
+    "rejected": BLUE,
+    "imager": GOLD,
+    "missed": "0.5",
+    "visits": SKY,
 }
 SAYS = {
-    "right": "named right",
-    "wrong": "called a ship, wrongly",
-    "rejected": "visited, called no ship",
+    "right": "ship, identified",
+    "wrong": "taken for a ship, wrongly",
+    "rejected": "rejected: no known ship",
     "missed": "not detected",
 }
 PARTS = (
@@ -54,17 +68,22 @@ def draw_scan(scan: xr.Dataset, table: xr.Dataset, given: dict[str, Any]) -> Fig
         place = place.isel(replicate=0)
     if "frame_count" in scan.dims:
         place = place.isel(frame_count=-1)
-    figure = Figure(figsize=(11.0, 6.4), dpi=130, layout="constrained")
+    figure = Figure(figsize=(11.0, 6.6), dpi=150, layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1), height_ratios=(1, 1, 0.42))
     _field(figure.add_subplot(grid[:2, 0]), place, given)
     _time_line(figure.add_subplot(grid[2, 0]), place, given)
     _found(figure.add_subplot(grid[0, 1]), table)
     _times(figure.add_subplot(grid[1:, 1]), table)
+    for axes in figure.axes:
+        axes.tick_params(labelsize=SMALL)
+        axes.xaxis.label.set_fontsize(LABEL)
+        axes.yaxis.label.set_fontsize(LABEL)
+    figure.suptitle("Ships detected by the imager, identified by the laser radar", fontsize=TITLE)
     return figure
 
 
 def _nominal(data: xr.Dataset) -> xr.Dataset:
-    """The first value of every axis that the picture does not show."""
+    """The data at the first value of every axis that the picture lacks."""
     kept = ("range", "replicate", "frame_count", "target", "detection", "edge")
     return data.isel({dim: 0 for dim in data.dims if dim not in kept})
 
@@ -87,9 +106,9 @@ def _visits(place: xr.Dataset) -> list[tuple[str, str, Any, Any]]:
         if source < NOWHERE:
             continue
         what = outcome(source, named, bool(one.accepted == 1), ships)
-        label = "" if source == NOWHERE else names[source]
+        label = "" if source == NOWHERE else names[source].capitalize()
         if what == "wrong":
-            label = f"{label or 'sea'}, called {names[named]}"
+            label = f"{label or 'Sea'}, taken for {names[named].capitalize()}"
         found.append((what, label, one.box.values, one.visit.values))
     return found
 
@@ -108,27 +127,24 @@ def _field(axes: Axes, place: xr.Dataset, given: dict[str, Any]) -> None:
             style = {"fc": COLOURS[what], "lw": 0} if filled else {"fill": False, "lw": 0.8}
             axes.add_patch(Rectangle(corner, *side, ec=COLOURS[what], **style))
         at = (np.array([visit[0], visit[3]]) - middle) * degrees
-        axes.annotate(
-            label, (at[0], at[1] + LABELS / 100 * height), fontsize=8, color=COLOURS[what]
-        )
+        above = at[0], at[1] + LABELS / 100 * height
+        axes.annotate(label, above, fontsize=SMALL, color=COLOURS[what])
     for target in np.flatnonzero(place.hot.values == 0):
         one = place.isel(target=target)
         at = (np.array([one.column, one.row]) - middle) * degrees
         axes.plot(*at, "x", color=COLOURS["missed"], ms=6)
-        where: Any = {"xytext": (5, 5), "textcoords": "offset points", "fontsize": 8}
-        axes.annotate(str(one.target.item()), at, color=COLOURS["missed"], **where)
+        where: Any = {"xytext": (5, 5), "textcoords": "offset points", "fontsize": SMALL}
+        axes.annotate(str(one.target.item()).capitalize(), at, color=COLOURS["missed"], **where)
         seen.add("missed")
     for what in SAYS:
         if what in seen:
             axes.plot([], [], "s", color=COLOURS[what], ms=6, label=SAYS[what])
     axes.set(xlim=(-width / 2, width / 2), ylim=(-height / 2, height / 2), aspect="equal")
-    axes.set(xlabel="bearing [deg]", ylabel="elevation [deg]")
-    axes.legend(loc="upper right", fontsize=8, frameon=False, ncols=2)
+    axes.set(xlabel="bearing [°]", ylabel="elevation [°]")
+    axes.legend(loc="upper right", fontsize=SMALL, frameon=False, ncols=2)
     frames = f"{int(place.frame_count)} frames"
-    axes.set_title(
-        f"Field of regard at {float(place.range):g} km, {frames}: detected (filled) and visited",
-        fontsize=10,
-    )
+    what = f"Field of regard at {float(place.range):g} km, {frames}"
+    axes.set_title(f"{what}: detections (filled) and visits (outlined)", fontsize=HEADING)
 
 
 def _time_line(axes: Axes, place: xr.Dataset, given: dict[str, Any]) -> None:
@@ -145,10 +161,11 @@ def _time_line(axes: Axes, place: xr.Dataset, given: dict[str, Any]) -> None:
     axes.set(yticks=[], xlabel="time [s]", xlim=(0, 1.01 * now))
     axes.set_title(
         f"Imager {float(place.imaging):.1f} s, then {len(visits)} visits: {now:.1f} s in all, "
-        f"instead of {float(place.alone):.0f} s by the laser radar alone",
-        fontsize=9,
+        f"{float(place.alone):.0f} s by the laser radar alone",
+        fontsize=HEADING,
     )
-    axes.spines[["top", "right", "left"]].set_visible(False)
+    bare(axes)
+    axes.spines["left"].set_visible(False)
 
 
 def _lines(table: xr.Dataset) -> tuple[Any, xr.Dataset]:
@@ -163,27 +180,25 @@ def _found(axes: Axes, table: xr.Dataset) -> None:
     """Draw shares over all draws, with intervals, by range; of the most frames."""
     ranges, table = _lines(table)
     last = table.isel(frame_count=-1)
-    axes.plot(ranges, 100 * last.chance, "k:", lw=1, label="detected, closed form")
+    axes.plot(ranges, 100 * last.chance, ":", color=BLACK, lw=1.2, label="detected, closed form")
     shown = (
-        *(("detected", "missed", "ships detected"), ("right", "right", "of these named right")),
-        ("rejected", "rejected", "decoys rejected"),
+        ("detected", "0.4", "s-", "ships detected"),
+        ("right", COLOURS["right"], "o-", "identified, of the detected"),
+        ("rejected", COLOURS["rejected"], "^--", "decoys rejected"),
     )
-    step = 0.012 * (np.ptp(ranges) or ranges[0])
-    for nth, (name, colour, label) in enumerate(shown):
+    for nth, (name, colour, style, label) in enumerate(shown):
         share = 100 * last[f"share_{name}"].values
         ends = [100 * last[f"share_{name}_{end}"].values for end in ("low", "high")]
         there = np.isfinite(share)
         error = np.maximum([share - ends[0], ends[1] - share], 0)[:, there]
-        style: dict[str, Any] = {"color": COLOURS[colour], "capsize": 2, "ms": 4, "lw": 1}
-        at = ranges[there] + (nth - 1) * step
-        axes.errorbar(at, share[there], error, fmt="o-", label=label, **style)
-    axes.set(ylim=(0, 104), ylabel="%", xlabel="range [km]")
-    axes.set_title(
-        f"All {int(table.draws.max())} draws, {int(last.frame_count)} frames, 95 % intervals",
-        fontsize=9,
-    )
-    axes.legend(fontsize=7, frameon=False, loc="lower left")
-    axes.spines[["top", "right"]].set_visible(False)
+        how: dict[str, Any] = {"color": colour, "mfc": "white", "label": label}
+        how |= nested(nth, len(shown))
+        axes.errorbar(ranges[there], share[there], error, fmt=style, **how)
+    axes.set(ylim=(0, 104), ylabel="percent", xlabel="slant range [km]", xticks=ranges)
+    draws, frames = int(table.draws.max()), int(last.frame_count)
+    axes.set_title(f"{draws} draws, {frames} frames, 95 % intervals", fontsize=HEADING)
+    axes.legend(fontsize=SMALL - 0.5, frameon=False, loc="lower left")
+    bare(axes)
 
 
 def _times(axes: Axes, table: xr.Dataset) -> None:
@@ -198,9 +213,8 @@ def _times(axes: Axes, table: xr.Dataset) -> None:
                 axes.barh(at, float(one[part]), left=left, color=COLOURS[colour])
                 left += float(one[part])
             axes.barh(at, float(one.alone), color="none", ec="0.5", lw=0.8)
-            axes.text(
-                float(one.alone) * 1.02, at, f"{float(one.gain):.0f} x", va="center", fontsize=8
-            )
+            gain = f"{float(one.gain):.0f}×"
+            axes.text(float(one.alone) * 1.02, at, gain, va="center", fontsize=SMALL)
             places.append(at)
             labels.append(f"{where:g} km, {count}")
             at += 1
@@ -209,8 +223,7 @@ def _times(axes: Axes, table: xr.Dataset) -> None:
     keys.append(Patch(fc="none", ec="0.5", lw=0.8, label="laser radar alone"))
     axes.set(yticks=places, yticklabels=labels, xlabel="mean time [s]")
     axes.set_xlim(0, 1.15 * float(table.alone.max()))
-    axes.tick_params(axis="y", labelsize=8)
     axes.invert_yaxis()
-    axes.legend(handles=keys, fontsize=7, frameon=False, loc="upper right")
-    axes.set_title("Time by range and frames", fontsize=9)
-    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(handles=keys, fontsize=SMALL, frameon=False, loc="upper right")
+    axes.set_title("Time by range and frames", fontsize=HEADING)
+    bare(axes)

@@ -23,69 +23,81 @@ from sweeps.report.rows import (
     source_figures,
 )
 from sweeps.report.silhouettes import positions, silhouette_accuracy_rows
-from sweeps.report.tables import BOUND, accuracy_rows
+from sweeps.report.style import (
+    BELOW,
+    BLACK,
+    BLUE,
+    GOLD,
+    GREEN,
+    HEADING,
+    LABEL,
+    OFFSET_NOTE,
+    ORCHID,
+    OURS,
+    RUST,
+    SMALL,
+    THEIRS,
+    aspect_title,
+    key_below,
+    nested,
+    offset,
+    plain_percent,
+    titled,
+)
+from sweeps.report.tables import BOUND, TITLES, accuracy_rows
 
 # The source's main setting, and that of its Table 5.
 PULSE_WIDTH, VIGILANCE = 30.0, 0.95
 OF_SILHOUETTES = {"vigilance": [0.87], "frame_count": [16]}
 
-OURS, THEIRS = "#1f4e79", "#c1440e"
-THIN = {"mfc": "white", "ms": 4, "lw": 1.2, "elinewidth": 0.7}
-BELOW: dict[str, Any] = {"loc": "outside lower center", "frameon": False}
-
-# Which rows make a line of a picture, the worst first: colour, style, and values of columns.
+# Lines of a picture, the lowest first: colour, style, and the values of columns that select rows.
 LINES: dict[str, tuple[str, str, Row]] = {
-    "MNN, ship and aspect group": (THEIRS, "s-", {"classifier": "mnn"}),
-    "ACN": (OURS, "o-", {"classifier": "acn", "vigilance": VIGILANCE}),
-    "correlation": ("#2a9d5c", "^-", {"classifier": "correlation", "training": "expected"}),
-    "maximum likelihood, gain unknown": ("0.5", "D--", {"classifier": BOUND, "gain_sigma": 1}),
-    "maximum likelihood, gain known": ("black", "D-", {"classifier": BOUND, "gain_sigma": 0}),
+    TITLES["mnn"]: (RUST, "s-", {"classifier": "mnn"}),
+    TITLES["acn"]: (BLUE, "o-", {"classifier": "acn", "vigilance": VIGILANCE}),
+    TITLES["correlation"]: (GREEN, "^-", {"classifier": "correlation", "training": "expected"}),
+    f"{TITLES[BOUND]}, gain unknown": (ORCHID, "v--", {"classifier": BOUND, "gain_sigma": 1}),
+    f"{TITLES[BOUND]}, gain known": (BLACK, "D-", {"classifier": BOUND, "gain_sigma": 0}),
 }
 CHANNELS: dict[str, tuple[str, str, Row]] = {
-    "silhouette": (THEIRS, "s-", {"channel": "infrared"}),
-    "range profile": (OURS, "o-", {"channel": "range"}),
-    "both": ("black", "D-", {"channel": "both"}),
+    "silhouette": (RUST, "s-", {"channel": "infrared"}),
+    "range profile": (GOLD, "o-", {"channel": "range"}),
+    "both": (BLACK, "D--", {"channel": "both"}),
 }
 CELL = ("range_km", "pulse_width_ns", "target_free_ifovs")
 
-# Of resolutions of silhouettes.
+# Resolutions of silhouettes.
 WAYS = {
     "none": "detector's pixels",
     "perfect": "2×, perfect",
-    "shifted": "2×, shifted, from 4 × the frames",
+    "shifted": "2×, from 4 × the frames, shifted",
 }
-COLOURS = {"none": OURS, "perfect": "#2a9d6f", "shifted": "#b8860b"}
+COLOURS = {"none": BLUE, "perfect": GREEN, "shifted": GOLD}
+MARKERS = {"none": "o", "perfect": "s", "shifted": "^"}
+BAND = 0.22  # distance of neighbouring marks of one range, which has a band of width 1
 
-# Of profiles of flights: what they are called, and their colour.
+# Profiles of flights: name, colour and marker.
 KINDS = {
-    "learned": ("synthetic, learned", "0.7"),
-    "test": ("synthetic, noisy", "0.4"),
-    "measured": ("measured", OURS),
+    "learned": ("synthetic, as learned", GOLD, "s"),
+    "test": ("synthetic, noisy", GREEN, "^"),
+    "measured": ("measured in flight", BLUE, "o"),
 }
 
 
 def by_bin(rows: Iterable[Row], *, high: float = 3.9) -> tuple[Figure, list[Axes], list[str]]:
-    """Return a figure so many inches high, its empty panels, and the bins that they are of."""
+    """Return a figure of a height [inch], its empty panels, and the aspect bin of each."""
     bins = list(dict.fromkeys(row[BIN] for row in rows))
-    figure = Figure(figsize=(2.65 * len(bins) + 0.6, high), dpi=150, layout="constrained")
+    figure = Figure(figsize=(2.35 * len(bins) + 0.6, high), dpi=160, layout="constrained")
     panels: list[Axes] = list(figure.subplots(1, len(bins), sharey=True, squeeze=False)[0])
     for axes, label in zip(panels, bins, strict=True):
-        title = label if label == "overall" else f"aspect {label.replace('-', '–')}°"
-        axes.set_title(title, fontsize=10)
+        axes.set_title(aspect_title(label), fontsize=HEADING)
+        axes.tick_params(labelsize=LABEL)
         plain_percent(axes)
-    panels[0].set_ylabel("percent correct")
+    panels[0].set_ylabel("percent correct", fontsize=LABEL)
     return figure, panels, bins
 
 
-def plain_percent(axes: Axes) -> None:
-    """Draw lines of a percentage across, and no frame but left and below."""
-    axes.set(ylim=(0.0, 104.0))
-    axes.grid(axis="y", color="0.92")
-    axes.spines[["right", "top"]].set_visible(False)
-
-
 def with_intervals(axes: Axes, line: Mapping[Any, Row], style: str, **how: Any) -> None:
-    """Draw percent correct against anything, with 95 % intervals, of what there is."""
+    """Draw percent correct with 95 % intervals, by position; rows without a figure are left out."""
     known = {x: row for x, row in sorted(line.items()) if row["percent_correct"] is not None}
     if known:
         middle = [row["percent_correct"] for row in known.values()]
@@ -101,26 +113,35 @@ def draw_tables(tables: xr.Dataset) -> Figure:
     wanted = {"pulse_width": [PULSE_WIDTH], "vigilance": [VIGILANCE], "range": [100.0]}
     here = here.sel(wanted, method="nearest")
     rows = accuracy_rows(here)
-    figure, panels, bins = by_bin(rows, high=3.4)
+    figure, panels, bins = by_bin(rows, high=3.9)
     for axes, label in zip(panels, bins, strict=True):
         # Numbers of frames ascending, training last.
         line = [row for row in rows if row[BIN] == label and row["percent_correct"] is not None]
         line.sort(key=lambda row: row["frame_count"] or np.inf)
-        with_intervals(axes, dict(enumerate(line)), "o-", color=OURS, label="ours, 95 %")
+        with_intervals(
+            axes, dict(enumerate(line)), "o-", color=OURS, label="this package, 95 % interval"
+        )
         theirs = [(k, row["source_percent"]) for k, row in enumerate(line) if row["source_percent"]]
         if theirs:
             shown = zip(*theirs, strict=True)
-            axes.plot(*shown, "s--", color=THEIRS, mfc="white", label="source")
-        counts = [str(row["frame_count"] or "expected") for row in line]
-        axes.set_xticks(range(len(line)), counts, fontsize=8)
-    panels[0].legend(frameon=False, loc="lower right", fontsize=8)
-    below = ["frames averaged; expected: the training profiles"]
+            axes.plot(*shown, "s--", color=THEIRS, mfc="white", ms=5, label="source")
+        counts = [str(row["frame_count"] or "∞") for row in line]
+        axes.set_xticks(range(len(line)), counts)
+        axes.set_xlabel("frames averaged", fontsize=LABEL)
+        axes.set_xlim(-0.4, len(line) - 0.6)
+    below = ["∞: expected profiles, which are the training set"]
     if any(row["source_percent"] is not None for row in rows):
         below.append(source_figures()["table4_percent_correct"]["note"])
-    figure.supxlabel("\n".join(below), fontsize=8)
-    pulse_width, vigilance = here.pulse_width.item(), here.vigilance.item()
-    title = f"Ships identified by the ACN, {pulse_width:g} ns, vigilance {vigilance:g}"
-    figure.suptitle(title + which(here.squeeze(), tables, but=kept), fontsize=11)
+    key_below(figure, panels[0], title="\n".join(below))
+    others = which(here.squeeze(), tables, but=kept).removeprefix(", ")
+    where = f"{here.range.item():g} km", f"{here.pulse_width.item():g} ns"
+    titled(
+        figure,
+        "Ships identified by the ACN",
+        *where,
+        f"vigilance {here.vigilance.item():g}",
+        others,
+    )
     return figure
 
 
@@ -134,9 +155,10 @@ def draw_classifiers(rows: list[Row]) -> Figure:
     cell = (rows[0]["range_km"], width, floor)
     shown = [row for row in rows if row["frame_count"] and cell == tuple(row[k] for k in CELL)]
     aspects = [row for row in shown if not row.get("left_out")]
-    title = f"The same profiles named by each classifier, {cell[0]:g} km, {width:g} ns"
-    title += f", {floor} target-free IFOVs a frame{words}"
-    return _lines(shown, aspects, LINES, "frame_count", "frames averaged", title)
+    where = f"{cell[0]:g} km", f"{width:g} ns", f"{floor} target-free IFOVs a frame", *words
+    figure = _lines(shown, aspects, LINES, "frame_count", "frames averaged")
+    titled(figure, "Classifiers compared on the same range profiles", *where)
+    return figure
 
 
 def draw_fusion(rows: list[Row]) -> Figure:
@@ -149,9 +171,11 @@ def draw_fusion(rows: list[Row]) -> Figure:
     setting["infrared_frame_count"] = nearest(frames, images)
     setting["super_resolution"] = rows[0]["super_resolution"]
     shown, words = _of_one([row for row in rows if _is(row, setting)], (*CELL, "channel"))
-    title = f"Profile, silhouette and both together, {frames} frames each, {width:g} ns"
-    title += f", gain {'unknown' if setting['gain_sigma'] else 'known'}{words}"
-    return _lines(shown, shown, CHANNELS, "range_km", "slant range [km]", title)
+    gain = f"gain {'unknown' if setting['gain_sigma'] else 'known'}"
+    figure = _lines(shown, shown, CHANNELS, "range_km", "slant range [km]")
+    where = f"{frames} frames of each sensor", f"{width:g} ns", gain, *words
+    titled(figure, "Range profile, infrared silhouette, and both together", *where)
+    return figure
 
 
 def _usual(rows: list[Row]) -> tuple[float, int]:
@@ -164,13 +188,12 @@ def _is(row: Row, chosen: Row) -> bool:
     return all(row.get(key) == value for key, value in chosen.items())
 
 
-def _of_one(rows: list[Row], placed: Sequence[str]) -> tuple[list[Row], str]:
-    """Rows of one setting of all that has no place in the picture, and its words for the title."""
+def _of_one(rows: list[Row], placed: Sequence[str]) -> tuple[list[Row], list[str]]:
+    """Rows of one setting of every axis that the picture lacks, and those settings in words."""
     others = several(rows, but=(*placed, "frame_count", BIN))
     rows = of_one(rows, others)
     kept = {axis: row[axis] for row in rows for axis in others if row[axis] is not None}
-    words = told(kept, [axis for axis in kept if axis not in RULES])
-    return rows, "".join(f", {word}" for word in words)
+    return rows, told(kept, [axis for axis in kept if axis not in RULES])
 
 
 def _lines(
@@ -179,22 +202,22 @@ def _lines(
     lines: Mapping[str, tuple[str, str, Row]],
     across: str,
     label: str,
-    title: str,
 ) -> Figure:
-    """Percent correct against the values of a column that all rows have, of some a line each."""
-    figure, panels, bins = by_bin(rows)
+    """Percent correct against a column that all rows have: a line for each selection of rows."""
+    figure, panels, bins = by_bin(rows, high=4.1)
     ticks = sorted({row[across] for row in rows})
+    there = [one for one in lines.items() if any(_is(row, one[1][2]) for row in drawn)]
     for axes, of_bin in zip(panels, bins, strict=True):
         here = [row for row in reversed(drawn) if row[BIN] == of_bin]
-        for name, (colour, style, chosen) in lines.items():
+        for place, (name, (colour, style, chosen)) in enumerate(there):
             line = {row[across]: row for row in here if _is(row, chosen)}
-            with_intervals(axes, line, style, color=colour, label=name, **THIN)
+            line = dict(zip(offset(line, place, len(there)), line.values(), strict=True))
+            widths = nested(place, len(there))
+            with_intervals(axes, line, style, color=colour, label=name, mfc="white", **widths)
         axes.set_xscale("log", base=2)
         axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        axes.set_xlabel(label)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, ncols=min(len(labels), 3), fontsize=8, **BELOW)
-    figure.suptitle(title, fontsize=11)
+        axes.set_xlabel(label, fontsize=LABEL)
+    key_below(figure, panels[0], title=f"95 % intervals. {OFFSET_NOTE}")
     return figure
 
 
@@ -209,82 +232,92 @@ def draw_table5(tables: xr.Dataset, *, ships: int) -> Figure:
     keys: dict[str, Any] = {}
     for axes, label in zip(every, bins, strict=True):
         _accuracy(axes, [row for row in rows if row[BIN] == label], ranges, beside=beside)
-        axes.axhline(100 / ships, color="0.6", lw=0.9, ls=":", label=f"guess among {ships}")
-        axes.set_xlabel("slant range [km]")
+        axes.axhline(100 / ships, color="0.6", lw=0.9, ls=":", label=f"chance, 1 in {ships}")
+        axes.set_xlabel("slant range [km]", fontsize=LABEL)
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
             keys.setdefault(name, handle)
     draws = here.sizes["phase"] * here.sizes["order"]
-    keys["95 % interval"] = Line2D([], [], color="0.4", lw=1.4, marker="|", ms=7)
-    keys[f"± spread of {draws} trainings"] = Line2D([], [], color="0.4", lw=6, alpha=0.3)
+    keys["95 % interval"] = Line2D([], [], color="0.4", lw=0.8, marker="|", ms=7)
+    keys[f"± standard deviation of {draws} trainings"] = Line2D(
+        [], [], color="0.4", lw=6, alpha=0.3
+    )
     if beside:
         keys["source, same resolution"] = Line2D([], [], ls="", marker="D", mfc="w", mec="0.3")
     said = source_figures()["table5_percent_correct"]["note"] if beside else None
-    how: dict[str, Any] = {"title": said, "title_fontsize": 8, "fontsize": 8.5, "ncols": 4} | BELOW
-    figure.legend(keys.values(), keys.keys(), **how)
+    how: dict[str, Any] = {"title": said, "title_fontsize": SMALL, "fontsize": SMALL, "ncols": 3}
+    figure.legend(keys.values(), keys.keys(), **how, **BELOW)
     vigilance, frames = here.vigilance.item(), here.frame_count.item()
     taken = f"{frames} frames"
     if "shifted" in here.super_resolution.values:
         taken += f" ({positions('shifted')} × {frames} where shifted)"
-    title = f"Silhouettes identified by the ACN, {taken}, vigilance {vigilance:g}"
-    figure.suptitle(title, fontsize=12)
+    titled(figure, "Silhouettes identified by the ACN", taken, f"vigilance {vigilance:g}")
     return figure
 
 
 def _accuracy(axes: Axes, rows: list[Row], ranges: list[float], *, beside: bool) -> None:
-    """One aspect bin: ours by range and resolution, the training's, and the source's."""
+    """Draw one aspect bin: a band for each range, in it a mark for each resolution and source."""
     rows = [row for row in rows if row["percent_correct"] is not None]
     tested = [row for row in rows if row["silhouettes"] != "training"]
     for row in rows:
         if row["silhouettes"] == "training":
             level = row["percent_correct"]
             axes.axhline(level, color="0.35", lw=0.9, ls="--", label="training silhouettes")
+    for band in range(1, len(ranges), 2):
+        axes.axvspan(band - 0.5, band + 0.5, color="0.95", lw=0, zorder=0)
     ways = list(dict.fromkeys(row["super_resolution"] for row in tested))
     for place, way in enumerate(ways):
         known = [row for row in tested if row["super_resolution"] == way]
         known.sort(key=lambda row: row["range_km"])
         x = np.array([ranges.index(row["range_km"]) for row in known], dtype=float)
-        x += 0.24 * (place - (len(ways) - 1) / 2)
+        x += BAND * (place - (len(ways) - 1) / 2)
         colour = COLOURS.get(way, "0.3")
         mean, spread = ([row[key] for row in known] for key in ("percent_correct", "spread"))
         axes.errorbar(x, mean, spread, fmt="none", ecolor=colour, elinewidth=6, alpha=0.3)
-        style = {"color": colour, "label": WAYS.get(way, way), "ms": 4.5}
-        with_intervals(axes, dict(zip(x, known, strict=True)), "o-", **style)
-        theirs = [(at - 0.1, row["source_percent"]) for at, row in zip(x, known, strict=True)]
+        style = {"color": colour, "label": WAYS.get(way, way), "ms": 4.5, "elinewidth": 0.8}
+        with_intervals(axes, dict(zip(x, known, strict=True)), MARKERS.get(way, "o"), **style)
+        theirs = [(at - 0.09, row["source_percent"]) for at, row in zip(x, known, strict=True)]
         theirs = [(at, percent) for at, percent in theirs if beside and percent is not None]
         if theirs:
             shown = zip(*theirs, strict=True)
-            axes.plot(*shown, "D", mfc="white", mec=colour, mew=1.6, zorder=4)
+            axes.plot(*shown, "D", mfc="white", mec=colour, mew=1.4, ms=5, zorder=4)
     axes.set_xticks(range(len(ranges)), [f"{value:g}" for value in ranges])
+    axes.tick_params(axis="x", length=0)
     axes.set(xlim=(-0.5, len(ranges) - 0.5))
 
 
 def draw_measured(tables: xr.Dataset) -> Figure:
-    """Draw percent named right by aspect bin: measured profiles beside synthetic ones.
+    """Draw percent correct by aspect bin: measured profiles beside synthetic ones.
 
-    One panel a classifier and pulse width, the ship alone; of several flights the nominal one.
+    One panel for each classifier and pulse width, scored by ship; of several flights the nominal
+    one.
     """
     one = nominal(tables, keep=("pulse_width", "classifier", "kind", "aspect_bin"))
     rows, columns = one.sizes["pulse_width"], one.sizes["classifier"]
-    figure = Figure(figsize=(3.0 * columns + 0.6, 2.5 * rows + 0.4), dpi=140, layout="constrained")
+    size = (2.9 * columns + 0.6, 2.2 * rows + 1.2)
+    figure = Figure(figsize=size, dpi=150, layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     labels = one.aspect_bin.values.tolist()
     for row, column in np.ndindex(rows, columns):
         axes: Any = panels[row, column]
         here = one.isel(pulse_width=row, classifier=column)
-        for place, (kind, (name, colour)) in enumerate(KINDS.items()):
+        for place, (kind, (name, colour, marker)) in enumerate(KINDS.items()):
             part = 100 * here.sel(kind=kind)
             middle = part.ship_accuracy.values
             ends = [middle - part.ship_ci_low.values, part.ship_ci_high.values - middle]
             x = np.arange(len(labels)) + 0.2 * (place - 1)
-            axes.errorbar(x, middle, ends, fmt="o", color=colour, capsize=3, label=name)
-        axes.set_xticks(np.arange(len(labels)), labels, fontsize=8)
+            style: dict[str, Any] = {"capsize": 2, "ms": 5, "elinewidth": 1.0, "label": name}
+            axes.errorbar(x, middle, ends, fmt=marker, color=colour, **style)
+        axes.set_xticks(np.arange(len(labels)), [label.replace("-", "–") for label in labels])
+        axes.tick_params(labelsize=SMALL)
         plain_percent(axes)
-        axes.set_title(f"{here.classifier.item()}, {here.pulse_width.item():g} ns", fontsize=9)
+        classifier = str(here.classifier.item())
+        scored = TITLES.get(f"{classifier}_ship", TITLES.get(classifier, classifier))
+        axes.set_title(f"{scored}, {here.pulse_width.item():g} ns", fontsize=HEADING)
     for axes in panels[:, 0]:
-        axes.set_ylabel("ships right [%]", fontsize=8)
+        axes.set_ylabel("percent correct", fontsize=LABEL)
     for axes in panels[-1]:
-        axes.set_xlabel("aspect [deg]", fontsize=8)
-    panels[0, 0].legend(frameon=False, fontsize=7, loc="lower left")
-    if words := which(one, tables):
-        figure.suptitle(words.removeprefix(", "), fontsize=10)
+        axes.set_xlabel("aspect [°]", fontsize=LABEL)
+    key_below(figure, panels[0, 0], title="95 % intervals")
+    others = which(one, tables).removeprefix(", ")
+    titled(figure, "Ships identified by measured and by synthetic range profiles", others)
     return figure

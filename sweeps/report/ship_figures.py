@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
@@ -18,6 +19,7 @@ import ncti.ships
 from ncti.features import profile_vector
 from ncti.render import RangeImage, range_image
 from sweeps.report.axes import nominal
+from sweeps.report.style import HEADING, LABEL, SHIP_COLOURS, titled
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +36,7 @@ RAMP = LinearSegmentedColormap.from_list("range", ["#ffe6b8", "#8ed3c0", "#3f8dd
 # The source's examples: its Figures 3 to 5.
 ASPECTS, ASPECT, PULSE_WIDTH, RANGE = (0.0, 30.0, 60.0, 90.0), 30.0, 30.0, 100.0
 STEP, NOISY_STEP = 1.12, 1.7  # from one profile to the next, in peaks
+LIFT = 0.17  # of a label above its line, in peaks
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +140,7 @@ def draw_ships() -> Figure:
 
 
 def draw_profiles(profiles: xr.Dataset) -> Figure:
-    """Draw profiles as a classifier sees them: what aspect, ship and averaging make of them."""
+    """Draw profiles as classifiers get them: by aspect, by ship, and by number of frames."""
     here = nominal(profiles, keep=("ship", "aspect", "range", "pulse_width", "frame_count"))
     here = here.sel(range=RANGE, pulse_width=PULSE_WIDTH, method="nearest")
     name = here.ship[0].item().capitalize()
@@ -148,21 +151,23 @@ def draw_profiles(profiles: xr.Dataset) -> Figure:
     aspects, ships = turned.aspect.values, quarter.ship.values
     counts, here_at = averaged.frame_count.values, f"{quarter.aspect.item():g}°"
 
-    figure = Figure(figsize=(11.0, 4.4), dpi=160, layout="constrained")
+    figure = Figure(figsize=(11.0, 4.6), dpi=150)
+    figure.set_layout_engine("constrained", wspace=0.08)
     by_aspect, by_ship, by_frames = figure.subplots(1, 3)
     colours = colormaps["viridis"](np.linspace(0.1, 0.75, aspects.size))
     _stack(by_aspect, turned, [f"{aspect:g}°" for aspect in aspects], colours)
-    colours = colormaps["Dark2"](np.arange(ships.size) % 8)
-    _stack(by_ship, quarter.expected, [label.capitalize() for label in ships], colours)
+    tints = [SHIP_COLOURS[place % len(SHIP_COLOURS)] for place in range(ships.size)]
+    names = [label.capitalize() for label in ships]
+    _stack(by_ship, quarter.expected, names, [to_rgba(tint) for tint in tints])
     colours = colormaps["Reds"](np.linspace(0.5, 0.9, counts.size))
     labels = ["1 frame" if count == 1 else f"{count} frames" for count in counts]
     _stack(by_frames, averaged, labels, colours, behind=quarter.expected.isel(ship=0))
-    by_aspect.set_title(f"{name} from bow (0°) to beam (90°)", fontsize=10)
-    by_ship.set_title(f"Ships at {here_at}", fontsize=10)
-    by_frames.set_title(f"{name} at {here_at}, averages over the expected", fontsize=10)
-    by_aspect.set_ylabel("amplitude above the noise floor, peak 1")
-    title = f"Range profiles at {here.range.item():g} km, {here.pulse_width.item():g} ns pulses"
-    figure.suptitle(title, fontsize=11)
+    by_aspect.set_title(f"{name}, bow (0°) to beam (90°)", fontsize=HEADING)
+    by_ship.set_title(f"Ships at {here_at}", fontsize=HEADING)
+    by_frames.set_title(f"{name} at {here_at}, averages; grey: expected", fontsize=HEADING)
+    by_aspect.set_ylabel("amplitude above the noise floor, peak 1", fontsize=LABEL)
+    pulse = f"{here.pulse_width.item():g} ns pulses"
+    titled(figure, f"Range profiles at {here.range.item():g} km, {pulse}")
     return figure
 
 
@@ -174,7 +179,7 @@ def _stack(
     *,
     behind: xr.DataArray | None = None,
 ) -> None:
-    """Profiles above each other, the first on top, with another one behind each."""
+    """Draw profiles above each other, the first on top, another one behind each if given."""
     down_range = profiles.down_range.values
     step = STEP if behind is None else NOISY_STEP
     lines = zip(profile_vector(profiles), labels, np.asarray(colours), strict=True)
@@ -186,7 +191,14 @@ def _stack(
             shade, style = profile_vector(behind), {"color": "0.8"}
         axes.fill_between(down_range, base, base + shade, lw=0, **style)
         axes.plot(down_range, base + profile, color=colour, linewidth=1.1)
-        axes.text(down_range[-1] + 4.0, base, label, color=colour, weight="bold", va="center")
-    axes.set(xlim=(down_range[0], down_range[-1]), xlabel="down-range from the ship origin [m]")
+        words: dict[str, Any] = {"weight": "bold", "fontsize": LABEL}
+        words["color"] = 0.75 * np.asarray(colour)[:3]  # dark enough for text
+        if behind is None:  # inside, above the end of the window, which no ship reaches
+            axes.text(down_range[-1], base + LIFT, label, ha="right", va="bottom", **words)
+        else:  # beside noise that fills the window
+            axes.text(down_range[-1] + 4.0, base, label, va="center", **words)
+    axes.set_xlim(down_range[0], down_range[-1])
+    axes.set_xlabel("down-range from the ship origin [m]", fontsize=LABEL)
+    axes.tick_params(labelsize=LABEL)
     axes.set_yticks([])
     axes.spines[["left", "right", "top"]].set_visible(False)

@@ -10,21 +10,38 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from sweeps.report.axes import NOMINAL
-from sweeps.report.score_figures import BELOW, OURS, THEIRS, THIN, plain_percent
+from sweeps.report.style import (
+    BLACK,
+    BLUE,
+    GOLD,
+    GREEN,
+    HEADING,
+    LABEL,
+    OFFSET_NOTE,
+    ORCHID,
+    RUST,
+    SMALL,
+    aspect_title,
+    key_below,
+    nested,
+    offset,
+    plain_percent,
+    titled,
+)
 
 KEPT = ("template_spacing", "range", "aspect_bin")
 SHOWN = ("overall", "60")
-"""Bins that are drawn, by how their names begin: near the beam ships turn fastest."""
+"""Beginnings of the bins drawn: near the beam, profiles change fastest with aspect."""
 
 LINES: dict[str, tuple[str, str, str, dict[str, Any]]] = {
-    "profile, ACN": ("acn", OURS, "o-", {}),
-    "profile, correlation": ("correlation", "#2a9d5c", "^-", {}),
-    "profile, maximum likelihood": ("fusion", "0.45", "D-", {"channel": "range"}),
-    "silhouette, ACN": ("acn_infrared", THEIRS, "s--", {}),
-    "silhouette, every one learned": ("fusion", "#b8860b", "v--", {"channel": "infrared"}),
-    "both": ("fusion", "black", "D-", {"channel": "both"}),
+    "silhouette, ACN": ("acn_infrared", RUST, "s:", {}),
+    "silhouette, nearest of all learned": ("fusion", GOLD, "v:", {"channel": "infrared"}),
+    "profile, ACN": ("acn", BLUE, "o-", {}),
+    "profile, correlation": ("correlation", GREEN, "^-", {}),
+    "profile, maximum likelihood": ("fusion", ORCHID, "P-", {"channel": "range"}),
+    "both sensors, maximum likelihood": ("fusion", BLACK, "D--", {"channel": "both"}),
 }
-"""By its name, a line's table, colour, style, and place on an axis of that table."""
+"""Of each line the table, colour, style, and selection along the table's axes."""
 
 
 def draw_spacing(tables: Mapping[str, xr.Dataset]) -> Figure:
@@ -45,28 +62,30 @@ def draw_spacing(tables: Mapping[str, xr.Dataset]) -> Figure:
     first = next(iter(lines.values()))[0]
     ranges, spacings = first.range.values.tolist(), first.template_spacing.values
     bins = [name for name in first.aspect_bin.values.tolist() if name.startswith(SHOWN)]
-    figure = Figure(figsize=(2.9 * len(ranges) + 0.6, 2.6 * len(bins) + 0.9), dpi=140)
-    figure.set_layout_engine("constrained")
+    size = (2.9 * len(ranges) + 0.6, 2.4 * len(bins) + 1.3)
+    figure = Figure(figsize=size, dpi=150, layout="constrained")
     panels = figure.subplots(len(bins), len(ranges), sharex=True, sharey=True, squeeze=False)
     for row, column in np.ndindex(len(bins), len(ranges)):
         axes: Any = panels[row, column]
         where = {"range": ranges[column], "aspect_bin": bins[row]}
-        for name, (table, colour, style) in lines.items():
+        for place, (name, (table, colour, style)) in enumerate(lines.items()):
             here = table.sel(where)
             middle = here.accuracy.values
             ends = 100 * np.abs([here.ci_low.values - middle, here.ci_high.values - middle])
-            axes.errorbar(spacings, 100 * middle, ends, fmt=style, color=colour, label=name, **THIN)
+            x = offset(spacings, place, len(lines))
+            how: dict[str, Any] = {"color": colour, "label": name, "mfc": "white"}
+            axes.errorbar(x, 100 * middle, ends, fmt=style, **how, **nested(place, len(lines)))
         axes.set_xscale("log", base=2)
         axes.set_xticks(spacings, [f"{one:g}" for one in spacings])
-        axes.set_title(f"{ranges[column]:g} km, {_words(bins[row])}", fontsize=10)
+        axes.tick_params(labelsize=SMALL)
+        axes.set_title(f"{ranges[column]:g} km, {aspect_title(bins[row])}", fontsize=HEADING)
         plain_percent(axes)
     for axes in panels[:, 0]:
-        axes.set_ylabel("percent correct")
+        axes.set_ylabel("percent correct", fontsize=LABEL)
     for axes in panels[-1]:
-        axes.set_xlabel("template spacing [deg]")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, ncols=3, fontsize=8, **BELOW)
-    figure.suptitle("Ships named right at aspects that nobody learned, 95 % intervals", fontsize=11)
+        axes.set_xlabel("template spacing [°]", fontsize=LABEL)
+    key_below(figure, panels[0, 0], title=f"95 % intervals. {OFFSET_NOTE}")
+    titled(figure, "Percent correct at random aspects, absent from training")
     return figure
 
 
@@ -80,7 +99,3 @@ def _at_random(table: xr.Dataset, chosen: Mapping[str, Any]) -> xr.Dataset:
         wanted = NOMINAL.get(str(name))
         here = here.isel({name: there.index(wanted) if wanted in there else 0})
     return here.transpose(..., "template_spacing")
-
-
-def _words(label: str) -> str:
-    return label if label == "overall" else f"aspect {label.replace('-', '–')}°"

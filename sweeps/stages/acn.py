@@ -1,4 +1,4 @@
-"""The Adaptive Clustering Network, trained on what is noiseless and tested on averages of frames.
+"""The Adaptive Clustering Network, trained without noise and tested on averages of frames.
 
 Of the laser radar these are range profiles, of the infrared imager silhouettes, both presented in
 one order or several. The map of an empty silhouette is zero everywhere,
@@ -32,19 +32,19 @@ NAME = "acn"
 
 @in_memory(gather=GATHERED, keep=4)
 def profile_lessons(expected: Profiles, there: Views) -> Lessons:
-    """Return what all trainings with the same expected profiles share."""
+    """Return the training views and similarities of expected profiles, shared by all trainings."""
     return Lessons.of(expected, there, classifier.profile_vectors)
 
 
 @in_memory(gather=GATHERED, keep=4)
 def silhouette_lessons(template_log_polar: NDArray[np.uint8], there: Views) -> Lessons:
-    """Return what all trainings with the same silhouettes share."""
+    """Return the training views and similarities of silhouettes, shared by all trainings."""
     return Lessons.of(template_log_polar, there, classifier.map_vectors)
 
 
 @plain(uses=(Network, Run))
 def profile_order(orders: int, seed: int) -> tuple[int, int]:
-    """Return number and seed of an order of presentation; the grid's own, 0, has no seed."""
+    """Return the number and seed of an order of presentation; order 0, the grid's own, has none."""
     return orders, seed if orders else 0
 
 
@@ -83,7 +83,12 @@ def network(
         name=f"{name}_training",
     )
     names = naming.stage(
-        Output("training_correct", VIEW, "i1", label="1 where that category has the ship's name"),
+        Output(
+            "training_correct",
+            VIEW,
+            "i1",
+            label="1 where that category is labelled with the true ship",
+        ),
         Output("names", ("category",), "i2", stored=False),
         uses=uses,
         reads={"training": f"{name}_training"},
@@ -92,7 +97,7 @@ def network(
     )
     tests = naming.answers(
         Output("category", VIEW, "i4", label=fallen, without=rules),
-        Output("similarity", VIEW, label="cosine to that category", without=rules),
+        Output("similarity", VIEW, label="cosine similarity to that category", without=rules),
         without=("score_rule",),
         uses=uses,
         reads={**reads, "training": f"{name}_training", "names": f"{name}_names"},

@@ -1,4 +1,4 @@
-"""Calls in a process of their own, for engines that cannot draw in this one.
+"""Calls in a separate process, for engines that cannot render in this one.
 
 OpenGL is bound to one platform a process. A sweep over engines needs two of them.
 """
@@ -20,11 +20,11 @@ from ncti.render.choice import choose_engine, engines
 Result = TypeVar("Result")
 
 _apart: dict[tuple[int, str], subprocess.Popen[bytes]] = {}
-"""Processes that draw for this one, by its own number and by engine."""
+"""Rendering processes, by the number of their parent process and by engine."""
 
 
 def call_apart(engine: str, function: Callable[..., Result], *arguments: Any) -> Result:
-    """Return what a function returns, called where an engine can draw.
+    """Return the result of a function, called in a process where an engine can render.
 
     That is this process, unless the engine needs another OpenGL than the one bound, or preferred,
     here. Function, arguments and result are pickled then.
@@ -77,7 +77,7 @@ def _process(engine: str) -> subprocess.Popen[bytes]:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process, which does so by itself when nothing more can come."""
+    """Close the input of a process, which then ends."""
     for stream in (process.stdin, process.stdout):
         if stream is not None:
             with suppress(OSError):
@@ -86,7 +86,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def serve() -> None:
-    """Answer calls that come by stdin on stdout, until there are no more."""
+    """Read calls from stdin and write their results to stdout until stdin is closed."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no answer
     while True:

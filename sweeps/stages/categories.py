@@ -1,4 +1,4 @@
-"""Categories of the Adaptive Clustering Network: how they form, get names, and answer tests.
+"""Categories of the Adaptive Clustering Network: formation, labels and test answers.
 
 Vectors may be of any sensor. Views are those of a grid of ships and aspects, those of the first
 ship first; vectors of views that are not there are zero.
@@ -31,37 +31,39 @@ class Network(Settings, key="classifier"):
     """The Adaptive Clustering Network."""
 
     learning_rate = number(0.1, 1e-6, 1, label="learning rate in training", noted=True)
-    max_passes = count(200, 1, 1_000_000, label="presentations of the training set at most")
+    max_passes = count(
+        200, 1, 1_000_000, label="largest number of presentations of the training set"
+    )
     learn_in_test = switch(
         False,
-        label="1 where test vectors move categories, too",
-        help="as in the source, in the order of presentation; those of unknown ships come last",
+        label="learning during the test",
+        help="test vectors move categories, as in the source; unknown ships are presented last",
         noted=True,
     )
     orders = draws(
         1,
-        label="number of the order of presentation of profiles, 0 as in the grid",
+        label="order of presentation of the profiles; 0 is the order of the grid",
         dimension="order",
         noted=True,
     )
     label_rule = word(
         "majority",
         ("majority", "first"),
-        label="how a category gets its ship: most, or first of its members",
+        label="rule that labels a category with a ship: majority, or first of its members",
         noted=True,
     )
     score_rule = word(
         "ship",
         ("ship", "category"),
-        label="what is right: the ship, or the category of the same view",
-        help="of views that are not learned, only the ship is asked for",
+        label="rule that scores an answer: the right ship, or the right category",
+        help="views absent from training are scored by ship",
         noted=True,
     )
 
 
 @dataclass(frozen=True)
 class Lessons:
-    """What all trainings with the same views share.
+    """Training views and their similarities, shared by all trainings on them.
 
     (view, feature) vectors, zero where a view is not there, with their similarities; the (ship,
     aspect) views that are there; and how (ship, aspect, ...) profiles or maps become vectors.
@@ -88,7 +90,7 @@ def presentation_order(views: int, order: int, seed: int) -> Places:
 
 def form_categories(
     lessons: Lessons,
-    taught: Views,
+    training_views: Views,
     presentation: tuple[int, int],
     vigilance: float,
     learning_rate: float,
@@ -99,13 +101,13 @@ def form_categories(
     Returns
     -------
     dict of str to ndarray
-        training_category, training_confused : (ship, aspect), negative where not taught;
+        training_category, training_confused : (ship, aspect), negative outside training;
         passes : (), negative where the categories did not settle;
         weights : (view, view) float64, a row a category, zero below the last of them;
         turn : (view,), the order of all views; taught_by : the last three arguments
     """
-    known = (taught & lessons.there).reshape(-1)
-    ship, aspect = np.indices(taught.shape).reshape(2, -1)
+    known = (training_views & lessons.there).reshape(-1)
+    ship, aspect = np.indices(training_views.shape).reshape(2, -1)
     turn = presentation_order(known.size, *presentation)
     found = cluster(
         lessons.similarities,
@@ -121,8 +123,8 @@ def form_categories(
     weights = np.zeros((known.size, known.size))
     weights[: len(found.weights)] = found.weights
     return {
-        "training_category": found.labels.reshape(taught.shape),
-        "training_confused": confused.reshape(taught.shape),
+        "training_category": found.labels.reshape(training_views.shape),
+        "training_confused": confused.reshape(training_views.shape),
         "passes": np.array(found.passes if found.converged else -found.passes),
         "weights": weights,
         "turn": turn,
@@ -131,17 +133,17 @@ def form_categories(
 
 
 def clustering_of(training: Arrays) -> Clustering:
-    """Return the clustering that `form_categories` made into arrays."""
+    """Return the clustering from the arrays of `form_categories`."""
     labels = training["training_category"].reshape(-1).astype(np.intp)
     passes = int(training["passes"])
     return Clustering(labels, training["weights"][: labels.max() + 1], abs(passes), passes > 0)
 
 
 def name_categories(training: Arrays, label_rule: str) -> Arrays:
-    """Give every category the ship of most members (majority), or of the first one presented.
+    """Label every category with the ship of most members, or of the first one presented.
 
     (view,) `names`, -1 beyond the last category; (ship, aspect) `training_correct`, 1 where a
-    view's category has its ship's name, -1 where it is not taught.
+    view's category has its ship's name, -1 outside training.
     """
     categories = training["training_category"]
     ship = np.indices(categories.shape)[0]
@@ -158,7 +160,7 @@ def name_categories(training: Arrays, label_rule: str) -> Arrays:
 
 
 def ships_named(names: Ships, category: Ships) -> Ships:
-    """Return the ship of each category; none for a vector that matches nothing."""
+    """Return the ship of each category; `NONE` for a vector without a category."""
     return np.where(category >= 0, names[np.maximum(category, 0)], NONE)
 
 
@@ -171,11 +173,11 @@ def answer_tests(
     score_rule: tuple[str, ...],
     learn_in_test: bool,
 ) -> Arrays:
-    """Return what (frame_count, ship, aspect, ...) tests are named by several trainings.
+    """Return the answers of several trainings to (frame_count, ship, aspect, ...) tests.
 
     These, as of `form_categories` and `name_categories`, have leading axes (...) and (...,
     label_rule). By the rule `ship` the ship must be right; by `category` the category must be that
-    of the same view, and nothing is asked where that is not taught.
+    of the same view, and views outside training are not asked for.
 
     Returns
     -------
@@ -220,33 +222,33 @@ def answer_tests(
 
 def network_of(vectors: Floats, formed: Arrays) -> AdaptiveClusteringNetwork:
     """Return the network that formed the categories of (view, feature) vectors."""
-    # Imported where it is used: scikit-learn takes a second.
+    # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
 
-    taught, turn = formed["training_confused"] >= 0, formed["turn"]
-    presented = turn[taught.reshape(-1)[turn]]
+    training_views, turn = formed["training_confused"] >= 0, formed["turn"]
+    presented = turn[training_views.reshape(-1)[turn]]
     vigilance, learning_rate, passes = formed["taught_by"].tolist()
     network = AdaptiveClusteringNetwork(
         vigilance=vigilance, learning_rate=learning_rate, max_passes=int(passes)
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
-        network.fit(vectors[presented], np.indices(taught.shape)[0].reshape(-1)[presented])
+        network.fit(vectors[presented], np.indices(training_views.shape)[0].reshape(-1)[presented])
     return network
 
 
 def match_learning(
     network: AdaptiveClusteringNetwork, tests: Floats, formed: Arrays
 ) -> tuple[Places, Floats]:
-    """(view,) category, and cosine to it, of (view, feature) tests that move categories, too.
+    """Return (view,) categories and cosines of (view, feature) tests that move categories.
 
     They are presented in the order of the training, those of ships that are learned first: what
     is unknown then moves no category that they are held against.
     """
-    taught, turn = formed["training_confused"] >= 0, formed["turn"]
-    unknown = np.repeat(~taught.any(axis=1), taught.shape[1])
+    training_views, turn = formed["training_confused"] >= 0, formed["turn"]
+    unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])
     category, similarity = np.empty(len(tests), dtype=np.intp), np.empty(len(tests))
     order = turn[np.argsort(unknown[turn], kind="stable")]
     category[order], similarity[order] = network.match(tests[order], learning=True)

@@ -1,4 +1,4 @@
-"""What classifiers share: which of them name the ships, what they learn, and what they answer."""
+"""Common to all classifiers: settings, training views, answers and their tables."""
 
 from __future__ import annotations
 
@@ -38,34 +38,34 @@ LEFT_ALONE = (
 
 
 class Classifier(Settings, key="classifier"):
-    """Who names the ships: the experiment gives `name` its words."""
+    """The classifier and its training set; the experiment gives `name` its words."""
 
-    name = word("acn", (), label="who names the ship", dimension="classifier", shown=True)
-    unknown = set_of(ships(None, label="ships that are shown but never learned"))
+    name = word("acn", (), label="classifier", dimension="classifier", shown=True)
+    unknown = set_of(ships(None, label="unknown ships: tested but absent from training"))
     training_aspect = set_of(
         number(
             *(None, 0),
             below=360,
             unit="degree",
-            label="aspects learned at",
-            help="of grid.aspect; null: all but those of grid.fresh",
+            label="training aspects",
+            help="a subset of grid.aspect; null: all except those of grid.fresh",
         )
     )
     template_spacing = number(
         *(None, 0.001, 90),
         unit="degree",
-        label="spacing of the aspects learned",
-        help="of those that could be, its multiples; null: all",
+        label="spacing of the training aspects",
+        help="selects the training aspects that are multiples of it; null: all",
     )
     test_vigilance = number(
         *({"start": 0, "stop": 1, "step": 0.01}, 0, 1),
-        label="cosine that an answer must reach",
-        help="below it, the answer is 'unknown'",
+        label="smallest similarity of an accepted answer",
+        help="an answer below it counts as 'unknown'",
     )
     left_out = switch(
         False,
-        label="1 where nothing is learned of the true aspect",
-        help="of correlation and likelihood",
+        label="leaving the true aspect out of training",
+        help="used by correlation and likelihood",
         noted=True,
     )
 
@@ -74,32 +74,32 @@ SPACING = Classifier.template_spacing
 
 
 def names_by(name: str, sensor: str) -> Condition:
-    """Return the condition that a classifier is chosen, and a sensor looks."""
+    """Return the condition that a classifier and a sensor are selected."""
     return lambda choices: name in choices[Classifier.name] and looks(sensor)(choices)
 
 
-# What is learned
+# Training views
 
 
 @stage(uses=(Grid, Fresh, Run), gather=(Grid.aspect,), plain=True)
-def unlearned(aspect: tuple[float, ...], fresh: int, seed: int) -> tuple[float, ...]:
-    """Return the aspects that are drawn at random, none of which is learned by itself."""
+def random_aspects(aspect: tuple[float, ...], fresh: int, seed: int) -> tuple[float, ...]:
+    """Return the aspects drawn at random, which are absent from training by default."""
     return drawn_aspects(aspect[0], aspect[-1], fresh, seed)
 
 
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)
-def taught(
+def training_views(
     ship: tuple[str, ...],
     aspect: tuple[float, ...],
     unknown: tuple[str, ...] | None,
     training_aspect: tuple[float, ...] | None,
     template_spacing: float | None = None,
-    unlearned: tuple[float, ...] = (),
+    random_aspects: tuple[float, ...] = (),
 ) -> Views:
-    """(ship, aspect): views that are learned; ships among the others are unknown."""
+    """Return the (ship, aspect) mask of training views."""
     known = ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
     given = training_aspect
-    learned = ~np.isin(aspect, unlearned) if given is None else np.isin(aspect, given)
+    learned = ~np.isin(aspect, random_aspects) if given is None else np.isin(aspect, given)
     if template_spacing is not None:
         steps = np.array(aspect) / template_spacing
         learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
@@ -107,7 +107,7 @@ def taught(
 
 
 def learned_of(choices: Choices) -> xr.DataArray:
-    """Return the views that a sweep's classifiers learn: (ship, aspect), by template spacing.
+    """Return the (ship, aspect) mask of a sweep's training views, by template spacing.
 
     The spacing is a dimension where it is an axis.
     """
@@ -116,19 +116,19 @@ def learned_of(choices: Choices) -> xr.DataArray:
     of_all = (*(choices[one] for one in GATHERED), choices.one(Classifier.unknown))
     training, spacings = choices.one(Classifier.training_aspect), choices[SPACING]
     drawn = fresh_aspects(choices, choices[Grid.aspect])
-    views = [taught(*of_all, training, one, drawn) for one in spacings]
+    views = [training_views(*of_all, training, one, drawn) for one in spacings]
     found = xr.DataArray(views, {SPACING.name: list(spacings)}, (SPACING.name, *VIEW))
     return found if len(spacings) > 1 else found.isel({SPACING.name: 0}, drop=True)
 
 
 def known_of(choices: Choices) -> xr.DataArray:
-    """Return which ships a sweep's classifiers learn, (ship,)."""
+    """Return the (ship,) mask of the ships in a sweep's training set."""
     learned = learned_of(choices)
     return learned.any([dim for dim in learned.dims if dim != "ship"])
 
 
 def aspects_of(choices: Choices) -> dict[str, xr.DataArray]:
-    """Return where aspects are learned, lie between those, and are drawn at random, if any do."""
+    """Return masks of learned, intermediate and random aspects, of kinds that there are."""
     import xarray as xr
 
     learned = learned_of(choices).any("ship")
@@ -167,7 +167,7 @@ def check(choices: Choices) -> Choices:
     drawn = fresh_aspects(choices, choices[Grid.aspect])
     for spacing in choices[SPACING]:
         of_all = choices[GATHERED[0]], choices[Grid.aspect], unknown, given, spacing, drawn
-        if spacing is not None and not taught(*of_all).any():
+        if spacing is not None and not training_views(*of_all).any():
             raise ConfigurationError(
                 f"{SPACING.key} has {spacing:g}, but must have a multiple among the aspects learned"
             )
@@ -181,14 +181,14 @@ def check_left_out(choices: Choices) -> None:
         raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
 
-def require_another_aspect(taught: Views, left_out: tuple[bool, ...]) -> None:
-    """Refuse (`ValueError`) the same where views are not there, and so are not taught."""
-    if any(left_out) and taught.any(axis=0).sum() < 2:
+def require_another_aspect(training_views: Views, left_out: tuple[bool, ...]) -> None:
+    """Refuse (`ValueError`) the same where views failed and so are absent from training."""
+    if any(left_out) and training_views.any(axis=0).sum() < 2:
         raise ValueError(LEFT_ALONE.format("fewer than two aspects are"))
 
 
 def check_receiver(choices: Choices, name: str) -> None:
-    """Refuse receivers whose moments are not known to a classifier."""
+    """Refuse receivers whose moments a classifier needs and lacks."""
     for receiver in choices.values[RECEIVER]:
         if receiver != FULL:
             raise ConfigurationError(
@@ -197,7 +197,7 @@ def check_receiver(choices: Choices, name: str) -> None:
             )
 
 
-# What is seen
+# Inputs
 
 
 def profile_vectors(profiles: Profiles | Floats) -> Floats:
@@ -212,23 +212,23 @@ def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.asarray(flat * np.float32(1 / np.iinfo(maps.dtype).max), dtype=np.float32)
 
 
-# What is answered
+# Answers
 
 
 def judged(named: Ships, there: Views) -> Arrays:
-    """Return the arrays of answers: (..., ship, aspect) ships named of views that are there."""
+    """Return the arrays of answers: (..., ship, aspect) ships predicted for existing views."""
     predicted = np.where(there, named, NONE)
     correct = np.where(there, predicted == np.arange(len(there))[:, None], NONE)
     return {"predicted": predicted, "correct": correct, "cell": state(correct, there)}
 
 
 def state(correct: Ships, there: Views) -> NDArray[np.int8]:
-    """Return the state of answers: done, failed where the view is not there, missing if unasked."""
+    """Return the state of answers: done, failed without a view, missing if not requested."""
     return np.where(correct >= 0, 1, np.where(there, -1, 0)).astype("i1")
 
 
 def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
-    """(view,) most probable ships, and probabilities of the true ones: 0 of one not learned.
+    """Return (view,) most probable ships and probabilities of the true ones, 0 if unknown.
 
     Of the ships there are, and their (view, ship) probabilities.
     """
@@ -237,16 +237,16 @@ def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, 
     return ships[probability.argmax(axis=1)], (probability * own).sum(axis=1)
 
 
-# What is declared of it
+# Declarations
 
 
 def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return the answers about ships that are learned: unknown ones cannot be named right."""
+    """Return the answers about ships in the training set; unknown ones cannot be right."""
     return classified.isel(ship=np.flatnonzero(known_of(choices)))
 
 
 def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return all scores of answers about range profiles by aspect bin, of the ships learned.
+    """Return all scores of answers about range profiles by aspect bin, of ships in training.
 
     Where categories form, with their numbers; with the receiver for an attribute, if all have one.
     """
@@ -259,7 +259,7 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 @dataclass(frozen=True)
 class Naming:
-    """A group of answers, and how its stages and tables are declared.
+    """A group of answers, with the declarations of its stages and tables.
 
     Its name, and those of its tables; when a configuration has it; whose cells there are states
     of, and their group, by the name when empty; and the dimensions of an answer.
@@ -319,4 +319,4 @@ class Naming:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Fresh, Classifier)
-STAGES: tuple[Stage, ...] = (unlearned, taught)
+STAGES: tuple[Stage, ...] = (random_aspects, training_views)

@@ -1,4 +1,4 @@
-"""Loops that stages run, compiled by one process before others run them."""
+"""Compilation of the loops of stages, by one process before others run them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ IMAGE = frozenset(one.function for one in (look, template_log_polar, image_windo
 
 
 def compile_loops(choices: Choices, functions: Functions, say: Callable[[str], None]) -> None:
-    """Compile the loops that some functions of stages run, those that are not kept yet."""
+    """Compile the loops that some stage functions run, except those already compiled."""
     for loops in _loops_of(choices, functions):
         if loops.are_missing():
             say(f"compiling the loops of {loops.of}, once: some seconds")

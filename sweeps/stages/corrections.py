@@ -1,4 +1,4 @@
-"""Scans of flights corrected: their images, held against the truth, and their range profiles."""
+"""Corrected images of flights, compared with the truth, and their range profiles."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 LEAST_SEEN = 20
-"""Pixels above the threshold that are a ship and no false alarms."""
+"""Number of pixels above the threshold from which they are a ship, not false alarms."""
 
 SOURCES = ("measured", "noiseless", "synthetic", "point")
 STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are told within so much of it
@@ -36,62 +36,61 @@ HANGAR = 4.0  # m either side of its spike, without which profiles are correlate
 HANGAR_REACH = 8.0  # m either side of where a spike must be to be the hangar's
 
 HANGARS = {"connole": (-40.0, -20.0)}
-"""Where near-stern profiles have a hangar that is not their highest peak [m]: her stack returns
-more."""
+"""Down-range [m] of the hangar in near-stern profiles where it is not the highest peak: the stack
+returns more."""
 
 PERRY = ("duncan", "roberts")
-"""Ships whose masts and bridge are where landmarks are looked for; of others they are not told."""
+"""Ships with masts and a bridge at the places of the landmarks; others have none."""
 
 ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
-"""Share of the highest peak at which a ship begins: a bare deck returns 0.02, which is all that is
-there where a transom is dark; pixels of a level lattice spread as much beyond a sloping stern."""
+"""Share of the highest peak at which a ship begins. A bare deck, all that returns where the transom
+is dark, reaches 0.02; pixels of a level lattice spread as much beyond a sloping stern."""
 
 LANDMARKS = {  # label and unit
-    "stern_to_hangar": ("from the stern end to the hangar's spike", "m"),
-    "stern_to_bridge": ("from the stern end to the front of the forward structure", "m"),
-    "transom_ratio": ("height of the highest within 5 m of the stern over the hangar's", "1"),
-    "mast_position": ("main mast, past the hangar", "m"),
-    "mast_ratio": ("height of the main mast's peak over the hangar's", "1"),
-    "forward_position": ("peak of the forward block, past the hangar", "m"),
-    "forward_ratio": ("height of the forward block's peak over the hangar's", "1"),
-    "transom_energy": ("returns within 1.5 m of the transom's peak over the hangar's", "1"),
-    "mast_energy": ("returns within 1.5 m of the main mast's peak over the hangar's", "1"),
-    "forward_energy": ("returns within 1.5 m of the forward peak over the hangar's", "1"),
-    "deck_spikes": ("peaks between the transom and the hangar", "1"),
+    "stern_to_hangar": ("distance from the stern end to the hangar's spike", "m"),
+    "stern_to_bridge": ("distance from the stern end to the front of the forward structure", "m"),
+    "transom_ratio": ("highest peak within 5 m of the stern, relative to the hangar's", "1"),
+    "mast_position": ("distance of the main mast past the hangar", "m"),
+    "mast_ratio": ("peak of the main mast, relative to the hangar's", "1"),
+    "forward_position": ("distance of the forward block's peak past the hangar", "m"),
+    "forward_ratio": ("peak of the forward block, relative to the hangar's", "1"),
+    "transom_energy": ("returns within 1.5 m of the transom's peak, relative to the hangar's", "1"),
+    "mast_energy": ("returns within 1.5 m of the main mast's peak, relative to the hangar's", "1"),
+    "forward_energy": ("returns within 1.5 m of the forward peak, relative to the hangar's", "1"),
+    "deck_spikes": ("number of peaks between the transom and the hangar", "1"),
 }
 
 
 NUMBERS = {
     "profile_correlation": "correlation of the measured profile with the noiseless one",
-    "profile_correlation_without_hangar": "the same without 4 m either side of the hangar, the "
-    "highest peak",
-    "closing_speed_error": "closing speed that images are corrected with over the true one, less 1",
-    "looks": "mean samples of the pixels that have some",
+    "profile_correlation_without_hangar": "correlation of the measured profile with the noiseless "
+    "one, without 4 m either side of the hangar, the highest peak",
+    "closing_speed_error": "relative error of the closing speed used in the corrections",
+    "looks": "mean number of samples in pixels that have any",
 }
 TILTS = {
     "mast_tilt": "tilt of masts in the corrected images, intensity and infrared together",
     "waterline_tilt": "tilt of the waterline in the corrected images, intensity and infrared "
     "together",
-    "mast_tilt_error": "standard error of that of masts, where what is left is a shear of a few "
-    "degrees at most",
-    "waterline_tilt_error": "standard error of that of the waterline, likewise",
+    "mast_tilt_error": "standard error of the tilt of masts, for a shear of a few degrees at most",
+    "waterline_tilt_error": "standard error of the tilt of the waterline, likewise",
     "intensity_mast_tilt": "tilt of masts in the corrected intensity alone",
     "intensity_waterline_tilt": "tilt of the waterline in the corrected intensity alone",
     "infrared_mast_tilt": "tilt of masts in the corrected infrared image alone",
     "infrared_waterline_tilt": "tilt of the waterline in the corrected infrared image alone",
-    "noiseless_mast_tilt": "tilt of masts in the corrected noiseless scan, by how much ship each "
-    "pixel shows",
+    "noiseless_mast_tilt": "tilt of masts in the corrected noiseless scan, from the share of "
+    "ship in each pixel",
     "noiseless_waterline_tilt": "tilt of the waterline in the corrected noiseless scan, likewise",
 }
 IMAGES = {  # unit and label
-    "intensity": ("1", "corrected, segmented intensity in noise powers, 0 where there is none"),
-    "range_image": ("m", "range less that of the ship origin, of the same pixels"),
-    "infrared_image": ("K", "apparent temperature over the sea's, of the same pixels"),
+    "intensity": ("1", "corrected, segmented intensity in noise powers, 0 without a return"),
+    "range_image": ("m", "range relative to the ship origin, of the same pixels"),
+    "infrared_image": ("K", "apparent temperature above the sea, of the same pixels"),
 }
 ORIGIN = {"row": "window_bottom", "column": "window_left"}
 
 _place = partial(Output, dtype="i4", unit="pixel", fill=0, stored=False)
-# Parts of the overscanned image: where it shows the ship, and with what.
+# Parts of the overscanned image that show the ship.
 _part = partial(Output, dtype="f8", stored=False)
 
 
@@ -207,7 +206,7 @@ def corrected(
 
 
 def _nothing(bins: int) -> Arrays:
-    """Return what there is of a ship that is not flown past: no pixel, and no number."""
+    """Return the empty results of a ship that is not flown past."""
     lengths = {"source": len(SOURCES), "down_range": bins, "place": 2, "value": 2}
     return {
         one.name: np.full([lengths.get(dim, 0) for dim in one.dims], one.empty)
@@ -253,7 +252,7 @@ def widened(truth: Snapshot, values: Floats, window: Window) -> Floats:
 
 
 def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str = "") -> Arrays:
-    """Return how alike (source, bin) profiles at an aspect [deg] are, and their landmarks.
+    """Return correlations of (source, bin) profiles at an aspect [deg], and their landmarks.
 
     Returns
     -------
@@ -294,7 +293,7 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str =
 
 
 def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
-    """Landmarks of one profile by name, and its hangar."""
+    """Return the landmarks of one profile by name, and its hangar."""
     if marks is None:
         return {}
     figures = {
@@ -313,13 +312,13 @@ def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
 
 
 @stage(
-    Output("source", ("source",), "U9", label="where a profile comes from"),
+    Output("source", ("source",), "U9", label="source of a profile"),
     group=irar.GROUP,
     when=looks(IRAR),
     coordinates=True,
 )
 def profile_sources() -> NDArray[np.str_]:
-    """Return where the profiles of a flight come from."""
+    """Return the sources of the profiles of a flight."""
     return np.array(SOURCES)
 
 

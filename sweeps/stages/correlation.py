@@ -1,4 +1,4 @@
-"""The most similar range profile that is learned: nearest neighbour by cosine."""
+"""Correlation with the training profiles: nearest neighbour by cosine."""
 
 from __future__ import annotations
 
@@ -23,20 +23,22 @@ class Correlation(Settings, key="classifier"):
     training = word(
         EXPECTED,
         (EXPECTED, NOISY),
-        label="what is learned: expected profiles, or other draws of noisy ones",
-        help="of correlation; noisy needs grid.replicate of 2 or more",
+        label="training profiles: expected ones, or other draws of noisy ones",
+        help="used by correlation; noisy needs grid.replicate of 2 or more",
         noted=True,
     )
 
 
 @in_memory(gather=(Grid.replicate, *classifier.GATHERED), keep=4)
 def profile_draws(averaged: Profiles) -> Floats:
-    """(replicate, view, bin): vectors of all draws of profiles of as many frames."""
+    """Return (replicate, view, bin) vectors of all draws of profiles of as many frames."""
     return classifier.profile_vectors(averaged)
 
 
 @NAMING.answers(
-    Output("similarity", classifier.VIEW, label="cosine to the most similar profile learned"),
+    Output(
+        "similarity", classifier.VIEW, label="cosine similarity to the nearest training profile"
+    ),
     uses=(Grid, Classifier, Correlation),
     along=(Classifier.left_out,),
     dims=(
@@ -50,7 +52,7 @@ def profile_draws(averaged: Profiles) -> Floats:
 )
 def correlation(
     profile_draws: Floats,
-    taught: Views,
+    training_views: Views,
     expected: Profiles,
     averaged: Profiles,
     there: Views,
@@ -58,7 +60,7 @@ def correlation(
     training: str,
     left_out: tuple[bool, ...],
 ) -> Arrays:
-    """Return the ship of the most similar profile that is learned.
+    """Return the ship of the most similar training profile.
 
     Notes
     -----
@@ -67,7 +69,7 @@ def correlation(
     ships at it are. A profile that nowhere rises above its floor has no direction: it names no
     ship, which counts as wrong, and what is learned of it answers for none.
     """
-    known = taught & there
+    known = training_views & there
     classifier.require_another_aspect(known, left_out)
     if training == NOISY:
         lessons = np.delete(profile_draws, replicate, axis=0)
@@ -77,31 +79,31 @@ def correlation(
 
 
 def match_views(
-    lessons: Floats, tests: Floats, there: Views, taught: Views, left_out: tuple[bool, ...]
+    lessons: Floats, tests: Floats, there: Views, training_views: Views, left_out: tuple[bool, ...]
 ) -> Arrays:
-    """Name the ship of the lesson that is most similar to each test, (left_out, ship, aspect).
+    """Return the ship of the training vector most similar to each test, (left_out, ship, aspect).
 
     Lessons are (draw, view, bin) vectors of all views, zero where one is not there, and tests
     (view, bin) ones; lessons of a test's own aspect may be left out.
     """
-    # Imported where it is used: scikit-learn takes a second.
+    # Imported here because scikit-learn takes a second.
     from ncti.classify.baselines import NO_TEMPLATE, CorrelationNeighbour
 
     ship, aspect = np.indices(there.shape).reshape(2, -1)
     known, of_lesson = np.tile(ship, len(lessons)), np.tile(aspect, len(lessons))
     neighbour = CorrelationNeighbour().fit(lessons.reshape(-1, lessons.shape[-1]), known)
-    untaught = np.tile(~taught.reshape(-1), len(lessons))
+    untrained = np.tile(~training_views.reshape(-1), len(lessons))
     same = aspect[:, None] == of_lesson
     named, cosines = [], []
     for leave in left_out:
-        best, cosine = neighbour.match(tests, exclude=untaught | (same & leave))
+        best, cosine = neighbour.match(tests, exclude=untrained | (same & leave))
         named.append(np.where(best == NO_TEMPLATE, NONE, known[best]).reshape(there.shape))
         cosines.append(np.where(there, cosine.reshape(there.shape), np.nan))
     return classifier.judged(np.array(named), there) | {"similarity": np.array(cosines)}
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse to learn the noise that is tested, and to leave all aspects out."""
+    """Refuse training on the test noise, and leaving all aspects out."""
     if NAMING.when(choices):
         replicates = len(choices[Grid.replicate])
         if NOISY in choices[Correlation.training] and replicates < 2:

@@ -1,4 +1,4 @@
-"""What range extents without sampling say of a view: the truth that samplings are held against.
+"""Range extents without sampling: the reference that samplings are compared with.
 
 Wavefronts are flat, so that what differs from them errs by its sampling alone.
 """
@@ -31,8 +31,8 @@ class RunTime(Settings, key="run_time"):
     """Run time against error."""
 
     bin_width = quantity(1, 0.05, 50, "m", "range bin of the extents that are timed", shown=True)
-    repeats = count(3, 1, 1000, label="how often a view is timed, of which the median counts")
-    draws = count(16, 1, 1000, label="noisy profiles of a view that are named", fixed=SHAPES)
+    repeats = count(3, 1, 1000, label="timings of a view, of which the median is taken")
+    draws = count(16, 1, 1000, label="noisy profiles of a view that are classified", fixed=SHAPES)
 
 
 of_extents = partial(
@@ -44,7 +44,7 @@ of_extents = partial(
 )
 
 
-# What is exact
+# Exact results
 
 
 @of_extents(
@@ -110,7 +110,7 @@ def profile_noise(
     draws: int,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return draws of what averaged frames differ in from their expectation.
+    """Return draws of the deviation of averaged frames from their expectation.
 
     They are Gaussian, of the exact covariance, and the same for every sampling: answers then change
     by the error of the sampling and by nothing else.

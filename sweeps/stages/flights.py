@@ -1,4 +1,4 @@
-"""Flights past a ship: what the beam meets, what is recorded and believed, what is refused."""
+"""Flights past a ship: pass, raw images, recorded parameters, and checks."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _taking(*names: str) -> Callable[[Any], Any]:
 @plain(uses=(Irar, Grid), reads={"flown_pulse_width": Irar.pulse_width})
 @_taking("ship", "flown", *(one.name for one in FLOWN))
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Pairs | None:
-    """Return all that a pass depends on besides its ship and aspect; None of a ship not flown."""
+    """Return the values that a pass depends on; None for a ship that is not flown past."""
     return None if flown is not None and ship not in flown else tuple(values.items())
 
 
@@ -84,7 +84,7 @@ def flown_pass(
     reflectance: str,
     seed: int,
 ) -> Pass | None:
-    """Return what the beam meets; None of a ship that is not flown past, as all that follows."""
+    """Return the simulated pass; None for a ship that is not flown past, as in all that follows."""
     if course is None:
         return None
     name: dict[str, Any] = {"ship": ship, "aspect": aspect, "replicate": replicate, "seed": seed}
@@ -115,7 +115,7 @@ def models(
     bin_width: float,
     window: float,
 ) -> NDArray[np.float64] | None:
-    """(noiseless, synthetic, point; bin): profiles without noise, of carrier-to-noise ratio 1.
+    """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1.
 
     The last two are of the whole view's range image at the sensor's pixel, of even reflectivity:
     each pixel's area spread over its range extent, or sampled at its middle. Rows of pixels that
@@ -191,7 +191,7 @@ def believed(flight: Flight, error: Error) -> Flight:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) what cannot be flown, or be believed of a flight."""
+    """Refuse (`ConfigurationError`) flights, and errors of them, that are impossible."""
     for ship in choices.one(Irar.flown) or ():
         if ship not in choices[Grid.ship]:
             raise ConfigurationError(
@@ -274,7 +274,7 @@ def combinations(choices: Choices, settings: tuple[Setting, ...]) -> Iterator[di
 
 
 def _check_belief(flight: Flight, error: Error) -> None:
-    """Refuse an error with which the ship comes closer much more slowly, or faster."""
+    """Refuse an error that changes the closing speed too much."""
     parameter, value = error
     wrong = f"irar.errors.{parameter} has {value:g}, with which"
     try:
@@ -290,7 +290,7 @@ def _check_belief(flight: Flight, error: Error) -> None:
 
 
 def _of_key(error: ValueError, slant_range: float) -> str:
-    """Return what the library says of a flight, by the configuration's key and in its unit."""
+    """Return the library's message about a flight, with the configuration's keys and units."""
     said = re.fullmatch(r"slant_range is .*? must be at least ([\d.e+]+), (.*)", str(error))
     if said:
         least = float(said[1]) / 1e3

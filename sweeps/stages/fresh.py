@@ -1,4 +1,4 @@
-"""Aspects to be tested at that nobody learns.
+"""Random test aspects, absent from training.
 
 Ships at sea lie at any aspect. A classifier that is tested at the aspects it has learned, as in the
 article, seems better than it would be there.
@@ -17,14 +17,14 @@ DIGITS = 3  # of a drawn aspect [deg]: 2 mm at the end of a ship
 
 
 class Fresh(Settings, key="grid"):
-    """Aspects that nobody learns."""
+    """Random test aspects."""
 
     fresh = count(
         0,
         0,
         10_000,
-        label="aspects drawn at random in every 30 degrees, which nobody learns",
-        help="besides grid.aspect, between its ends, by the seed",
+        label="random test aspects in every 30 degrees, absent from training",
+        help="added to grid.aspect, between its ends, by the seed",
         fixed="all of them are tested together",
     )
 

@@ -1,4 +1,4 @@
-"""Range profiles and silhouettes together, beside each of them alone.
+"""Fusion of range profiles and silhouettes, beside each of them alone.
 
 A template is a view, a ship at an aspect, for both sensors. Draw d pairs replicate d of the
 profiles with phase d of the silhouettes, as many of the first as there are, over again where there
@@ -51,7 +51,7 @@ def names_by_both(choices: Choices) -> bool:
 def silhouette_scores(
     template_log_polar: NDArray[np.uint8], log_polar: NDArray[np.uint8], there: Views
 ) -> NDArray[np.float32]:
-    """(frame_count, phase, view, template): cosines, NaN where a view is not there in all phases.
+    """Return (frame_count, phase, view, template) cosines, NaN of views missing in any phase.
 
     See `similarity`.
     """
@@ -66,16 +66,16 @@ def silhouette_scores(
 
 
 @stage(Output("silhouette_sharpness", ("weight", "phase"), "f8"))
-def silhouette_sharpness(silhouette_scores: NDArray[np.float32], taught: Views) -> Floats:
-    """(weight, phase): what a step of each silhouette's score is worth in log-probability.
+def silhouette_sharpness(silhouette_scores: NDArray[np.float32], training_views: Views) -> Floats:
+    """Return the (weight, phase) log-probability of a unit of each silhouette's score.
 
     Alone, and at the least, which is what counts beside a profile. A quarter of the views are
     scored without templates of their own aspect: what is left out lies a whole step from the
     next, and a fresh aspect a quarter of a step on average. See `calibrate`.
     """
-    lessons = (taught.reshape(-1) & compared(silhouette_scores)).nonzero()[0]
+    lessons = (training_views.reshape(-1) & compared(silhouette_scores)).nonzero()[0]
     scores = silhouette_scores.astype(np.float64)[:, lessons[:, None], lessons]
-    ship, aspect = np.divmod(lessons, taught.shape[1])
+    ship, aspect = np.divmod(lessons, training_views.shape[1])
     place = np.unique(aspect, return_inverse=True)[1]
     if place.max(initial=0) >= EVERY:
         left_out = (place % EVERY == 1)[:, None] & (place[:, None] == place)
@@ -96,7 +96,7 @@ def profile_doubt(
     rng: np.random.Generator,
 ) -> Floats:
     """Return (gain_sigma, frame_count) doubts of `ncti.classify.calibration.fit_doubt`."""
-    # Imported where it is used: scipy takes a second.
+    # Imported here because scipy takes a second.
     from ncti.classify.calibration import fit_doubt
 
     templates, _ = profile_moments
@@ -115,9 +115,9 @@ NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
     Output("probability", NAMING.dims, label="posterior probability of the true ship"),
     Output(
         *("sharpness", OF_DRAWS),
-        label="what a step of a sensor's score is worth in log-probability; of both: a map's",
+        label="log-probability of a unit of a sensor's score; of both: that of silhouettes",
     ),
-    Output("doubt", ("draw",), label="probability that a profile, for all it knows, says nothing"),
+    Output("doubt", ("draw",), label="probability that a profile is uninformative"),
     uses=(Grid,),
     gather=(Grid.replicate, *GATHERED),
     at={Infrared.range: Grid.range},
@@ -132,11 +132,11 @@ def fusion(
     silhouette_scores: NDArray[np.float32],
     silhouette_sharpness: Floats,
     profile_doubt: Floats,
-    taught: Views,
+    training_views: Views,
     ship: tuple[str, ...],
     aspect: tuple[float, ...],
 ) -> Arrays:
-    """Name ships by profile, by silhouette and by both.
+    """Return the ships predicted by profile, by silhouette and by both.
 
     The score of a profile is its log-likelihood, which is worth what it says: its sharpness is 1.
     That of a silhouette is given the sharpness found on the silhouettes of the *other* phases.
@@ -146,7 +146,7 @@ def fusion(
     """
     of_profiles = profile_scores["log_density"]
     seen = compared(of_profiles) & compared(silhouette_scores)
-    views, lessons = seen.nonzero()[0], (taught.reshape(-1) & seen).nonzero()[0]
+    views, lessons = seen.nonzero()[0], (training_views.reshape(-1) & seen).nonzero()[0]
     draws = max(len(of_profiles), len(silhouette_scores))
     whole = (len(CHANNELS), draws, len(ship), len(aspect))
     there = seen.reshape(whole[2:])
@@ -182,13 +182,13 @@ def fusion(
 
 
 def number_draws(replicate: tuple[int, ...], phases: tuple[int, ...]) -> Arrays:
-    """Return the channels, and the numbers of the draws."""
+    """Return the channels and the numbers of the draws."""
     return {"channel": np.array(CHANNELS), "draw": np.arange(max(len(replicate), len(phases)))}
 
 
 fusion_draws, fusion_states = (
     stage(
-        Output("channel", ("channel",), "U8", label="sensor that names the ship"),
+        Output("channel", ("channel",), "U8", label="sensor that identifies the ship"),
         Output("draw", ("draw",), "i8", label="number of the pair of a replicate and a phase"),
         uses=(Grid, Infrared),
         gather=(Grid.replicate, Infrared.phases),
@@ -205,7 +205,7 @@ fusion_draws, fusion_states = (
 
 
 def compared(scores: NDArray[np.floating]) -> Views:
-    """Return which views have scores in every draw, (view,) of (draw, view, template) scores."""
+    """Return the (view,) mask of views with (draw, view, template) scores in every draw."""
     there: Views = np.isfinite(scores).any(axis=-1).all(axis=0)
     return there
 
@@ -213,7 +213,7 @@ def compared(scores: NDArray[np.floating]) -> Views:
 def similarity(
     silhouettes: NDArray[np.float32], templates: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """(phase, view, template): largest cosines to templates in all phases but a silhouette's own.
+    """Return the (phase, view, template) largest cosines to templates in all other phases.
 
     No observer would have the template of the silhouette's own place on the detector on file.
     Both are (phase, view, feature) maps of two phases or more.
@@ -233,7 +233,7 @@ def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def calibrate(scores: Floats, ship: NDArray[np.intp], *, least: bool = False) -> Floats:
-    """(phase,): sharpness of every phase's scores, found on those of the other phases.
+    """Return the (phase,) sharpness of every phase's scores, fitted to the other phases.
 
     Of (phase, view, template) scores of two phases or more, and the (view,) ship of each view and
     of each template; see `ncti.classify.fit_sharpness`, or `least_sharpness` of as many samples as
@@ -253,7 +253,7 @@ def calibrate(scores: Floats, ship: NDArray[np.intp], *, least: bool = False) ->
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse what one sensor would see and the other would not, where fusion is asked for alone.
+    """Refuse ranges that only one sensor sees, where fusion is the only classifier.
 
     Among other classifiers it is left out then.
     """

@@ -1,4 +1,4 @@
-"""Infrared images of ships: what they show, what they detect, and how good they are."""
+"""Infrared images of ships, their detections and their errors."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def image_window(
 def detection_probability(
     look: Look, false_alarm: float, phases: tuple[int, ...], frame_count: tuple[int, ...]
 ) -> Floats:
-    """(phase, frame_count): probability that a pixel of the ship passes the threshold."""
+    """Return the (phase, frame_count) probability that a ship pixel exceeds the threshold."""
     sigmas = look.sigmas("none", frame_count)
     pixels = [int(np.count_nonzero(look.shown(phase, WHOLE))) for phase in phases]
     known = {"contrast": look.contrast, "false_alarm": false_alarm}
@@ -141,7 +141,7 @@ def detection_probability(
 def reconstruction_error(
     look: Look, super_resolution: str, phases: tuple[int, ...], frame_count: tuple[int, ...]
 ) -> Floats:
-    """(phase, frame_count): what images lack, NaN where there is next to no contrast."""
+    """Return the (phase, frame_count) error of images, NaN where there is hardly any contrast."""
     if look.contrast < LEAST_CONTRAST:  # nothing to be a fraction of
         return np.full((len(phases), len(frame_count)), np.nan)
     shown = look.images(super_resolution, phases, frame_count)
@@ -155,12 +155,12 @@ def reconstruction_error(
 
 
 def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return how often ships are found, of the store's infrared group.
+    """Return the detection probability of ships, from the store's infrared group.
 
     `probability` by aspect bin, mean over ships, aspects and phases; `lowest`, the least of all
     views. Views that are not there are left out; NaN where none is.
     """
-    # Imported where it is used: xarray takes a third of a second.
+    # Imported here because xarray takes a third of a second.
     import xarray as xr
 
     found = _alone(images, "detection_probability")
@@ -184,7 +184,7 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 
 def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return how good super-resolved images are, of the store's infrared group.
+    """Return the errors of super-resolved images, from the store's infrared group.
 
     `error`, mean over ships, aspects and phases, and `error_spread`, over them. Views that are not
     there, and images without contrast, are left out; NaN where none is.

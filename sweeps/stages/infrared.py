@@ -1,4 +1,4 @@
-"""The passive-infrared imager: its settings, and ships before its detector."""
+"""The passive-infrared imager: settings, and ships on its detector."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ class Infrared(Settings, key="infrared"):
 
     ifov = quantity(150, 1, 100e3, "urad", "field of view of a pixel")
     contrast_at_zero = quantity(
-        library.CONTRAST_AT_ZERO, 0, 1000, "K", "ship above sea, before the air takes its part"
+        library.CONTRAST_AT_ZERO, 0, 1000, "K", "contrast of ship to sea at zero range"
     )
     extinction = quantity(0.181, 0, 10, "dB km-1", "extinction in the air, one way")
     nedt = quantity(library.NEDT, LEAST_NEDT, 1000, "K", "noise of one frame")
     target_spread = quantity(
         *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
-        help="assumed, and decisive at 100 km. of a pixel of the detector, which averaging leaves "
-        "(half pixels of shifted scenes have twice as much, which the detector averages out); of "
-        "perfect of a half pixel, as the source assumes",
+        help="assumed, and decisive at 100 km; per pixel of the detector, and not reduced by "
+        "averaging frames (half pixels of shifted scenes have twice as much, which the detector "
+        "averages out); with perfect per half pixel, as the source assumes",
     )
     sea_spread = quantity(
         library.SPREAD,
@@ -64,8 +64,10 @@ class Infrared(Settings, key="infrared"):
     false_alarm = number(
         1e-6, 1e-12, 0.5, label="false-alarm probability of one pixel of sea, for the detector"
     )
-    window_length = quantity(200, 1, 5000, "m", "the longest ship that images hold", fixed=SHAPES)
-    window_height = quantity(50, 1, 500, "m", "the highest ship that images hold", fixed=SHAPES)
+    window_length = quantity(
+        200, 1, 5000, "m", "length of the longest ship in images", fixed=SHAPES
+    )
+    window_height = quantity(50, 1, 500, "m", "height of the highest ship in images", fixed=SHAPES)
     range = quantity(None, 1, 1000, "km", "slant range", **_as(Grid.range))
     frame_count = count(
         None, 1, MOST_FRAMES, label="infrared frames averaged", **_as(Grid.frame_count)
@@ -73,7 +75,7 @@ class Infrared(Settings, key="infrared"):
     super_resolution = word(
         list(library.SUPER_RESOLUTIONS),
         library.SUPER_RESOLUTIONS,
-        label="how an image gets finer than the detector",
+        label="super-resolution method",
         help="perfect: half pixels with the noise of whole ones, the source's assumption; shifted: "
         "recombined from frame_count frames at each of four places of the detector, so "
         "4 x frame_count in all",
@@ -83,7 +85,7 @@ class Infrared(Settings, key="infrared"):
         0.25,
         0.01,
         MOST_COVERAGE,
-        label="share of a pixel that a ship fills to show",
+        label="share of a pixel that a ship must fill to show",
         help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
         "at 25 km",
         noted=True,
@@ -91,37 +93,37 @@ class Infrared(Settings, key="infrared"):
     segmentation = word(
         "matched",
         SEGMENTATION_METHODS,
-        label="how a silhouette is cut out of an image",
+        label="segmentation method of silhouettes",
         help="takes pixels as independent; neighbours in a shifted image share noise",
         noted=True,
     )
     inner_radius = number(
         *(0.5, 0.01, 2),
-        label="inner radius of the map, in sqrt(area / pi)",
+        label="inner radius of the log-polar map, in sqrt(area / pi)",
         help="a compromise between scores and categories of the source's Table 5",
         noted=True,
     )
     interpolation = word(
         "nearest",
         INTERPOLATIONS,
-        label="how the map samples a silhouette",
+        label="interpolation of the log-polar map",
         help="nearest: the plain map, as the source's; bilinear is the more invariant one and "
         "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
         noted=True,
     )
     training_range = quantity(
-        25, 1, 1000, "km", "slant range of the noiseless silhouettes that are learned"
+        25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
     )
     vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
     phases = draws(
         4,
-        label="number of the ship's place on the detector's pixels",
+        label="position of the ship on the detector's pixels, by number",
         dimension="phase",
         shown=True,
     )
     orders = draws(
         4,
-        label="number of the order of presentation, 0 as in the grid",
+        label="order of presentation; 0 is the order of the grid",
         dimension="order",
         shown=True,
     )
@@ -166,7 +168,7 @@ def look(
     sea_spread: float,
     seed: int,
 ) -> Look:
-    """Return a ship before the detector."""
+    """Return a ship on the detector."""
     contrast = library.contrast(
         range * 1e3, contrast_at_zero=contrast_at_zero, extinction=extinction * 1e-3
     )
@@ -177,7 +179,7 @@ def look(
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) ranges and ships that the imager does not see as it should."""
+    """Refuse (`ConfigurationError`) ranges and ships that the imager does not resolve or hold."""
     if not looks_infrared(choices):
         return choices
     same = choices[Infrared.range] == choices[Grid.range]

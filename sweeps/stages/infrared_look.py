@@ -1,4 +1,4 @@
-"""A ship before an infrared detector: its places on the pixels, and images made when asked for."""
+"""A ship on an infrared detector: its positions on the pixels, and its images."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def pack_hits(image: RangeImage | LineImage) -> Bits:
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Patches of ship across the line of sight: (point,) cross-ranges [m], area of one [m^2].
+    """Patches of a ship: (point,) cross-ranges [m], and the area of one [m^2].
 
     Of lines, points are the corners of their bounding box, and `lines` has what lies between.
     """
@@ -120,7 +120,7 @@ def footprint_at(slant_range: float, ifov: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A ship at one aspect and range before one detector, imaged when it is asked for.
+    """A ship at one aspect and range on one detector, imaged on request.
 
     Only the ship and a margin of sea around it are ever synthesised: what lies further off
     changes nothing on the ship.
@@ -172,7 +172,7 @@ class Look:
         return self._shown[phase, halves]
 
     def images(self, way: str, phases: tuple[int, ...], frame_counts: tuple[int, ...]) -> Floats:
-        """(phase, frame_count, row, col): images made finer by one way of super-resolution [K].
+        """Return (phase, frame_count, row, col) images [K] of one super-resolution method.
 
         All places are drawn from one stream in turn, so those before the last one wanted, too.
         """

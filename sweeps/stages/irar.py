@@ -1,4 +1,4 @@
-"""The infrared airborne radar: settings of its flights, and a flight of values of them."""
+"""The infrared airborne radar: settings of its flights, and flights from their values."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ GROUP = "validation"
 
 EXACT = "exact"
 RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
-"""Of the source's corrections, as printed: what f is, the line rate, or the pulse-repetition
-frequency that it says f is."""
+"""Meaning of f in the source's printed corrections: the line rate, or the pulse-repetition
+frequency, as the source states."""
 
 Error = tuple[str, float]
 NO_ERROR: Error = ("none", 0.0)
@@ -63,7 +63,7 @@ OF_NO_FLIGHT = ("transom_gain", "mast_gain", "replicate")  # of the ship, and of
 
 @dataclass(frozen=True)
 class Errors(Kind):
-    """Errors of what navigation believes, one at a time; no error is always among them."""
+    """Errors of recorded flight parameters, one at a time; no error is always among them."""
 
     fields: tuple[str, ...] = tuple(MOST_WRONG)  # keys that a configuration may give
 
@@ -126,7 +126,7 @@ class Irar(Settings, key="irar"):
     depression = _axis(6.7, 0.1, 60, "degree", "depression of the line of sight")
     aircraft_speed = _axis(90, 1, 1000, "m s-1", "speed of the aircraft")
     ship_speed = _axis(
-        8, 0, 50, "m s-1", "speed of the ship", help="its heading is what grid.aspect asks for"
+        8, 0, 50, "m s-1", "speed of the ship", help="its heading follows from grid.aspect"
     )
     aircraft_heading = _axis(0, -360, 360, "degree", "heading of the aircraft, from north")
     aircraft_track = _axis(
@@ -151,12 +151,12 @@ class Irar(Settings, key="irar"):
     jitter_time = _axis(0.1, 1e-6, 1000, "s", "correlation time of the line of sight")
     transom_gain = _axis(
         *(1, 0, 1000, "1"),
-        label="input on the source's word: reflectivity of the transom over the ship's",
+        label="assumed reflectivity of the transom relative to the ship",
         help="0: dark",
     )
     mast_gain = _axis(
         *(1, 0, 1000, "1"),
-        label="input on the source's word: reflectivity of masts over the ship's",
+        label="assumed reflectivity of masts relative to the ship",
         help="above 1 they glint",
     )
     cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
@@ -169,9 +169,7 @@ class Irar(Settings, key="irar"):
     nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
     band_stop = _axis(12, 0.1, 1000, "um", "longest wavelength of the passive detectors")
-    contrast_at_zero = _axis(
-        *(2.1585, 0, 1000, "K", "ship above sea, before the air takes its part")
-    )
+    contrast_at_zero = _axis(*(2.1585, 0, 1000, "K", "contrast of ship to sea at zero range"))
     sea_temperature = _axis(288.15, 100, 1000, "K", "temperature of the sea")
     band_extinction = _axis(
         *(0.5, 0, 10, "dB km-1", "extinction of radiance in the passive band, one way"),
@@ -187,48 +185,50 @@ class Irar(Settings, key="irar"):
     errors = Setting(
         Errors(),
         {},
-        label="number of what is believed wrong of the flight, 0 none",
+        label="error of a recorded flight parameter, by number; 0 is none",
         help="one at a time; each a value, a list, or start, stop and step",
         dimension="error",
         noted=True,
     )
     autofocus = switch(
         False,
-        label="1 where the closing speed is found in the image",
-        help="the exactly corrected one",
+        label="estimation of the closing speed from the image",
+        help="of the exact chain",
         noted=True,
     )
     chain = _word(
         EXACT,
         (EXACT, *RATES),
-        label="whose corrections: exact, or as the source prints them",
-        help="f of the printed ones is the line rate, or the pulse rate that the source says it is",
+        label="chain of corrections: exact, or as printed by the source",
+        help="in the printed chains f is the line rate, or the pulse rate as the source states",
     )
     azimuth = _word(
         "pixel",
         (*MOTION_METHODS, "none"),
-        label="how columns follow the motion",
+        label="correction of the motion in azimuth",
         help="by each sample's own range and time, by line, by one constant, or not at all",
     )
-    mirror = _word(EXACT, MIRROR_METHODS, label="how the mirror's turn is taken out")
-    range_filter = _word("cluster", RANGE_FILTERS, label="what makes one range of a pixel's looks")
+    mirror = _word(EXACT, MIRROR_METHODS, label="correction of the mirror's rotation")
+    range_filter = _word(
+        "cluster", RANGE_FILTERS, label="filter that combines the ranges of a pixel's looks"
+    )
     segmentation_threshold = number(
         *(None, 0, 1e9),
-        label="noise powers that a pixel of the ship must reach",
-        help="null: what one pixel of the sea in 1,000 exceeds",
+        label="segmentation threshold, in noise powers",
+        help="null: exceeded by one sea pixel in 1,000",
     )
     profile_range = quantity(
         *(100, 1, 1000, "km"),
-        label="slant range of the proposed sensor that measured images stand in for",
+        label="slant range of the proposed sensor that measured images are converted to",
         help="its other settings are those of ladar",
     )
-    profile_frames = count(16, 1, MOST_FRAMES, label="frames averaged of a synthetic test profile")
+    profile_frames = count(16, 1, MOST_FRAMES, label="frames averaged in a synthetic test profile")
     flown = set_of(
-        ships(None, label="ships that are flown past; the others are learned only; null: all")
+        ships(None, label="ships flown past; the others are only in training; null: all")
     )
     pictures = switch(
         False,
-        label="whether every stage of the corrections is drawn, too, beside the tables",
+        label="pictures of every stage of the corrections, written beside the tables",
         fixed="pictures are drawn of the numbers",
         identity=False,
     )
@@ -241,23 +241,23 @@ FLOWN: tuple[Setting, ...] = (
     *(Irar.jitter, Irar.jitter_time, Irar.transom_gain, Irar.mast_gain),
     Irar.pulse_width,  # the truth's peaks, too, are as wide as the pulse
 )
-"""What the beam meets, and the truth, depend on."""
+"""Settings on which the pass and the truth depend."""
 
 PASSIVE: tuple[Setting, ...] = (
     *(Irar.band_start, Irar.band_stop, Irar.contrast_at_zero, Irar.sea_temperature),
     *(Irar.band_extinction, Irar.clutter, Irar.clutter_length),
 )
-"""What the passive image shows; no noise is named by it."""
+"""Settings of the passive image; they do not name the noise."""
 
 RECORDED: tuple[Setting, ...] = (
     *(Grid.replicate, Irar.cnr, Irar.range_sigma, Irar.threshold, Irar.nedt, *PASSIVE),
 )
-"""What the raw images depend on, too."""
+"""Settings on which the raw images depend as well."""
 
 CORRECTED: tuple[Setting, ...] = (
     *(Irar.errors, Irar.autofocus, Irar.chain, Irar.azimuth, Irar.mirror, Irar.range_filter),
 )
-"""What corrected images depend on, too."""
+"""Settings on which corrected images depend as well."""
 
 FLIGHT: tuple[str, ...] = (  # dimensions of a flight in the store, in their order
     *(one.name for one in FLOWN if one is not Irar.pulse_width),
@@ -291,7 +291,7 @@ def flight_of(aspect: float, values: Values) -> Flight:
 
 
 def surface(mesh: trimesh.Trimesh, values: Values, reflectance: str) -> dict[str, Any]:
-    """Return how a ship reflects, with the gains put in: keywords of `fly` and `true_snapshot`."""
+    """Return the reflectance of a ship, gains included: keywords of `fly` and `true_snapshot`."""
     gains = {name: values[name] for name in ("transom_gain", "mast_gain")}
     return {"reflectivity": reflectivity(mesh, **gains), "lambertian": reflectance == "lambertian"}
 
@@ -317,12 +317,12 @@ def fly_past(
 
 
 def draw_number(replicate: int, jitter: float) -> int:
-    """Return which draw of the attitude a replicate has: all the same one without jitter."""
+    """Return the number of the attitude draw of a replicate: the same for all without jitter."""
     return replicate if jitter else 0
 
 
 def received(flown: Pass, receivers: Values) -> Pass:
-    """Return the same pass, met by receivers of values of `RECORDED`."""
+    """Return the same pass with receivers of values of `RECORDED`."""
     flight = replace(flown.plan.flight, **parameters(receivers))
     return replace(flown, plan=replace(flown.plan, flight=flight))
 

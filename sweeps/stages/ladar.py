@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti import ladar as library
-from ncti.features.profile import EDGE
+from ncti.features.profile import EDGE, estimated_floor
 from ncti.ladar import RangeExtent
 from ncti.ladar.pulse import SPEED_OF_LIGHT, shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
@@ -21,7 +21,7 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, count, draws, number, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
 from sweeps.stages import views
-from sweeps.stages.places import place
+from sweeps.stages.places import Shift, place, shift
 from sweeps.stages.views import (
     INFRARED,
     LINES,
@@ -39,10 +39,9 @@ Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Profiles = NDArray[np.float32]
 Signal = tuple[tuple[str, Any], ...]  # keywords of the library
-Shift = tuple[float, float]  # right and up [IFOV]
 
 SENSOR = RANGE
-# By its stages, when they are called; takes long.
+# Imported by stages when they are called, because it takes long.
 IMPORTS = ("ncti.ladar.waveforms", "ncti.normals")
 PROFILES = "range_profile"  # group, and name of the noise
 VIEW = ("ship", "aspect", "pulse_width")
@@ -66,40 +65,40 @@ class Ladar(Settings, key="ladar"):
     reflectance = word(
         "projected_area",
         ("projected_area", "lambertian"),
-        label="what a return is in proportion to",
+        label="model of the reflected power",
     )
     cnr = quantity(32, -100, 100, "dB", "carrier-to-noise ratio of a filled IFOV at cnr_range")
     cnr_range = quantity(100, 1, 1000, "km", "range at which cnr is stated")
     extinction = quantity(
         *(0, 0, 10, "dB km-1", "extinction of the air at 10.6 um, one way"),
-        help="the source's 32 dB at 100 km contains its own",
+        help="the source's 32 dB at 100 km includes extinction",
     )
     target_free_ifovs = count(
-        4000, 0, 10**7, label="target-free IFOVs accumulated a frame", noted=True
+        4000, 0, 10**7, label="target-free IFOVs accumulated per frame", noted=True
     )
     receiver = word(
-        FULL, RECEIVERS, label="what the receiver keeps of a returned waveform", noted=True
+        FULL, RECEIVERS, label="receiver: the part of a returned waveform that it keeps", noted=True
     )
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
     phases = draws(
         1,
-        label="number of the ship's place on the grid of IFOVs",
-        help="of averaged profiles, each with noise of its own; expected ones, which are learned, "
-        "have the first: its origin on a corner",
+        label="position of the ship on the grid of IFOVs, by number",
+        help="for averaged profiles, with independent noise; expected profiles have the first, the "
+        "origin on a corner",
         dimension="ifov_phase",
         noted=True,
     )
 
 
 def stores_moments(choices: Choices) -> bool:
-    """Whether range profiles have their covariance beside them."""
+    """Return whether covariances of range profiles are stored."""
     sensors = set(choices.one(Sweep.sensor))
     names = choices.values.get("classifier.name", ())
     return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in names)
 
 
 def by_lines(choices: Choices) -> bool:
-    """Whether some of what is seen is seen along lines, which know their error."""
+    """Return whether views are sampled along lines, which estimate their error."""
     along = LINES in choices[Render.engine] or any(choices[Render.tolerance])
     return looks(RANGE)(choices) and along
 
@@ -119,15 +118,9 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
     )
 
 
-@plain()
-def shift() -> Shift:
-    """Return where in an IFOV the ship origin lies in what is learned: on a corner."""
-    return 0.0, 0.0
-
-
 @plain(uses=(Grid, Ladar))
 def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
-    """Return the same of what is averaged, mirrored where the other side is drawn."""
+    """Return the place of the ship origin in averages, mirrored where the other side is drawn."""
     right, up = place(phases)
     return (right if aspect == drawn_aspect else -right % 1), up
 
@@ -138,7 +131,7 @@ def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
     ),
     Output("down_range", ("down_range",), "f8", label="centres of the bins", unit="m"),
     Output("cell", ("ifov", "side"), "i8", label="column and row of each IFOV"),
-    Output("difference", ("down_range",), "f8", label="of odd and even lines; NaN without lines"),
+    Output("difference", ("down_range",), "f8", label="odd less even lines; NaN without lines"),
     uses=(Grid, Ladar),
     status=STATUS,
 )
@@ -182,14 +175,14 @@ def ifovs(
     bin_width: float,
     shift: Shift,
 ) -> RangeExtent:
-    """Return the range extent as the library has it, mirrored where the other side was drawn."""
+    """Return the library's range extent, mirrored where the other side was drawn."""
     found = RangeExtent(
         **extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3, shift=shift
     )
     return found if aspect == drawn_aspect else found.mirrored()
 
 
-# At the phase 0 its cells are those of what is learned.
+# At phase 0 these cells are those of the training views.
 seen_extent = replace(extent, name="seen_extent", reads={"shift": "seen_shift"})
 seen_ifovs = replace(
     ifovs, name="seen_ifovs", reads={"extent": "seen_extent", "shift": "seen_shift"}
@@ -209,12 +202,12 @@ def fineness(
         "profile_error",
         label="estimated error of the range extent after the pulse, sum |p - q| over sum q",
     ),
-    Output("within_tolerance", dtype="i1", label="1 where that is within render.tolerance"),
+    Output("within_tolerance", dtype="i1", label="1 where the error is within render.tolerance"),
     dims=(*VIEW, "range"),
     when=by_lines,
 )
 def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float, ...]) -> Arrays:
-    """Return what lines say of their error: NaN of other engines, -1 without a tolerance."""
+    """Return the error estimated from lines: NaN for other engines, -1 without a tolerance."""
     error = ifovs.error_after(pulse_width * 1e-9)
     return {
         "profile_error": np.array(error),
@@ -226,7 +219,7 @@ def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float,
 def signal(
     cnr_at_range: float, target_free_ifovs: int, receiver: str, false_alarm: float
 ) -> Signal:
-    """Return what a receiver meets, and what it keeps of it."""
+    """Return the keywords of the library that describe signal and receiver."""
     return (
         *(("cnr", cnr_at_range), ("target_free_ifovs", target_free_ifovs)),
         *(("receiver", receiver), ("false_alarm", false_alarm)),
@@ -238,12 +231,23 @@ def signal(
     dims=(*VIEW, "range", "target_free_ifovs"),
 )
 def expected(ifovs: RangeExtent, pulse_width: float, signal: Signal) -> Profiles:
-    """Return the expected range profile: what the receiver reports of each IFOV's waveform.
+    """Return the expected range profile: the sum of the receiver's reports over IFOVs.
 
     Equation C of the article for the full profile.
     """
     pulse = pulse_width * 1e-9
     return library.expected_profile(ifovs, pulse_width=pulse, **dict(signal)).astype(np.float32)
+
+
+@_profile(
+    Output("noise_floor", label="noise floor of range profiles"),
+    Output("floor_removed", ("down_range",), label="expected range profile above the noise floor"),
+    dims=(*VIEW, "range", "target_free_ifovs"),
+)
+def above_floor(expected: Profiles) -> Arrays:
+    """Return the noise floor, read off both ends of the window, and the profile above it."""
+    floor = estimated_floor(expected)
+    return {"noise_floor": floor[0], "floor_removed": expected - floor}
 
 
 @_profile(
@@ -256,7 +260,7 @@ def expected(ifovs: RangeExtent, pulse_width: float, signal: Signal) -> Profiles
         *(Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range),
         *(Ladar.target_free_ifovs, Grid.replicate, Ladar.phases),
     ),
-    # The first of each is what a sweep without them draws.
+    # A sweep without these settings draws the first value of each.
     optional=(Grid.replicate, Ladar.phases),
 )
 def averaged(
@@ -273,12 +277,7 @@ def averaged(
 
 
 @_profile(
-    Output(
-        "covariance",
-        ("lag", "down_range"),
-        pad=0,
-        label="covariance of one frame at this bin and the one a lag further",
-    ),
+    Output("covariance", ("lag", "down_range"), pad=0, label="covariance of a frame, by lag"),
     dims=(*VIEW, "range", "target_free_ifovs"),
     when=stores_moments,
 )
@@ -300,7 +299,7 @@ def covariance(
     when=looks(RANGE),
 )
 def profile_bins(window: float, bin_width: float) -> Floats:
-    """Return the (bin,) down-range places [m] of every profile in a range window [m]."""
+    """Return the (bin,) down-range positions [m] of profiles in a range window [m]."""
     bins = round(window / bin_width)
     return bin_width * (np.arange(bins, dtype=np.float64) - (bins - 1) / 2)
 
@@ -342,7 +341,7 @@ def nowhere(window: float, bin_width: float) -> RangeExtent:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) what makes no sense together of the laser radar."""
+    """Refuse (`ConfigurationError`) inconsistent settings of the laser radar."""
     _check_receivers(choices)
     if set(choices.one(Sweep.sensor)) - {INFRARED}:  # flights make profiles, too
         bin_width, given = choices.one(Ladar.bin_width), min(choices[Grid.pulse_width])
@@ -396,5 +395,5 @@ def _check_window(choices: Choices) -> None:
 SETTINGS: tuple[type[Settings], ...] = (Ladar,)
 STAGES: tuple[Stage, ...] = (
     *(fineness, cnr_at_range, signal, shift, seen_shift, extent, ifovs, seen_extent, seen_ifovs),
-    *(profile_error, expected, averaged, covariance, profile_bins, lags),
+    *(profile_error, expected, above_floor, averaged, covariance, profile_bins, lags),
 )

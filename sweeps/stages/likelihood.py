@@ -39,43 +39,43 @@ COMPARED = "log_density", "distance"
 
 
 class Likelihood(Settings, key="classifier"):
-    """What is known beforehand of profiles."""
+    """Prior knowledge of profiles."""
 
     gain_sigma = number(
         *(1.0, 0, 1000),
         label="prior standard deviation of the target's gain",
-        help="0: it is known",
+        help="0: known",
         noted=True,
     )
     floor_sigma = number(
         *(1.0, 0, 1000),
-        label="prior standard deviation of the noise floor, over that of one frame",
-        help="0: it is known",
+        label="prior standard deviation of the noise floor, relative to that of one frame",
+        help="0: known",
     )
     floor_estimated = switch(
         False,
-        label="1 where the floor is what the edges of the window hold, of every profile",
-        help="of the likelihood; with floor_sigma 0 the estimate is taken for the truth",
+        label="noise floor estimated from the edges of the window",
+        help="used by the likelihood; with floor_sigma 0 the estimate counts as exact",
     )
     aspect_known = switch(
         False,
-        label="1 where only templates at the true aspect answer, exact ones",
-        help="of the likelihood: what a track that gives the heading would allow",
+        label="restriction to exact templates at the true aspect",
+        help="used by the likelihood, as if a track gave the heading",
     )
     nugget = number(
-        1e-3, 1e-9, 1000, label="noise allowed for besides the model's, over its variance"
+        1e-3, 1e-9, 1000, label="variance of noise beyond the model, relative to the model's"
     )
     template_error = number(
         *(None, 0, 1000),
-        label="variance of profiles between templates, over that of half their second difference",
+        label="variance of profiles between templates, relative to half their second difference",
         help="0: templates are exact; null: calibrated on aspects left out",
     )
     rejection = word(
         FIT,
         (FIT, POSTERIOR),
-        label="what an answer of the likelihood must reach, or it is 'unknown'",
+        label="similarity by which the likelihood accepts an answer or rejects it as 'unknown'",
         help="fit: bins / (bins + squared distance of the nearest template), 1/2 where the model "
-        "holds; posterior: the probability of the ship named",
+        "holds; posterior: the probability of the predicted ship",
     )
 
 
@@ -89,7 +89,7 @@ def calibrated_error(
     expected: Profiles,
     covariance: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     nugget: float,
     floor_sigma: float,
@@ -98,8 +98,8 @@ def calibrated_error(
     rng: np.random.Generator,
     floor_estimated: bool = False,
 ) -> Floats:
-    """Return the template error, of templates that are left out where it is not given."""
-    known = there & taught
+    """Return the template error, calibrated on templates left out unless it is given."""
+    known = there & training_views
     if aspect_known:
         return np.array(0.0)
     if template_error is None and known.any():
@@ -115,22 +115,22 @@ def profile_moments(
     expected: Profiles,
     covariance: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     nugget: float,
     floor_sigma: float,
     calibrated_error: Floats,
     floor_estimated: bool = False,
 ) -> tuple[GaussianTemplates, Views]:
-    """Return templates of all views that are learned, and the (ship, aspect) views of these."""
-    known = there & taught
+    """Return the templates of all training views, and their (ship, aspect) mask."""
+    known = there & training_views
     error, priors = float(calibrated_error), (nugget, floor_sigma)
     means = _levelled(expected, floor_estimated)
     return _templates(means, covariance, known, aspect, priors, error), known
 
 
 def _levelled(profiles: Profiles, floor_estimated: bool) -> Profiles | Floats:
-    """Return profiles, less their floors where these are estimated."""
+    """Return profiles with their floors removed where these are estimated."""
     return profiles - estimated_floor(profiles) if floor_estimated else profiles
 
 
@@ -148,7 +148,7 @@ def _templates(
     Their floor, which the target's gain leaves alone, is what the window's edge holds: noise, the
     ship's own IFOVs' among it.
     """
-    # Imported where it is used: scikit-learn takes a second.
+    # Imported here because scikit-learn takes a second.
     from ncti.classify.likelihood import GaussianTemplates
 
     means = expected[known]
@@ -194,8 +194,10 @@ def profile_scores(
 
 @NAMING.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
-    Output("similarity", classifier.VIEW, label="fit, or posterior probability of the ship named"),
-    Output("calibrated_error", label="template error, as given or as calibrated"),
+    Output(
+        "similarity", classifier.VIEW, label="fit, or posterior probability of the predicted ship"
+    ),
+    Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
     along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
     dims=(
@@ -262,7 +264,7 @@ def likelihood(
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse other receivers, whose moments nobody knows, and to leave all aspects out."""
+    """Refuse receivers with unknown moments, and leaving all aspects out."""
     if NAMING.when(choices):
         classifier.check_receiver(choices, NAME)
         classifier.check_left_out(choices)

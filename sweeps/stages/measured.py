@@ -1,4 +1,4 @@
-"""Naming measured profiles by classifiers that learned synthetic ones.
+"""Identification of measured profiles by classifiers trained on synthetic ones.
 
 Article, 'Conclusions': measured profiles of ships that synthetic ones were learned of.
 """
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Namer = Callable[[Profiles, Views], Arrays]
-"""(kind, ship, aspect, bin) profiles, (ship, aspect) views that are there -> `predicted` and
-`correct`, (kind, ship, aspect)."""
+"""Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that
+returns `predicted` and `correct`, (kind, ship, aspect)."""
 
 NAMING = Naming("measured", looks(IRAR), of="measured profiles", dims=("kind", "ship", "aspect"))
 
@@ -37,7 +37,7 @@ NAMING = Naming("measured", looks(IRAR), of="measured profiles", dims=("kind", "
 def acn_namer(
     profiles: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     *,
     presentation: tuple[int, int],
     learn_in_test: bool,
@@ -47,7 +47,7 @@ def acn_namer(
 ) -> Namer:
     """Train the Adaptive Clustering Network."""
     lessons = Lessons.of(profiles, there, classifier.profile_vectors)
-    formed = categories.form_categories(lessons, taught, presentation, **settings)
+    formed = categories.form_categories(lessons, training_views, presentation, **settings)
     names = {key: one[None] for key, one in categories.name_categories(formed, label_rule).items()}
 
     def name(tests: Profiles, there: Views) -> Arrays:
@@ -61,23 +61,23 @@ def acn_namer(
 def mnn_namer(
     profiles: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
     **settings: Any,
 ) -> Namer:
     """Train the multilayered network."""
-    trained = mnn_training(profiles, there, taught, aspect, tuple(settings.items()), rng)
+    trained = mnn_training(profiles, there, training_views, aspect, tuple(settings.items()), rng)
     return lambda tests, there: mnn(trained, tests, there, aspect, settings["inputs"])
 
 
-def correlation_namer(profiles: Profiles, there: Views, taught: Views) -> Namer:
-    """Learn profiles to correlate others with."""
+def correlation_namer(profiles: Profiles, there: Views, training_views: Views) -> Namer:
+    """Store the training profiles for correlation."""
     lessons = classifier.profile_vectors(profiles)[None]
 
     def name(tests: Profiles, now_there: Views) -> Arrays:
         found = [
-            match_views(lessons, of_kind, now_there, taught & there, (False,))
+            match_views(lessons, of_kind, now_there, training_views & there, (False,))
             for of_kind in classifier.profile_vectors(tests)
         ]
         return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
@@ -90,7 +90,7 @@ TRAINERS: dict[str, Callable[..., Namer]] = {
     "mnn": mnn_namer,
     "correlation": correlation_namer,
 }
-"""Who can name measured profiles: whoever needs no moments, which nobody knows of them."""
+"""Classifiers of measured profiles: those that need no moments, which are unknown for them."""
 
 Lesson = tuple[str, tuple[tuple[str, Any], ...]]
 
@@ -107,7 +107,7 @@ def lesson(
     score_rule: str,
     mnn_settings: tuple[tuple[str, Any], ...],
 ) -> Lesson:
-    """Return who learns, and the settings that matter to it: others do not train it again."""
+    """Return the classifier and its own settings, so that others do not repeat its training."""
     given = locals()
     of_network = tuple(
         (one.name, given[one.name])
@@ -129,17 +129,17 @@ def namer(
     lesson: Lesson,
     learned_signature: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
 ) -> Namer:
-    """Return a classifier that learned synthetic profiles, for all flights."""
+    """Return a classifier trained on synthetic profiles, for all flights."""
     name, settings = lesson
     if name not in TRAINERS:
         nothing = ("predicted", "correct")
         return lambda tests, there: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
     more = {"aspect": aspect, "rng": rng} if name == "mnn" else {}
-    return TRAINERS[name](learned_signature, there, taught, **dict(settings), **more)
+    return TRAINERS[name](learned_signature, there, training_views, **dict(settings), **more)
 
 
 @NAMING.answers(
@@ -153,7 +153,7 @@ def namer(
     names=NAMES,
 )
 def measured(namer: Namer, signature: Profiles, there: Views) -> Arrays:
-    """Return what signatures of every kind are named.
+    """Return the ships predicted for signatures of every kind.
 
     -1 where a view is not there, or not measured. A signature that shows nothing names no ship,
     which counts as wrong.
@@ -183,7 +183,7 @@ kinds_named, kinds_of_states = (
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse classifiers that cannot name measured profiles; drop them where others can."""
+    """Refuse classifiers that cannot identify measured profiles; drop them if others can."""
     if not looks(IRAR)(choices):
         return choices
     names = tuple(name for name in choices[Classifier.name] if name in TRAINERS)
@@ -205,7 +205,7 @@ def check(choices: Choices) -> Choices:
 
 
 def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Tabulate the answers about ships that are learned, and flown past."""
+    """Return the scores of ships that are in training and flown past."""
     known, past = classifier.known_ships(classified, choices), flown(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
     return data_set(scored_profiles(known, classifier.aspects_of(choices)), known.aspect)

@@ -29,7 +29,7 @@ DIMS = (
     *("annealing", "replicate", "ifov_phase", "frame_count"),
 )
 
-# What a fitted network needs to answer: its attributes, those of both layers, and their dimensions.
+# Arrays of a fitted network: its attributes, those of both layers, and their dimensions.
 WHOLE = {"classes_": "class", "centre_": "feature", "scale_": "feature"}
 LAYERS = {
     "weights_": (("node", "feature"), ("class", "node")),
@@ -42,12 +42,11 @@ class Mnn(Settings, key="classifier.mnn"):
     """The multilayered network."""
 
     epochs = count(
-        1000, 1, 10**6, label="presentations of the training profiles at most", noted=True
+        1000, 1, 10**6, label="largest number of presentations of the training profiles", noted=True
     )
     grow_every = count(
         *(10, 1, 10**6),
-        label="presentations before another hidden node",
-        help="and the next level of gain",
+        label="presentations before a hidden node is added and the gain raised",
         noted=True,
     )
     learning_rate = number(
@@ -64,17 +63,17 @@ class Mnn(Settings, key="classifier.mnn"):
     )
     inputs = word(
         *(STANDARDISED, (RAW, FLOOR_REMOVED, STANDARDISED)),
-        label="what the multilayered network sees of a profile",
+        label="input of the multilayered network",
         help="standardised: floor removed, centred and scaled",
         noted=True,
     )
     annealing = switch(
         True,
-        label="1 where gains are annealed",
+        label="annealing of the gains",
         help="from half to whole while the network grows",
         noted=True,
     )
-    max_hidden = count(25, 1, 1000, label="hidden nodes at most")
+    max_hidden = count(25, 1, 1000, label="largest number of hidden nodes")
 
 
 @plain(uses=(Mnn,))
@@ -87,7 +86,7 @@ def mnn_settings(
     annealing: bool,
     max_hidden: int,
 ) -> tuple[tuple[str, Any], ...]:
-    """Return how a network is trained."""
+    """Return the training parameters of a network."""
     return tuple(locals().items())
 
 
@@ -112,13 +111,13 @@ def mnn_settings(
     gather=GATHERED,
     dims=DIMS,
     noise="mnn",
-    # The same first weights in every setting: what differs between settings is their own doing.
+    # The same initial weights in every setting, so that only the settings differ.
     stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
 )
 def mnn_training(
     expected: Profiles,
     there: Views,
-    taught: Views,
+    training_views: Views,
     aspect: tuple[float, ...],
     mnn_settings: tuple[tuple[str, Any], ...],
     rng: np.random.Generator,
@@ -129,7 +128,7 @@ def mnn_training(
     -----
     Article, 'Modified Neural Network'. An answer is right when ship and bin are.
     """
-    # Imported where it is used: scikit-learn takes a second.
+    # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
     from ncti.classify.gain_annealed import GainAnnealedNetwork
@@ -140,7 +139,7 @@ def mnn_training(
     first = int(rng.integers(2**32))
     network = GainAnnealedNetwork(**settings, scaling=scaling, random_state=first)
     truth = classes_of(there.shape, aspect)
-    known = taught & there
+    known = training_views & there
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` tells
         network.fit(seen(expected[known], inputs), truth[known])
@@ -155,7 +154,7 @@ def mnn_training(
 
 
 @NAMING.answers(
-    Output("predicted_bin", classifier.VIEW, "i2", label="number of the aspect bin named"),
+    Output("predicted_bin", classifier.VIEW, "i2", label="number of the predicted aspect bin"),
     Output(
         *("ship_correct", classifier.VIEW, "i1"),
         label="1 where the ship is right, whatever the aspect bin",
@@ -167,7 +166,7 @@ def mnn_training(
 def mnn(
     mnn_training: Arrays, averaged: Profiles, there: Views, aspect: tuple[float, ...], inputs: str
 ) -> Arrays:
-    """Return what averaged profiles are named, one number of frames at a time."""
+    """Return the ships predicted for averaged profiles, one number of frames at a time."""
     network = from_arrays(mnn_training)
     named = np.full(averaged.shape[:-1], NONE)
     for of_count, profiles in zip(named, averaged, strict=True):
@@ -192,18 +191,18 @@ def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np
 
 
 def seen(profiles: Profiles, inputs: str) -> NDArray[np.floating]:
-    """Return what the network sees of (view, bin) profiles."""
+    """Return the network's inputs from (view, bin) profiles."""
     return profiles if inputs == RAW else profile_vector(profiles)
 
 
 def to_arrays(network: GainAnnealedNetwork) -> Arrays:
-    """Return all that a fitted network needs to answer."""
+    """Return the arrays of a fitted network."""
     layers = {f"{name}{k}": getattr(network, name)[k] for name in LAYERS for k in range(2)}
     return {name: getattr(network, name) for name in WHOLE} | layers
 
 
 def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
-    """Return the fitted network that `to_arrays` was given, but for how it was trained."""
+    """Return a fitted network from the arrays of `to_arrays`, without its training history."""
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
     network = GainAnnealedNetwork()

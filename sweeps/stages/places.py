@@ -1,14 +1,24 @@
-"""Where a ship lies on the cells of a detector, number by number."""
+"""Places of the ship origin on the cells of a detector."""
 
 from __future__ import annotations
 
-# Steps of a sequence that fills the unit square evenly, however long it is: Roberts' R2.
+from sweeps.engine.stage import plain
+
+Shift = tuple[float, float]  # right and up [cell]
+
+# Steps of Roberts' R2, a sequence that fills the unit square evenly, however long it is.
 PLASTIC = (0.7548776662466927, 0.5698402909980532)
 
 
-def place(number: int) -> tuple[float, float]:
-    """Return where in a cell the ship origin lies, right and up from its corner [cell].
+def place(number: int) -> Shift:
+    """Return the position of the ship origin right and up from the corner of its cell [cell].
 
     Places of the numbers 0, 1, ... are evenly spread; the first is the corner itself.
     """
     return number * PLASTIC[0] % 1, number * PLASTIC[1] % 1
+
+
+@plain()
+def shift() -> Shift:
+    """Return the position of the ship origin in training views: the corner of an IFOV."""
+    return 0.0, 0.0

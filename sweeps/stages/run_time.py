@@ -43,12 +43,12 @@ YARDSTICK, YARDSTICK_PIXEL = "embree", 0.25
 VIEWS, VIEW_SETTINGS = ("ship", "aspect"), (Grid.ship, Grid.aspect)
 
 
-# What is sampled
+# Samplings
 
 
 @dataclass(frozen=True)
 class Look:
-    """All that a view depends on but its sampling; angles [deg], lengths [m]."""
+    """Parameters of a view except its sampling; angles [deg], lengths [m]."""
 
     aspect: float
     depression: float
@@ -90,7 +90,7 @@ def sighting(
     bin_width: float,
     window: float,
 ) -> Look:
-    """Return what all samplings of a view have in common."""
+    """Return the parameters common to all samplings of a view."""
     side = ifov * 1e-6 * range * 1e3
     return Look(aspect, depression, drawing_engine, samples, side, bin_width, window)
 
@@ -146,7 +146,7 @@ def relative_error(found: Floats, exact: Floats) -> float:
 
 
 def ifov_error(found: RangeExtent, exact: RangeExtent) -> float:
-    """Return the same of all IFOVs, each compared with itself."""
+    """Return the relative error of all IFOVs, each compared with its own reference."""
     rows = {tuple(cell): row for cell, row in zip(exact.cell.tolist(), exact.fraction, strict=True)}
     wrong = 0.0
     for cell, row in zip(found.cell.tolist(), found.fraction, strict=True):
@@ -162,7 +162,7 @@ def _extents(
     return [look.binned(one, share) for one in seen for share in spread]
 
 
-# How long it takes
+# Run times
 
 
 @of_extents(
@@ -170,13 +170,13 @@ def _extents(
         "run_time",
         dtype="f8",
         unit="s",
-        label="time of a view, from mesh to range extent, median of its repeats",
+        label="run time of a view, from mesh to range extent, median of repeats",
         measured=True,
     ),
     Output(
         "ratio",
         dtype="f8",
-        label="the same over a view by embree at 0.25 m, timed beside it",
+        label="run time relative to a view by embree at 0.25 m, timed alongside",
         measured=True,
     ),
     group=GROUP,
@@ -190,7 +190,7 @@ def timed(
     spread: tuple[float, ...],
     repeats: int,
 ) -> Arrays:
-    """Return what a view takes by every sampling, and how that compares with a fixed one.
+    """Return the run time of a view by every sampling, absolute and relative to a fixed one.
 
     Samplings take turns, forwards and backwards, so that what slows the machine for a while slows
     all of them; and the yardstick is timed beside each pixel in every turn.
@@ -229,14 +229,14 @@ def _stopwatch(look: Look, mesh: trimesh.Trimesh, sampling: Sampling) -> float:
     return time.perf_counter() - start
 
 
-# What is decided
+# Decisions
 
 
 @of_extents(
     Output(
         "changed",
         VIEWS,
-        label="share of noisy profiles that correlation names otherwise than by the exact extents",
+        label="share of noisy profiles whose correlation answer differs from the exact extents'",
     ),
     group=GROUP,
     gather=VIEW_SETTINGS,
@@ -244,7 +244,7 @@ def _stopwatch(look: Look, mesh: trimesh.Trimesh, sampling: Sampling) -> float:
 def changed(
     sampled: Arrays, exact_signature: Floats, profile_noise: Floats, there: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """(ship, aspect): how many answers change, profiles learned and tested by one sampling."""
+    """Return the (ship, aspect) numbers of answers that change with the sampling."""
     found = _named(sampled["signature"], profile_noise, there)
     exact = _named(exact_signature, profile_noise, there)
     share = np.mean(found != exact, axis=-1)
@@ -252,8 +252,8 @@ def changed(
 
 
 def _named(signature: Floats, noise: Floats, there: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """(ship, aspect, draw) ships whose expected profile is most similar to the noisy one."""
-    # Imported where it is used: scikit-learn takes a second.
+    """Return the (ship, aspect, draw) ships with the expected profile nearest to the noisy one."""
+    # Imported here because scikit-learn takes a second.
     from ncti.classify.baselines import CorrelationNeighbour
 
     ship, known = np.indices(there.shape)[0].ravel(), there.ravel()
@@ -264,11 +264,11 @@ def _named(signature: Floats, noise: Floats, there: NDArray[np.bool_]) -> NDArra
     return np.moveaxis(names.reshape(-1, *there.shape), 0, -1)
 
 
-# What is refused
+# Checks
 
 
 def check(choices: Choices) -> Choices:
-    """Drop engines that are not here, and refuse what cannot be measured."""
+    """Drop unavailable engines, and refuse what cannot be measured."""
     if not looks(SENSOR)(choices):
         return choices
     tolerance = next((one for one in choices[Render.tolerance] if one is not None), None)

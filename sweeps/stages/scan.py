@@ -52,16 +52,14 @@ class Scan(Settings, key="scan"):
     decoy = word(
         BARGE,
         (BARGE, NO_DECOY),
-        label="what lies among the ships",
-        help="barge: a box as warm as they are",
+        label="decoy among the ships",
+        help="barge: a box as warm as the ships",
     )
     decoy_length = quantity(120, 1, 1000, "m", "length of the decoy")
     decoy_beam = quantity(20, 1, 1000, "m", "beam of the decoy")
     decoy_height = quantity(8, 0.1, 100, "m", "height of the decoy above the sea")
-    known_views = count(
-        64, 1, 10**4, label="views a ship from which the least similarity of a ship is learned"
-    )
-    lost = number(0.05, 0, 0.99, label="share of known ships that the least similarity turns away")
+    known_views = count(64, 1, 10**4, label="views of each ship that set the rejection threshold")
+    lost = number(0.05, 0, 0.99, label="share of known ships that the rejection threshold rejects")
 
 
 of_scan = partial(stage, uses=(Scan, Grid, Render, Ladar), when=looks(SCAN), status=STATUS)
@@ -69,13 +67,13 @@ of_scan = partial(stage, uses=(Scan, Grid, Render, Ladar), when=looks(SCAN), sta
 
 @plain(uses=(Render,))
 def scan_drawn(drawing_engine: str, pixel: float, samples: int, roll: float) -> tuple[Any, ...]:
-    """Return how views are drawn."""
+    """Return the rendering parameters of views."""
     return drawing_engine, pixel, samples, roll
 
 
 @plain(uses=(Ladar,))
 def scan_bins(ifov: float, bin_width: float, window: float, spread: float) -> tuple[float, ...]:
-    """Return how range extents are binned: IFOV [rad], bin and window [m], and spread."""
+    """Return the binning of range extents: IFOV [rad], bin and window [m], and spread."""
     return ifov * 1e-6, bin_width, window, spread
 
 
@@ -86,7 +84,7 @@ def scan_field(width: float, height: float, ifov: float) -> tuple[float, float, 
 
 
 @of_scan(
-    Output("target", ("target",), "U64", label="what lies in the field"),
+    Output("target", ("target",), "U64", label="target in the field"),
     group=GROUP,
     gather=(Grid.ship,),
     coordinates=True,
@@ -163,7 +161,7 @@ def view_of(
     drawn: tuple[Any, ...],
     bins: tuple[float, ...],
 ) -> Arrays:
-    """Return the arrays of `VIEW`: what is seen of a ship at a random aspect and place.
+    """Return the arrays of `VIEW` of a ship at a random aspect and position.
 
     Its aspect is anywhere between the first and the last that are learned. Its IFOVs differ by
     `most` columns and rows.

@@ -1,4 +1,4 @@
-"""Tables of scans: what is found over all draws, with intervals, and the mean time of each part."""
+"""Tables of scans: shares over all draws, with intervals, and mean times."""
 
 from __future__ import annotations
 

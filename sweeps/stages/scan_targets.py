@@ -1,4 +1,4 @@
-"""Targets of a scan: what is seen of them, where they lie in the field, and which are detected."""
+"""Targets of a scan: their views, positions in the field, and detections."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def scan_target(
     scan_bins: tuple[float, ...],
     rng: np.random.Generator,
 ) -> Arrays:
-    """Return what is seen of a ship of the field: the same aspects and places at every range."""
+    """Return the view of a ship in the field, at the same aspects and positions for every range."""
     return view_of(
         mesh,
         rng,
@@ -78,7 +78,7 @@ def scan_decoy(
     scan_bins: tuple[float, ...],
     rng: np.random.Generator,
 ) -> Arrays:
-    """Return what is seen of the decoy; nothing of none."""
+    """Return the view of the decoy, empty if there is none."""
     found = view_of(
         box(decoy_length, decoy_beam, decoy_height),
         rng,
@@ -105,14 +105,14 @@ def box(length: float, beam: float, height: float) -> trimesh.Trimesh:
     return found
 
 
-# What the imager detects
+# Detections of the imager
 
 
 @plain(uses=(Scan, Grid, Ladar, Infrared))
 def scan_reach(
     range: float, depth: float, ifov: float, window_length: float, window_height: float
 ) -> tuple[int, int]:
-    """Return by how many IFOVs, across and up, parts of the largest ship are apart at most."""
+    """Return the largest extent of a ship across and up [IFOV]."""
     side = ifov * 1e-6 * range * 1e3 * (1 - depth)
     return math.ceil(window_length / side), math.ceil(window_height / side)
 
@@ -124,11 +124,17 @@ def scan_reach(
     Output("slant_range", ("target",), "f4", label="slant range of a target", unit="m"),
     Output("shown", ("target",), "i4", label="pixels that show a target"),
     Output("hot", ("target",), "i4", label="pixels of a target above the threshold"),
-    Output("chance", ("target",), "f4", label="probability that one of them is, in closed form"),
+    Output(
+        "chance", ("target",), "f4", label="probability that a target is detected, in closed form"
+    ),
     Output("alarms", dtype="i4", label="pixels of the sea above the threshold"),
-    Output("source", ("detection",), "i4", pad=-2, fill=-2, label="target detected; -1 the sea"),
+    Output(
+        "source", ("detection",), "i4", pad=-2, fill=-2, label="detected target; -1 for the sea"
+    ),
     Output("box", ("detection", "edge"), "i4", pad=-1, label="pixels of a detection"),
-    Output("visit", ("detection", "edge"), "i4", pad=-1, label="pixels of its visit"),
+    Output(
+        "visit", ("detection", "edge"), "i4", pad=-1, label="pixels of the visit to a detection"
+    ),
     uses=(Scan, Grid, Ladar, Infrared),
     reads={"extinction": Infrared.extinction, "false_alarm": Infrared.false_alarm},
     group=GROUP,
@@ -155,7 +161,7 @@ def scan_detected(
     window_length: float,
     rng: np.random.Generator,
 ) -> Arrays:
-    """Return where targets lie, which of them are detected, and what is to be visited.
+    """Return the positions of targets, their detections, and the pixels to visit.
 
     Each has a slot of bearings of its own, in random order, and as much sea between it and the
     next that no ship reaches across.

@@ -1,4 +1,4 @@
-"""Visits of the laser radar to what was detected: names, and what is turned away."""
+"""Visits of the laser radar to detections: identification and rejection."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Flags = NDArray[np.bool_]
 Laser = tuple[float, float, float, float]
 
 
-# What is known of ships
+# Templates of known ships
 
 
 @of_scan(
@@ -165,7 +165,7 @@ def scan_known(
     known_views: int,
     rng: np.random.Generator,
 ) -> Floats:
-    """(frame_count, view): similarity of visits to a ship that is known, to its best template.
+    """Return the (frame_count, view) similarity of visits to a known ship to its best template.
 
     Of visits cued by a single pixel, which are the largest, at aspects that no template has.
     """
@@ -195,7 +195,7 @@ def scan_known(
     )
 
 
-# What visits find
+# Results of visits
 
 
 def averages(
@@ -205,7 +205,7 @@ def averages(
     frame_count: tuple[int, ...],
     rng: np.random.Generator,
 ) -> Floats:
-    """(frame_count, bin): averages of frames of so many IFOVs, those of an extent among them.
+    """Return (frame_count, bin) averages of frames of some IFOVs, those of an extent included.
 
     Of a `scan_laser`, at the target's own range.
     """
@@ -224,8 +224,10 @@ def averages(
 
 
 @of_scan(
-    Output("named", ("detection",), "i4", pad=-2, fill=-2, label="ship named by a visit"),
-    Output("similarity", ("detection",), pad=np.nan, label="cosine with its nearest profile"),
+    Output("named", ("detection",), "i4", pad=-2, fill=-2, label="ship predicted by a visit"),
+    Output(
+        "similarity", ("detection",), pad=np.nan, label="cosine similarity to the nearest profile"
+    ),
     group=GROUP,
     along=(Grid.frame_count,),
     gather=(Grid.ship,),
@@ -241,7 +243,7 @@ def scan_visited(
     scan_laser: Laser,
     rng: np.random.Generator,
 ) -> Arrays:
-    """(frame_count, detection): the most probable ship of every visit, and how similar it is.
+    """Return the (frame_count, detection) most probable ship of every visit, and its similarity.
 
     A visit looks at the detected target through its range gate, and at the sea around it.
     """
@@ -270,17 +272,17 @@ SECONDS: dict[str, Any] = {"dtype": "f8", "unit": "s"}
 
 
 @of_scan(
-    Output("least", label="least similarity of a ship"),
-    Output("accepted", ("detection",), "i1", pad=-1, label="1 where a visit is called a ship"),
+    Output("least", label="rejection threshold of the similarity"),
+    Output("accepted", ("detection",), "i1", pad=-1, label="1 where a visit is accepted as a ship"),
     Output("detected", dtype="i4", label="ships detected"),
-    Output("right", dtype="i4", label="ships detected and named right"),
-    Output("wrong", dtype="i4", label="ships detected and named otherwise"),
-    Output("turned_away", dtype="i4", label="ships detected and called none"),
+    Output("right", dtype="i4", label="ships detected and identified correctly"),
+    Output("wrong", dtype="i4", label="ships detected and misidentified"),
+    Output("turned_away", dtype="i4", label="ships detected and rejected"),
     Output("decoys", dtype="i4", label="decoys in the field"),
     Output("decoys_detected", dtype="i4", label="decoys detected"),
-    Output("decoys_rejected", dtype="i4", label="decoys detected and called no ship"),
+    Output("decoys_rejected", dtype="i4", label="decoys detected and rejected"),
     Output("false", dtype="i4", label="detections of the sea"),
-    Output("false_rejected", dtype="i4", label="detections of the sea called no ship"),
+    Output("false_rejected", dtype="i4", label="detections of the sea that are rejected"),
     Output("imaging", label="time of the imager", **SECONDS),
     Output("slewing", label="time of moves to visits", **SECONDS),
     Output("dwelling", label="time of visits", **SECONDS),
@@ -304,7 +306,7 @@ def scan_found(
     frame_rate: float,
     slew_time: float,
 ) -> Arrays:
-    """Return what a search has found, and the time it took."""
+    """Return the counts and times of a search."""
     least = float(np.quantile(scan_known, lost))
     source, named = scan_detected["source"], scan_visited["named"]
     accepted = scan_visited["similarity"] >= least
@@ -350,7 +352,7 @@ def scan_found(
 
 
 def table(scan: Any, choices: Choices) -> Any:
-    """Return what is found over all draws, and how long it takes."""
+    """Return the scores and times over all draws."""
     return tabulate(scan, ships=len(choices[Grid.ship]))
 
 

@@ -19,18 +19,18 @@ Floats = NDArray[np.floating]
 Scored: TypeAlias = "dict[str, tuple[xr.DataArray, str]]"
 VIEW = ("ship", "aspect")
 OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
-# Of noise, places and orders: accuracies are means over all of them.
+# Draws of noise, positions and orders, over which accuracies are means.
 DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
 PROFILES = {
     "training_correct": ("training_", "training profiles"),
     "ship_correct": ("ship_", "ships of test profiles"),
     "correct": ("", "test profiles"),
 }
-"""Variables of answers about range profiles: prefix of their scores, and what is classified."""
+"""Variables of answers about range profiles, with the prefix and words of their scores."""
 
 
 def formed(classified: xr.Dataset, what: str) -> Scored:
-    """Return how many categories formed in every training, and of how many of what."""
+    """Return the numbers of categories and of views of every training."""
     category = classified.training_category
     return {
         "category_count": ((category.max(VIEW) + 1).astype("i4"), "categories formed"),
@@ -140,7 +140,7 @@ def data_set(tables: Scored, aspect: xr.DataArray | None) -> xr.Dataset:
     return found.set_coords("aspect_low")
 
 
-# Unknown ships: which answers a test vigilance takes back
+# Unknown ships: answers that a test vigilance rejects
 
 ENDS = {"_ci_low": "lower", "_ci_high": "upper"}
 LEAST = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # shares of answers to unknown ships, to be rejected
@@ -163,7 +163,7 @@ def tabulate_rejection(
     aspects: Mapping[str, xr.DataArray],
     test_vigilances: tuple[float, ...],
 ) -> xr.Dataset:
-    """Return the receiver operating characteristic: what every test vigilance rejects.
+    """Return the receiver operating characteristic of rejection by test vigilance.
 
     Of the `similarity` and `correct` of a classifier, (ship,) which it has learned, the others
     being unknown, (aspect,) flags of some kinds by name, and cosines below which a test answers
@@ -223,7 +223,7 @@ def tabulate_rejection(
 def _over(
     pooled: list[str], function: Callable[..., Any], *arrays: xr.DataArray, gives: Any = ()
 ) -> xr.DataArray:
-    """Return what a function makes of some axes pooled, at every place of the others."""
+    """Return the results of a function of pooled axes, at every place of the other axes."""
     import xarray as xr
 
     whole, made = [pooled] * len(arrays), [gives]

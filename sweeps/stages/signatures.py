@@ -85,7 +85,7 @@ def signature(
     bin_width: float,
     window: float,
 ) -> NDArray[np.float32]:
-    """(pulse_width, kind, bin): what is learned, what it is tested with, what a flight measured.
+    """Return (pulse_width, kind, bin) training, test and measured profiles.
 
     Measured ones are NaN of a ship that is not flown past.
     """
@@ -113,7 +113,7 @@ def signature(
         "kind",
         ("kind",),
         "U8",
-        label="synthetic profile learned, synthetic test profile, or measured one",
+        label="kind of profile: synthetic for training, synthetic for the test, or measured",
     ),
     group=GROUP,
     when=looks(IRAR),

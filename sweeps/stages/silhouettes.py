@@ -1,4 +1,4 @@
-"""Silhouettes of ships, cut out of infrared images and mapped for a classifier."""
+"""Silhouettes of ships, segmented from infrared images and mapped to log-polar cells."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _map = partial(Output, dims=("angle", "radius"), dtype="u1", fill=0, step=1 / ST
     coordinates=True,
 )
 def map_cells() -> dict[str, NDArray[Any]]:
-    """Return where the cells of log-polar maps lie."""
+    """Return the angles and radii of the cells of log-polar maps."""
     return {
         "angle": 360 / ANGLES * (np.arange(ANGLES) + 0.5),
         "radius": (np.arange(RADII) + 0.5) / RADII,
@@ -53,7 +53,7 @@ def silhouettes(
     phases: tuple[int, ...],
     frame_count: tuple[int, ...],
 ) -> Bytes:
-    """(segmentation, phase, frame_count, row, byte): masks cut out of images, a bit a pixel."""
+    """Return (segmentation, phase, frame_count, row, byte) masks of images, one bit per pixel."""
     shown = look.images(super_resolution, phases, frame_count)
     known: dict[str, Any] = {
         "contrast": look.contrast,
@@ -64,7 +64,7 @@ def silhouettes(
 
 
 @_stored(
-    _map("log_polar", label="log-polar map of the silhouette cut out of the image"),
+    _map("log_polar", label="log-polar map of the segmented silhouette"),
     along=(
         *(Infrared.segmentation, Infrared.inner_radius, Infrared.interpolation),
         *(Infrared.phases, Infrared.frame_count),
@@ -80,8 +80,11 @@ def log_polar(
     phases: tuple[int, ...],
     frame_count: tuple[int, ...],
 ) -> Bytes:
-    """(segmentation, inner_radius, interpolation, phase, frame_count, angle, radius): maps."""
-    # What bytes hold beyond the last column is sea, which changes nothing.
+    """Return maps by segmentation, inner radius, interpolation, phase and number of frames.
+
+    (segmentation, inner_radius, interpolation, phase, frame_count, angle, radius).
+    """
+    # Padding bits beyond the last column are sea, which does not change the map.
     masks = np.unpackbits(silhouettes, axis=-1).astype(bool)
     # (inner_radius, interpolation, segmentation, ...)
     return np.moveaxis(maps_of(masks, inner_radius, interpolation), 2, 0)
@@ -109,21 +112,21 @@ def template_log_polar(
     interpolation: tuple[str, ...],
     phases: tuple[int, ...],
 ) -> Bytes:
-    """(inner_radius, interpolation, phase, angle, radius): noiseless maps."""
+    """Return (inner_radius, interpolation, phase, angle, radius) noiseless maps."""
     patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
     footprint = footprint_at(training_range, ifov)
     shown = [
         patches.covering(footprint, place(phase), subdivision=1).target(coverage_rule)
         for phase in phases
     ]
-    # Without noise every threshold cuts out the same.
+    # Without noise every segmentation gives the same mask.
     return maps_of(features.segment(shown, method="otsu"), inner_radius, interpolation)
 
 
 def maps_of(
     masks: NDArray[np.bool_], inner_radius: tuple[float, ...], interpolation: tuple[str, ...]
 ) -> Bytes:
-    """(inner_radius, interpolation, ..., angle, radius): maps of (..., row, col) silhouettes.
+    """Return (inner_radius, interpolation, ..., angle, radius) maps of (..., row, col) masks.
 
     In 255ths of a cell: half a step is nothing beside what a pixel's noise does.
     """

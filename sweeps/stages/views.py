@@ -1,4 +1,4 @@
-"""The grid, and what every sensor looks at: ships, the scene, and range images of them."""
+"""The grid, the scene, and range images of ships, common to all sensors."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Sweep(Settings):
     """The sweep."""
 
     sensor = set_of(
-        word(RANGE, (RANGE, INFRARED, IRAR), label="sensors that look", fixed="it is a set"),
+        word(RANGE, (RANGE, INFRARED, IRAR), label="sensors", fixed="it is a set"),
         spellings=(("both", (RANGE, INFRARED)),),
     )
 
@@ -76,25 +76,25 @@ class Grid(Settings, key="grid"):
         [4, 8, 16, 32],
         high=MOST_FRAMES,
         label="frames averaged",
-        help="prefixes of the same frames",
+        help="averages share their first frames",
         shown=True,
     )
     range = quantity(100, 1, 1000, "km", "slant range", shown=True)
     vigilance = number(0.95, 0, 1, label="vigilance in training", shown=True)
-    replicate = draws(1, label="number of the draw of the noise", noted=True)
+    replicate = draws(1, label="draw of the noise, by number", noted=True)
 
 
 class Scene(Settings, key="scene"):
-    """Where the aircraft is: one depression for every range, or one altitude."""
+    """Position of the aircraft: one depression for every range, or one altitude."""
 
     geometry = word(
         "fixed",
         ("fixed", "altitude"),
-        label="what is the same at every range: the depression, or the altitude",
+        label="geometry: depression fixed at every range, or altitude",
     )
     depression = quantity(
         *(DEPRESSION, 0, 90, "degree", "depression of the line of sight at the target"),
-        help="where geometry is fixed; 22,000 ft at 100 km over a flat sea",
+        help="used where geometry is fixed; equals 22,000 ft at 100 km over a flat sea",
     )
     altitude = quantity(6705.6, 1, 50e3, "m", "altitude of the aircraft", help="22,000 ft")
     earth_radius = quantity(
@@ -103,12 +103,12 @@ class Scene(Settings, key="scene"):
 
 
 class Render(Settings, key="render"):
-    """How range images are drawn."""
+    """Rendering of range images."""
 
     engine = word(
         "auto",
         ("auto", *engines(), LINES),
-        label="what draws",
+        label="rendering engine",
         help="lines: exact along lines a pixel apart; auto: osmesa, else egl, else embree, and "
         "lines where there is a tolerance",
     )
@@ -117,35 +117,32 @@ class Render(Settings, key="render"):
         None,
         1e-5,
         0.5,
-        label="share by which a range extent may err after the shortest pulse of the grid",
-        help="by as many lines as that takes, from one a pixel on; null: as many as pixels",
+        label="largest relative error of a range extent after the shortest pulse of the grid",
+        help="reached by adding lines, starting from one per pixel; null: one line per pixel",
         dimension="render_tolerance",  # the multilayered network has one, too
     )
     samples = count(
         20_000,
         0,
         10**7,
-        label="samples on the ship below which its image is drawn again with smaller pixels",
+        label="smallest number of samples on the ship; fewer are drawn again with smaller pixels",
     )
     roll = quantity(
         *(ROLL, -180, 180, "degree", "roll of the pixels about the line of sight"),
         help="by default atan of the golden section, so that no ship edge lies along the lattice; "
-        "the other way round for aspects above 180",
+        "of opposite sign for aspects above 180",
     )
     skip = word(
         "all",
         ("all", "none"),
-        label="views that are not drawn",
-        help="all: from aspects above 180 of a symmetric ship, whose other side is taken mirrored",
+        label="views that are not rendered",
+        help="all: aspects above 180 of a symmetric ship are mirrored from its other side",
     )
 
 
 @dataclass(frozen=True)
 class Hull:
-    """What a mesh is made from: a name or path, how it is turned, scaled and shifted, and a hash.
-
-    The hash is of its content, its transform and its builder's code.
-    """
+    """Source of a mesh: a name or path, its transform, and the hash of both and the builder."""
 
     source: str
     digest: str
@@ -159,7 +156,7 @@ class Hull:
 
 @plain(uses=(Grid,))
 def hull(ship: ShipName) -> Hull:
-    """Return what a ship's mesh is made from; `ConfigurationError` if there is no such ship."""
+    """Return the source of a ship's mesh; `ConfigurationError` if there is no such ship."""
     try:
         digest = ncti.ships.digest(ship.source, **asdict(ship.transform))
         return Hull(ship.source, digest, ship.transform)
@@ -169,7 +166,7 @@ def hull(ship: ShipName) -> Hull:
 
 @plain(uses=(Render,))
 def drawing_engine(engine: str, tolerance: float | None) -> str:
-    """Return the name of the engine that draws; `ConfigurationError` if it does not start here."""
+    """Return the name of the rendering engine; `ConfigurationError` if it does not start."""
     if tolerance is not None and engine not in ("auto", LINES):
         raise ConfigurationError(
             f"render.tolerance is {tolerance:g}, but must be null where render.engine is {engine}, "
@@ -184,7 +181,7 @@ def drawing_engine(engine: str, tolerance: float | None) -> str:
 
 
 def drawing_engines(choices: Choices) -> tuple[str, ...]:
-    """Return the names of all engines that draw; `ConfigurationError` if one cannot."""
+    """Return the names of all rendering engines; `ConfigurationError` if one does not start."""
     tolerances = choices[Render.tolerance]
     if None in tolerances and len(tolerances) > 1:
         raise ConfigurationError(
@@ -212,7 +209,7 @@ def mesh(hull: Hull) -> trimesh.Trimesh:
 
 @plain(uses=(Grid, Render))
 def drawn_aspect(hull: Hull, aspect: float, skip: str) -> float:
-    """Return the aspect [deg] of what is drawn: on the port side where both sides look alike."""
+    """Return the aspect [deg] to render: on the port side if the ship is symmetric."""
     if aspect <= 180 or skip == "none" or not _is_symmetric(hull):
         return aspect
     return round(360 - aspect, 9)  # so that it is the value that the grid has on that side
@@ -229,7 +226,7 @@ def image(
     roll: float,
     fineness: tuple[float, ...],
 ) -> RangeImage | LineImage:
-    """Return what is seen at the configured pixel, or at a finer one where that has few samples.
+    """Return the image at the configured pixel, or at a finer one where that has few samples.
 
     Ends of ships are small: at one pixel for all, they would err several times more than
     broadsides, and it is the ends that tell ships apart. With a tolerance, lines are as fine as it
@@ -308,7 +305,7 @@ def looks(sensor: str) -> Condition:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) ships that are not there, or not fit to be used."""
+    """Refuse (`ConfigurationError`) ships that do not exist or are unfit."""
     for ship in choices[Grid.ship]:
         try:
             description(hull(ship))

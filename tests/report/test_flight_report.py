@@ -115,7 +115,7 @@ def test_curves_of_errors_pass_through_what_is_stored(misled):
     figure = figures.draw("sensitivity", misled)
     assert [axes.get_xlabel() for axes in figure.axes] == [
         "error of aircraft speed [%]",
-        "error of ship heading [deg]",
+        "error of ship heading [°]",
     ]
     flights = opened(misled, FLIGHTS).isel(ship=0, aspect=0, range=0).sel(autofocus=False)
     x, y = figure.axes[0].containers[0].lines[0].get_data()
@@ -123,6 +123,9 @@ def test_curves_of_errors_pass_through_what_is_stored(misled):
     expected = flights.profile_correlation.sortby(flights.error_value)
     expected = expected[flights.sortby("error_value").error_parameter != "ship_heading"]
     np.testing.assert_allclose(y, expected, rtol=1e-6)
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["parameters as recorded", "with autofocus"]
+    assert figure.legends[0].get_title().get_text() == ""  # of one draw there are no error bars
 
 
 def test_no_errors_no_curves(sisters):

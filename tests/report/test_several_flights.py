@@ -10,8 +10,8 @@ import xarray as xr
 from made import scores, with_units
 from rich.console import Console
 
-from sweeps.report.axes import axes_of
-from sweeps.report.flight_figures import draw_sensitivity, draw_validation
+from sweeps.report.axes import axes_of, nominal
+from sweeps.report.flight_figures import draw_validation
 from sweeps.report.flights import (
     LANDMARKS,
     flight_rows,
@@ -20,6 +20,8 @@ from sweeps.report.flights import (
     print_measured,
 )
 from sweeps.report.score_figures import draw_measured
+from sweeps.report.sensitivity_figures import draw_sensitivity
+from sweeps.report.tables import TITLES
 
 DOWN_RANGE = np.arange(-60.0, 61.0)
 SOURCES = ["measured", "noiseless", "synthetic", "point"]
@@ -161,7 +163,23 @@ def test_titles_of_sensitivities_name_the_flight():
             words = f"roberts, aspect 175 deg, 3.9 km, cnr {cnr} dB, mirror {mirror}"
             assert words in " ".join(text.split())
     title = draw_sensitivity(flights).get_suptitle()
-    assert title == "Roberts at 3.9 km, aspect 175°, cnr 10 dB, mirror exact"
+    assert title.endswith("\nRoberts at 3.9 km, aspect 175°, cnr 10 dB, mirror exact")
+
+
+def test_error_bars_of_sensitivities_are_explained_and_right():
+    errors = [("none", 0.0), ("ship_heading", 5.0)]
+    flights = validation(errors=errors, ship=["roberts"], replicate=[0, 1, 2])
+    rng = np.random.default_rng(8)
+    flights["profile_correlation"][:] = rng.uniform(0.8, 1, flights.profile_correlation.shape)
+    figure = draw_sensitivity(flights)
+    said = figure.legends[0].get_title().get_text()
+    assert said == "mean ± standard deviation over 3 draws of the noise"
+    bars = figure.axes[0].containers[0]
+    here = nominal(flights.profile_correlation.to_dataset(), keep=("error", "replicate"))
+    drawn = here.profile_correlation.transpose("error", "replicate").values
+    np.testing.assert_allclose(bars.lines[0].get_ydata(), drawn.mean(axis=1))
+    lengths = [np.ptp(segment[:, 1]) for segment in bars.lines[2][0].get_segments()]
+    np.testing.assert_allclose(lengths, 2 * drawn.std(axis=1, ddof=1))
 
 
 def test_a_flight_that_is_drawn_is_named():
@@ -171,8 +189,18 @@ def test_a_flight_that_is_drawn_is_named():
     figure = draw_validation(validation(replicate=[0, 1, 2]))
     assert "first of 3 draws" in figure.axes[0].get_title()
     made = tables(cnr=[5.0, 20.0], vigilance=[0.9, 0.95])
-    assert draw_measured(made).get_suptitle() == "vigilance 0.9, cnr 5 dB"
-    assert draw_measured(tables()).get_suptitle() == ""
+    title = "Ships identified by measured and by synthetic range profiles"
+    assert draw_measured(made).get_suptitle() == f"{title}\nvigilance 0.9, cnr 5 dB"
+    assert draw_measured(tables()).get_suptitle() == title
+
+
+def test_panels_of_measured_profiles_have_the_titles_of_classifiers():
+    made = tables()
+    names = np.atleast_1d(made.classifier.values).tolist()
+    panels = draw_measured(made).axes
+    for axes, name in zip(panels, names * (len(panels) // len(names)), strict=True):
+        # Scored by the ship alone.
+        assert axes.get_title().startswith(TITLES.get(f"{name}_ship", TITLES[name]) + ", ")
 
 
 @pytest.mark.parametrize("nothing", [0.0, np.nan])

@@ -147,9 +147,7 @@ def test_silhouettes_show_the_stores_images_to_scale_and_on_one_scale_a_range(
 
 def lines_of(axes, colour):
     """Points, ends of the intervals and of the spread, by order of range."""
-    (points,) = [
-        line for line in axes.lines if line.get_color() == colour and line.get_linestyle() == "-"
-    ]
+    (points,) = [bars[0] for bars in axes.containers if bars[0] and bars[0].get_color() == colour]
     spread, interval = [
         np.array([segment[:, 1] for segment in bars.get_segments()])
         for bars in axes.collections
@@ -174,8 +172,22 @@ def test_table5_draws_the_stores_percentages_intervals_and_spread(drawn, smoke_s
             ends = np.stack([cell.ci_low, cell.ci_high], axis=1)
             np.testing.assert_allclose(interval, 100 * ends, atol=0.11)
             np.testing.assert_allclose(np.ptp(spread, axis=1), 200 * cell.spread, atol=0.11)
-        guess = [line for line in axes.lines if line.get_label().startswith("guess")]
+        guess = [line for line in axes.lines if line.get_label().startswith("chance")]
         assert [line.get_ydata()[0] for line in guess] == [50.0]
+
+
+def test_marks_of_a_range_stay_in_its_band(drawn, smoke_store):
+    """Well inside, the source's as well, so that none can be read as of another range."""
+    tables = group(smoke_store, "tables/acn_infrared")
+    views = rows.source_figures()["experiment"]["views"]
+    whole = draw_table5(tables.assign(view_count=xr.full_like(tables.view_count, views)), ships=4)
+    for axes in (*panels_of(drawn["table5"]), *panels_of(whole)):
+        marked = [line for line in axes.lines if line.get_marker() not in ("None", "_", "|")]
+        assert len(marked) >= len(WAYS)
+        for line in marked:
+            places = np.asarray(line.get_xdata(), dtype=float)
+            assert np.abs(places - np.rint(places)).max() < 0.4
+            assert line.get_linestyle() == "None"
 
 
 def test_source_is_drawn_beside_its_own_views_only(drawn, smoke_store):

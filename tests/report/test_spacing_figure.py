@@ -5,6 +5,9 @@ import pytest
 from made import scores
 
 from sweeps.report.spacing_figures import LINES, draw_spacing
+from sweeps.report.style import OFFSET
+
+BOTH = "both sensors, maximum likelihood"
 
 AXES = {"range": [25, 50], "template_spacing": [1.5, 3.0, 6.0], "aspects": ["learned", "random"]}
 BINS = ("0-27", "60-90", "overall")
@@ -25,10 +28,10 @@ def test_lines_are_the_scores_at_random_aspects():
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == [name for name, (table, *_) in LINES.items() if table in given]
     # The last panel, both sensors.
-    line = figure.axes[-1].containers[names.index("both")][0]
+    line = figure.axes[-1].containers[names.index(BOTH)][0]
     here = given["fusion"].sel(channel="both", range=50, aspects="random", aspect_bin="overall")
     x, y = line.get_data()
-    np.testing.assert_array_equal(x, [1.5, 3, 6])
+    np.testing.assert_allclose(np.asarray(x, float), [1.5, 3, 6], rtol=OFFSET + 1e-12)
     wanted = here.transpose("template_spacing").accuracy.values
     np.testing.assert_allclose(y, 100 * wanted)
 

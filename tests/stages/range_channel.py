@@ -32,7 +32,7 @@ def choose(**given):
 
 def learned(unknown=None, training_aspect=None):
     """(ship, aspect): views of the cells below that are learned."""
-    return classifier.taught(NAMED, ASPECTS, unknown, training_aspect, None)
+    return classifier.training_views(NAMED, ASPECTS, unknown, training_aspect, None)
 
 
 @dataclass(frozen=True)

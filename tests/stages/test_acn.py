@@ -31,19 +31,21 @@ def unit(degrees):
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-def formed_of(training, taught, order=None, **settings):
+def formed_of(training, training_views, order=None, **settings):
     """Lessons of (view,) directions, and the categories that they form in some order."""
-    there = np.ones(np.shape(taught), dtype=bool)
+    there = np.ones(np.shape(training_views), dtype=bool)
     lessons = Lessons.of(unit(training), there, lambda vectors: vectors)
     turn = np.arange(there.size) if order is None else np.array(order)
     settings = {"vigilance": 0.95} | TRAINED | settings
     with patch.object(categories, "presentation_order", lambda *given: turn):
-        return lessons, form_categories(lessons, np.array(taught, dtype=bool), (0, 0), **settings)
+        return lessons, form_categories(
+            lessons, np.array(training_views, dtype=bool), (0, 0), **settings
+        )
 
 
-def judged(training, tests, taught, order, rule="majority", scores=("ship",)):
+def judged(training, tests, training_views, order, rule="majority", scores=("ship",)):
     """Category, ship named, answers right, and trainings right of (ship, aspect) directions."""
-    lessons, formed = formed_of(training, taught, order)
+    lessons, formed = formed_of(training, training_views, order)
     names = name_categories(formed, rule)
     several = {name: values[None] for name, values in names.items()}
     tested = answer_tests(
@@ -78,7 +80,7 @@ def test_what_was_never_learned_has_no_category_to_fall_into():
     category, _, (ship, same), trained = judged(
         training=[0, 45, 90, 2, 30, 60],
         tests=[90, 45, 90, 2, 30, 60],
-        taught=[[1, 0, 1], [0, 0, 0]],
+        training_views=[[1, 0, 1], [0, 0, 0]],
         order=range(6),
         scores=("ship", "category"),
     )
@@ -98,9 +100,9 @@ def test_views_are_confused_that_share_a_category_with_another_ship():
 def test_unknown_ships_move_no_category_of_known_ones(unknown):
     """Whatever they look like, and wherever they stand among the ships."""
     known = 1 - unknown
-    taught = np.zeros((2, 2), dtype=bool)
-    taught[known] = True
-    lessons, formed = formed_of([0.0, 90.0, 0.0, 90.0], taught, learning_rate=0.5)
+    training_views = np.zeros((2, 2), dtype=bool)
+    training_views[known] = True
+    lessons, formed = formed_of([0.0, 90.0, 0.0, 90.0], training_views, learning_rate=0.5)
 
     def matched(angle):
         tests = np.array([[3.0, 80.0], [3.0, 80.0]])
@@ -166,13 +168,16 @@ def stacked(rows):
     return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
-def trained(kind, seen, orders, levels, labels, there=None, taught=None):
+def trained(kind, seen, orders, levels, labels, there=None, training_views=None):
     """What the stages of training give, and what they share."""
     there = np.ones(seen.shape[:2], dtype=bool) if there is None else there
-    taught = np.ones_like(there) if taught is None else taught
+    training_views = np.ones_like(there) if training_views is None else training_views
     lessons = {"profiles": acn.profile_lessons, "maps": acn.silhouette_lessons}[kind](seen, there)
     formed = [
-        [form_categories(lessons, taught, order, level, *TRAINED.values()) for level in levels]
+        [
+            form_categories(lessons, training_views, order, level, *TRAINED.values())
+            for level in levels
+        ]
         for order in orders
     ]
     names = [
@@ -184,12 +189,12 @@ def trained(kind, seen, orders, levels, labels, there=None, taught=None):
 
 def answered(
     kind, views, orders=ORDERS, levels=None, frames=(0, 1), labels=LABELS, scores=SCORES,
-    there=None, learn=False, taught=None,
+    there=None, learn=False, training_views=None,
 ):  # fmt: skip
     """What the stage of tests gives, called as the engine calls it."""
     seen, tests = views
     there = np.ones(seen.shape[:2], dtype=bool) if there is None else there
-    known = trained(kind, seen, orders, levels or LEVELS[kind], labels, there, taught)
+    known = trained(kind, seen, orders, levels or LEVELS[kind], labels, there, training_views)
     return answer_tests(*known, tests[list(frames)], there, scores, learn)
 
 
@@ -274,9 +279,9 @@ def test_states_tell_what_was_not_asked(kind):
     """Of a view that was not learned, which category is right; of one that is not there, any."""
     there = np.ones((SHIPS, len(ASPECTS)), dtype=bool)
     there[0, 3] = False
-    taught = learned(unknown=("b",), training_aspect=(0.0, 59.9, 90.0))
-    found = answered(kind, views_of(kind), there=there, taught=taught)
-    wanted = np.where(there, np.where(taught, 1, -1), 0)
+    training_views = learned(unknown=("b",), training_aspect=(0.0, 59.9, 90.0))
+    found = answered(kind, views_of(kind), there=there, training_views=training_views)
+    wanted = np.where(there, np.where(training_views, 1, -1), 0)
     assert (found["cell"][:, :, :, :, 0] == wanted).all()
     assert (found["cell"][:, :, :, :, 1] == there).all()
     assert set(np.unique(found["predicted"][..., there])) == {0, 2}

@@ -12,14 +12,14 @@ from sweeps.stages import correlation
 BOTH = (False, True)
 
 
-def answered(cell, training="expected", left_out=(False,), frames=0, **taught):
+def answered(cell, training="expected", left_out=(False,), frames=0, **training_views):
     """Answers of all replicates, (replicate, left_out, ship, aspect)."""
     ships, aspects = cell.there.shape
     draws = correlation.profile_draws(cell.averaged[:, frames])
     found = [
         correlation.correlation(
             draws,
-            learned(**taught)[:ships, :aspects],
+            learned(**training_views)[:ships, :aspects],
             cell.expected,
             cell.averaged[replicate, frames],
             cell.there,
@@ -89,18 +89,20 @@ def test_expected_profiles_are_learned_whatever_the_other_draws():
 @pytest.mark.parametrize("training", ["expected", "noisy"])
 def test_views_that_are_not_learned_are_named_alone(training):
     cell = made()
-    untaught = np.zeros_like(cell.there)
-    untaught[2] = untaught[:, 1] = True
-    taught = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0, 90.0)}
-    before = answered(cell, training, BOTH, **taught)
+    untrained = np.zeros_like(cell.there)
+    untrained[2] = untrained[:, 1] = True
+    training_views = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0, 90.0)}
+    before = answered(cell, training, BOTH, **training_views)
     expected, averaged = cell.expected.copy(), cell.averaged.copy()
-    expected[untaught] = expected[untaught][:, ::-1]
-    averaged[1:, :, untaught] = averaged[1:, :, untaught][..., ::-1]
-    after = answered(cell.changed(expected=expected, averaged=averaged), training, BOTH, **taught)
+    expected[untrained] = expected[untrained][:, ::-1]
+    averaged[1:, :, untrained] = averaged[1:, :, untrained][..., ::-1]
+    after = answered(
+        cell.changed(expected=expected, averaged=averaged), training, BOTH, **training_views
+    )
     for name, values in before.items():
         np.testing.assert_array_equal(after[name][0], values[0], err_msg=name)
     assert set(np.unique(before["predicted"])) == {0, 1}
-    assert before["correct"][:, 0, ~untaught].all()
+    assert before["correct"][:, 0, ~untrained].all()
 
 
 @pytest.mark.parametrize("training", ["expected", "noisy"])
@@ -160,10 +162,10 @@ def test_one_aspect_cannot_be_left_out():
     """Neither where no other is there, nor where no other is learned."""
     cell = made()
     alone = cell.without(slice(None), [0, 1, 3, 4, 5])
-    for given, taught in ((alone, {}), (cell, {"training_aspect": (30.0,)})):
+    for given, training_views in ((alone, {}), (cell, {"training_aspect": (30.0,)})):
         with pytest.raises(ValueError, match=r"^classifier\.left_out has True, but must be "):
-            answered(given, left_out=BOTH, **taught)
-        assert answered(given, **taught)["correct"][..., 2].all()
+            answered(given, left_out=BOTH, **training_views)
+        assert answered(given, **training_views)["correct"][..., 2].all()
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from range_channel import choose
 
 from ncti.features.profile import EDGE
-from ncti.ladar import banded_frame_moments, expected_profile, range_extent
+from ncti.ladar import banded_frame_moments, expected_profile, noise_floor, range_extent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
@@ -54,6 +54,17 @@ def test_profiles_are_the_library_in_the_units_of_the_configuration(ifovs):
     band = ladar.covariance(ifovs, 30.0, cnr, 100)
     _, moments = banded_frame_moments(ifovs, pulse_width=30e-9, cnr=cnr, target_free_ifovs=100)
     np.testing.assert_allclose(band, moments, rtol=1e-6)
+
+
+def test_the_floor_is_that_of_every_ifov(ifovs):
+    """Those on the ship included, as its ends are free of the pulse; what is left begins at 0."""
+    profile = ladar.expected(ifovs, 30.0, signal(1600.0))
+    found = ladar.above_floor(profile)
+    level = (len(ifovs.cell) + 100) * noise_floor()
+    np.testing.assert_allclose(found["noise_floor"], level, rtol=1e-6)
+    np.testing.assert_allclose(found["floor_removed"] + found["noise_floor"], profile, rtol=1e-6)
+    assert abs(found["floor_removed"][[0, -1]]).max() < 1e-6 * level
+    assert found["floor_removed"].max() > 0
 
 
 def test_extinction_reaches_the_profile_in_its_units():

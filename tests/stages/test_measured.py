@@ -43,7 +43,7 @@ def signatures():
     return found.astype(np.float32)
 
 
-def taught(name, **changes):
+def training_views(name, **changes):
     """The lesson of a classifier, with few epochs."""
     choices = read()
     names = (setting for setting in EXPERIMENT.declared if setting.key.startswith("classifier."))
@@ -66,8 +66,8 @@ class Fixed:
 def named(signatures, name, there=ALL, unknown=None, **changes):
     """What a classifier calls signatures that it learned the synthetic ones of."""
     known = signatures[:, :, LEARNED]
-    learned = classifier.taught(SHIPS, ASPECTS, unknown, None)
-    pupil = namer(taught(name, **changes), known, there, learned, ASPECTS, Fixed())
+    learned = classifier.training_views(SHIPS, ASPECTS, unknown, None)
+    pupil = namer(training_views(name, **changes), known, there, learned, ASPECTS, Fixed())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         return measured(pupil, signatures, there)
@@ -149,11 +149,13 @@ def test_a_classifier_that_cannot_name_them_is_not_asked(signatures):
 
 
 def test_lessons_differ_by_what_matters_to_their_classifier():
-    assert taught("acn") != taught("acn", vigilance=0.5)
-    assert taught("mnn") == taught("mnn", vigilance=0.5, learning_rate=0.7, label_rule="first")
-    assert taught("mnn") != taught("mnn", mnn_learning_rate=0.7)
-    assert taught("acn") == taught("acn", mnn_learning_rate=0.7, inputs="raw")
-    assert taught("correlation") == taught("correlation", vigilance=0.5, epochs=7)
+    assert training_views("acn") != training_views("acn", vigilance=0.5)
+    assert training_views("mnn") == training_views(
+        "mnn", vigilance=0.5, learning_rate=0.7, label_rule="first"
+    )
+    assert training_views("mnn") != training_views("mnn", mnn_learning_rate=0.7)
+    assert training_views("acn") == training_views("acn", mnn_learning_rate=0.7, inputs="raw")
+    assert training_views("correlation") == training_views("correlation", vigilance=0.5, epochs=7)
 
 
 def test_flights_share_a_training():

@@ -24,9 +24,12 @@ TRUTH = np.arange(SHIPS)[:, None] * 3 + GROUP
 
 
 def trained(cell, unknown=None, training_aspect=None, seed=0, **settings):
-    given, taught = mnn.mnn_settings(**DEFAULTS | settings), learned(unknown, training_aspect)
+    given, training_views = (
+        mnn.mnn_settings(**DEFAULTS | settings),
+        learned(unknown, training_aspect),
+    )
     rng = cell_rng(seed, stage="mnn")
-    return mnn.mnn_training(cell.expected, cell.there, taught, ASPECTS, given, rng)
+    return mnn.mnn_training(cell.expected, cell.there, training_views, ASPECTS, given, rng)
 
 
 def answered(cell, network, frames=FRAMES, inputs="standardised", replicate=0):
@@ -140,14 +143,14 @@ def test_all_settings_of_a_cell_start_from_the_same_weights():
 def test_views_that_are_not_learned_are_named_alone():
     """What they would teach may be anything."""
     cell = made()
-    taught = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0, 90.0)}
-    before = trained(cell, epochs=300, **taught)
+    training_views = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0, 90.0)}
+    before = trained(cell, epochs=300, **training_views)
     expected = cell.expected.copy()
     expected[2], expected[:, 1] = expected[2][:, ::-1], expected[:, 1, ::-1]
-    after = trained(cell.changed(expected=expected), epochs=300, **taught)
+    after = trained(cell.changed(expected=expected), epochs=300, **training_views)
     for name, values in before.items():
         np.testing.assert_array_equal(after[name], values, err_msg=name)
-    np.testing.assert_array_equal(before["training_correct"] >= 0, learned(**taught))
+    np.testing.assert_array_equal(before["training_correct"] >= 0, learned(**training_views))
     answers = answered(cell, before)
     assert set(np.unique(answers["predicted"])) == {0, 1}
     assert answers["correct"].min() == 0 and (answers["cell"] == 1).all()

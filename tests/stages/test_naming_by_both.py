@@ -50,10 +50,10 @@ def maps():
     return templates.astype(np.uint8), seen.astype(np.uint8)
 
 
-def compared(cell, templates, seen, there=None, **taught):
+def compared(cell, templates, seen, there=None, **training_views):
     """Scores of profiles (replicate, gain, count, view, template), of silhouettes, their worth."""
     there = np.ones((PHASES, *GRID), dtype=bool) if there is None else there
-    known = cell.expected, bands(cell, VARIANCE), cell.there, learned(**taught), ASPECTS
+    known = cell.expected, bands(cell, VARIANCE), cell.there, learned(**training_views), ASPECTS
     moments = profile_moments(*known, NUGGET, 1.0, np.array(0.0))  # exact, as by hand
     profiles = np.stack(
         [
@@ -62,13 +62,13 @@ def compared(cell, templates, seen, there=None, **taught):
         ]
     )
     silhouettes = fusion.silhouette_scores(templates, seen, there)
-    worth = [fusion.silhouette_sharpness(one, learned(**taught)) for one in silhouettes]
+    worth = [fusion.silhouette_sharpness(one, learned(**training_views)) for one in silhouettes]
     return profiles, silhouettes, worth
 
 
-def named_by(profiles, silhouettes, worth, g, m, n, **taught):
+def named_by(profiles, silhouettes, worth, g, m, n, **training_views):
     scores = {"log_density": profiles[:, g, n]}, silhouettes[m], worth[m], np.array(0.0)
-    return fusion.fusion(*scores, learned(**taught), NAMED, ASPECTS)
+    return fusion.fusion(*scores, learned(**training_views), NAMED, ASPECTS)
 
 
 def density_by_hand(cell, gain_sigma):
@@ -105,28 +105,31 @@ def similarity_by_hand(templates, seen):
     return best
 
 
-def posterior_by_hand(scores, taught):
+def posterior_by_hand(scores, training_views):
     """(..., ship) probabilities of rows of scores: the mean density of a ship's templates."""
     of_ship = np.full((*scores.shape[:-1], SHIPS), -np.inf)
-    for s in np.unique(SHIP[taught]):
-        own = scores[..., taught & (s == SHIP)]
+    for s in np.unique(SHIP[training_views]):
+        own = scores[..., training_views & (s == SHIP)]
         of_ship[..., s] = logsumexp(own, axis=-1) - np.log(own.shape[-1])
     return np.exp(of_ship - logsumexp(of_ship, axis=-1, keepdims=True))
 
 
-def sharpness_by_hand(scores, taught, phase):
+def sharpness_by_hand(scores, training_views, phase):
     """At which the ships of the other phases' silhouettes are as probable as they should be."""
     others = np.arange(PHASES) != phase
     place = np.arange(VIEWS) % len(ASPECTS)
     left_out = np.isin(place, (1, 5))[:, None] & (place[:, None] == place)
     scores = np.where(left_out, -1, scores)
-    rows, true = scores[others][:, taught].reshape(-1, VIEWS), np.tile(SHIP[taught], PHASES - 1)
-    known = np.unique(SHIP[taught])
+    rows, true = (
+        scores[others][:, training_views].reshape(-1, VIEWS),
+        np.tile(SHIP[training_views], PHASES - 1),
+    )
+    known = np.unique(SHIP[training_views])
     miss = 1 / (len(rows) + 2)
     wanted = np.where(true[:, None] == known, 1 - miss, miss / (len(known) - 1))
 
     def surprise(log_sharpness):
-        posterior = posterior_by_hand(np.exp(log_sharpness) * rows, taught)[:, known]
+        posterior = posterior_by_hand(np.exp(log_sharpness) * rows, training_views)[:, known]
         return -(wanted * np.log(posterior)).sum()
 
     return np.exp(minimize_scalar(surprise, bounds=(-3, 7), method="bounded").x)
@@ -135,13 +138,16 @@ def sharpness_by_hand(scores, taught, phase):
 @pytest.mark.parametrize("unknown", [None, ("b",)])
 def test_by_hand(unknown):
     """Every gain, number of frames and draw; a ship that is learned, or is not."""
-    taught = np.ones(VIEWS, dtype=bool) if unknown is None else SHIP != 1
+    training_views = np.ones(VIEWS, dtype=bool) if unknown is None else SHIP != 1
     cell, (templates, seen) = made(noise=5.0), maps()
     scores = compared(cell, templates, seen, unknown=unknown)
     cosines = similarity_by_hand(templates, seen)
     logs = [density_by_hand(cell, gain) for gain in GAINS]
     sharp = np.array(
-        [[sharpness_by_hand(one, taught, phase) for phase in range(PHASES)] for one in cosines]
+        [
+            [sharpness_by_hand(one, training_views, phase) for phase in range(PHASES)]
+            for one in cosines
+        ]
     )
     # The searches stop at 1e-5 of the logarithm, where the surprise is flat.
     np.testing.assert_allclose(np.array(scores[2])[:, 0], sharp, rtol=2e-4)
@@ -157,7 +163,7 @@ def test_by_hand(unknown):
             silhouette = sharp[m, d] * cosines[m, d]
             both = profile + scores[2][m][1, d] * cosines[m, d]
             for c, alone in enumerate((profile, silhouette, both)):
-                wanted = posterior_by_hand(alone, taught)
+                wanted = posterior_by_hand(alone, training_views)
                 true = wanted[np.arange(VIEWS), SHIP]
                 # Of a sharpness that is off by 2e-4, times scores that differ by some 20.
                 np.testing.assert_allclose(found["probability"][c, d].ravel(), true, atol=4e-3)

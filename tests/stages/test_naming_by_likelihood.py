@@ -15,9 +15,9 @@ GAINS = (0.0, 0.7)
 ERRORS = (0.0, 0.2)
 
 
-def moments_of(cell, covariance, nugget=1e-3, error=0.0, floor_sigma=1.0, **taught):
+def moments_of(cell, covariance, nugget=1e-3, error=0.0, floor_sigma=1.0, **training_views):
     """Templates of what is learned; exact ones by default, as densities by hand are."""
-    known = learned(**taught)[: len(cell.there)]
+    known = learned(**training_views)[: len(cell.there)]
     given = cell.expected, covariance, cell.there, known, ASPECTS, nugget, floor_sigma
     rng = np.random.default_rng(0)
     found = likelihood.calibrated_error(*given, error, False, rng)
@@ -107,18 +107,18 @@ def test_nothing_is_learned_of_an_aspect_that_is_left_out(error):
 
 def test_views_that_are_not_learned_are_named_alone():
     cell = made()
-    untaught = np.zeros_like(cell.there)
-    untaught[2] = untaught[:, 1] = True
-    taught = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0, 90.0)}
-    before = answered(cell, left_out=BOTH, **taught)
+    untrained = np.zeros_like(cell.there)
+    untrained[2] = untrained[:, 1] = True
+    training_views = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0, 90.0)}
+    before = answered(cell, left_out=BOTH, **training_views)
     expected = cell.expected.copy()
-    expected[untaught] = expected[untaught][:, ::-1]
-    after = answered(cell.changed(expected=expected), left_out=BOTH, **taught)
+    expected[untrained] = expected[untrained][:, ::-1]
+    after = answered(cell.changed(expected=expected), left_out=BOTH, **training_views)
     for name, values in before.items():
         np.testing.assert_array_equal(after[name], values, err_msg=name)
     assert set(np.unique(before["predicted"])) == {0, 1}
     assert (before["probability"][..., 2, :] == 0).all()
-    assert before["correct"][:, 0][..., ~untaught].all()
+    assert before["correct"][:, 0][..., ~untrained].all()
 
 
 def test_views_that_are_not_there_change_no_other_answer():

@@ -8,7 +8,7 @@ from range_channel import EXPERIMENT, choose
 from ncti.evaluate import replicated_accuracy, wilson_interval
 from sweeps.engine.errors import ConfigurationError
 from sweeps.stages import classifier
-from sweeps.stages.classifier import tabulate_answers, taught
+from sweeps.stages.classifier import tabulate_answers, training_views
 
 GRID = {"grid__ship": ["duncan", "horne", "texas"], "grid__aspect": [0, 15, 45]}
 
@@ -21,7 +21,7 @@ def test_unknown_ships_and_aspects_between_are_not_learned():
     choices = choose(**GRID, classifier__unknown="horne", classifier__training_aspect=[45, 0])
     wanted = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
     np.testing.assert_array_equal(classifier.learned_of(choices), wanted)
-    views = taught(("a", "b"), (0.0, 1.5), ("b",), None, None)
+    views = training_views(("a", "b"), (0.0, 1.5), ("b",), None, None)
     np.testing.assert_array_equal(views, [[1, 1], [0, 0]])
 
 
