@@ -10,7 +10,7 @@ from pathlib import Path
 import matplotlib as mpl
 import pytest
 from commands import FAST, prepared, ran
-from pages import DOCS, PAGES, ROOT, commands, fences, text_of
+from documentation import DOCS, PAGES, ROOT, commands, fences, text_of
 
 from sweeps.experiment import EXPERIMENT
 from sweeps.report.figures import KINDS

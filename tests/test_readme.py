@@ -6,7 +6,7 @@ import shlex
 import matplotlib as mpl
 import pytest
 from commands import prepared
-from pages import PAGES, ROOT, blocks, commands
+from documentation import PAGES, ROOT, blocks, commands
 
 README = ROOT / "README.md"
 
