@@ -114,7 +114,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         # Flights, run times and scans have classifiers of their own.
         named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME, SCAN))
         return [
-            f"classifier.name has {name}, which names nothing with these sensors and ranges"
+            f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
             for name in (idle(stages, choices) if named else ())
         ] + [line for one in modules if hasattr(one, "remarks") for line in one.remarks(choices)]
 

@@ -68,7 +68,7 @@ def draw_run_time(table: xr.Dataset) -> Figure:
         axes.margins(0.09)
         bare(axes)
     for spare in panels[len(kinds) :]:
-        spare.set_axis_off()
+        spare.remove()
     for axes in panels[: len(kinds) : columns]:
         axes.set_ylabel("error of the range extent [%]", fontsize=LABEL)
     for axes in panels[max(0, len(kinds) - columns) : len(kinds)]:

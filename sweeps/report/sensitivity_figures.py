@@ -61,7 +61,7 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
     for axes in panels[::columns]:
         axes.set_ylabel("correlation", fontsize=LABEL)
     for spare in panels[len(parameters) :]:
-        spare.set_axis_off()
+        spare.remove()
     draws = flights.sizes.get("replicate", 1)
     bars = f"mean ± standard deviation over {draws} draws of the noise" if draws > 1 else ""
     key_below(figure, panels[0], title=bars)
