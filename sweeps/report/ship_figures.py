@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -18,6 +18,9 @@ import ncti.ships
 from ncti.features import profile_vector
 from ncti.render import RangeImage, range_image
 from sweeps.report.axes import nominal
+
+if TYPE_CHECKING:
+    import trimesh
 
 Floats = NDArray[np.float64]
 
