@@ -77,7 +77,8 @@ def draw(kind: str, path: Path) -> Figure:
     store = opened(path)
     match kind:
         case "profiles":
-            return ship_figures.draw_profiles(read(store, "range_profile")[["expected", "averaged"]])
+            profiles = read(store, "range_profile")[["expected", "averaged"]]
+            return ship_figures.draw_profiles(profiles)
         case "tables":
             return score_figures.draw_tables(read(store, "tables/acn").load())
         case "runtime_vs_error":
