@@ -106,12 +106,15 @@ def report_page(store: Path, finished: Finished) -> None:
 
     if not finished.written and is_current(store):
         return
+    gc.disable()  # figures are many small objects: to look for circles in them takes 0.4 s
     try:
         if finished.written:
             write_work(store, finished.progress)
         say(NAME, f"report page {write_report(store)}")
     except (OSError, ValueError) as error:
         say(NAME, f"the report page is not written: {error}")
+    finally:
+        gc.enable()
 
 
 if __name__ == "__main__":

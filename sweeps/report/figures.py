@@ -78,7 +78,8 @@ def draw(kind: str, path: Path) -> Figure:
     store = opened(path)
     match kind:
         case "profiles":
-            return ship_figures.draw_profiles(read(store, "range_profile").load())
+            profiles = read(store, "range_profile")[["expected", "averaged"]]
+            return ship_figures.draw_profiles(profiles)
         case "tables":
             return score_figures.draw_tables(read(store, "tables/acn").load())
         case "runtime_vs_error":
@@ -104,10 +105,10 @@ def draw(kind: str, path: Path) -> Figure:
             given = store.attrs["configuration"]["infrared"]
             return infrared_figures.draw_silhouettes(read(store, "infrared"), given)
         case "profile_formation":
-            classified = read(store, "classification/acn").load()
+            classified = read(store, "classification/acn")
             return formation_figures.draw_formation(classified, formation_figures.PROFILES)
         case "formation" | "table5":
-            classified = read(store, "classification/acn_infrared").load()
+            classified = read(store, "classification/acn_infrared")
             if kind == "formation":
                 return formation_figures.draw_formation(classified, formation_figures.SILHOUETTES)
             tables = read(store, "tables/acn_infrared").load()

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -20,6 +19,9 @@ from ncti.features import profile_vector
 from ncti.render import RangeImage, range_image
 from sweeps.report.axes import nominal
 from sweeps.report.style import HEADING, LABEL, SHIP_COLOURS, titled
+
+if TYPE_CHECKING:
+    import trimesh
 
 Floats = NDArray[np.float64]
 

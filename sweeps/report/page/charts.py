@@ -75,6 +75,11 @@ class Chart:
     joined: bool
     keyed: bool = False
 
+    @property
+    def empty(self) -> bool:
+        """Whether there is no value at the selection."""
+        return not any(one.marks for one in self.series)
+
 
 def chart(
     texts: tuple[str, str, Sequence[str]],

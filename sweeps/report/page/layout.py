@@ -150,7 +150,7 @@ def _by_axis(
     cube, bins = cubes[number], range(len(axes[BIN].texts))
     sheets = []
     keys = [dim for dim in cube.dims if dim != BIN]
-    first = "frame_count" if "frame_count" in keys else keys[0] if keys else ""
+    first = _main(keys, axes)
     for dim in keys or [""]:
         lines = [
             Line(
@@ -180,6 +180,14 @@ def _by_axis(
             )
         )
     return sheets
+
+
+def _main(keys: Sequence[str], axes: Mapping[str, Axis]) -> str:
+    """Return the axis of rows to begin with: frames, else the longest one of numbers, or of all."""
+    if "frame_count" in keys:
+        return "frame_count"
+    ranks = {dim: (axes[dim].numbers is not None, len(axes[dim].texts)) for dim in keys}
+    return max(keys, key=lambda dim: ranks[dim], default="")
 
 
 def score_charts(cubes: Sequence[Cube], axes: Mapping[str, Axis]) -> list[Chart]:

@@ -29,7 +29,8 @@ STAMP = "ncti-store"  # name of the meta element that says which store a page is
 def write_page(store: Path, draw: Draw) -> Path:
     """Write the page of a store beside it, whole or not at all; returns its path.
 
-    `draw` makes a figure of a kind from a store, as `sweeps.report.figures.draw` does. Raises OSError if the store cannot be read, or the page cannot be written.
+    `draw` makes a figure of a kind from a store, as `sweeps.report.figures.draw` does. Raises
+    OSError if the store cannot be read, or the page cannot be written.
     """
     path, text = rows.page_file(store), page_of(store, draw)
     write_whole(path, lambda made: made.write_text(text, encoding="utf-8", errors="replace"))

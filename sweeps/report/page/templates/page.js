@@ -99,6 +99,7 @@
     const scale = (v) => (log === "1" ? (v > 0 ? Math.log10(v) : Math.log10(low)) : v);
     const [bottom, top] = log === "1" ? [Math.log10(low), Math.log10(high)] : [Number(low), Number(high)];
     const height = (v) => 186 - Math.min(1, Math.max(0, (scale(v) - bottom) / (top - bottom))) * 166;
+    let empty = true;
     for (const series of all("g", chart)) {
       const cube = cubes[series.dataset.c];
       const points = [], bars = [], marked = [];
@@ -113,11 +114,13 @@
           bars.push(`M${x.toFixed(1)} ${height(cube.l[at]).toFixed(1)}V${height(cube.h[at]).toFixed(1)}`);
         }
       });
+      empty = empty && !points.length;
       const [bar, line, mark] = all("path", series);
       line.setAttribute("d", points.length ? "M" + points.join("L") : "");
       bar.setAttribute("d", bars.join(""));
       mark.setAttribute("d", marked.join(""));
     }
+    chart.querySelector(".none").toggleAttribute("hidden", !empty);
   };
 
   const update = () => {
