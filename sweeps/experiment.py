@@ -65,6 +65,16 @@ MODULES: tuple[Any, ...] = (
     *(scan, scan_targets, scan_visits),
 )
 
+EXAMPLES = (
+    ("+experiment=smoke", "seconds, into outputs/"),
+    ("+experiment=paper store=paper.zarr", "the article's experiment"),
+    ("+experiment=paper dry_run=true", "cells and time it would take"),
+    ("grid.ship=duncan grid.aspect=[0,30,60,90]", "one ship, four aspects"),
+    ("ladar.cnr=[26,29,32]", "any setting takes a list"),
+    ("-m ladar=full_profile,peak_pulse", "receivers as an axis"),
+)
+MAIN = ("sensor", "grid", "classifier.name", "render")  # keys that `--help` lists
+
 VERSIONS = (
     *("ncti-sweep", "PyOpenGL", "embreex", "manifold3d", "networkx", "pyrender", "scikit-image"),
     *("scikit-learn", "scipy", "trimesh"),
@@ -113,7 +123,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         # Sensors that others name ships by, flights among them, and those of their own.
         named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME, SCAN))
         return [
-            f"classifier.name has {name}, which names nothing with these sensors and ranges"
+            f"classifier.name has {name}, which classifies nothing with these sensors and ranges"
             for name in (idle(stages, choices) if named else ())
         ] + [line for one in modules if hasattr(one, "remarks") for line in one.remarks(choices)]
 
@@ -129,13 +139,15 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         tables=declared("TABLES"),
         statuses=declared("STATUSES"),
         check=check,
-        checking="checking what is asked for, and building its ships",
+        checking="checking the configuration and loading the ships",
         remarks=remarks,
         prepare=compile_loops,
         versions=VERSIONS,
         attributes=attributes,
         conf=conf_folder(),
         code=("ncti", "sweeps", *code),
+        examples=EXAMPLES,
+        main=MAIN,
     )
 
 
