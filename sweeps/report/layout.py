@@ -65,13 +65,13 @@ def show(table: Sheet, console: Console) -> None:
     in a table of their own below, beside the same labels. Only a word that is longer than the
     console is broken.
     """
+    console.print()
     if table.caption_text:
         console.print(plain(table.caption_text), style="bold")
     for number, columns in enumerate(_shares(table, console.width)):
         if number:
             console.print(plain("(further columns of the same table)"), style="dim")
         console.print(_fitted(table, columns, console.width))
-    console.print()
 
 
 def _shares(table: Sheet, width: int) -> Iterator[list[int]]:

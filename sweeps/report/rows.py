@@ -56,9 +56,19 @@ def setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) ->
 
 def tables_folder(path: Path) -> Path:
     """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
+    return beside(path, "tables")
+
+
+def page_file(path: Path) -> Path:
+    """Return the file of a store's page: of `q.zarr` `q-report.html`, of `q` `q.report.html`."""
+    return beside(path, "report.html")
+
+
+def beside(path: Path, what: str) -> Path:
+    """Return the path beside a store under which its tables or its page are written."""
     if path.name.endswith(SUFFIX):
-        return path.with_name(path.name.removesuffix(SUFFIX) + "-tables")
-    return path.with_name(path.name + ".tables")
+        return path.with_name(f"{path.name.removesuffix(SUFFIX)}-{what}")
+    return path.with_name(f"{path.name}.{what}")
 
 
 def cells(dataset: xr.Dataset, **which: Any) -> Iterator[tuple[Row, Row]]:

@@ -7,7 +7,8 @@ from rich.console import Console
 
 from sweeps.report.axes import NOTHING
 from sweeps.report.rows import Column, Row, finite, percent, several, table_rows
-from sweeps.report.screen import note, settings, sheet, show
+from sweeps.report.layout import sheet, show
+from sweeps.report.screen import note, settings
 
 SHARES = ("detected", "right", "wrong", "away", "found", "decoys", "rejected", "false_rejected")
 TIMES = ("imaging", "slewing", "dwelling", "total", "alone")
@@ -37,8 +38,7 @@ def print_scan(rows: list[Row], console: Console) -> None:
             *("of these\nnamed\nright [%]", "decoys\nrejected\n[%]", "sea\nvisited,\ntimes"),
             *("sea\nrejected\n[%]", "imager\n[s]", "moves\n[s]", "visits\n[s]", "in all\n[s]"),
             *("laser\nradar\nalone [s]", "x as\nlong"),
-            pad_edge=False,
-            collapse_padding=True,
+            keys=2,
         )
         for row in group:
             table.add_row(

@@ -256,7 +256,10 @@ def print_grid(
     column, headings = across
     for words, group in settings(rows, (), but=(*down, column, BIN)):
         named = title(f", {words}" if words else "")
-        table = sheet(named, *down.values(), *headings.values(), keys=len(down))
+        # Words stand to the left, numbers to the right.
+        words_first = all(isinstance(row[key], str) for row in group for key in down)
+        labels = {"left": tuple(down.values())} if words_first else {"keys": len(down)}
+        table = sheet(named, *(() if words_first else down.values()), *headings.values(), **labels)
         for place, line in grouped(group, tuple(down)).items():
             found = {row[column]: row[figure] for row in line if row[figure] is not None}
             texts = (text(found[key]) if key in found else NOTHING for key in headings)

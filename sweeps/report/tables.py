@@ -28,7 +28,8 @@ from sweeps.report.rows import (
     table_rows,
     together,
 )
-from sweeps.report.screen import by_frames, note, print_scores, settings, sheet, show
+from sweeps.report.layout import sheet, show
+from sweeps.report.screen import by_frames, frames_text, note, print_grid, print_scores, settings
 
 __all__ = ["accuracy_rows", "category_rows", "has_source_views", "source_figures"]
 
@@ -36,7 +37,7 @@ CELL = ("range", "target_free_ifovs", "pulse_width")  # told in every title
 BOUND = "likelihood"
 TITLES = {
     "acn": "ACN",
-    "mnn": "MNN, ship and aspect group",
+    "mnn": "MNN, ship + aspects",
     "mnn_ship": "MNN, ship alone",
     "correlation": "correlation",
     "likelihood": "maximum likelihood",
@@ -78,6 +79,7 @@ def print_categories(rows: list[Row], console: Console) -> None:
             f"Categories formed by the ACN ({place})",
             *("pulse width [ns]", "profiles", *(f"vigilance {one:g}" for one in vigilances)),
             dim=(f"source, {theirs:g}",),
+            keys=1,
         )
         for (width,), line in grouped(group, ("pulse_width_ns",)).items():
             formed = {row["vigilance"]: row for row in line}
@@ -108,11 +110,10 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
     chosen = shown_vigilance(rows)
     printed = [row for row in of_one(rows) if row["vigilance"] == chosen]
     for place, group in settings(printed, (*CELL, "vigilance"), but=("frame_count", BIN)):
-        lines = [((count,), line) for count, line in by_frames(group)]
-        print_scores(f"Percent correct, ACN ({place})", ("frames",), lines, console)
+        print_scores(f"Percent correct, ACN ({place})", "frames", by_frames(group), console)
     if any(row["source_percent"] is not None for row in printed):
         note(f"Source: {source_figures()['table4_percent_correct']['note']}", console)
-    others = "; other vigilances are in the CSV" * (len({row["vigilance"] for row in rows}) > 1)
+    others = "; other vigilances are in the CSV file" * (len({row["vigilance"] for row in rows}) > 1)
     note(f"95 % Wilson intervals{others}", console)
 
 
@@ -175,24 +176,18 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
     tests = [row for row in printed if row["frame_count"] is not None]
     own = [axis for axis in axes_in(rows) if any(row[axis] is None for row in tests)]
     for place, group in settings(printed, CELL, but=(*own, "frame_count", BIN)):
-        bounded = any(row["points_below_bound"] is not None for row in group)
-        lines = []
-        for count, part in by_frames(group):
-            for number, line in enumerate(grouped(part, ("classifier", *own)).values()):
-                lines.append((("" if number else count, _title(line[0], group, own)), line))
-        print_scores(
-            f"Percent correct by classifier ({place})",
-            ("frames", "classifier"),
-            lines,
-            console,
-            dim=("below\nbound",) * bounded,
-            more=_below if bounded else None,
-        )
+        lines: list[tuple[str, list[Row]]] = []
+        for frames, part in by_frames(group):
+            lines.append((frames, []))
+            for line in grouped(part, ("classifier", *own)).values():
+                lines.append((_title(line[0], group, own), line))
+        print_scores(f"Percent correct by classifier ({place})", "classifier", lines, console)
+        _print_below(place, group, own, console)
     gains = [row["bound_gain_sigma"] for row in rows if row["bound_gain_sigma"] is not None]
     if gains:
         axis = next(axis for axis in axes_in(rows) if axis.name == "gain_sigma")
         note(
-            "Below bound: points that maximum likelihood with exact mean and covariance of every "
+            "Points below the bound: those that maximum likelihood with exact mean and covariance of every "
             f"view, {axis.told(max(gains))}, has more, overall, without the true aspect where that "
             "is left out: the classifier's share of its errors. What it lacks to 100 is the "
             "noise's. It is the best on average; in a few views another may do better by chance.",
@@ -200,10 +195,28 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
         )
 
 
-def _below(line: list[Row]) -> tuple[str]:
-    """By how much a classifier is below the bound, overall."""
-    below = line[-1]["points_below_bound"]
-    return ("" if below is None or line[0]["classifier"] == BOUND else f"{below:.0f}",)
+def _print_below(place: str, group: list[Row], own: list[Axis], console: Console) -> None:
+    """By how much classifiers are below the bound: numbers of frames across."""
+    rows = [
+        {
+            "classifier": _title(row, group, own),
+            **{name: row[name] for name in ("frame_count", "points_below_bound")},
+        }
+        for row in group
+        if row[BIN] == "overall" and row["classifier"] != BOUND
+    ]
+    rows = [row for row in rows if row["points_below_bound"] is not None]
+    counts = sorted({row["frame_count"] for row in rows})
+    if rows:
+        print_grid(
+            rows,
+            lambda words: f"Points below the bound, all aspects ({place})",
+            {"classifier": "classifier"},
+            ("frame_count", {count: frames_text(count) for count in counts}),
+            "points_below_bound",
+            lambda points: f"{points:.0f}",
+            console,
+        )
 
 
 def _title(row: Row, group: list[Row], own: list[Axis]) -> str:
@@ -256,8 +269,6 @@ def print_rejection(rows: list[Row], console: Console) -> None:
         *(f"{least:g}%" if least else "none" for least in leasts),
         "area",
         left=("classifier", *(axis.words for axis in more), "aspects", "frames"),
-        pad_edge=False,
-        collapse_padding=True,
     )
     for key, line in grouped(rows, ("classifier", *more, "aspects", "frame_count")).items():
         found = {row["least_percent_rejected"]: row for row in line}
