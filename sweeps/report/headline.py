@@ -10,7 +10,7 @@ from rich.console import Console
 
 from sweeps.engine.kinds import Draws
 from sweeps.engine.settings import Setting
-from sweeps.report import flights, tables
+from sweeps.report import flights, scans, tables
 from sweeps.report.axes import NOMINAL, NOTHING, Axis, printable, shown, told
 from sweeps.report.layout import sheet, show
 from sweeps.report.parts import Part
@@ -40,6 +40,8 @@ def headline(path: Path, parts: Sequence[Part], console: Console) -> None:
     elif "flights" in by_name:
         _print_flown(by_name["flights"].rows, console)
         _print_measured(by_name["measured"].rows if "measured" in by_name else [], console)
+    elif "scan" in by_name:
+        scans.print_found(by_name["scan"].rows, console)
     else:
         shortest = min((part for part in parts if part.listed), key=lambda part: len(part.rows))
         with console.capture() as captured:
@@ -151,10 +153,10 @@ def is_fair(rows: list[Row], configuration: Mapping[str, Any], groups: Iterable[
 
     def same(setting: Setting) -> bool:
         group, _, name = setting.key.rpartition(".")
-        given = configuration.get(group, {}).get(name, setting.default)
+        default = set(setting.values(setting.default))
         if setting.name in axes and rows[0][axes[setting.name]] is not None:
-            given = rows[0][axes[setting.name]]
-        return set(setting.values(given)) == set(setting.values(setting.default))
+            return rows[0][axes[setting.name]] in default
+        return set(setting.values(configuration.get(group, {}).get(name, setting.default))) == default
 
     checked = [Grid.ship, Grid.aspect]
     for group in (*groups, Classifier):

@@ -52,7 +52,7 @@ def print_other(title: str, found: list[Row], console: Console, most: int | None
     same = [f"{_heading(one)} {_text(kept[0][one])}" for one in constant]
     if same:
         note(f"In all rows: {'; '.join(same)}.", console)
-    explain([one for one in figures if isinstance(one, Column)], console)
+    explain([one for one in varying if isinstance(one, Column)], console)
 
 
 def _folded(

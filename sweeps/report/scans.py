@@ -12,6 +12,7 @@ from sweeps.report.screen import note, settings
 
 SHARES = ("detected", "right", "wrong", "away", "found", "decoys", "rejected", "false_rejected")
 TIMES = ("imaging", "slewing", "dwelling", "total", "alone")
+BOTH_TIMES = ("total", "alone")
 ENDS = ("low", "high")
 
 
@@ -61,6 +62,26 @@ def print_scan(rows: list[Row], console: Console) -> None:
         "for as many.",
         console,
     )
+
+
+def print_found(rows: list[Row], console: Console) -> None:
+    """Print the main figures of scans: shares with intervals, and times."""
+    for place, group in settings(rows, ("pulse_width",), but=("range_km", "frame_count")):
+        table = sheet(
+            f"Ships found in a scan of the field of regard ({place})",
+            *("range [km]", "frames", "detected [%]", "of these named\ncorrectly [%]"),
+            *("time of the\nsearch [s]", "laser radar\nalone [s]"),
+            keys=2,
+        )
+        for row in group:
+            shares = (_share(row, name).replace("\n", " [") for name in ("detected", "right"))
+            table.add_row(
+                *(f"{row['range_km']:g}", f"{row['frame_count']}"),
+                *(share if share == NOTHING else f"{share}]" for share in shares),
+                *(NOTHING if row[f"{n}_s"] is None else f"{row[f'{n}_s']:.1f}" for n in BOTH_TIMES),
+            )
+        show(table, console)
+    note("With 95 % Wilson intervals.", console)
 
 
 def _share(row: Row, name: str) -> str:

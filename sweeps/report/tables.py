@@ -183,7 +183,8 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
                 lines.append((_title(line[0], group, own), line))
         print_scores(f"Percent correct by classifier ({place})", "classifier", lines, console)
         _print_below(place, group, own, console)
-    gains = [row["bound_gain_sigma"] for row in rows if row["bound_gain_sigma"] is not None]
+    others = (row for row in printed if row["classifier"] != BOUND)
+    gains = [row["bound_gain_sigma"] for row in others if row["bound_gain_sigma"] is not None]
     if gains:
         axis = next(axis for axis in axes_in(rows) if axis.name == "gain_sigma")
         note(
@@ -261,33 +262,39 @@ def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
 def print_rejection(rows: list[Row], console: Console) -> None:
     """Print the share of known ships still named right when so many unknown ones are rejected."""
     rows = of_one(rows)
-    more = several(rows, but=("aspects", "frame_count"))
+    named = several(rows, but=("aspects", "frame_count"))
+    # Axes that some classifiers lack are told with the name of one.
+    own = [axis for axis in named if any(row[axis] is None for row in rows)]
+    shared = [axis for axis in axes_in(rows) if axis in named and axis not in own]
+    shared += [axis for axis in axes_in(rows) if axis.name in ("aspects", "frame_count")]
     leasts = list(dict.fromkeys(row["least_percent_rejected"] for row in rows))
     table = sheet(
-        "Known ships named right [%] where so many unknown ships are rejected",
-        "answers,\nknown +\nunknown",
+        "Known ships named correctly [%] where so many unknown ships are rejected",
+        "known +\nunknown",
         *(f"{least:g}%" if least else "none" for least in leasts),
         "area",
-        left=("classifier", *(axis.words for axis in more), "aspects", "frames"),
+        left=("classifier",),
     )
-    for key, line in grouped(rows, ("classifier", *more, "aspects", "frame_count")).items():
-        found = {row["least_percent_rejected"]: row for row in line}
-        area = line[0]["percent_area"]
-        table.add_row(
-            REJECTING.get(key[0], printable(str(key[0]))),
-            *("" if value is None else shown(value) for value in key[1:]),
-            f"{line[0]['n_known']} +\n{line[0]['n_unknown']}",
-            *(_with_interval(found.get(least)) for least in leasts),
-            NOTHING if area is None else f"{area:.0f}",
-        )
+    for place, group in grouped(rows, shared).items():
+        table.add_row(", ".join(told(dict(zip(shared, place, strict=True)), shared)))
+        for (name, *_), line in grouped(group, ("classifier", *own)).items():
+            found = {row["least_percent_rejected"]: row for row in line}
+            area = line[0]["percent_area"]
+            words = [REJECTING.get(name, TITLES.get(name, printable(str(name))))]
+            table.add_row(
+                "  " + ", ".join([*words, *told(line[0], own)]),
+                f"{line[0]['n_known']} +\n{line[0]['n_unknown']}",
+                *(_with_interval(found.get(least)) for least in leasts),
+                NOTHING if area is None else f"{area:.0f}",
+            )
     show(table, console)
     note(
-        "At the least test vigilance that rejects at least so many. Area: under the curve of known "
+        "At the least test vigilance that rejects at least so many. known + unknown: numbers of "
+        "answers. Area: under the curve of known "
         "ships right over unknown ships let through; 100 where every one is right before any "
         "unknown one is let through. Below each figure its 95 % Wilson interval, for that test "
-        "vigilance. Answers to known and to unknown ships are counted; in the interval those of "
-        "several draws count for less where they are alike for one view, or in one draw (Kish's "
-        "design effect).",
+        "vigilance, in which answers of several draws count for less where they are alike for one "
+        "view, or in one draw (Kish's design effect).",
         console,
     )
 
