@@ -45,12 +45,12 @@ def print_scan(rows: list[Row], console: Console) -> None:
             table.add_row(
                 *(f"{row['range_km']:g}", f"{row['frame_count']}"),
                 _share(row, "detected"),
-                f"{row['percent_detected_in_closed_form']:.0f}",
+                _figure(row["percent_detected_in_closed_form"], 0),
                 *(_share(row, name) for name in ("right", "rejected")),
-                f"{row['false_a_field']:.1f}",
+                _figure(row["false_a_field"]),
                 _share(row, "false_rejected"),
-                *(f"{row[f'{name}_s']:.1f}" for name in TIMES),
-                f"{row['gain']:.1f}",
+                *(_figure(row[f"{name}_s"]) for name in TIMES),
+                _figure(row["gain"]),
             )
         show(table, console)
     one = rows[0]
@@ -78,10 +78,15 @@ def print_found(rows: list[Row], console: Console) -> None:
             table.add_row(
                 *(f"{row['range_km']:g}", f"{row['frame_count']}"),
                 *(share if share == NOTHING else f"{share}]" for share in shares),
-                *(NOTHING if row[f"{n}_s"] is None else f"{row[f'{n}_s']:.1f}" for n in BOTH_TIMES),
+                *(_figure(row[f"{name}_s"]) for name in BOTH_TIMES),
             )
         show(table, console)
     note("With 95 % Wilson intervals.", console)
+
+
+def _figure(value: float | None, digits: int = 1) -> str:
+    """A number, or that there is none."""
+    return NOTHING if value is None else f"{value:.{digits}f}"
 
 
 def _share(row: Row, name: str) -> str:
