@@ -14,7 +14,7 @@ from rich.text import Text
 from sweeps.report.axes import printable
 
 GAP = 2  # blanks between columns
-NARROWEST = 16  # of a column of labels that wrap, in cells, where no word of theirs is longer
+WRAPPED = 16  # cells that a column of labels which wrap should have
 
 
 def plain(text: str) -> Text:
@@ -62,22 +62,46 @@ def show(table: Sheet, console: Console) -> None:
     """Print a title and a table that is no wider than the console, and break no word.
 
     Headings fold at blanks, and the labels of rows wrap; columns that find no place even so stand
-    in a table of their own below, beside the same labels. Only a word that is longer than the
-    console is broken.
+    in a table of their own below, beside the same labels. Labels of too many columns become one.
+    Only a word that is longer than the console is broken.
     """
+    if console.width < _least(table, WRAPPED) and console.width < _least(table, 1):
+        table = _with_one_label(table)
+    wrapped = WRAPPED if console.width >= _least(table, WRAPPED) else 1
     console.print()
     if table.caption_text:
         console.print(plain(table.caption_text), style="bold")
-    for number, columns in enumerate(_shares(table, console.width)):
+    for number, columns in enumerate(_shares(table, console.width, wrapped)):
         if number:
             console.print(plain("(further columns of the same table)"), style="dim")
-        console.print(_fitted(table, columns, console.width))
+        console.print(_fitted(table, columns, console.width, wrapped))
 
 
-def _shares(table: Sheet, width: int) -> Iterator[list[int]]:
+def _least(table: Sheet, wrapped: int) -> int:
+    """Cells that a table needs: all keys, wrapped at some width, and its widest figure."""
+    needed = [_narrowest(table, one, wrapped) for one in range(len(table.columns))]
+    return sum(one + GAP for one in needed[: table.keys]) + max(needed[table.keys :], default=0)
+
+
+def _with_one_label(table: Sheet) -> Sheet:
+    """The same table, all keys of a row in its first column, each with its heading."""
+    keys = [_texts(table, one) for one in range(table.keys)]
+    headings = [heading.replace("\n", " ") for heading, *_ in keys]
+    made = sheet(table.caption_text, left=("row",) * bool(keys))
+    for column in table.columns[table.keys :]:
+        made.add_column(column.header, justify=column.justify, style=column.style)
+    cells = [column.cells for column in table.columns[table.keys :]]
+    labels = zip(*(texts for _, *texts in keys), strict=True)
+    for row, label, *figures in zip(table.rows, labels, *cells, strict=True):
+        pairs = zip(headings, label, strict=True)
+        words = ", ".join(f"{heading} {text}".strip() for heading, text in pairs if text)
+        made.add_row(words, *map(str, figures), style=row.style)
+    return made
+
+
+def _shares(table: Sheet, width: int, wrapped: int) -> Iterator[list[int]]:
     """Numbers of the columns of each table that is printed, the keys left out."""
-    keys = range(table.keys)
-    spare = width - sum(_narrowest(table, one) + GAP for one in keys)
+    spare = width - sum(_narrowest(table, one, wrapped) + GAP for one in range(table.keys))
     share: list[int] = []
     taken = 0
     for one in range(table.keys, len(table.columns)):
@@ -90,23 +114,24 @@ def _shares(table: Sheet, width: int) -> Iterator[list[int]]:
     yield share
 
 
-def _fitted(table: Sheet, columns: list[int], width: int) -> Table:
+def _fitted(table: Sheet, columns: list[int], width: int, wrapped: int) -> Table:
     """Part of a table, its columns as wide as they like to be while there is room."""
     part = Sheet(box=table.box, show_edge=False, pad_edge=False, padding=table.padding)
     shown = [*range(table.keys), *columns]
-    narrow = {one: _narrowest(table, one) for one in shown}
+    narrow = {one: _narrowest(table, one, wrapped) for one in shown}
     spare = width - sum(narrow.values()) - GAP * (len(shown) - 1)
     for one in shown:
         column = table.columns[one]
-        more = min(max(_widest(table, one) - narrow[one], 0), max(spare, 0))
-        if one >= table.keys and more < _widest(table, one) - narrow[one]:
+        wish = _widest(table, one) - narrow[one]
+        more = max(min(wish, spare), 0)
+        if one >= table.keys and more < wish:
             more = 0  # a heading folds, or does not
         spare -= more
         part.add_column(
             column.header,
             justify=column.justify,
             style=column.style,
-            width=min(narrow[one] + more, width),
+            width=max(min(narrow[one] + more, width), 1),
             overflow="fold",
         )
     rows = zip(table.rows, *(table.columns[one].cells for one in shown), strict=True)
@@ -120,13 +145,16 @@ def _widest(table: Sheet, column: int) -> int:
     return max((cell_len(line) for text in _texts(table, column) for line in text.split("\n")))
 
 
-def _narrowest(table: Sheet, column: int) -> int:
-    """Cells that a column needs: of a key those of its words, of a figure those of its lines."""
+def _narrowest(table: Sheet, column: int, wrapped: int = 1) -> int:
+    """Cells that a column needs: of a key those of its words, of a figure those of its lines.
+
+    A key that wraps has a certain width at least.
+    """
     heading, *cells = _texts(table, column)
     words = heading.split()
     if column < table.keys:
         longest = max(map(cell_len, (*words, *" ".join(cells).split())), default=1)
-        return min(max(longest, NARROWEST), max(_widest(table, column), 1))
+        return min(max(longest, wrapped), max(_widest(table, column), 1))
     lines = [line for cell in cells for line in cell.split("\n")]
     return max(map(cell_len, (*words, *lines)), default=1)
 

@@ -13,7 +13,7 @@ from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, sw
 
 import ncti.ships
 from ncti.irar import Correction, Flight, fly, ship_heading
-from sweeps.report.command import write_pictures
+from sweeps.report.pictures import write_pictures
 from sweeps.report.flight_figures import (
     BRIGHTEST,
     Place,
