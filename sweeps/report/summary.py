@@ -6,9 +6,9 @@ import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from rich.cells import cell_len
 from rich.console import Console
 
-from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Count, Number
 from sweeps.engine.settings import Choices, Setting
 from sweeps.report.axes import printable, shown
@@ -20,6 +20,7 @@ from sweeps.stages.views import Grid
 
 VARIED = (Grid.pulse_width, Grid.frame_count, Grid.vigilance, Grid.range, Grid.aspect)
 """Settings of which the example of a next command may have one more value."""
+LABEL = " " * len("store   ")
 LONGEST_LIST = 8  # values of a list in that example
 
 
@@ -43,8 +44,9 @@ def summarize(
         note(f"\n{swept(axes)}", aside)
         headline(path, parts, aside)
         print_places(path, parts, aside)
-        for number, command in enumerate(next_commands(path, parts, choices, axes, given)):
-            line(f"{'' if number else 'next':<8}{command}", aside)
+        for number, words in enumerate(next_commands(path, parts, choices, axes, given)):
+            first = f"{'' if number else 'next':<{len(LABEL)}}"
+            line(first + continued(words, aside.width), aside)
     if failure:
         raise failure
 
@@ -89,14 +91,14 @@ def next_commands(
     choices: Choices,
     axes: Mapping[str, int],
     given: Sequence[str],
-) -> list[str]:
-    """Return commands to try: the rest of the tables, and one more value on an axis."""
+) -> list[list[str]]:
+    """Return the words of commands to try: all tables, one of them, and one more value on an axis.
+
+    They are quoted for a shell.
+    """
     store = shlex.quote(located(path))
     longest = max((part for part in parts if part.listed), key=lambda part: len(part.rows)).name
-    found = [
-        f"ncti-report {store}  # prints all tables",
-        f"ncti-report {store} --table {longest}  # prints one of them",
-    ]
+    found = [["ncti-report", store], ["ncti-report", store, "--table", longest]]
     if any(one.startswith("-") for one in given) or not given:
         return found  # a multirun, or not of a command line
     for setting in VARIED:
@@ -108,21 +110,28 @@ def next_commands(
                 if one.lstrip("+~").partition("=")[0] not in (setting.key, "store")
             ]
             listed = ",".join(map(shown, values))
-            command = ["ncti-sweep", *kept, f"{setting.key}=[{listed}]", f"store={located(path)}"]
-            return [*found, printable(shlex.join(command))]
+            words = ["ncti-sweep", *kept, f"{setting.key}=[{listed}]", f"store={located(path)}"]
+            return [*found, [shlex.quote(printable(word)) for word in words]]
     return found
 
 
+def continued(words: Sequence[str], width: int) -> str:
+    """Return a command in lines of some width, each but the last continued by a backslash."""
+    lines = [words[0]]
+    for word in words[1:]:
+        if cell_len(f"{LABEL}{lines[-1]} {word} \\") > width:
+            lines.append(f"  {word}")
+        else:
+            lines[-1] += f" {word}"
+    return f" \\\n{LABEL}".join(lines)
+
+
 def extended(setting: Setting, choices: Choices) -> list[float] | None:
-    """Return the values of a setting and one more, or none where that would be too long a list."""
+    """Return the values of a setting and one between the last two, or none if the list is long."""
     values = [one for one in choices[setting] if isinstance(one, int | float)]
-    if not 1 < len(values) < LONGEST_LIST or not isinstance(setting.kind, Number | Count):
+    if not 1 < len(values) < LONGEST_LIST or not isinstance(setting.kind, Number):
         return None
-    step = values[-1] - values[-2]
-    for new in (values[-1] + step, values[-2] + step / 2):
-        new = round(new) if isinstance(setting.kind, Count) else float(f"{new:.6g}")
-        try:
-            return list(setting.values(sorted([*values, new])))
-        except ConfigurationError:
-            continue
-    return None
+    new = float(f"{(values[-2] + values[-1]) / 2:.6g}")
+    if isinstance(setting.kind, Count):
+        new = round(new)
+    return None if new in values else [*values[:-1], new, values[-1]]
