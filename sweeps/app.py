@@ -95,9 +95,7 @@ def _workers_ahead(arguments: Sequence[str]) -> Iterator[None]:
         yield
 
 
-def report(
-    store: Path, choices: Choices, finished: Finished, *, given: Sequence[str] = ()
-) -> None:
+def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence[str] = ()) -> None:
     """Write the tables of a finished store, print its page, and draw pictures if asked for."""
     from sweeps.engine.process import say
     from sweeps.report.screen import screen

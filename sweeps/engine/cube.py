@@ -189,9 +189,7 @@ class Cube:
             taken.add(name)
         return names | {number: axes[number].name for number in gathered}
 
-    def _add(
-        self, group: Group, layout: Layout, names: Mapping[int, str], extents: Spans
-    ) -> None:
+    def _add(self, group: Group, layout: Layout, names: Mapping[int, str], extents: Spans) -> None:
         """Add the variable of an output to its group, and what goes with its own dimensions."""
         output, plan = layout.output, self.plan
         starts, lengths = [start for start, _ in extents], [length for _, length in extents]

@@ -319,7 +319,9 @@ def execute(
                 take_down(jobs, report)
                 if report.spilled and not spilled:
                     spilled = True
-                    watch.say(f"results are not cached: the cache cannot be written ({report.spilled})")
+                    watch.say(
+                        f"results are not cached: the cache cannot be written ({report.spilled})"
+                    )
             elif len(jobs) == 1:
                 fail(jobs[0], reason(error))
             else:

@@ -295,7 +295,9 @@ def settings_table(settings: Iterable[Setting]) -> str:
 def written_default(default: Any) -> str:
     """Return a default as it is written on the command line."""
     if isinstance(default, dict):
-        return f"{{{', '.join(f'{key}: {written_default(value)}' for key, value in default.items())}}}"
+        return (
+            f"{{{', '.join(f'{key}: {written_default(value)}' for key, value in default.items())}}}"
+        )
     if isinstance(default, list | tuple):
         return f"[{', '.join(map(written_default, default))}]"
     if isinstance(default, float):

@@ -137,7 +137,7 @@ def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
     table.add_column("stage")
     for heading in ("cells", "reused", "to compute"):
         table.add_column(heading, justify="right")
-    for name, (total, left) in reversed(stages.items()):
+    for name, (total, left) in reversed([*stages.items()]):
         table.add_row(name, str(total), str(total - left), str(left))
     return table
 

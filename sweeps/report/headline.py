@@ -19,6 +19,7 @@ from sweeps.report.screen import note, print_scores
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar
+from sweeps.stages.likelihood import Likelihood
 from sweeps.stages.views import Grid, Scene
 
 MOST_LINES = 20  # of a table that has no shorter form
@@ -65,6 +66,7 @@ def wanted(sensor: str) -> dict[str, Any]:
         "vigilance": table["vigilance"],
         "infrared_frame_count": silhouettes["frame_count"],
         "super_resolution": "none",
+        "gain_sigma": Likelihood.gain_sigma.default,
     }
     if sensor == "silhouettes":
         # The farther of its ranges without super-resolution: at the other one it learns.
@@ -97,7 +99,10 @@ def _sections(parts: Mapping[str, Part]) -> dict[str, Section]:
     """Classifiers of each sensor, each at one setting."""
     found: dict[str, list[tuple[str, list[Row]]]] = {}
     profiles = parts.get("classifiers") or parts.get("accuracy")
-    for name, part in (("range profiles", profiles), ("silhouettes", parts.get("infrared_accuracy"))):
+    for name, part in (
+        ("range profiles", profiles),
+        ("silhouettes", parts.get("infrared_accuracy")),
+    ):
         tested = [row for row in (part.rows if part else ()) if row["frame_count"] is not None]
         for (classifier,), rows in grouped(tested, ("classifier",)).items():
             title = TITLES.get(classifier or "acn", printable(str(classifier)))
@@ -156,14 +161,18 @@ def is_fair(rows: list[Row], configuration: Mapping[str, Any], groups: Iterable[
         default = set(setting.values(setting.default))
         if setting.name in axes and rows[0][axes[setting.name]] is not None:
             return rows[0][axes[setting.name]] in default
-        return set(setting.values(configuration.get(group, {}).get(name, setting.default))) == default
+        return (
+            set(setting.values(configuration.get(group, {}).get(name, setting.default))) == default
+        )
 
     checked = [Grid.ship, Grid.aspect]
     for group in (*groups, Classifier):
         checked += [
             one
             for one in group.declared
-            if one.fallback is None and one is not Classifier.name and not isinstance(one.kind, Draws)
+            if one.fallback is None
+            and one is not Classifier.name
+            and not isinstance(one.kind, Draws)
         ]
     return bool(rows) and bool(groups) and all(map(same, checked))
 
@@ -197,4 +206,3 @@ def _print_measured(rows: list[Row], console: Console) -> None:
     if lines:
         title = "Measured profiles named correctly [%], with 95 % intervals, by aspect"
         print_scores(title, "classifier", lines, console)
-

@@ -142,7 +142,7 @@ def _fitted(table: Sheet, columns: list[int], width: int, wrapped: int) -> Table
 
 def _widest(table: Sheet, column: int) -> int:
     """Cells of the longest line of a column, its heading included."""
-    return max((cell_len(line) for text in _texts(table, column) for line in text.split("\n")))
+    return max(cell_len(line) for text in _texts(table, column) for line in text.split("\n"))
 
 
 def _narrowest(table: Sheet, column: int, wrapped: int = 1) -> int:

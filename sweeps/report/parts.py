@@ -156,12 +156,13 @@ def _of(read: Mapping[str, xr.Dataset], group: str) -> Iterator[Part]:
         beside = group in BESIDE and not rows.has_source_views(read[group])
         for file, made, write in TABLES[group]:
             found = made(read[group])
-            yield Part(file, found, partial(_noted if beside else write, *(write,) * beside, found))
+            printed = partial(write, found)
+            yield Part(file, found, partial(_noted, printed, found) if beside else printed)
 
 
-def _noted(write: Callable[..., None], found: list[Row], console: Console) -> None:
+def _noted(write: Callable[[Console], None], found: list[Row], console: Console) -> None:
     """Print a table, and that the source's figures in it are of other views."""
-    write(found, console)
+    write(console)
     if any(figure is not None for row in found for key, figure in row.items() if "source_" in key):
         note(OTHER_VIEWS, console)
 

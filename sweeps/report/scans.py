@@ -6,8 +6,8 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import NOTHING
-from sweeps.report.rows import Column, Row, finite, percent, several, table_rows
 from sweeps.report.layout import sheet, show
+from sweeps.report.rows import Column, Row, finite, percent, several, table_rows
 from sweeps.report.screen import note, settings
 
 SHARES = ("detected", "right", "wrong", "away", "found", "decoys", "rejected", "false_rejected")

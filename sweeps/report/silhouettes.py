@@ -9,6 +9,7 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import axes_of, printable, shown
+from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
     Row,
@@ -27,8 +28,15 @@ from sweeps.report.rows import (
     table_rows,
     together,
 )
-from sweeps.report.layout import sheet, show
-from sweeps.report.screen import SOURCE, frames_text, note, percent_text, print_grid, print_scores, settings
+from sweeps.report.screen import (
+    SOURCE,
+    frames_text,
+    note,
+    percent_text,
+    print_grid,
+    print_scores,
+    settings,
+)
 
 POSITIONS = {"shifted": 4}  # places of the detector at each of which so many frames are taken
 SENSOR = {  # heading and digits

@@ -63,7 +63,11 @@ def write_parts(path: Path, parts: Iterable[Part]) -> OSError | None:
 def swept(axes: Mapping[str, int]) -> str:
     """Return what was swept in words: the keys of the axes with their numbers of values."""
     listed = ", ".join(f"{key} ({count})" for key, count in axes.items())
-    return f"Swept (numbers of values): {listed}." if listed else "Swept: nothing; every setting has one value."
+    return (
+        f"Swept (numbers of values): {listed}."
+        if listed
+        else "Swept: nothing; every setting has one value."
+    )
 
 
 def print_places(path: Path, parts: Sequence[Part], console: Console) -> None:

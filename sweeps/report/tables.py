@@ -8,6 +8,7 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import NOTHING, Axis, printable, shown, told
+from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
     ENDS,
@@ -28,7 +29,6 @@ from sweeps.report.rows import (
     table_rows,
     together,
 )
-from sweeps.report.layout import sheet, show
 from sweeps.report.screen import by_frames, frames_text, note, print_grid, print_scores, settings
 
 __all__ = ["accuracy_rows", "category_rows", "has_source_views", "source_figures"]
@@ -113,7 +113,9 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
         print_scores(f"Percent correct, ACN ({place})", "frames", by_frames(group), console)
     if any(row["source_percent"] is not None for row in printed):
         note(f"Source: {source_figures()['table4_percent_correct']['note']}", console)
-    others = "; other vigilances are in the CSV file" * (len({row["vigilance"] for row in rows}) > 1)
+    others = "; other vigilances are in the CSV file" * (
+        len({row["vigilance"] for row in rows}) > 1
+    )
     note(f"95 % Wilson intervals{others}", console)
 
 
@@ -188,10 +190,11 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
     if gains:
         axis = next(axis for axis in axes_in(rows) if axis.name == "gain_sigma")
         note(
-            "Points below the bound: those that maximum likelihood with exact mean and covariance of every "
-            f"view, {axis.told(max(gains))}, has more, overall, without the true aspect where that "
-            "is left out: the classifier's share of its errors. What it lacks to 100 is the "
-            "noise's. It is the best on average; in a few views another may do better by chance.",
+            "Points below the bound: those that maximum likelihood with exact mean and covariance "
+            f"of every view, {axis.told(max(gains))}, has more, overall, without the true aspect "
+            "where that is left out: the classifier's share of its errors. What the bound lacks to "
+            "100 is due to noise. It is the best on average; in a few views another classifier may "
+            "do better by chance.",
             console,
         )
 

@@ -181,7 +181,9 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     before = listing(tmp_path)
     capsys.readouterr()
     assert start(*asked) == 0
-    assert capsys.readouterr().out.endswith("nothing to compute: all cells are in the cache or the store\n")
+    assert capsys.readouterr().out.endswith(
+        "nothing to compute: all cells are in the cache or the store\n"
+    )
     assert start(*asked, "measured.rule=[max,mean,min]") == 0
     said = capsys.readouterr().out
     assert re.search(r"answers +24 +16 +8\n", said) and "4 calls to run; new results 0.00" in said

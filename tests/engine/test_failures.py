@@ -262,7 +262,9 @@ def test_a_full_cache_costs_no_results(tmp_path, monkeypatch):
     go(tmp_path / "s.zarr", tmp_path / "cache", watch=told.watch)
     go(tmp_path / "t.zarr", watch=told.watch)
     spilled = [one for one in told.sentences if "No space left" in one]
-    assert spilled == ["results are not cached: the cache cannot be written (No space left on device)"]
+    assert spilled == [
+        "results are not cached: the cache cannot be written (No space left on device)"
+    ]
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
     assert [one.name for one in tmp_path.iterdir() if one.name.startswith(".")] == []
 

@@ -12,10 +12,10 @@ from rich.cells import cell_len
 from rich.console import Console
 from stores import contents, printed, reported, rows_of
 
-from sweeps.report.headline import at_one_setting, is_fair, wanted
+from sweeps.report.headline import SCORE, at_one_setting, is_fair, wanted
 from sweeps.report.parts import parts_of
 from sweeps.report.rows import BIN, page_file, score_rows, tables_folder
-from sweeps.report.summary import continued, extended, swept, summarize
+from sweeps.report.summary import continued, extended, summarize, swept
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import Grid, Scene
@@ -54,7 +54,7 @@ def test_its_figures_are_those_of_the_files(smoke_store):
     line = next(line for line in page(smoke_store).splitlines() if "correlation" in line)
     at = {"classifier": "correlation", "pulse_width_ns": "30.0", "frame_count": "16"}
     figures = [
-        f"{float(row['percent_correct']):.0f} [{float(row['ci_low']):.0f}-{float(row['ci_high']):.0f}]"
+        "{:.0f} [{:.0f}-{:.0f}]".format(*(float(row[name]) for name in SCORE))
         for row in rows
         if at.items() <= row.items() and row["left_out"] in ("", "False")
     ]
@@ -136,7 +136,12 @@ def test_the_source_is_beside_its_own_ships_aspects_and_settings_alone():
     choices = chosen("+experiment=paper")
     configuration = {
         group: {one.name: list(choices[one]) for one in of.declared if one.key in choices.values}
-        for group, of in (("grid", Grid), ("scene", Scene), ("ladar", Ladar), ("infrared", Infrared))
+        for group, of in (
+            ("grid", Grid),
+            ("scene", Scene),
+            ("ladar", Ladar),
+            ("infrared", Infrared),
+        )
     }
     configuration["ladar"]["phases"] = configuration["infrared"]["phases"] = 1
     rows = score_rows(scores(pulse_width=30.0, frame_count=16))

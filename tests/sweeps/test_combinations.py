@@ -125,7 +125,9 @@ def test_flights_are_named_by_those_that_can():
 
 def test_classifiers_that_name_nothing_here_are_told():
     told = EXPERIMENT.remarks(chosen("grid.ship=duncan", "classifier.name=[acn,fusion]"))
-    assert told == ["classifier.name has fusion, which classifies nothing with these sensors and ranges"]
+    assert told == [
+        "classifier.name has fusion, which classifies nothing with these sensors and ranges"
+    ]
     seen = chosen("grid.ship=duncan", "classifier.name=[acn,mnn]", "sensor=infrared")
     assert [line.split(",")[0] for line in EXPERIMENT.remarks(seen)] == ["classifier.name has mnn"]
 
