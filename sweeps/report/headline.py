@@ -66,6 +66,7 @@ def wanted(sensor: str) -> dict[str, Any]:
         "vigilance": table["vigilance"],
         "infrared_frame_count": silhouettes["frame_count"],
         "super_resolution": "none",
+        "aspects": NOMINAL["aspects"],  # where some are tested that were not learned
         "gain_sigma": Likelihood.gain_sigma.default,
     }
     if sensor == "silhouettes":
