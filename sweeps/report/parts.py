@@ -125,8 +125,7 @@ def _parts(path: Path) -> Iterator[Part]:
     if rejected:
         by_name = {name.removeprefix(REJECTION): table for name, table in rejected.items()}
         found = tables.rejection_rows(by_name)
-        title = "Rejection at every test vigilance"
-        yield _other("rejection", title, found)._replace(listed=False)
+        yield Part("rejection", found, partial(tables.print_rates, found), listed=False)
         found = tables.curve_rows(by_name)
         yield Part("rejection_curve", found, partial(tables.print_rejection, found))
     if "validation" in top:

@@ -21,6 +21,7 @@ from sweeps.report.rows import (
     formation_rows,
     grouped,
     has_source_views,
+    nearest,
     of_one,
     percent,
     score_rows,
@@ -300,6 +301,30 @@ def print_rejection(rows: list[Row], console: Console) -> None:
         "view, or in one draw (Kish's design effect).",
         console,
     )
+
+
+def print_rates(rows: list[Row], console: Console) -> None:
+    """Print what is rejected and right at some test vigilances."""
+    rows = of_one(rows)
+    named = [axis for axis in several(rows) if axis.name != "test_vigilance"]
+    there = {row["test_vigilance"] for row in rows}
+    shown_ones = {nearest(tenth / 10, there) for tenth in range(11)}
+    table = sheet(
+        "Ships rejected and named correctly [%] by test vigilance",
+        *("test vigilance", "unknown rejected", "known rejected", "known correct"),
+        left=("classifier",),
+    )
+    for key, group in grouped(rows, ("classifier", *named)).items():
+        name = REJECTING.get(key[0], TITLES.get(key[0], printable(str(key[0]))))
+        label = ", ".join([name, *told(group[0], named)])
+        for row in group:
+            if row["test_vigilance"] in shown_ones:
+                figures = (row[f"percent_{figure}"] for figure in REJECTED)
+                texts = (NOTHING if one is None else f"{one:.0f}" for one in figures)
+                table.add_row(label, f"{row['test_vigilance']:g}", *texts)
+                label = ""
+    show(table, console)
+    note("Intervals and all test vigilances are in the CSV file.", console)
 
 
 def _with_interval(row: Row | None) -> str:
