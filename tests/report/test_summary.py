@@ -45,7 +45,9 @@ def test_it_is_one_page_with_each_classifier_once(smoke_store, monkeypatch):
     expected += ["max. likelihood", "silhouettes", "ACN", "similarity", "both sensors"]
     begin = names.index("range profiles")
     assert names[begin : begin + 11] == [*expected, "max. likelihood"]
-    assert "range profiles: 100 km, 30 ns, vigilance 0.95, 16 frames;" in " ".join(text.split())
+    assert "range profiles: 100 km, 30 ns, vigilance 0.95, 16 frames, gain" in " ".join(
+        text.split()
+    )
     assert "store   sweep.zarr" in lines and "tables  sweep-tables (9 CSV files)" in lines
 
 
