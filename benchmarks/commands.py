@@ -14,8 +14,9 @@ from sweeps.stages.views import cache_folder
 PROGRAM = ("-m", "sweeps.app")
 CORES = 2
 
-HEADING = re.compile(r"stage +done +reused +failed +work.*")
-ROW = re.compile(r"\w+ +(?P<done>\d+) +(?P<reused>\d+)(?: +\d+)?(?: +(?P<work>\d+\.\d+))?")
+SUMMARY = re.compile(
+    r"(?P<done>[\d,]+) cells computed, (?P<reused>[\d,]+) reused, .*; work (?P<work>[\d.]+) s"
+)
 
 
 @dataclass(frozen=True)
@@ -82,21 +83,18 @@ def sweep(overrides: Sequence[str], folder: Path) -> Swept:
         keys["store"] = folder / "sweep.zarr"
     arguments = [*overrides, *(f"{key}={value}" for key, value in keys.items())]
     run = watch([sys.executable, *PROGRAM, *arguments], cores=CORES)
-    rows = list(stages_printed(run.output))
+    rows = list(sweeps_printed(run.output))
     if not rows:
-        raise RuntimeError(f"`{' '.join([*PROGRAM, *arguments])}` printed no table of its stages")
+        raise RuntimeError(f"`{' '.join([*PROGRAM, *arguments])}` printed no summary of a sweep")
     done, reused, work = (sum(values) for values in zip(*rows, strict=True))
     return Swept(run, int(done), int(reused), work)
 
 
-def stages_printed(output: str) -> Iterator[tuple[int, int, float]]:
-    """Cells done, cells reused and work [s] of every stage in the tables that a command prints.
+def sweeps_printed(output: str) -> Iterator[tuple[int, int, float]]:
+    """Yield cells computed, cells reused and work [s] of every sweep of which a command printed.
 
-    The tables are those of `sweeps.engine.watching.summary`, which leave out work below 0.05 s.
+    The sentences are those of `sweeps.engine.watching.summary`.
     """
-    inside = False
-    for line in output.splitlines():
-        row = ROW.fullmatch(line.strip()) if inside else None
-        if row:
-            yield int(row["done"]), int(row["reused"]), float(row["work"] or 0)
-        inside = bool(row) or HEADING.fullmatch(line.strip()) is not None
+    for found in SUMMARY.finditer(output):
+        done, reused = (int(found[name].replace(",", "")) for name in ("done", "reused"))
+        yield done, reused, float(found["work"])

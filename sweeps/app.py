@@ -1,6 +1,7 @@
 """The command `ncti-sweep`, and what follows a sweep: its tables and its pictures.
 
-What they call is imported when they are called, so that an interrupt meanwhile is told as one.
+What they call is imported when they are called: the first words come before the imports, which take
+a second, and an interrupt meanwhile is reported as one.
 """
 
 from __future__ import annotations
@@ -9,9 +10,12 @@ import atexit
 import gc
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from sweeps.engine.version import OPTION, version_of
 
 if TYPE_CHECKING:
     from sweeps.engine.command import Command
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
     from sweeps.engine.settings import Choices
 
 NAME = "ncti-sweep"
+MULTIRUN = ("-m", "--multirun")  # the options with which it is a sweep
 
 
 def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
@@ -31,25 +36,40 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     *modules : module
         Sensors and classifiers besides the project's; see `sweeps.experiment`.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if OPTION in given:
+        print(version_of(NAME, NAME))
+        sys.exit(0)
     # What is left at the end goes with the process: to look for circles in it takes 0.2 s.
     atexit.register(gc.freeze)
     try:
-        with _workers_ahead(sys.argv[1:] if arguments is None else arguments):
-            status = command(*modules).main(arguments)
+        if all(one in MULTIRUN for one in given if one.startswith("-")):
+            _say("reading the configuration")
+        with _workers_ahead(given):
+            status = command(*modules, given=given).main(given)
     except KeyboardInterrupt:
-        print(f"{NAME}: interrupted", file=sys.stderr)
+        _say("interrupted")
         status = 130
     sys.exit(status)
 
 
-def command(*modules: Any) -> Command:
-    """The command line of the experiment, with further modules if any are given."""
+def _say(sentence: str) -> None:
+    """Print a sentence to stderr, whatever becomes of it."""
+    with suppress(OSError, ValueError, AttributeError):
+        print(f"{NAME}: {sentence}", file=sys.stderr, flush=True)
+
+
+def command(*modules: Any, given: Sequence[str] = ()) -> Command:
+    """Return the command of the experiment, with further modules if any.
+
+    `given` are the arguments that the page at the end varies for its example.
+    """
     from sweeps.engine.command import Command
     from sweeps.experiment import EXPERIMENT, MODULES, assemble
 
     packages = tuple(one.__name__ for one in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    return Command(experiment, report)
+    return Command(experiment, partial(report, given=given))
 
 
 @contextmanager
@@ -75,30 +95,29 @@ def _workers_ahead(arguments: Sequence[str]) -> Iterator[None]:
         yield
 
 
-def report(store: Path, choices: Choices, finished: Finished) -> None:
-    """Print and write the tables of a finished store, then its page, and pictures if asked for."""
-    from rich.console import Console
-
+def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence[str] = ()) -> None:
+    """Write the report of a finished store and its tables, print a page, and draw pictures."""
     from sweeps.engine.process import say
-    from sweeps.report.command import report as report_tables
+    from sweeps.report.screen import screen
+    from sweeps.report.summary import summarize
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
 
-    report_tables(store, Console())
     report_page(store, finished)
+    summarize(store, choices, finished.axes, screen(), given=given)
     if not looks("irar")(choices) or not choices.one(Irar.pictures):
         return
-    from sweeps.report.command import write_pictures
+    from sweeps.report.pictures import write_pictures
 
     ships = {str(ship): ship for ship in choices[Grid.ship]}
     try:
-        write_pictures(store, Console(), ship=lambda label: read_mesh(hull.function(ships[label])))
+        write_pictures(store, screen(), ship=lambda label: read_mesh(hull.function(ships[label])))
     except (OSError, ValueError) as error:
         say(NAME, f"pictures are not drawn: {error}")
 
 
 def report_page(store: Path, finished: Finished) -> None:
-    """Write the page of a finished store, unless the one beside it is of the same store."""
+    """Write the report page of a finished store, unless the one beside it is of the same store."""
     from sweeps.engine.process import say
     from sweeps.report.command import write_report
     from sweeps.report.page.work import write_work
@@ -110,7 +129,7 @@ def report_page(store: Path, finished: Finished) -> None:
     try:
         if finished.written:
             write_work(store, finished.progress)
-        say(NAME, f"report page {write_report(store)}")
+        write_report(store)
     except (OSError, ValueError) as error:
         say(NAME, f"the report page is not written: {error}")
     finally:

@@ -66,6 +66,16 @@ MODULES: tuple[Any, ...] = (
     *(scan, scan_targets, scan_visits),
 )
 
+EXAMPLES = (
+    ("+experiment=smoke", "seconds, into outputs/"),
+    ("+experiment=paper store=paper.zarr", "the article's experiment"),
+    ("+experiment=paper dry_run=true", "cells and time it would take"),
+    ("grid.ship=duncan grid.aspect=[0,30,60,90]", "one ship, four aspects"),
+    ("ladar.cnr=[26,29,32]", "any setting takes a list"),
+    ("-m ladar=full_profile,peak_pulse", "receivers as an axis"),
+)
+MAIN = ("sensor", "grid", "classifier.name", "render")  # keys that `--help` lists
+
 VERSIONS = (
     *("ncti-sweep", "PyOpenGL", "embreex", "manifold3d", "networkx", "pyrender", "scikit-image"),
     *("scikit-learn", "scipy", "trimesh"),
@@ -132,7 +142,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         tables=declared("TABLES"),
         statuses=declared("STATUSES"),
         check=check,
-        checking="checking what is asked for, and building its ships",
+        checking="checking the configuration and loading the ships (built on first use)",
         remarks=remarks,
         about=portraits.about,
         prepare=compile_loops,
@@ -140,6 +150,8 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         attributes=attributes,
         conf=conf_folder(),
         code=("ncti", "sweeps", *code),
+        examples=EXAMPLES,
+        main=MAIN,
     )
 
 

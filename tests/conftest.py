@@ -13,7 +13,7 @@ from platformdirs import user_cache_path
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
-for room in ("engine", "sweeps", "convergence"):  # `company`, `small_stores`, `commands`, `metric`
+for room in ("engine", "sweeps", "convergence", "report"):  # whose modules others import
     sys.path.insert(1, str(Path(__file__).parent / room))
 
 

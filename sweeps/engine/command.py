@@ -12,7 +12,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +47,12 @@ from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.settings import Choices, Cluster, Run, settings_table
 from sweeps.engine.stage import Experiment, nothing_to_check
 from sweeps.engine.tasks import reason
+from sweeps.engine.usage import usage
+from sweeps.engine.version import OPTION, version_of
 from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
+HELP = {"-h", "--help"}
 
 PATIENCE = 0.5  # s without a word while checking; what is wrong is mostly found sooner
 
@@ -84,10 +86,10 @@ class Command:
             except SystemExit as ended:  # Hydra's, after its help or a wrong option
                 return ended.code if isinstance(ended.code, int) else ALL_DONE
             except Stopped as stopped:
-                say(self.name, f"stopped by {stopped.name}; the same command goes on from here")
+                say(self.name, f"stopped by {stopped.name}; the same command resumes the sweep")
                 return 128 + stopped.number
             except KeyboardInterrupt:
-                say(self.name, "interrupted; the same command goes on from here")
+                say(self.name, "interrupted; the same command resumes the sweep")
                 return 130
             except (ConfigurationError, HydraException, OmegaConfBaseException) as error:
                 say(self.name, explain(self.experiment, error))
@@ -106,8 +108,11 @@ class Command:
         if "--settings" in given:
             show(settings_table(experiment.declared))
             return ALL_DONE
-        if "--version" in given:
-            show(f"{self.name} {_version(self.name)}")
+        if OPTION in given:
+            show(version_of(self.name, self.name))
+            return ALL_DONE
+        if HELP.intersection(given):
+            show(usage(experiment))
             return ALL_DONE
         if "--cache" in given:
             return self._cache([one for one in given if one != "--cache"])
@@ -119,7 +124,7 @@ class Command:
         plain = replaceable(
             experiment, crossed(experiment, overrides) if options.multirun else overrides
         )
-        asks = (options.help, options.hydra_help, options.cfg, options.info)
+        asks = (options.hydra_help, options.cfg, options.info)
         elsewhere = (options.config_path, options.config_name, options.config_dir)
         if not (any(asks) or any(elsewhere) or options.shell_completion):
             jobs, master = self._jobs(plain, several=options.multirun)
@@ -150,7 +155,7 @@ class Command:
     # what is asked for ----------------------------------------------------------------------
 
     def prepare(self, overrides: list[str], *, several: bool) -> list[tuple[Choices, str | None]]:
-        """Choices and stores of the sweeps of a command line, so that a wrong one stops them all.
+        """Return choices and stores of the sweeps of a command line; one wrong stops them all.
 
         Empty where Hydra expands the jobs by a sweeper of its own; each is checked when it starts.
         """
@@ -246,7 +251,7 @@ class Command:
         for choices, store in fused(self.experiment, jobs):
             keys = {key.lstrip("+~") for job in jobs for key in job.overrides}
             unread = Plan(self.experiment, choices).unread(keys)
-            remarks = [f"{key} is set, but nothing that is asked for reads it" for key in unread]
+            remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
             self._say_all((*remarks, *self.experiment.remarks(choices)))
             self._say_all(self.experiment.about(choices))
             if choices.one(Run.dry_run):  # where Hydra has expanded the jobs
@@ -257,8 +262,8 @@ class Command:
             named = "; ".join(f"{what} ({why})" for what, why in failures[:NAMED_FAILURES])
             more = len(failures) - NAMED_FAILURES
             raise SweepIncomplete(
-                f"{len(failures)} cells failed: {named}"
-                + (f"; and {more} more" if more > 0 else "")
+                f"{len(failures):,} cell{'s' * (len(failures) > 1)} failed: {named}"
+                + (f"; and {more:,} more" if more > 0 else "")
             )
 
     def run(self, choices: Choices, store: Path) -> Finished:
@@ -268,11 +273,11 @@ class Command:
             place = replace(place, remove=lambda folder: thread.submit(remove_folder, folder))
             with watching(self.name) as watch:
                 finished = sweep(self.experiment, choices, place, watch)
+            say(self.name, summary(finished.progress, finished.seconds))
             try:
                 self.report(store, choices, finished)
             except Exception as error:  # what is in the store is as good without
-                say(self.name, f"the store is whole, but cannot be reported: {reason(error)}")
-        show(summary(finished.progress, finished.seconds), error=True)
+                say(self.name, f"the store is written, but not its report: {reason(error)}")
         return finished
 
     def _say_all(self, sentences: Iterable[str]) -> None:
@@ -305,13 +310,6 @@ class Command:
         total = sum(one.bytes for one in kept)
         show(f"{sum(one.cells for one in kept)} cells, {total / 1e6:.1f} MB {done} in {folder}")
         return ALL_DONE
-
-
-def _version(distribution: str) -> str:
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def _cluster(choices: Choices) -> ClusterChoice:

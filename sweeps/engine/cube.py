@@ -94,6 +94,29 @@ def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
     return layouts
 
 
+def _shared(layouts: Sequence[Layout], extents: Sequence[Spans | None]) -> list[Spans]:
+    """Extents of the outputs of a group, in which a dimension has one length.
+
+    Where cells of a stage failed, its padded arrays may be shorter than those of another stage.
+    """
+    longest: dict[str, tuple[int, int]] = {}
+    for layout, spans in zip(layouts, extents, strict=True):
+        for dim, span in zip(layout.output.dims, spans or (), strict=spans is not None):
+            longest[dim] = max(longest.get(dim, span), span, key=lambda one: one[1])
+
+    def extent(layout: Layout, spans: Spans | None, number: int, dim: str) -> tuple[int, int]:
+        if spans is None:
+            return longest.get(dim, (0, 0))
+        start, length = spans[number]
+        padded = layout.output.pad is not None and dim not in layout.output.origin
+        return start, longest[dim][1] if padded else length
+
+    return [
+        [extent(layout, spans, number, dim) for number, dim in enumerate(layout.output.dims)]
+        for layout, spans in zip(layouts, extents, strict=True)
+    ]
+
+
 def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
     """Numbers of the axes that are dimensions of what depends on them, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
@@ -135,8 +158,9 @@ class Cube:
         for name, layouts in members.items():
             names = self._names(layouts)
             group = found[name] = Group({}, {}, ragged={})
-            for layout in layouts:
-                self._add(group, layout, names)
+            extents = _shared(layouts, [self._extents(group, one) for one in layouts])
+            for layout, extent in zip(layouts, extents, strict=True):
+                self._add(group, layout, names, extent)
             group.coordinates.update(self._coordinates(layouts, names))
         for name, arrays, labels in self._statuses():
             group = found.setdefault(name, Group({}, {}))
@@ -165,10 +189,10 @@ class Cube:
             taken.add(name)
         return names | {number: axes[number].name for number in gathered}
 
-    def _add(self, group: Group, layout: Layout, names: Mapping[int, str]) -> None:
+    def _add(self, group: Group, layout: Layout, names: Mapping[int, str], extents: Spans) -> None:
         """Add the variable of an output to its group, and what goes with its own dimensions."""
         output, plan = layout.output, self.plan
-        starts, lengths = self._extents(group, layout)
+        starts, lengths = [start for start, _ in extents], [length for _, length in extents]
         for dim, start, length in zip(output.dims, starts, lengths, strict=True):
             if dim in output.origin:
                 outputs = layout.bound.stage.outputs
@@ -207,13 +231,13 @@ class Cube:
             for point in product(*ranges)
         ]
 
-    def _extents(self, group: Group, layout: Layout) -> tuple[list[int], list[int]]:
-        """Where an output's own dimensions start, and their lengths: what all cells fit into."""
+    def _extents(self, group: Group, layout: Layout) -> Spans | None:
+        """Start and length of an output's own dimensions, for all cells; None without a cell."""
         dims = layout.output.dims
         numbers = self.plan.gathered(layout.bound)
         gathered = {self.plan.axes[n].name: len(self.plan.axes[n].points) for n in numbers}
         if set(dims) <= set(gathered):
-            return [0] * len(dims), [gathered[dim] for dim in dims]
+            return [(0, gathered[dim]) for dim in dims]
         keys = self._keys(layout, [range(len(self.plan.axes[n].points)) for n in layout.axes])
         there = [key for key in dict.fromkeys(keys) if key in self.spots]
         spans: dict[str, Spans] = {}
@@ -224,11 +248,11 @@ class Cube:
         if layout.ragged:
             group.ragged[layout.output.name] = [spans.get(key) for key in keys]
         if not spans:
-            return [0] * len(dims), [0] * len(dims)
+            return None
         along = list(zip(*spans.values(), strict=True))
         starts = [min(begin for begin, _ in one) for one in along]
         ends = [max(begin + length for begin, length in one) for one in along]
-        return starts, [end - start for start, end in zip(starts, ends, strict=True)]
+        return [(start, end - start) for start, end in zip(starts, ends, strict=True)]
 
     def _region(
         self, layout: Layout, starts: list[int], lengths: list[int], region: tuple[slice, ...]

@@ -122,6 +122,17 @@ class Plan:
 
     # axes -----------------------------------------------------------------------------------
 
+    @property
+    def swept(self) -> dict[str, int]:
+        """Number of values of every axis that has several and that a stage depends on, by key."""
+        read = {number for one in self.bound.values() for number in self.axes_on(one)}
+        read |= {number for one in self.bound.values() for number in self.gathered(one)}
+        return {
+            "+".join(one.key for one in axis.settings): len(axis.points)
+            for number, axis in enumerate(self.axes)
+            if axis.several and number in read
+        }
+
     def _axes_on(self, bound: Bound) -> tuple[int, ...]:
         """Numbers of the axes with several values that a stage depends on, ascending."""
         found = {self._axis_of[key][0] for key in bound.needs}

@@ -41,7 +41,7 @@ from sweeps.engine.tasks import Call, Damaged, Report, Spot, reason, run_calls
 WRITERS = 2  # threads that write chunks
 AT_ONCE = 512  # cells that are read again after damage
 ROUNDS = 20  # of making damaged results again, before the disk is held to be at fault
-AHEAD = 2  # tasks a worker has at hand, so that it never waits for the next
+AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 QUICK = 1.0  # s of work that is done before worker processes would have started
 
 
@@ -61,12 +61,17 @@ class Place:
 
 @dataclass
 class Finished:
-    """What a sweep came to: progress by stage, names of cells that failed with the reason."""
+    """Outcome of a sweep: progress by stage, and the cells that failed with the reason of each.
+
+    `axes` has the number of values of everything that was swept, by key; keys of settings that
+    run together are joined by `+`.
+    """
 
     progress: Mapping[str, Progress] = field(default_factory=dict)
     failures: list[tuple[str, str]] = field(default_factory=list)
     written: bool = False  # whether the store is new or changed
     seconds: float = 0.0
+    axes: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -82,14 +87,14 @@ class Preview:
     def sentence(self) -> str:
         """What it comes to."""
         if not self.calls:
-            return "nothing to do: all cells are at hand"
+            return "nothing to compute: all cells are in the cache or the store"
         work = "unknown" if self.seconds is None else f"{self.seconds:.3g} s"
         size = "unknown" if self.size is None else f"{self.size / 1e6:.3g} MB"
-        return f"{self.calls} calls; new results {size}; work on one core {work}"
+        return f"{self.calls:,} calls to run; new results {size}; time on one core {work}"
 
 
 def existing(experiment: Experiment, path: Path, plan: Plan) -> Mapping[str, object] | None:
-    """Attributes of the store that a sweep goes on with; None where there is none."""
+    """Return attributes of the store that a sweep extends; None where there is none."""
     attributes = read_attributes(path)
     if attributes is not None:
         check_extends(experiment, str(path), attributes, plan)
@@ -148,7 +153,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         with _spill(place.store) as spill, ThreadPoolExecutor(1, "cluster") as thread:
             finished = _sweep(plan, place, old, index, spill, watch, thread)
         index.shrink(place.cache_limit, keep_since=begun)
-    finished.seconds = time.perf_counter() - start
+    finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
     return finished
 
 
@@ -191,7 +196,7 @@ def _sweep(
             missing = schedule.missing_cells()
             cells = sum(number for _, number in missing)
             total = sum(one.total for one in schedule.progress.values())
-            watch.say(f"{total - cells} cells are at hand, {cells} are to be made")
+            watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
             watch.step(schedule)
             if schedule.ready:
                 measured = all(bound.name in schedule.costs for bound, _ in missing)
@@ -218,7 +223,7 @@ def _sweep(
             else:
                 index.used(path for path, _ in schedule.spots.values())
                 return Finished(schedule.progress, failures, written=True)
-        watch.say(f"{len(damaged)} kept results are damaged; they are made again")
+        watch.say(f"{len(damaged):,} results in the cache are damaged and are computed again")
         index.forget(sorted(damaged))
         for key in [key for key in schedule.spots if schedule.kept_as(key) in damaged]:
             del schedule.spots[key]
@@ -314,7 +319,9 @@ def execute(
                 take_down(jobs, report)
                 if report.spilled and not spilled:
                     spilled = True
-                    watch.say(f"results are not kept: the cache takes none ({report.spilled})")
+                    watch.say(
+                        f"results are not cached: the cache cannot be written ({report.spilled})"
+                    )
             elif len(jobs) == 1:
                 fail(jobs[0], reason(error))
             else:
@@ -362,7 +369,7 @@ def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -
         return False
     bad = verify(path)
     if bad:
-        watch.say(f"{len(bad)} files of the store are damaged ({bad[0]}); they are made again")
+        watch.say(f"{len(bad):,} files of the store are damaged ({bad[0]}) and are written again")
     return not bad
 
 

@@ -178,7 +178,7 @@ class Run(Settings):
         label="what the cache may hold; the results not used for longest go first",
         **_WHERE,
     )
-    dry_run = switch(False, label="whether only to say what would be done", **_WHERE)
+    dry_run = switch(False, label="only print what would be computed", **_WHERE)
 
 
 class Together(Settings, key="grid"):
@@ -195,7 +195,7 @@ class Together(Settings, key="grid"):
 class Cluster(Settings, key="cluster"):
     """Who does the work; see `sweeps.engine.cluster.ClusterChoice`."""
 
-    kind = word("local", CLUSTERS, label="kind of cluster", **_WHERE)
+    kind = word("local", CLUSTERS, label="where tasks run", **_WHERE)
     workers = count(
         None, 1, 4096, label="worker processes, or jobs of Slurm; null: one a core", **_WHERE
     )
@@ -337,16 +337,18 @@ def settings_table(settings: Iterable[Setting]) -> str:
         about = "; ".join(filter(None, (one.label, one.help)))
         axis = f"one value: {one.fixed}" if one.fixed else ""
         allowed = "; ".join(filter(None, (one.kind.allowed, axis)))
-        rows.append((f"`{one.key}`", _written(one.default), unit, allowed, about))
+        rows.append((f"`{one.key}`", written_default(one.default), unit, allowed, about))
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
-def _written(default: Any) -> str:
-    """A default as it is written on the command line."""
+def written_default(default: Any) -> str:
+    """Return a default as it is written on the command line."""
     if isinstance(default, dict):
-        return f"{{{', '.join(f'{key}: {_written(value)}' for key, value in default.items())}}}"
+        return (
+            f"{{{', '.join(f'{key}: {written_default(value)}' for key, value in default.items())}}}"
+        )
     if isinstance(default, list | tuple):
-        return f"[{', '.join(map(_written, default))}]"
+        return f"[{', '.join(map(written_default, default))}]"
     if isinstance(default, float):
         return f"{default:.12g}"
     if default is None or isinstance(default, bool):

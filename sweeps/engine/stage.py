@@ -184,7 +184,7 @@ class Experiment:
     # Refuses choices that make no sense together (`ConfigurationError`), and drops values that
     # nothing uses.
     check: Callable[[Choices], Choices] = nothing_to_check
-    checking: str = "checking what is asked for"  # what is said while `check` takes a while
+    checking: str = "checking the configuration"  # what is said while `check` takes a while
     remarks: Callable[[Choices], list[str]] = lambda choices: []  # sentences for the user
     about: Callable[[Choices], list[str]] = lambda choices: []  # lines on what is swept
     versions: tuple[str, ...] = ()  # distributions that the store's attributes have
@@ -195,6 +195,10 @@ class Experiment:
     prepare: Callable[[Choices, Collection[Callable[..., Any]], Say], None] = lambda *given: None
     conf: Path | None = None  # folder of its Hydra configuration
     code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
+    # Of `--help`: arguments of the command with a few words on each, and the keys, or the first
+    # words of keys, that it lists; all keys where there are none.
+    examples: tuple[tuple[str, str], ...] = ()
+    main: tuple[str, ...] = ()
 
     @cached_property
     def declared(self) -> tuple[Setting, ...]:

@@ -90,7 +90,7 @@ class OldStore:
         """Stage and place of every cell that the store has, by key."""
         damaged = verify(self._path)
         if damaged:
-            self._say(f"{len(damaged)} files of the store are damaged ({damaged[0]})")
+            self._say(f"{len(damaged):,} files of the store are damaged ({damaged[0]})")
         failed: Mapping[str, str] = self._old.get("failures", {})
         known: Mapping[str, str] = self._old.get("cells", {})
         found: dict[str, tuple[Bound, Place]] = {}

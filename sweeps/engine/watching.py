@@ -1,11 +1,11 @@
-"""Who follows a sweep: a live display on a terminal, plain lines elsewhere; and what it came to."""
+"""Progress of a sweep: a live display on a terminal, plain lines elsewhere; and its outcome."""
 
 from __future__ import annotations
 
 import math
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 
 from rich import progress
@@ -20,6 +20,8 @@ EVERY = 10.0  # s between plain lines
 EARLIEST = 3.0  # s of work done before anything is said of the rest
 STEADY = 10.0  # s in which an estimate of the end follows what was measured meanwhile
 NAMED_FAILURES = 20  # the attributes of the store have them all
+AT_ONCE = 8  # stages that the live display shows: a terminal may have 24 lines
+LONGEST, LEAST = 3, 0.05  # stages whose time the summary has, and the least time [s] it has
 
 
 @contextmanager
@@ -31,11 +33,11 @@ def watching(name: str) -> Iterator[Watch]:
     columns = (
         progress.SpinnerColumn(),
         progress.TextColumn("{task.description:<20}"),
-        progress.BarColumn(),
+        progress.BarColumn(bar_width=20),
         progress.MofNCompleteColumn(),
         progress.TextColumn("{task.fields[left]}"),
     )
-    with progress.Progress(*columns, console=Console(stderr=True)) as bars:
+    with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bars:
         yield _Bars(bars).watch
 
 
@@ -110,8 +112,11 @@ class _Bars:
 
     def _step(self, schedule: Schedule) -> None:
         shown = {stage: one for stage, one in schedule.progress.items() if one.reused < one.total}
-        for stage, one in reversed(shown.items()):
+        under_way = [stage for stage, one in shown.items() if one.done + one.failed and one.left]
+        for stage in {*self.tasks, *under_way} - {"all"}:
+            one = shown[stage]
             self._show(stage, one.total - one.left, one.total)
+            self.bars.update(self.tasks[stage], visible=stage in under_way[:AT_ONCE])
         if shown:
             left = self.remaining.words(schedule, time.monotonic())
             total = sum(one.total for one in shown.values())
@@ -127,28 +132,27 @@ class _Bars:
 
 
 def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
-    """Table of all cells, of those at hand and those to be made, by stage."""
-    cells = [(name, total, total - left, left) for name, (total, left) in stages.items()]
-    return _table("", ("cells", "at hand", "to do"), cells)
-
-
-def summary(stages: Mapping[str, Progress], seconds: float) -> Table:
-    """Table of what was done, reused and failed by stage, and where the time went."""
-    rows = [
-        (
-            *(name, one.done, one.reused, one.failed or ""),
-            f"{one.seconds:.1f}" if one.seconds >= 0.05 else "",
-        )
-        for name, one in stages.items()
-    ]
-    return _table(f"{seconds:.1f} s", ("done", "reused", "failed", "work [s]"), rows)
-
-
-def _table(title: str, columns: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Table:
-    table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
+    """Return a table of the cells of each stage: all, reused, and to be computed."""
+    table = Table(box=None, pad_edge=False)
     table.add_column("stage")
-    for name in columns:
-        table.add_column(name, justify="right")
-    for row in reversed(rows):
-        table.add_row(*map(str, row))
+    for heading in ("cells", "reused", "to compute"):
+        table.add_column(heading, justify="right")
+    for name, (total, left) in reversed([*stages.items()]):
+        table.add_row(name, str(total), str(total - left), str(left))
     return table
+
+
+def summary(stages: Mapping[str, Progress], seconds: float) -> str:
+    """Return how many cells were computed, reused and failed, and which stages took longest."""
+    done, reused, failed = (
+        sum(getattr(one, name) for one in stages.values()) for name in ("done", "reused", "failed")
+    )
+    work = sum(one.seconds for one in stages.values())
+    longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
+    parts = [
+        f"{name} {one.seconds:.1f} s" for name, one in longest[:LONGEST] if one.seconds >= LEAST
+    ]
+    return (
+        f"{done:,} cells computed, {reused:,} reused, {failed:,} failed in {seconds:.1f} s; "
+        f"work {work:.1f} s" + (f" ({', '.join(parts)})" if parts else "")
+    )

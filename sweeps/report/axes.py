@@ -49,6 +49,8 @@ SHORT = {"transom_gain": "transom*", "mast_gain": "masts*"}
 PHRASES = {
     **dict.fromkeys(("range", "pulse_width"), "{}"),
     "target_free_ifovs": "{} target-free IFOVs",
+    "frame_count": "{} frames",
+    "infrared_frame_count": "{} infrared frames",
     "label_rule": "named by its {} members",
     "score_rule": "right by {}",
     "training": "learned from {} profiles",

@@ -21,6 +21,7 @@ from sweeps.report.axes import (
     told,
     which,
 )
+from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
     ENDS,
@@ -32,7 +33,7 @@ from sweeps.report.rows import (
     several,
     together,
 )
-from sweeps.report.screen import PUT_IN, note, percent_text, sheet, show
+from sweeps.report.screen import PUT_IN, note, percent_text
 
 LANDMARKS = {  # heading, digits, what the source says of the synthetic and of the measured ship
     "stern_to_hangar": ("stern to hangar [m]", 1, "same"),

@@ -6,11 +6,13 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import NOTHING
+from sweeps.report.layout import sheet, show
 from sweeps.report.rows import Column, Row, finite, percent, several, table_rows
-from sweeps.report.screen import note, settings, sheet, show
+from sweeps.report.screen import note, settings
 
 SHARES = ("detected", "right", "wrong", "away", "found", "decoys", "rejected", "false_rejected")
 TIMES = ("imaging", "slewing", "dwelling", "total", "alone")
+BOTH_TIMES = ("total", "alone")
 ENDS = ("low", "high")
 
 
@@ -37,19 +39,18 @@ def print_scan(rows: list[Row], console: Console) -> None:
             *("of these\nnamed\nright [%]", "decoys\nrejected\n[%]", "sea\nvisited,\ntimes"),
             *("sea\nrejected\n[%]", "imager\n[s]", "moves\n[s]", "visits\n[s]", "in all\n[s]"),
             *("laser\nradar\nalone [s]", "x as\nlong"),
-            pad_edge=False,
-            collapse_padding=True,
+            keys=2,
         )
         for row in group:
             table.add_row(
                 *(f"{row['range_km']:g}", f"{row['frame_count']}"),
                 _share(row, "detected"),
-                f"{row['percent_detected_in_closed_form']:.0f}",
+                _figure(row["percent_detected_in_closed_form"], 0),
                 *(_share(row, name) for name in ("right", "rejected")),
-                f"{row['false_a_field']:.1f}",
+                _figure(row["false_a_field"]),
                 _share(row, "false_rejected"),
-                *(f"{row[f'{name}_s']:.1f}" for name in TIMES),
-                f"{row['gain']:.1f}",
+                *(_figure(row[f"{name}_s"]) for name in TIMES),
+                _figure(row["gain"]),
             )
         show(table, console)
     one = rows[0]
@@ -61,6 +62,31 @@ def print_scan(rows: list[Row], console: Console) -> None:
         "for as many.",
         console,
     )
+
+
+def print_found(rows: list[Row], console: Console) -> None:
+    """Print the main figures of scans: shares with intervals, and times."""
+    for place, group in settings(rows, ("pulse_width",), but=("range_km", "frame_count")):
+        table = sheet(
+            f"Ships found in a scan of the field of regard ({place})",
+            *("range [km]", "frames", "detected [%]", "of these named\ncorrectly [%]"),
+            *("time of the\nsearch [s]", "laser radar\nalone [s]"),
+            keys=2,
+        )
+        for row in group:
+            shares = (_share(row, name).replace("\n", " [") for name in ("detected", "right"))
+            table.add_row(
+                *(f"{row['range_km']:g}", f"{row['frame_count']}"),
+                *(share if share == NOTHING else f"{share}]" for share in shares),
+                *(_figure(row[f"{name}_s"]) for name in BOTH_TIMES),
+            )
+        show(table, console)
+    note("With 95 % Wilson intervals.", console)
+
+
+def _figure(value: float | None, digits: int = 1) -> str:
+    """A number, or that there is none."""
+    return NOTHING if value is None else f"{value:.{digits}f}"
 
 
 def _share(row: Row, name: str) -> str:

@@ -14,15 +14,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from rich.cells import cell_len
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from sweeps.report.axes import NOTHING, Axis, Column, printable, shown, told
+from sweeps.report.layout import plain, sheet, show
 from sweeps.report.rows import BIN, Row, axes_in, grouped, several
 
 SOURCE = "source"
+PIPED = 80  # cells of a line where there is no terminal
 PUT_IN = "* Put in: what the transom and the masts reflect, over the rest of the ship."
 
 # Files that may be in any folder of tables, whatever a sweep has.
@@ -35,7 +34,7 @@ WRITTEN = ".written"  # digests and names of a folder's files, as of sha256sum
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # with which a spreadsheet takes a cell for a formula
 PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
 
-Lines = Iterable[tuple[Sequence[str], list[Row]]]
+Lines = Iterable[tuple[str, list[Row]]]
 
 
 def write_tables(folder: Path, tables: Mapping[str, list[Row]]) -> list[str]:
@@ -107,6 +106,15 @@ def neutral(value: Any) -> Any:
     return f"'{value}"
 
 
+def screen() -> Console:
+    """Return the console of stdout: as wide as the terminal, elsewhere 80 cells or `COLUMNS`."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        asked = os.environ.get("COLUMNS", "")
+        console.width = max(PIPED, int(asked) if asked.isdigit() else 0)
+    return console
+
+
 class _Page(io.StringIO):
     """Text on its way to a screen, drawn with what the encoding of that has."""
 
@@ -156,55 +164,9 @@ def complain(sentence: str) -> None:
         print(f"ncti-report: {sentence}", file=sys.stderr, flush=True)
 
 
-def plain(text: str) -> Text:
-    """Return a text as it is, lines apart, its control characters escaped and no markup read."""
-    return Text("\n".join(map(printable, text.split("\n"))))
-
-
 def line(text: str, console: Console) -> None:
     """Print one line, however long."""
     console.print(plain(text), soft_wrap=True)
-
-
-class Sheet(Table):
-    """A table of plain text: nothing in it is read as markup, and no control character passes."""
-
-    def add_row(self, *cells: Any, style: Any = None, end_section: bool = False) -> None:
-        """Add a row of texts."""
-        super().add_row(*(plain(cell) for cell in cells), style=style, end_section=end_section)
-
-
-def sheet(
-    title: str, *headings: str, left: Sequence[str] = (), dim: Sequence[str] = (), **how: Any
-) -> Sheet:
-    """Return an empty table: words first, to the left, then figures, then what interests less."""
-    table = Sheet(title=plain(title), **how)
-    for text in left:
-        table.add_column(plain(text))
-    for text in headings:
-        table.add_column(plain(text), justify="right")
-    for text in dim:
-        table.add_column(plain(text), justify="right", style="dim")
-    return table
-
-
-def show(table: Table, console: Console) -> None:
-    """Print a table that loses no word: headings fold at blanks if they must, values do not.
-
-    A console that is too narrow even so is widened.
-    """
-    spare = console.width - 3 * len(table.columns) - 1  # blanks either side, and lines between
-    headings = [str(one.header) for one in table.columns]
-    for one, heading in zip(table.columns, headings, strict=True):
-        texts = [line for cell in one.cells for line in str(cell).split("\n")]
-        one.width = max(map(cell_len, (*heading.split(), *texts)), default=1)
-        spare -= one.width
-    for one, heading in zip(table.columns, headings, strict=True):
-        more = max(map(cell_len, heading.split("\n"))) - (one.width or 0)
-        if 0 < more <= spare:
-            one.width, spare = (one.width or 0) + more, spare - more
-    console.width += max(0, -spare)
-    console.print(table)
 
 
 def note(text: str, console: Console) -> None:
@@ -247,39 +209,36 @@ def by_frames(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
     """Return rows by number of frames, the largest first: training comes before, as of endless."""
     found = grouped(rows, ("frame_count",))
     places = sorted(found, key=lambda place: place[0] or math.inf, reverse=True)
-    return [(str(place[0] or "training"), found[place]) for place in places]
+    return [(frames_text(place[0]), found[place]) for place in places]
 
 
-def print_scores(
-    title: str,
-    headings: Sequence[str],
-    lines: Lines,
-    console: Console,
-    *,
-    dim: Sequence[str] = (),
-    more: Any = None,
-    **how: Any,
-) -> None:
+def frames_text(count: int | None) -> str:
+    """Return a number of frames in words; none stands for training."""
+    return "training" if count is None else "1 frame" if count == 1 else f"{count} frames"
+
+
+def print_scores(title: str, heading: str, lines: Lines, console: Console) -> None:
     """Print percent correct: aspect bins across, and below a line the source's where it has some.
 
-    A line has texts for the columns before the bins, and rows; `dim` heads columns after the bins,
-    which show `more` of its rows.
+    A line has a label and rows; one without rows heads those that follow.
     """
     lines = list(lines)
     bins = list(dict.fromkeys(row[BIN] for _, rows in lines for row in rows))
     labels = [label if label == "overall" else f"{label}°" for label in bins]
-    table = sheet(title, *labels, left=headings, dim=dim, **how)
-    for number, (names, rows) in enumerate(lines):
-        if number and names[0] and len(headings) > 1:
-            table.add_section()
+    table = sheet(title, *labels, left=(heading,))
+    indent = "  " if any(not rows for _, rows in lines) else ""
+    for name, rows in lines:
+        if not rows:
+            table.add_row(name, *("" for _ in bins))
+            continue
         found = {row[BIN]: row for row in rows}
-        figures = (percent_text(found.get(label)) for label in bins)
-        style = "bold" if names[-1].startswith("both") else None
-        table.add_row(*names, *figures, *(more(rows) if more else ()), style=style)
+        style = "bold" if name.startswith("both") else None
+        figures = [percent_text(found.get(label)) for label in bins]
+        table.add_row(indent + name, *figures, style=style)
         theirs = [found.get(label, {}).get("source_percent") for label in bins]
         if any(figure is not None for figure in theirs):
-            figures = ("" if figure is None else str(figure) for figure in theirs)
-            table.add_row(*[""] * (len(headings) - 1), f"  {SOURCE}", *figures, style="dim")
+            texts = ("" if figure is None else str(figure) for figure in theirs)
+            table.add_row(f"{indent}  {SOURCE}", *texts, style="dim")
     show(table, console)
 
 
@@ -295,7 +254,11 @@ def print_grid(
     """Print a figure down and across: columns `down` by their headings, of one `across` values."""
     column, headings = across
     for words, group in settings(rows, (), but=(*down, column, BIN)):
-        table = sheet(title(f", {words}" if words else ""), *down.values(), *headings.values())
+        named = title(f", {words}" if words else "")
+        # Words stand to the left, numbers to the right.
+        words_first = all(isinstance(row[key], str) for row in group for key in down)
+        labels = {"left": tuple(down.values())} if words_first else {"keys": len(down)}
+        table = sheet(named, *(() if words_first else down.values()), *headings.values(), **labels)
         for place, line in grouped(group, tuple(down)).items():
             found = {row[column]: row[figure] for row in line if row[figure] is not None}
             texts = (text(found[key]) if key in found else NOTHING for key in headings)
@@ -304,10 +267,9 @@ def print_grid(
 
 
 def percent_text(row: Row | None) -> str:
-    """Return percent correct, its interval, and its spread where it has one."""
+    """Return percent correct and its interval; the standard deviation over draws is in the CSV."""
     if row is None:
         return ""
     if row["percent_correct"] is None:
         return NOTHING
-    spread = "" if row.get("spread") is None else f" ±{row['spread']:.0f}"
-    return f"{row['percent_correct']:.0f} [{row['ci_low']:.0f}-{row['ci_high']:.0f}]{spread}"
+    return f"{row['percent_correct']:.0f} [{row['ci_low']:.0f}-{row['ci_high']:.0f}]"

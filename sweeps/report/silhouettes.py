@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import xarray as xr
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 
 from sweeps.report.axes import axes_of, printable, shown
+from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
     Row,
@@ -28,7 +28,15 @@ from sweeps.report.rows import (
     table_rows,
     together,
 )
-from sweeps.report.screen import SOURCE, note, print_grid, print_scores, settings, sheet, show
+from sweeps.report.screen import (
+    SOURCE,
+    frames_text,
+    note,
+    percent_text,
+    print_grid,
+    print_scores,
+    settings,
+)
 
 POSITIONS = {"shifted": 4}  # places of the detector at each of which so many frames are taken
 SENSOR = {  # heading and digits
@@ -92,7 +100,7 @@ def print_sensor(rows: list[Row], console: Console) -> None:
     for place, group in settings(here, (), but=("range_km",)):
         headings = [text for name, _ in SENSOR.values() for text in (name, SOURCE)]
         title = f"Passive-infrared sensor, {frames} frames averaged" + (place and f", {place}")
-        table = sheet(title, "range [km]", *headings)
+        table = sheet(title, "range [km]", *headings, keys=1)
         for column in table.columns[2::2]:
             column.style = "dim"
         for row in group:
@@ -123,6 +131,7 @@ def print_silhouette_categories(rows: list[Row], console: Console) -> None:
         *(axis.heading for axis in choices),
         *("vigilance", "silhouettes", "categories", "least", "most"),
         dim=(SOURCE,),
+        keys=len(choices) + 1,
     )
     for row in rows:
         count = row["categories"]
@@ -158,19 +167,19 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
     placed = ("range_km", "super_resolution", "frame_count", BIN)
     for place, group in settings(rows, ("vigilance",), but=placed):
         lines = [
-            ((_look(slant_range, way, frames),), line)
+            (_look(slant_range, way, frames), line)
             for (slant_range, way), line in grouped(group, placed[:2]).items()
         ]
         title = f"Percent correct of silhouettes, ACN ({frames} frames, {place})"
-        print_scores(title, ("range",), lines, console, box=SIMPLE_HEAD)
+        print_scores(title, "range", lines, console)
         if any(row["source_percent"] is not None for row in group):
             note(f"Source: {figures['note']}", console)
     for places in sorted({positions(row["super_resolution"]) for row in tested} - {1}):
         words = f"{frames} frames at each of {places} places of the detector"
         note(f"{places} x {frames}: {words}", console)
     note(
-        "Means over phases and orders of presentation, which the 95 % Wilson intervals take in; "
-        "±: standard deviation over them. Other frames and vigilances are in the CSV",
+        "Means over phases and orders of presentation, which the 95 % Wilson intervals include; "
+        "their standard deviation, other frames and other vigilances are in the CSV file.",
         console,
     )
 
@@ -200,7 +209,7 @@ def print_detection(rows: list[Row], false_alarm: float, console: Console) -> No
         whole,
         lambda words: f"Ships detected{alarms}{words} [%]",
         {"range_km": "range [km]"},
-        ("frame_count", {n: "1 frame" if n == 1 else f"{n} frames" for n in counts}),
+        ("frame_count", {count: frames_text(count) for count in counts}),
         "probability",
         lambda share: f"{100 * share:.3g}",
         console,
@@ -243,25 +252,64 @@ def fusion_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def print_fusion(rows: list[Row], console: Console) -> None:
-    """Print sensors and both: ranges, resolutions and frames down, aspect bins across."""
-    title = "Percent correct by maximum likelihood on profiles, similarity of silhouettes, both"
-    for place, group in settings(rows, TOLD, but=PLACED):
-        lines = []
-        for (slant_range, frames), cell in grouped(group, ("range_km", "frame_count")).items():
-            for number, (name, line) in enumerate(_lines(cell, frames).items()):
-                first = ("", "") if number else (shown(slant_range), str(frames))
-                lines.append(((*first, name), line))
-        headings = ("range [km]", "frames", "channel")
-        print_scores(f"{title} ({place})", headings, lines, console)
+    """Print sensors and both: ranges, resolutions and frames down, aspect bins across.
+
+    Lines that are the same in every setting, as of silhouettes for every pulse width, come once.
+    """
+    tables = [(place, _sections(group)) for place, group in settings(rows, TOLD, but=PLACED)]
+    first = _texts_of(tables[0][1]) if tables else {}
+    same = {key for key in first if all(_texts_of(one).get(key) == first[key] for _, one in tables)}
+    same = {key for key in same if key[1].startswith(CHANNELS["infrared"])}
+    if len(tables) == 1:
+        same = set()
+    title = "Percent correct by maximum likelihood on profiles and by both sensors"
+    if same:
+        alone = "Percent correct by similarity of silhouettes (in every setting)"
+        print_scores(alone, "sensor", _lines_of(tables[0][1], keep=same), console)
+    else:
+        title = "Percent correct by maximum likelihood on profiles, similarity of silhouettes, both"
+    for place, sections in tables:
+        keep = _texts_of(sections).keys() - same
+        print_scores(f"{title} ({place})", "sensor", _lines_of(sections, keep=keep), console)
     note(
-        "A profile's score is its log-likelihood; a silhouette's is given its weight on other "
-        "phases, against templates of other phases; both name one ship at one aspect. Infrared "
-        "frames as many as those of profiles, or the nearest number there. 95 % Wilson "
-        "intervals; n in the CSV counts answers, which intervals take as fewer (Kish's design "
-        "effect) where those to one view, or of one draw, are alike; ±: standard deviation over "
-        "draws.",
+        "The score of a profile is its log-likelihood. That of a silhouette, by templates of other "
+        "phases, is weighted by its accuracy on other phases. Both name one ship at one aspect. "
+        "Infrared frames are as many as those of profiles, or the nearest number. 95 % "
+        "Wilson intervals; n in the CSV file counts answers, of which those to one view, or of one "
+        "draw, count for less where they are alike (Kish's design effect).",
         console,
     )
+
+
+Sections = dict[str, dict[str, list[Row]]]  # rows by range and frames, then by sensor
+
+
+def _sections(group: list[Row]) -> Sections:
+    """Rows of one setting: a section a range and number of frames."""
+    return {
+        f"{shown(slant_range)} km, {frames_text(frames)}": _lines(cell, frames)
+        for (slant_range, frames), cell in grouped(group, ("range_km", "frame_count")).items()
+    }
+
+
+def _texts_of(sections: Sections) -> dict[tuple[str, str], list[str]]:
+    """What is printed of every line, by its section and sensor."""
+    return {
+        (section, name): [percent_text(row) for row in line]
+        for section, lines in sections.items()
+        for name, line in lines.items()
+    }
+
+
+def _lines_of(
+    sections: Sections, keep: Collection[tuple[str, str]]
+) -> Iterator[tuple[str, list[Row]]]:
+    """Lines of some sections and sensors, as `print_scores` takes them."""
+    for section, lines in sections.items():
+        kept = [(name, line) for name, line in lines.items() if (section, name) in keep]
+        if kept:
+            yield section, []
+            yield from kept
 
 
 def _lines(cell: list[Row], frames: int) -> dict[str, list[Row]]:
@@ -274,7 +322,7 @@ def _lines(cell: list[Row], frames: int) -> dict[str, list[Row]]:
     for (channel, way), line in grouped(here, ("channel", "super_resolution")).items():
         places, finer = positions(way), "" if way == "none" else f", {printable(way)}"
         name = CHANNELS.get(channel, printable(channel)) + finer * (channel != "range")
-        if channel == "infrared":
-            name += f" ({places} x {near} images)" if places > 1 else f" ({near} images)"
+        if channel == "infrared" and (places > 1 or near != frames):
+            name += f" ({places} x {near})" if places > 1 else f" ({frames_text(near)})"
         lines.setdefault(name, line)
     return lines

@@ -8,6 +8,7 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import NOTHING, Axis, printable, shown, told
+from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
     ENDS,
@@ -20,6 +21,7 @@ from sweeps.report.rows import (
     formation_rows,
     grouped,
     has_source_views,
+    nearest,
     of_one,
     percent,
     score_rows,
@@ -28,7 +30,7 @@ from sweeps.report.rows import (
     table_rows,
     together,
 )
-from sweeps.report.screen import by_frames, note, print_scores, settings, sheet, show
+from sweeps.report.screen import by_frames, frames_text, note, print_grid, print_scores, settings
 
 __all__ = ["accuracy_rows", "category_rows", "has_source_views", "source_figures"]
 
@@ -36,7 +38,7 @@ CELL = ("range", "target_free_ifovs", "pulse_width")  # told in every title
 BOUND = "likelihood"
 TITLES = {
     "acn": "ACN",
-    "mnn": "MNN, ship and aspect group",
+    "mnn": "MNN, ship + aspects",
     "mnn_ship": "MNN, ship alone",
     "correlation": "correlation",
     "likelihood": "maximum likelihood",
@@ -78,6 +80,7 @@ def print_categories(rows: list[Row], console: Console) -> None:
             f"Categories formed by the ACN ({place})",
             *("pulse width [ns]", "profiles", *(f"vigilance {one:g}" for one in vigilances)),
             dim=(f"source, {theirs:g}",),
+            keys=1,
         )
         for (width,), line in grouped(group, ("pulse_width_ns",)).items():
             formed = {row["vigilance"]: row for row in line}
@@ -108,11 +111,12 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
     chosen = shown_vigilance(rows)
     printed = [row for row in of_one(rows) if row["vigilance"] == chosen]
     for place, group in settings(printed, (*CELL, "vigilance"), but=("frame_count", BIN)):
-        lines = [((count,), line) for count, line in by_frames(group)]
-        print_scores(f"Percent correct, ACN ({place})", ("frames",), lines, console)
+        print_scores(f"Percent correct, ACN ({place})", "frames", by_frames(group), console)
     if any(row["source_percent"] is not None for row in printed):
         note(f"Source: {source_figures()['table4_percent_correct']['note']}", console)
-    others = "; other vigilances are in the CSV" * (len({row["vigilance"] for row in rows}) > 1)
+    others = "; other vigilances are in the CSV file" * (
+        len({row["vigilance"] for row in rows}) > 1
+    )
     note(f"95 % Wilson intervals{others}", console)
 
 
@@ -175,35 +179,49 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
     tests = [row for row in printed if row["frame_count"] is not None]
     own = [axis for axis in axes_in(rows) if any(row[axis] is None for row in tests)]
     for place, group in settings(printed, CELL, but=(*own, "frame_count", BIN)):
-        bounded = any(row["points_below_bound"] is not None for row in group)
-        lines = []
-        for count, part in by_frames(group):
-            for number, line in enumerate(grouped(part, ("classifier", *own)).values()):
-                lines.append((("" if number else count, _title(line[0], group, own)), line))
-        print_scores(
-            f"Percent correct by classifier ({place})",
-            ("frames", "classifier"),
-            lines,
-            console,
-            dim=("below\nbound",) * bounded,
-            more=_below if bounded else None,
-        )
-    gains = [row["bound_gain_sigma"] for row in rows if row["bound_gain_sigma"] is not None]
+        lines: list[tuple[str, list[Row]]] = []
+        for frames, part in by_frames(group):
+            lines.append((frames, []))
+            for line in grouped(part, ("classifier", *own)).values():
+                lines.append((_title(line[0], group, own), line))
+        print_scores(f"Percent correct by classifier ({place})", "classifier", lines, console)
+        _print_below(place, group, own, console)
+    others = (row for row in printed if row["classifier"] != BOUND)
+    gains = [row["bound_gain_sigma"] for row in others if row["bound_gain_sigma"] is not None]
     if gains:
         axis = next(axis for axis in axes_in(rows) if axis.name == "gain_sigma")
         note(
-            "Below bound: points that maximum likelihood with exact mean and covariance of every "
-            f"view, {axis.told(max(gains))}, has more, overall, without the true aspect where that "
-            "is left out: the classifier's share of its errors. What it lacks to 100 is the "
-            "noise's. It is the best on average; in a few views another may do better by chance.",
+            "Points below the bound: those that maximum likelihood with exact mean and covariance "
+            f"of every view, {axis.told(max(gains))}, has more, overall, without the true aspect "
+            "where that is left out: the classifier's share of its errors. What the bound lacks to "
+            "100 is due to noise. It is the best on average; in a few views another classifier may "
+            "do better by chance.",
             console,
         )
 
 
-def _below(line: list[Row]) -> tuple[str]:
-    """By how much a classifier is below the bound, overall."""
-    below = line[-1]["points_below_bound"]
-    return ("" if below is None or line[0]["classifier"] == BOUND else f"{below:.0f}",)
+def _print_below(place: str, group: list[Row], own: list[Axis], console: Console) -> None:
+    """By how much classifiers are below the bound: numbers of frames across."""
+    rows = [
+        {
+            "classifier": _title(row, group, own),
+            **{name: row[name] for name in ("frame_count", "points_below_bound")},
+        }
+        for row in group
+        if row[BIN] == "overall" and row["classifier"] != BOUND
+    ]
+    rows = [row for row in rows if row["points_below_bound"] is not None]
+    counts = sorted({row["frame_count"] for row in rows})
+    if rows:
+        print_grid(
+            rows,
+            lambda words: f"Points below the bound, all aspects ({place})",
+            {"classifier": "classifier"},
+            ("frame_count", {count: frames_text(count) for count in counts}),
+            "points_below_bound",
+            lambda points: f"{points:.0f}",
+            console,
+        )
 
 
 def _title(row: Row, group: list[Row], own: list[Axis]) -> str:
@@ -248,37 +266,65 @@ def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
 def print_rejection(rows: list[Row], console: Console) -> None:
     """Print the share of known ships still named right when so many unknown ones are rejected."""
     rows = of_one(rows)
-    more = several(rows, but=("aspects", "frame_count"))
+    named = several(rows, but=("aspects", "frame_count"))
+    # Axes that some classifiers lack are told with the name of one.
+    own = [axis for axis in named if any(row[axis] is None for row in rows)]
+    shared = [axis for axis in axes_in(rows) if axis in named and axis not in own]
+    shared += [axis for axis in axes_in(rows) if axis.name in ("aspects", "frame_count")]
     leasts = list(dict.fromkeys(row["least_percent_rejected"] for row in rows))
     table = sheet(
-        "Known ships named right [%] where so many unknown ships are rejected",
-        "answers,\nknown +\nunknown",
+        "Known ships named correctly [%] where so many unknown ships are rejected",
+        "known +\nunknown",
         *(f"{least:g}%" if least else "none" for least in leasts),
         "area",
-        left=("classifier", *(axis.words for axis in more), "aspects", "frames"),
-        pad_edge=False,
-        collapse_padding=True,
+        left=("classifier",),
     )
-    for key, line in grouped(rows, ("classifier", *more, "aspects", "frame_count")).items():
-        found = {row["least_percent_rejected"]: row for row in line}
-        area = line[0]["percent_area"]
-        table.add_row(
-            REJECTING.get(key[0], printable(str(key[0]))),
-            *("" if value is None else shown(value) for value in key[1:]),
-            f"{line[0]['n_known']} +\n{line[0]['n_unknown']}",
-            *(_with_interval(found.get(least)) for least in leasts),
-            NOTHING if area is None else f"{area:.0f}",
-        )
+    for place, group in grouped(rows, shared).items():
+        table.add_row(", ".join(told(dict(zip(shared, place, strict=True)), shared)))
+        for (name, *_), line in grouped(group, ("classifier", *own)).items():
+            found = {row["least_percent_rejected"]: row for row in line}
+            area = line[0]["percent_area"]
+            words = [REJECTING.get(name, TITLES.get(name, printable(str(name))))]
+            table.add_row(
+                "  " + ", ".join([*words, *told(line[0], own)]),
+                f"{line[0]['n_known']} +\n{line[0]['n_unknown']}",
+                *(_with_interval(found.get(least)) for least in leasts),
+                NOTHING if area is None else f"{area:.0f}",
+            )
     show(table, console)
     note(
-        "At the least test vigilance that rejects at least so many. Area: under the curve of known "
+        "At the least test vigilance that rejects at least so many. known + unknown: numbers of "
+        "answers. Area: under the curve of known "
         "ships right over unknown ships let through; 100 where every one is right before any "
         "unknown one is let through. Below each figure its 95 % Wilson interval, for that test "
-        "vigilance. Answers to known and to unknown ships are counted; in the interval those of "
-        "several draws count for less where they are alike for one view, or in one draw (Kish's "
-        "design effect).",
+        "vigilance, in which answers of several draws count for less where they are alike for one "
+        "view, or in one draw (Kish's design effect).",
         console,
     )
+
+
+def print_rates(rows: list[Row], console: Console) -> None:
+    """Print what is rejected and right at some test vigilances."""
+    rows = of_one(rows)
+    named = [axis for axis in several(rows) if axis.name != "test_vigilance"]
+    there = {row["test_vigilance"] for row in rows}
+    shown_ones = {nearest(tenth / 10, there) for tenth in range(11)}
+    table = sheet(
+        "Ships rejected and named correctly [%] by test vigilance",
+        *("test vigilance", "unknown rejected", "known rejected", "known correct"),
+        left=("classifier",),
+    )
+    for key, group in grouped(rows, ("classifier", *named)).items():
+        name = REJECTING.get(key[0], TITLES.get(key[0], printable(str(key[0]))))
+        label = ", ".join([name, *told(group[0], named)])
+        for row in group:
+            if row["test_vigilance"] in shown_ones:
+                figures = (row[f"percent_{figure}"] for figure in REJECTED)
+                texts = (NOTHING if one is None else f"{one:.0f}" for one in figures)
+                table.add_row(label, f"{row['test_vigilance']:g}", *texts)
+                label = ""
+    show(table, console)
+    note("Intervals and all test vigilances are in the CSV file.", console)
 
 
 def _with_interval(row: Row | None) -> str:

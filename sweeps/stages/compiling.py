@@ -30,7 +30,7 @@ def compile_loops(choices: Choices, functions: Functions, say: Callable[[str], N
     """Compile the loops that some stage functions run, except those already compiled."""
     for loops in _loops_of(choices, functions):
         if loops.are_missing():
-            say(f"compiling the loops of {loops.of}, once: some seconds")
+            say(f"compiling the loops of {loops.of} (once, a few seconds)")
             from ncti.compiled import keep  # numba takes long to import
 
             keep(loops)

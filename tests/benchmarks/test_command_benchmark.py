@@ -31,7 +31,7 @@ def swept(seconds, made):
     return commands.Swept(run, made, reused=0, work=seconds)
 
 
-def test_printed_stages_are_read_back():
+def test_printed_summaries_are_read_back():
     progress = {
         "a_stage_of_a_long_name": Progress(9, 2, 4, 3, 12.34),
         "quick": Progress(5, 0, 5, 0, 0.01),
@@ -43,13 +43,12 @@ def test_printed_stages_are_read_back():
         console.print("ship 1 2 3.0")
         console.print(summary(progress, 3.2))
         console.print("ncti-sweep: 2 cells failed")
-    one = [(0, 7, 0.0), (5, 0, 0.0), (4, 2, 12.3)]
-    assert list(commands.stages_printed(text.getvalue())) == 2 * one
+    assert list(commands.sweeps_printed(text.getvalue())) == 2 * [(9, 9, 12.3)]
 
 
 def test_a_command_that_tells_nothing_is_an_error(monkeypatch, tmp_path):
     monkeypatch.setattr(commands, "PROGRAM", ("-c", "print('tea')"))
-    with pytest.raises(RuntimeError, match="printed no table of its stages"):
+    with pytest.raises(RuntimeError, match="printed no summary of a sweep"):
         commands.sweep(["sensor=range"], tmp_path)
 
 

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -43,7 +44,7 @@ def listing(folder):
 
 def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
     reported = []
-    command = Command(SPRINGS, lambda path, choices: reported.append(path))
+    command = Command(SPRINGS, lambda path, choices, finished: reported.append((path, finished)))
     arguments = [
         "cache=cache",
         "cluster=inline",
@@ -53,12 +54,12 @@ def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
     assert command.main(arguments) == 0
     go(tmp_path / "t.zarr")
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
-    assert [one.name for one in reported] == ["s.zarr"]
+    assert [path.name for path, _ in reported] == ["s.zarr"]
     said = capsys.readouterr()
-    assert said.out == "" and "springs: 0 cells are at hand, 74 are to be made" in said.err
+    assert said.out == "" and "springs: 74 cells to compute, 0 reused from the cache" in said.err
     CALLS.clear()
     assert command.main(arguments) == 0 and not CALLS and len(reported) == 2
-    assert "springs: 74 cells are at hand, 0 are to be made" in capsys.readouterr().err
+    assert "springs: 0 cells to compute, 74 reused from the cache" in capsys.readouterr().err
 
 
 def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
@@ -66,7 +67,7 @@ def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
     said = capsys.readouterr().err
     assert "springs: failed: period stiffness=4 mass=1: ValueError: too [stiff]" in said
     assert said.splitlines()[-1] == (
-        "springs: 1 cells failed: period stiffness=4 mass=1 (ValueError: too [stiff])"
+        "springs: 1 cell failed: period stiffness=4 mass=1 (ValueError: too [stiff])"
     )
     assert start("store=s.zarr", "spring.limit=1.5") == 1 and CALLS["period"] == 1
 
@@ -167,7 +168,7 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     assert start(*asked) == 0
     assert listing(tmp_path) == {} and list(tmp_path.iterdir()) == []
     said = capsys.readouterr().out.split("\n")
-    assert said[-2] == "50 calls; new results unknown; work on one core unknown"
+    assert said[-2] == "50 calls to run; new results unknown; time on one core unknown"
     rows = {row.split()[0]: row.split()[1:] for row in said[1:-2]}
     assert rows == {
         "period": ["4", "0", "4"],
@@ -180,10 +181,12 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     before = listing(tmp_path)
     capsys.readouterr()
     assert start(*asked) == 0
-    assert capsys.readouterr().out.endswith("nothing to do: all cells are at hand\n")
+    assert capsys.readouterr().out.endswith(
+        "nothing to compute: all cells are in the cache or the store\n"
+    )
     assert start(*asked, "measured.rule=[max,mean,min]") == 0
     said = capsys.readouterr().out
-    assert "answers     24       16      8\n" in said and "4 calls; new results 0.00" in said
+    assert re.search(r"answers +24 +16 +8\n", said) and "4 calls to run; new results 0.00" in said
     # Without the cache, what the store has counts; that is what a run would find.
     assert start(*asked, "cache=new", "measured.rule=[max,mean,min]") == 0
     rows = [row.split() for row in capsys.readouterr().out.splitlines()]
@@ -203,7 +206,7 @@ def test_words_about_it(start, capsys, monkeypatch):
     assert capsys.readouterr().out == "springs unknown\n"
     assert Command(replace(SPRINGS, name="numpy")).main(["--version"]) == 0
     assert capsys.readouterr().out == f"numpy {metadata.version('numpy')}\n"
-    for words in (("--help",), ("--cfg", "job"), ("--cfg", "job", "spring.mass=7")):
+    for words in (("--cfg", "job"), ("--cfg", "job", "spring.mass=7")):
         assert start(*words) == 0
         said = capsys.readouterr().out
         assert "mass:" in said and ("mass: 7" in said) == ("spring.mass=7" in words)
@@ -284,7 +287,7 @@ def test_a_terminal_shows_bars_and_what_is_said_as_it_is(tmp_path, monkeypatch):
     os.close(reading)
     shown = b"".join(parts).decode()
     assert "a store [/bold] ä" in shown and "failed: period stiffness=4 mass=1" in shown
-    assert "4/4" in shown and "24/24" in shown and "work [s]" in shown
+    assert "74/74" in shown and "69 cells computed, 0 reused, 5 failed" in shown
 
 
 # processes ----------------------------------------------------------------------------------------
@@ -332,7 +335,7 @@ def test_printing_costs_no_results(ended):
     for name in PRINTED:
         assert files(stores[name]) == files(stores["closed"]) and (stores[name] / "tables").exists()
     out, error = ((ended["ascii"][0] / one).read_text() for one in ("out", "err"))
-    assert "s [bold] \\xe4.zarr [/bold]\\xe4" in out and "answers" in error
+    assert "s [bold] \\xe4.zarr [/bold]\\xe4" in out and "cells computed" in error
     assert "Traceback" not in out + error
 
 
@@ -341,7 +344,7 @@ def test_a_command_that_is_stopped_says_so_and_goes_on(ended, number):
     folder, status = ended[number]
     assert status == 128 + number
     said = (folder / "err").read_text()
-    last = f"springs: {SIGNALS[number]}; the same command goes on from here"
+    last = f"springs: {SIGNALS[number]}; the same command resumes the sweep"
     assert said.splitlines()[-1] == last and "Traceback" not in said
     assert not (folder / "s.zarr").exists()
     assert not [one for one in folder.iterdir() if one.name.endswith((".partial", ".lock"))]

@@ -182,7 +182,7 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
     if way == "gone":
         assert CALLS["noisy"] == 24  # the index knows it, and there is nothing to be said
     else:
-        assert any("kept results are damaged" in one for one in told.sentences)
+        assert any("results in the cache are damaged" in one for one in told.sentences)
         assert 0 < sum(CALLS.values()) <= 78
     assert files(tmp_path / "t.zarr") == before
     for one in finished.progress.values():
@@ -199,7 +199,7 @@ def test_many_damaged_cells_are_found_in_one_round(tmp_path):
     for file in packs(cache):
         damage(file, at=20)
     go(tmp_path / "t.zarr", cache, watch=told.watch)
-    assert told.sentences.count("74 kept results are damaged; they are made again") == 1
+    assert told.sentences.count("74 results in the cache are damaged and are computed again") == 1
 
 
 @pytest.mark.parametrize("kept", [True, False], ids=["with cache", "without cache"])
@@ -262,7 +262,9 @@ def test_a_full_cache_costs_no_results(tmp_path, monkeypatch):
     go(tmp_path / "s.zarr", tmp_path / "cache", watch=told.watch)
     go(tmp_path / "t.zarr", watch=told.watch)
     spilled = [one for one in told.sentences if "No space left" in one]
-    assert spilled == ["results are not kept: the cache takes none (No space left on device)"]
+    assert spilled == [
+        "results are not cached: the cache cannot be written (No space left on device)"
+    ]
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
     assert [one.name for one in tmp_path.iterdir() if one.name.startswith(".")] == []
 

@@ -285,7 +285,7 @@ def test_a_damaged_index_of_costs_does_not_stop_the_work(tmp_path):
 def test_what_happens_is_said(tmp_path):
     told = Told()
     go(tmp_path / "s.zarr", watch=told.watch)
-    assert told.sentences == ["0 cells are at hand, 74 are to be made"] and not told.failures
+    assert told.sentences == ["74 cells to compute, 0 reused from the cache"] and not told.failures
 
 
 PAGE = Path(__file__).parents[2] / "docs" / "engine.md"

@@ -12,7 +12,6 @@ from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, sw
 
 import ncti.ships
 from ncti.irar import Correction, Flight, fly, ship_heading
-from sweeps.report.command import write_pictures
 from sweeps.report.flight_figures import (
     BRIGHTEST,
     Place,
@@ -24,6 +23,7 @@ from sweeps.report.flight_figures import (
     scan_of,
     stages,
 )
+from sweeps.report.pictures import write_pictures
 from sweeps.report.rows import tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png", "validation.png"]

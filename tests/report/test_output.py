@@ -94,7 +94,7 @@ def test_an_ascii_screen_has_every_figure(store, monkeypatch):
     for row in figures:
         text = f"{float(row['percent_correct']):.0f} [{float(row['ci_low']):.0f}-"
         assert text in plain and text in whole
-    assert "+--" in plain and "┃" in whole
+    assert "\n----" in plain and "\n────" in whole
 
 
 @pytest.mark.parametrize("name", ["[red]x.zarr", "[/]x.zarr", "a b\x1b[31mc.zarr", "é\n.zarr"])

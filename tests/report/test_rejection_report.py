@@ -71,13 +71,17 @@ def test_the_screen_shows_figures_over_their_intervals():
     lines = screen.getvalue().splitlines()
     assert not re.search(r"\b(nan|None)\b", screen.getvalue())
     learned = [row for row in curve if row["aspects"] == "learned"]
-    shown = [k for k, line in enumerate(lines) if "learned" in line]
+    # A section for each kind of aspects, in it a row for each classifier and level of noise.
+    (begin,) = (k for k, line in enumerate(lines) if "learned" in line)
+    shown = [k for k in range(begin, len(lines)) if " + " in lines[k] and k < begin + 7]
     assert len(shown) == 3
     for k, first in zip(shown, range(0, 9, 3), strict=True):
         rows = learned[first : first + 3]
-        above = re.findall(r"[\d-]+", lines[k].partition("learned")[2])
+        label, _, figures_of = lines[k].partition("60 +")
+        above = re.findall(r"[\d-]+", figures_of)
         figures = [f"{row['percent_correct']:.0f}" for row in rows]
-        assert above == ["16", "60", *figures, f"{rows[0]['percent_area']:.0f}"]
+        assert above == [*figures, f"{rows[0]['percent_area']:.0f}"]
         ends = [f"{row['ci_low']:.0f}-{row['ci_high']:.0f}" for row in rows]
-        assert re.findall(r"[\d-]+", lines[k + 1]) == ["40", *ends]
-        assert rows[0]["cnr_db"] is None or f"│{rows[0]['cnr_db']:g} " in lines[k]
+        assert re.findall(r"[\d-]+", lines[k + 1])[-4:] == ["40", *ends]
+        noise = rows[0]["cnr_db"]
+        assert noise is None or f"cnr {noise:g} dB" in label

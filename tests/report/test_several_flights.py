@@ -3,11 +3,13 @@
 import io
 import re
 import warnings
+from itertools import takewhile
 
 import numpy as np
 import pytest
 import xarray as xr
 from made import scores, with_units
+from rich.cells import cell_len
 from rich.console import Console
 
 from sweeps.report.axes import axes_of, nominal
@@ -88,14 +90,22 @@ def printed(write, what, width=100):
 
 
 def cells_of(line):
-    return [cell.strip() for cell in line.strip("│┃\n ").split("│")]
+    """Cells of a printed line, between which are two blanks at least."""
+    return re.split(r" {2,}", line.strip())
+
+
+def rows_below(text, rule=0):
+    """Lines of a printed table, from one of the rules below headings to the next blank line."""
+    lines = text.splitlines()
+    begin = [k for k, line in enumerate(lines) if line.startswith("───")][rule] + 1
+    return [*takewhile(str.strip, lines[begin:])]
 
 
 def test_every_flight_has_its_row_among_those_named():
     made = tables(cnr=[5.0, 20.0], range=[3.0, 4.0])
     rows = measured_rows(made)
     text = printed(print_measured, rows)
-    found = [cells_of(line) for line in text.splitlines() if "│ measured" in line]
+    found = [cells_of(line) for line in text.splitlines() if "  measured  " in line]
     # pulse, classifier, range, cnr, kind, and the bins.
     expected = [
         (f"{width:g}", name.upper() if name == "acn" else name, f"{km:g}", f"{cnr:g}")
@@ -123,7 +133,7 @@ def test_every_flight_has_its_row_among_those_named():
             # A percent, of a tenth.
             assert figures == pytest.approx([middle, low, high], abs=0.56)
     # What is the same of all flights stands in one row.
-    learned = [cells_of(line) for line in text.splitlines() if "│ learned" in line]
+    learned = [cells_of(line) for line in text.splitlines() if "  learned  " in line]
     assert [line[2:4] for line in learned] == [["all", "all"]] * 4
 
 
@@ -132,16 +142,15 @@ def test_vigilances_have_rows_where_they_matter():
     for name in ("ship_accuracy", "ship_ci_low", "ship_ci_high"):
         made[name][{"classifier": 1}] = made[name].isel(classifier=1, vigilance=0)
     text = printed(print_measured, measured_rows(made))
-    lines = [cells_of(line) for line in text.splitlines() if "│ measured" in line]
+    lines = [cells_of(line) for line in text.splitlines() if "  measured  " in line]
     assert [line[2] for line in lines] == ["0.9", "0.95", "all"] * 2
 
 
 def test_tilts_by_each_image_stand_beside_the_joint_ones():
     """Means over draws, a row a flight: mast by both, intensity and infrared, then waterline."""
     made = validation(replicate=[0, 1], clutter=[0.0, 0.3])
-    lines = printed(print_flights, made, width=160).splitlines()
-    begin = next(k for k, line in enumerate(lines) if "by each alone" in line)
-    rows = [cells_of(line) for line in lines[begin:] if line.startswith("│")]
+    text = printed(print_flights, made, width=160)
+    rows = [*map(cells_of, rows_below(text[text.index("by each alone") :]))]
     expected = [(ship, level) for ship in made.ship.values for level in (0.0, 0.3)]
     assert [(row[0], float(row[1])) for row in rows[: len(expected)]] == expected
     names = [f"{by}{what}_tilt" for what in ("mast", "waterline")
@@ -244,17 +253,19 @@ def test_no_word_and_no_figure_is_cut(width):
     flights = validation(**MANY, ship=["roberts"], replicate=[0, 1])
     text = printed(print_flights, flights, width)
     assert "…" not in text
-    table = text[: text.index("Means over draws")]
+    assert max(map(cell_len, text.splitlines())) <= width
+    table = text[: text.index("Worst of")]
     words = [
         word for axis in axes_of(flights) if axis.name in MANY for word in axis.heading.split()
     ]
-    for word in (*words, "correlation", "waterline", "hangar", "looks", "histogram of all"):
-        assert re.search(rf"[\s┃│]{re.escape(word)}[\s┃│]", table), word
-    rows = [line for line in table.splitlines() if line.startswith("│")]
-    assert len(rows) == 2 ** len(MANY)  # a line each: no value is folded
+    words += ["correlation", "waterline", "hangar", "looks", "histogram", "of", "all"]
+    for word in words:
+        assert re.search(rf"\s{re.escape(word)},?\s", table), word
+    if width == 300:
+        assert len(rows_below(table)) == 2 ** len(MANY)  # a line each: no value is folded
     named = measured_rows(tables(cnr=MANY["cnr"], chain=["a_b", "c"]))
     text = printed(print_measured, named, width)
-    assert "…" not in text and "a b" in text and "[dB]" in text
+    assert "…" not in text and "a b" in " ".join(text.split()) and "[dB]" in text
 
 
 def test_landmarks_of_a_ship_without_her_sister_stand_beside_herself_noiseless():
@@ -268,7 +279,7 @@ def test_landmarks_of_a_ship_without_her_sister_stand_beside_herself_noiseless()
             f"{float(one[name].sel(source=k)):.{digits}f}" for k in ("noiseless", "measured")
         ]
         lines = [cells_of(line) for line in text.splitlines() if words in line]
-        assert any(line[2:] == figures for line in lines), name
+        assert any(line[-len(figures) :] == figures for line in lines), name
     # Nothing is put in.
     assert "inputs, no results" not in text
 
@@ -276,7 +287,7 @@ def test_landmarks_of_a_ship_without_her_sister_stand_beside_herself_noiseless()
 def test_what_is_put_in_has_columns_of_its_own_beside_the_sister():
     flights = validation(transom_gain=[0.0, 1.0], mast_gain=[1.0, 3.0])
     text = printed(print_flights, flights, 200)
-    assert "Duncan, synthetic, 3.9 km; Roberts, flown past, 3.9 km" in text
+    assert "Duncan, synthetic, 3.9 km; Roberts, flown past, 3.9 km" in " ".join(text.split())
     near = flights.isel(aspect=0, range=0)
     duncan, roberts = (near.sel(ship=name) for name in ("duncan", "roberts"))
     plain = {"transom_gain": 1.0, "mast_gain": 1.0}
@@ -290,7 +301,7 @@ def test_what_is_put_in_has_columns_of_its_own_beside_the_sister():
     for name, (words, digits, _) in LANDMARKS.items():
         figures = [f"{float(one[name]):.{digits}f}" for one in ones]
         lines = [cells_of(line) for line in text.splitlines() if words in line]
-        assert any(line[2:] == figures for line in lines), name
+        assert any(line[-len(figures) :] == figures for line in lines), name
     assert "masts*" in text and "inputs, no results" in text
 
 

@@ -213,7 +213,7 @@ def test_a_part_of_a_default_in_steps_is_changed_alone(setting, composed):
     assert values == (0, setting.default["stop"] / 2, setting.default["stop"])
 
 
-def test_a_wrong_command_ends_with_one_line_and_leaves_nothing(folder, capsys):
+def test_a_wrong_command_ends_with_one_sentence_and_leaves_nothing(folder, capsys):
     for arguments in (
         ["infrared.nedt=nan", "store=s.zarr", "cache=cache"],
         ["-m", "grid.aspect=[0],[400]", "grid.ship=duncan"],
@@ -223,6 +223,7 @@ def test_a_wrong_command_ends_with_one_line_and_leaves_nothing(folder, capsys):
         assert ran(*arguments) == 2
         printed = capsys.readouterr()
         assert printed.out == ""
-        assert printed.err.startswith(f"{COMMAND.name}: ")
-        assert printed.err.count("\n") == 1 and "Traceback" not in printed.err
+        first, sentence = printed.err.splitlines()
+        assert first == f"{COMMAND.name}: reading the configuration"
+        assert sentence.startswith(f"{COMMAND.name}: ") and "Traceback" not in sentence
         assert list(folder.iterdir()) == []

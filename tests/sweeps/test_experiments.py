@@ -1,14 +1,21 @@
 """Every configuration file composes, and every experiment runs, however little of it."""
 
+import io
+import re
+
 import numpy as np
 import pytest
 from commands import FAST, chosen, groups_of, ran
 from declared_values import ends
+from rich.cells import cell_len
+from rich.console import Console
 
 from ncti.render import available_engines
 from ncti.render.choice import engines
 from sweeps.engine.kinds import Word
 from sweeps.experiment import EXPERIMENT, conf_folder
+from sweeps.report.command import report
+from sweeps.report.parts import parts_of
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.irar import Irar
 from sweeps.stages.ladar import Ladar
@@ -133,6 +140,8 @@ def test_every_experiment_runs(name, folder, results, capsys):
     fast = [] if name == "runtime_vs_error" else FAST
     arguments = [*fast, *TINY[name], "store=s.zarr", f"cache={results}"]
     assert ran(f"+experiment={name}", *arguments) == 0, capsys.readouterr().err
+    assert_on_a_page(capsys.readouterr().out)
+    assert_tables_fit(folder / "s.zarr")
     groups = groups_of(folder / "s.zarr")
     flown = ["roberts"] if name == "measured" else None
     assert any(group.startswith("status") for group in groups)
@@ -141,6 +150,24 @@ def test_every_experiment_runs(name, folder, results, capsys):
             if group.startswith("status"):
                 assert np.isin(values, [1, NOT_ASKED.get((name, group), 1)]).all(), variable
             assert np.isfinite(asked(values, group, flown)).all(), (group, variable)
+
+
+def assert_on_a_page(text):
+    """The end of a sweep is at most a page of 80 columns, and says where everything is."""
+    lines = text.splitlines()
+    assert len(lines) <= 40 and max(map(cell_len, lines)) <= 80
+    assert "Swept" in text and "store   s.zarr" in lines and "next    ncti-report s.zarr" in lines
+
+
+def assert_tables_fit(store):
+    """Every table is printed in 80 columns, alone or with all others, and none repeats rows."""
+    for table in (None, *(part.name for part in parts_of(store))):
+        console = Console(file=io.StringIO(), width=80)
+        report(store, console, table=table)
+        lines = console.file.getvalue().splitlines()
+        assert max(map(cell_len, lines)) <= 80, table
+        figures = [line for line in lines if re.search(r"\d", line) and not line.startswith("  ")]
+        assert max(map(figures.count, figures), default=0) < 24, table
 
 
 # Ships that are not flown past have no answers.

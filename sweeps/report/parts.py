@@ -1,0 +1,171 @@
+"""Everything that a store has tables of: the name of a file, its rows, and what prints them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import xarray as xr
+from rich.console import Console
+
+from sweeps.engine.errors import ConfigurationError
+from sweeps.report import flights, rows, scans, silhouettes, tables
+from sweeps.report.axes import OF_ARRAYS
+from sweeps.report.others import other_rows, print_other
+from sweeps.report.rows import Row
+from sweeps.report.screen import FILES, note
+
+OTHER_VIEWS = "The source's figures are for its own 124 views: four ships, bow to beam."
+REJECTION = "rejection_"
+OWN = {"acn_infrared", "fusion", "detection", "super_resolution", "measured", "scan"}
+"""Groups of tables that are reported in a way of their own."""
+CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")  # of range profiles, the known ones first
+
+# Of groups of tables: names of files, and what makes and prints their rows.
+TABLES: dict[str, tuple[tuple[str, Callable[..., list[Row]], Callable[..., None]], ...]] = {
+    "acn": (
+        ("categories", tables.category_rows, tables.print_categories),
+        ("accuracy", tables.accuracy_rows, tables.print_accuracy),
+    ),
+    "fusion": (("fusion", silhouettes.fusion_rows, silhouettes.print_fusion),),
+    "acn_infrared": (
+        (
+            "infrared_categories",
+            silhouettes.silhouette_category_rows,
+            silhouettes.print_silhouette_categories,
+        ),
+        (
+            "infrared_accuracy",
+            silhouettes.silhouette_accuracy_rows,
+            silhouettes.print_silhouette_accuracy,
+        ),
+    ),
+    "super_resolution": (
+        (
+            "infrared_super_resolution",
+            silhouettes.reconstruction_rows,
+            silhouettes.print_reconstruction,
+        ),
+    ),
+    "measured": (("measured", flights.measured_rows, flights.print_measured),),
+    "scan": (("scan", scans.scan_rows, scans.print_scan),),
+}
+BESIDE = {"acn", "acn_infrared"}  # figures of the source's views
+
+
+class Part(NamedTuple):
+    """A table of a store.
+
+    One that is not `listed` has its figures in another one, too; it is printed when asked for.
+    `whole` prints all of its rows, where `write` leaves some out.
+    """
+
+    name: str
+    rows: list[Row]
+    write: Callable[[Console], None]
+    listed: bool = True
+    whole: Callable[[Console], None] | None = None
+
+
+def parts_of(path: Path) -> list[Part]:
+    """Return the tables of a store. Raises ConfigurationError if it has none or cannot be read."""
+    refusal = (
+        f"store is {str(path)!r}, but must be the zarr store of a sweep with its tables written"
+    )
+    try:
+        found = [part for part in _parts(path) if part.rows]
+    # Whatever zarr and xarray raise of files that are damaged or of something else.
+    except Exception as error:
+        why = f"{type(error).__name__}: {error}".split("\n")[0]
+        raise ConfigurationError(f"{refusal} ({why})") from error
+    if not found:
+        raise ConfigurationError(refusal)
+    return found
+
+
+def chosen(parts: Iterable[Part], name: str) -> Part:
+    """Return the table of a name. Raises ConfigurationError, which lists the names."""
+    by_name = {part.name: part for part in parts}
+    if name not in by_name:
+        raise ConfigurationError(f"table is {name!r}, but must be one of {', '.join(by_name)}")
+    return by_name[name]
+
+
+def failed_cells(path: Path) -> dict[str, str]:
+    """Return the names of cells that failed, with the reason of each, as a store has them."""
+    return dict(rows.opened(path).attrs.get("failures", {}))
+
+
+def _parts(path: Path) -> Iterator[Part]:
+    store = rows.opened(path)
+    top, names = rows.groups(store), rows.groups(store, "tables")
+    read = {name: rows.read(store, f"tables/{name}").load() for name in names}
+    named = [name for name in set(names) - OWN if tables.names_profiles(read[name])]
+    several = bool(set(named) - {"acn"})
+    for part in _of(read, "acn"):
+        yield part._replace(listed=part.name != "accuracy" or not several)
+    if several:
+        named.sort(key=lambda name: ([*CLASSIFIERS, name].index(name), name))
+        found = tables.classifier_rows({name: read[name] for name in named})
+        yield Part("classifiers", found, partial(tables.print_classifiers, found))
+    yield from _of(read, "fusion")
+    if "infrared" in top and "detection" in read:
+        given = store.attrs["configuration"]["infrared"]
+        found = silhouettes.sensor_rows(rows.read(store, "infrared"), given)
+        yield Part("infrared_sensor", found, partial(silhouettes.print_sensor, found))
+        yield from _of(read, "acn_infrared")  # not where the network names no silhouettes
+        found = silhouettes.detection_rows(read["detection"])
+        alarms = rows.setting(read["detection"], given, "false_alarm")
+        write = partial(silhouettes.print_detection, found, alarms)
+        yield Part("infrared_detection", found, write)
+        yield from _of(read, "super_resolution")
+    rejected = {name: read[name] for name in names if name.startswith(REJECTION)}
+    if rejected:
+        by_name = {name.removeprefix(REJECTION): table for name, table in rejected.items()}
+        found = tables.rejection_rows(by_name)
+        yield Part("rejection", found, partial(tables.print_rates, found), listed=False)
+        found = tables.curve_rows(by_name)
+        yield Part("rejection_curve", found, partial(tables.print_rejection, found))
+    if "validation" in top:
+        flown = without_arrays(rows.read(store, "validation")).load()
+        found = flights.flight_rows(flown)
+        yield Part("flights", found, partial(flights.print_flights, flown))
+    yield from _of(read, "measured")
+    yield from _of(read, "scan")
+    for name in names:
+        if {name} & {*named, *OWN, *rejected}:
+            continue
+        found = other_rows(without_arrays(read[name]))
+        title = str(read[name].attrs.get("title", name.replace("_", " ").capitalize()))
+        file = f"{name}_table" if name in FILES else name
+        yield _other(file, title, found)
+
+
+def _other(name: str, title: str, found: list[Row]) -> Part:
+    """A table that is printed by the names it has."""
+    write = partial(print_other, title, found)
+    return Part(name, found, write, whole=partial(write, most=None))
+
+
+def _of(read: Mapping[str, xr.Dataset], group: str) -> Iterator[Part]:
+    """The tables of a group, if a store has it, and a word where its views are not the source's."""
+    if group in read:
+        beside = group in BESIDE and not rows.has_source_views(read[group])
+        for file, made, write in TABLES[group]:
+            found = made(read[group])
+            printed = partial(write, found)
+            yield Part(file, found, partial(_noted, printed, found) if beside else printed)
+
+
+def _noted(write: Callable[[Console], None], found: list[Row], console: Console) -> None:
+    """Print a table, and that the source's figures in it are of other views."""
+    write(console)
+    if any(figure is not None for row in found for key, figure in row.items() if "source_" in key):
+        note(OTHER_VIEWS, console)
+
+
+def without_arrays(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a data set without profiles and images, which are no figures."""
+    return dataset.drop_vars([name for name in dataset if set(dataset[name].dims) & set(OF_ARRAYS)])

@@ -1,0 +1,141 @@
+"""The page at the end of a sweep: what was swept, one table, where the rest is, and what to try."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from rich.cells import cell_len
+from rich.console import Console
+
+from sweeps.engine.kinds import Count, Number
+from sweeps.engine.settings import Choices, Setting
+from sweeps.report.axes import printable, shown
+from sweeps.report.headline import headline
+from sweeps.report.parts import Part, failed_cells, parts_of
+from sweeps.report.rows import page_file, tables_folder
+from sweeps.report.screen import line, note, page, write_tables
+from sweeps.stages.views import Grid
+
+VARIED = (Grid.pulse_width, Grid.frame_count, Grid.vigilance, Grid.range, Grid.aspect)
+"""Settings of which the example of a next command may have one more value."""
+LABEL = " " * len("store   ")
+LONGEST_LIST = 8  # values of a list in that example
+
+
+def summarize(
+    path: Path,
+    choices: Choices,
+    axes: Mapping[str, int],
+    console: Console,
+    *,
+    given: Sequence[str] = (),
+) -> None:
+    """Write the tables of a finished store beside it, and print a page on it.
+
+    `axes` are the numbers of values of what was swept, by key, and `given` the arguments of the
+    command. Raises ConfigurationError if the store has no tables, and OSError if tables cannot be
+    written; the page is printed all the same.
+    """
+    parts = parts_of(path)
+    failure = write_parts(path, parts)
+    with page(console) as aside:
+        note(f"\n{swept(axes)}", aside)
+        headline(path, parts, aside)
+        print_places(path, parts, aside)
+        for number, words in enumerate(next_commands(path, parts, choices, axes, given)):
+            first = f"{'' if number else 'next':<{len(LABEL)}}"
+            line(first + continued(words, aside.width), aside)
+    if failure:
+        raise failure
+
+
+def write_parts(path: Path, parts: Iterable[Part]) -> OSError | None:
+    """Write the tables of a store as CSV files beside it; return the error if it cannot."""
+    try:
+        write_tables(tables_folder(path), {part.name: part.rows for part in parts})
+    except OSError as error:
+        return error
+    return None
+
+
+def swept(axes: Mapping[str, int]) -> str:
+    """Return what was swept in words: the keys of the axes with their numbers of values."""
+    listed = ", ".join(f"{key} ({count})" for key, count in axes.items())
+    return (
+        f"Swept (numbers of values): {listed}."
+        if listed
+        else "Swept: nothing; every setting has one value."
+    )
+
+
+def print_places(path: Path, parts: Sequence[Part], console: Console) -> None:
+    """Print where a store, its tables and its page are, and how many of its cells failed."""
+    line("", console)
+    if failed := failed_cells(path):
+        count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
+        line(f"failed  {count}: the tables are of the others", console)
+    line(f"store   {located(path)}", console)
+    count = f"{len(parts)} CSV file" + "s" * (len(parts) > 1)
+    line(f"tables  {located(tables_folder(path))} ({count})", console)
+    if page_file(path).is_file():
+        line(f"report  {located(page_file(path))}", console)
+
+
+def located(path: Path) -> str:
+    """Return a path as it is shortest from the current folder, its control characters escaped."""
+    here = Path.cwd()
+    return printable(str(path.relative_to(here) if path.is_relative_to(here) else path))
+
+
+def next_commands(
+    path: Path,
+    parts: Sequence[Part],
+    choices: Choices,
+    axes: Mapping[str, int],
+    given: Sequence[str],
+) -> list[list[str]]:
+    """Return the words of commands to try: all tables, one of them, and one more value on an axis.
+
+    They are quoted for a shell.
+    """
+    store = shlex.quote(located(path))
+    longest = max((part for part in parts if part.listed), key=lambda part: len(part.rows)).name
+    found = [["ncti-report", store], ["ncti-report", store, "--table", longest]]
+    if any(one.startswith("-") for one in given) or not given:
+        return found  # a multirun, or not of a command line
+    for setting in VARIED:
+        values = extended(setting, choices) if setting.key in axes else None
+        if values:
+            kept = [
+                one
+                for one in given
+                if one.lstrip("+~").partition("=")[0] not in (setting.key, "store")
+            ]
+            listed = ",".join(map(shown, values))
+            words = ["ncti-sweep", *kept, f"{setting.key}=[{listed}]", f"store={located(path)}"]
+            return [*found, [shlex.quote(printable(word)) for word in words]]
+    return found
+
+
+def continued(words: Sequence[str], width: int) -> str:
+    """Return a command in lines of some width, each but the last continued by a backslash."""
+    lines = [words[0]]
+    for word in words[1:]:
+        if cell_len(f"{LABEL}{lines[-1]} {word} \\") > width:
+            lines.append(f"  {word}")
+        else:
+            lines[-1] += f" {word}"
+    return f" \\\n{LABEL}".join(lines)
+
+
+def extended(setting: Setting, choices: Choices) -> list[float] | None:
+    """Return the values of a setting and one between the last two, or none if the list is long."""
+    values = [one for one in choices[setting] if isinstance(one, int | float)]
+    if not 1 < len(values) < LONGEST_LIST or not isinstance(setting.kind, Number):
+        return None
+    new = float(f"{(values[-2] + values[-1]) / 2:.6g}")
+    if isinstance(setting.kind, Count):
+        new = round(new)
+    return None if new in values else [*values[:-1], new, values[-1]]
