@@ -11,7 +11,9 @@ from documentation import PAGES, ROOT, blocks, commands
 README = ROOT / "README.md"
 
 
-def test_the_lines_that_open_a_store_draw_four_curves(smoke_store, tmp_path, monkeypatch):
+def test_the_lines_that_open_a_store_draw_four_views_of_its_ships(
+    smoke_store, tmp_path, monkeypatch
+):
     mpl.use("Agg")
     (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
     monkeypatch.chdir(tmp_path)
@@ -20,8 +22,9 @@ def test_the_lines_that_open_a_store_draw_four_curves(smoke_store, tmp_path, mon
     exec(compile(code, "README.md", "exec"), namespace)
     from matplotlib import pyplot as plt
 
-    assert len(plt.gca().lines) == 4
-    label = " ".join(plt.gca().get_xlabel().split())
+    panels = plt.gcf().axes
+    assert [len(panel.lines) for panel in panels] == [2] * 4
+    label = " ".join(panels[0].get_xlabel().split())
     assert label == "down-range from the ship origin [m]"
     plt.close("all")
 
@@ -52,7 +55,7 @@ COMMANDS = [
 @pytest.mark.parametrize("line", COMMANDS)
 def test_every_command_is_a_configuration_that_would_run(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert len(COMMANDS) >= 5
+    assert len(COMMANDS) >= 2
     assert prepared(*shlex.split(line)[1:])
     assert list(tmp_path.iterdir()) == []
 
