@@ -20,7 +20,7 @@ from toys import SPRINGS
 from sweeps.engine.command import Command
 
 
-def report(store, choices):
+def report(store, choices, finished):
     """Print what not every terminal can show."""
     print(f"report of {store} [/bold]ä")
 

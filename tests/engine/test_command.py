@@ -43,7 +43,7 @@ def listing(folder):
 
 def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
     reported = []
-    command = Command(SPRINGS, lambda path, choices: reported.append(path))
+    command = Command(SPRINGS, lambda path, choices, finished: reported.append((path, finished)))
     arguments = [
         "cache=cache",
         "cluster=inline",
@@ -53,7 +53,7 @@ def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
     assert command.main(arguments) == 0
     go(tmp_path / "t.zarr")
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
-    assert [one.name for one in reported] == ["s.zarr"]
+    assert [path.name for path, _ in reported] == ["s.zarr"]
     said = capsys.readouterr()
     assert said.out == "" and "springs: 0 cells are at hand, 74 are to be made" in said.err
     CALLS.clear()
