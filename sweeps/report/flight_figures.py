@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from textwrap import fill
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
@@ -36,6 +35,9 @@ from sweeps.report.style import (
 from sweeps.stages.irar import FLOWN, RATES, RECORDED, scan_again, surface
 from sweeps.stages.ships import ship_name
 from sweeps.stages.views import hull, read_mesh
+
+if TYPE_CHECKING:
+    import trimesh
 
 STRIPES = 12.0  # m of range that run once through the colours, as in the source's images
 MARGIN = 12  # pixels around the ship in corrected images

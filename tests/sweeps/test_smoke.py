@@ -118,7 +118,8 @@ def test_tables_are_written_as_csv(smoke_store):
         path.stem: list(csv.DictReader(path.open()))
         for path in smoke_store.with_name("sweep-tables").glob("*.csv")
     }
-    assert len(read) == 9
+    assert len(read) == 10
+    assert {row["stage"] for row in read["stages"]} >= {"extent", "acn", "fusion"}
     assert len(read["categories"]) == 3 * 2
     source = {row["source_categories"] for row in read["categories"] if row["vigilance"] == "0.95"}
     assert source == {"26", "18", "16"}
