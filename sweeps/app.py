@@ -120,8 +120,8 @@ def report_page(store: Path, finished: Finished) -> None:
     """Write the report page of a finished store, unless the one beside it is of the same store."""
     from sweeps.engine.process import say
     from sweeps.report.command import write_report
-    from sweeps.report.page.work import write_work
     from sweeps.report.page.write import is_current
+    from sweeps.report.work import write_work
 
     if not finished.written and is_current(store):
         return

@@ -8,10 +8,13 @@ from importlib import import_module
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 import pytest
+import trimesh
 from commands import FAST, prepared, ran
 from documentation import DOCS, PAGES, ROOT, commands, fences, text_of
 
+import ncti.ships
 from sweeps.experiment import EXPERIMENT
 from sweeps.report.figures import KINDS
 
@@ -41,11 +44,20 @@ def imported(name):
     return module
 
 
+def of_user(path):
+    """A ship as downloads are: in millimetres, and y is up."""
+    mesh = ncti.ships.load("duncan")
+    x, y, z = 1000 * mesh.vertices.T
+    trimesh.Trimesh(np.column_stack([x, z, -y]), mesh.faces, process=False).export(path)
+
+
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
 def test_what_is_on_the_page_runs(page, smoke_store, results, tmp_path, monkeypatch, capsys):
     """Code is executed, scripts of the page are run, and other commands composed, in order."""
     mpl.use("Agg")
     (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
+    if "hull.stl" in text_of(page):
+        of_user(tmp_path / "hull.stl")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     namespace = {}
@@ -55,7 +67,7 @@ def test_what_is_on_the_page_runs(page, smoke_store, results, tmp_path, monkeypa
         elif language == "python":
             exec(compile(block, page.name, "exec"), namespace)
         for line in commands(block, "ncti-sweep") if language == "sh" else ():
-            if " --" not in line:
+            if not re.search(r" (--|-sc)", line):  # options that print something and end
                 assert prepared(*shlex.split(line)[1:]), line
         for line in commands(block, "python") if language == "sh" else ():
             name, *arguments = shlex.split(line)[1:]
@@ -97,7 +109,7 @@ def test_names_on_the_page_exist(page):
 
 
 GROUPS = {one.key.partition(".")[0] for one in EXPERIMENT.declared if "." in one.key}
-KEYS = {one.key for one in EXPERIMENT.declared}
+KEYS = {one.key for setting in EXPERIMENT.declared for one in (setting, *setting.entries)}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

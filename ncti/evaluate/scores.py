@@ -220,7 +220,7 @@ def accuracy_by_aspect(
     Notes
     -----
     All ships and aspects of a bin are pooled. "Overall" pools all answers, so that bins are
-    weighted by their number of aspects: 10, 10 and 11 of the 31 aspects of the article.
+    weighted by their number of aspects: 10, 10 and 11 of 31 aspects from 0 to 90 degrees.
 
     Examples
     --------

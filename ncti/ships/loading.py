@@ -192,7 +192,18 @@ class Description:
     findings : tuple of str
         What looks wrong, as "lies on its side"; empty where nothing does.
     mend : Transform or None
-        Transform of the file that would mend all of that, instead of the one given.
+        Transform of the file that would correct all of that, instead of the one given.
+
+    See Also
+    --------
+    describe : Makes them.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> ship = ncti.ships.describe("texas")
+    >>> f"{ship.name}: {ship.length:.1f} m, {ship.findings}"
+    'texas: 178.3 m, ()'
     """
 
     name: str

@@ -88,9 +88,8 @@ def report(path: Path, console: Console, *, table: str | None = None) -> None:
     store cannot be read, has no tables or not that one, and OSError if tables cannot be written
     beside it; they are printed all the same.
     """
-    from sweeps.report.parts import chosen, parts_of
+    from sweeps.report.parts import chosen, parts_of, print_places, write_parts
     from sweeps.report.screen import explain, note, page, unforeseen
-    from sweeps.report.summary import print_places, write_parts
 
     parts = parts_of(path)
     shown = [part for part in parts if part.listed] if table is None else [chosen(parts, table)]

@@ -20,8 +20,17 @@ from scipy.ndimage import label as connected
 import ncti.ships
 from ncti import irar
 from ncti.irar import Correction, Scan, Snapshot
-from sweeps.report.axes import nominal, shown, which
-from sweeps.report.flights import GAINS, SISTERS, STERN, TITLED, flown_past, put_in
+from sweeps.report.axes import nominal, which
+from sweeps.report.flights import (
+    GAINS,
+    SISTERS,
+    STERN,
+    TITLED,
+    Place,
+    flown_past,
+    put_in,
+    titled_place,
+)
 from sweeps.report.rows import setting
 from sweeps.report.style import (
     HEADING,
@@ -55,20 +64,6 @@ MARKED = (  # m past the hangar, height, what is there
     *((45, 0.76, "main mast"), (61, 0.32, "bridge")),
 )
 NARROW = 24  # letters of a title over a narrow panel
-
-
-@dataclass(frozen=True)
-class Place:
-    """A flight of a store: its ship's label, aspect [deg] and range [km]; nominal on other axes."""
-
-    ship: str
-    aspect: float
-    range: float
-
-    @property
-    def title(self) -> str:
-        """For people."""
-        return f"{shown(self.ship).capitalize()} at {self.range:g} km, aspect {self.aspect:g}°"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -332,11 +327,6 @@ def draw_validation(flights: xr.Dataset) -> Figure:
         axes.legend(frameon=False, fontsize=LABEL, loc="upper right")
         bare(axes)
     return figure
-
-
-def titled_place(one: xr.Dataset) -> str:
-    """Return ship, range and aspect of one flight, for a title."""
-    return Place(str(one.ship.item()), float(one.aspect), float(one.range)).title
 
 
 def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:

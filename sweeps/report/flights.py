@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -67,6 +68,25 @@ TITLED = ("ship", "aspect", "range")  # told in every title
 GAINS = ("transom_gain", "mast_gain")
 INSIDE = ("error", "error_parameter", "error_value", "autofocus")  # a table of sensitivities
 NAMED = ("pulse_width_ns", "classifier", "kind")  # of measured profiles
+
+
+@dataclass(frozen=True)
+class Place:
+    """A flight of a store: its ship's label, aspect [deg] and range [km]; nominal on other axes."""
+
+    ship: str
+    aspect: float
+    range: float
+
+    @property
+    def title(self) -> str:
+        """Ship, range and aspect, for a title."""
+        return f"{shown(self.ship).capitalize()} at {self.range:g} km, aspect {self.aspect:g}°"
+
+
+def titled_place(one: xr.Dataset) -> str:
+    """Return ship, range and aspect of one flight, for a title."""
+    return Place(str(one.ship.item()), float(one.aspect), float(one.range)).title
 
 
 def flight_rows(flights: xr.Dataset) -> list[Row]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -12,10 +13,11 @@ from rich.console import Console
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.report import flights, rows, scans, silhouettes, tables
-from sweeps.report.axes import OF_ARRAYS
+from sweeps.report.axes import OF_ARRAYS, printable
 from sweeps.report.others import other_rows, print_other
-from sweeps.report.rows import Row
-from sweeps.report.screen import FILES, note
+from sweeps.report.rows import Row, page_file, tables_folder
+from sweeps.report.screen import FILES, line, note, write_tables
+from sweeps.report.work import COLUMNS, print_work, read_work
 
 OTHER_VIEWS = "The source's figures are for its own 124 views: four ships, bow to beam."
 REJECTION = "rejection_"
@@ -82,6 +84,9 @@ def parts_of(path: Path) -> list[Part]:
         raise ConfigurationError(f"{refusal} ({why})") from error
     if not found:
         raise ConfigurationError(refusal)
+    work = [dict(zip(COLUMNS, astuple(one), strict=True)) for one in read_work(path)]
+    if work:
+        found.append(Part("stages", work, partial(print_work, work), listed=False))
     return found
 
 
@@ -96,6 +101,34 @@ def chosen(parts: Iterable[Part], name: str) -> Part:
 def failed_cells(path: Path) -> dict[str, str]:
     """Return the names of cells that failed, with the reason of each, as a store has them."""
     return dict(rows.opened(path).attrs.get("failures", {}))
+
+
+def write_parts(path: Path, parts: Iterable[Part]) -> OSError | None:
+    """Write the tables of a store as CSV files beside it; return the error if it cannot."""
+    try:
+        write_tables(tables_folder(path), {part.name: part.rows for part in parts})
+    except OSError as error:
+        return error
+    return None
+
+
+def print_places(path: Path, parts: Sequence[Part], console: Console) -> None:
+    """Print where a store, its tables and its page are, and how many of its cells failed."""
+    line("", console)
+    if failed := failed_cells(path):
+        count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
+        line(f"failed  {count}: the tables are of the others", console)
+    line(f"store   {located(path)}", console)
+    count = f"{len(parts)} CSV file" + "s" * (len(parts) > 1)
+    line(f"tables  {located(tables_folder(path))} ({count})", console)
+    if page_file(path).is_file():
+        line(f"report  {located(page_file(path))}", console)
+
+
+def located(path: Path) -> str:
+    """Return a path as it is shortest from the current folder, its control characters escaped."""
+    here = Path.cwd()
+    return printable(str(path.relative_to(here) if path.is_relative_to(here) else path))
 
 
 def _parts(path: Path) -> Iterator[Part]:

@@ -28,7 +28,7 @@ PUT_IN = "* Put in: what the transom and the masts reflect, over the rest of the
 FILES = (
     *("categories", "accuracy", "classifiers", "fusion", "infrared_sensor", "infrared_categories"),
     *("infrared_accuracy", "infrared_detection", "infrared_super_resolution", "rejection"),
-    *("rejection_curve", "flights", "measured", "scan"),
+    *("rejection_curve", "flights", "measured", "scan", "stages"),
 )
 WRITTEN = ".written"  # digests and names of a folder's files, as of sha256sum
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # with which a spreadsheet takes a cell for a formula

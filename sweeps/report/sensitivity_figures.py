@@ -9,8 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from sweeps.report.axes import nominal, which
-from sweeps.report.flight_figures import titled_place
-from sweeps.report.flights import TITLED, flown_past
+from sweeps.report.flights import TITLED, flown_past, titled_place
 from sweeps.report.style import LABEL, OURS, SMALL, THEIRS, bare, key_below, nested, titled
 
 UNITS = {"aircraft_speed": "%", "ship_speed": "m/s"} | dict.fromkeys(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.cells import cell_len
@@ -13,9 +13,8 @@ from sweeps.engine.kinds import Count, Number
 from sweeps.engine.settings import Choices, Setting
 from sweeps.report.axes import printable, shown
 from sweeps.report.headline import headline
-from sweeps.report.parts import Part, failed_cells, parts_of
-from sweeps.report.rows import page_file, tables_folder
-from sweeps.report.screen import line, note, page, write_tables
+from sweeps.report.parts import Part, located, parts_of, print_places, write_parts
+from sweeps.report.screen import line, note, page
 from sweeps.stages.views import Grid
 
 VARIED = (Grid.pulse_width, Grid.frame_count, Grid.vigilance, Grid.range, Grid.aspect)
@@ -51,15 +50,6 @@ def summarize(
         raise failure
 
 
-def write_parts(path: Path, parts: Iterable[Part]) -> OSError | None:
-    """Write the tables of a store as CSV files beside it; return the error if it cannot."""
-    try:
-        write_tables(tables_folder(path), {part.name: part.rows for part in parts})
-    except OSError as error:
-        return error
-    return None
-
-
 def swept(axes: Mapping[str, int]) -> str:
     """Return what was swept in words: the keys of the axes with their numbers of values."""
     listed = ", ".join(f"{key} ({count})" for key, count in axes.items())
@@ -68,25 +58,6 @@ def swept(axes: Mapping[str, int]) -> str:
         if listed
         else "Swept: nothing; every setting has one value."
     )
-
-
-def print_places(path: Path, parts: Sequence[Part], console: Console) -> None:
-    """Print where a store, its tables and its page are, and how many of its cells failed."""
-    line("", console)
-    if failed := failed_cells(path):
-        count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-        line(f"failed  {count}: the tables are of the others", console)
-    line(f"store   {located(path)}", console)
-    count = f"{len(parts)} CSV file" + "s" * (len(parts) > 1)
-    line(f"tables  {located(tables_folder(path))} ({count})", console)
-    if page_file(path).is_file():
-        line(f"report  {located(page_file(path))}", console)
-
-
-def located(path: Path) -> str:
-    """Return a path as it is shortest from the current folder, its control characters escaped."""
-    here = Path.cwd()
-    return printable(str(path.relative_to(here) if path.is_relative_to(here) else path))
 
 
 def next_commands(
@@ -101,7 +72,7 @@ def next_commands(
     They are quoted for a shell.
     """
     store = shlex.quote(located(path))
-    longest = max((part for part in parts if part.listed), key=lambda part: len(part.rows)).name
+    longest = max(parts, key=lambda part: (part.listed, len(part.rows))).name
     found = [["ncti-report", store], ["ncti-report", store, "--table", longest]]
     if any(one.startswith("-") for one in given) or not given:
         return found  # a multirun, or not of a command line

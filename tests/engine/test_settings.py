@@ -206,7 +206,7 @@ def test_the_table_of_settings_has_each_of_them():
     )
     assert (
         "| `dry_run` | false |  | one of true, false; one value: it says where or how to run | "
-        "whether only to say what would be done |"
+        "only print what would be computed |"
     ) in rows
 
 

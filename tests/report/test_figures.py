@@ -107,7 +107,7 @@ def test_lines_are_the_tables(smoke_store):
     overall = figure.axes[-1]
     handles, labels = overall.get_legend_handles_labels()
     lines = dict(zip(labels, handles, strict=True))
-    assert {"ACN", "MNN, ship and aspect group", "correlation"} <= set(lines)
+    assert {"ACN", "MNN, ship + aspects", "correlation"} <= set(lines)
     for name, classifier in (("ACN", "acn"), ("correlation", "correlation")):
         expected = {
             float(row["frame_count"]): float(row["percent_correct"])

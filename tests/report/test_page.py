@@ -21,8 +21,8 @@ from sweeps.engine.run import Finished
 from sweeps.engine.schedule import Progress
 from sweeps.report.page import write
 from sweeps.report.page.ships import ships_of
-from sweeps.report.page.work import read_work, write_work
 from sweeps.report.rows import page_file
+from sweeps.report.work import read_work, write_work
 
 LARGEST = 10e6  # bytes
 

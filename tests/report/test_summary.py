@@ -48,7 +48,7 @@ def test_it_is_one_page_with_each_classifier_once(smoke_store, monkeypatch):
     assert "range profiles: 100 km, 30 ns, vigilance 0.95, 16 frames, gain" in " ".join(
         text.split()
     )
-    assert "store   sweep.zarr" in lines and "tables  sweep-tables (9 CSV files)" in lines
+    assert "store   sweep.zarr" in lines and "tables  sweep-tables (10 CSV files)" in lines
 
 
 def test_its_figures_are_those_of_the_files(smoke_store):
@@ -178,7 +178,7 @@ def test_one_table_is_printed_by_the_name_of_its_file(smoke_store, monkeypatch, 
         said = capsys.readouterr().out
         titles.append(said.splitlines()[1])
         assert len(said) < len(printed(smoke_store))
-    assert len(set(titles)) == len(names) == len(parts_of(smoke_store)) == 9
+    assert len(set(titles)) == len(names) == len(parts_of(smoke_store)) == 10
 
 
 @pytest.mark.parametrize("name", ["acuracy", "", "[red]", "accuracy.csv"])

@@ -137,8 +137,8 @@ def test_its_axes_have_curves_and_selectors_on_the_page(store):
 
 def test_it_extends_and_is_found_again(store, capsys):
     assert ran(*SWEEP, "toy.echoes=[1,4,9]", modules=MODULES) == 0
-    # Of depths, and of answers for all ships and aspects together.
-    assert f"{12 + 2} cells computed, {24 + 4} reused, 0 failed" in capsys.readouterr().err
+    # Of depths, of answers for all ships and aspects together, and of the sizes of three ships.
+    assert f"{12 + 2} cells computed, {24 + 4 + 3} reused, 0 failed" in capsys.readouterr().err
     assert opened(store, "toy").echoes.values.tolist() == [1, 4, 9]
 
 

@@ -18,8 +18,8 @@ from sweeps.report.page.charts import shape_of
 from sweeps.report.page.cubes import NAMED, TRUE, Axes, Axis, Cube, cubes_of, placed
 from sweeps.report.page.pictures import Draw, pictures_of
 from sweeps.report.page.ships import ships_of
-from sweeps.report.page.work import read_work
 from sweeps.report.screen import write_whole
+from sweeps.report.work import read_work
 
 HIDDEN = (TRUE, NAMED)  # axes without a selector
 LARGEST = 200_000  # values of a variable; images and profiles have more

@@ -8,7 +8,10 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Protocol
 
-from sweeps.report.rows import tables_folder
+from rich.console import Console
+
+from sweeps.report.layout import sheet, show
+from sweeps.report.rows import Row, tables_folder
 from sweeps.report.screen import neutral, write_whole
 
 FILE = "stages.csv"
@@ -60,3 +63,13 @@ def read_work(store: Path) -> list[Work]:
         return [Work(row[0], *map(int, row[1:4]), float(row[4])) for row in rows]  # type: ignore[call-arg]
     except (OSError, ValueError, IndexError):
         return []
+
+
+def print_work(found: list[Row], console: Console) -> None:
+    """Print the cells of each stage and the time that they took."""
+    table = sheet("Work of the last sweep", "done", "reused", "failed", "work [s]", left=["stage"])
+    for row in found:
+        table.add_row(
+            row["stage"], row["done"], row["reused"], row["failed"], f"{row['work_s']:.1f}"
+        )
+    show(table, console)
