@@ -32,7 +32,7 @@ nitpicky = True
 # Types in signatures and docstrings that no page here describes; there is no network to look them
 # up in the documentation of other projects.
 nitpick_ignore_regex = [(r"py:.*", r".*")]
-suppress_warnings = ["config.cache", "toc.not_readable"]
+suppress_warnings = ["config.cache"]
 
 # Pages -------------------------------------------------------------------------------------------
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]

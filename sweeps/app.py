@@ -130,8 +130,8 @@ def report_page(store: Path, finished: Finished) -> None:
         if finished.written:
             write_work(store, finished.progress)
         write_report(store)
-    except (OSError, ValueError) as error:
-        say(NAME, f"the report page is not written: {error}")
+    except Exception as error:  # the tables are as good without
+        say(NAME, f"the report page is not written: {type(error).__name__}: {error}")
     finally:
         gc.enable()
 

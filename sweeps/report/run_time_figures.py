@@ -40,8 +40,10 @@ def draw_run_time(table: xr.Dataset) -> Figure:
     """Draw median error against run time, of the whole ship without a pulse and after each.
 
     Every sampling is a faint mark. A curve joins the pixels of an engine, rolled and spread as by
-    default; the worst views of these are dashed.
+    default; the worst views of these are dashed. Raises ValueError if there is only one engine.
     """
+    if "engine" not in table.dims:
+        raise ValueError("the store has one engine, but must have several to compare")
     here = table.sel(bin_width=BIN_WIDTH, method="nearest")
     widths = np.atleast_1d(here.pulse_width.values)
     kinds = [("extent_error", "no pulse", here.isel(pulse_width=0))]

@@ -69,7 +69,6 @@ def print_work(found: list[Row], console: Console) -> None:
     """Print the cells of each stage and the time that they took."""
     table = sheet("Work of the last sweep", "done", "reused", "failed", "work [s]", left=["stage"])
     for row in found:
-        table.add_row(
-            row["stage"], row["done"], row["reused"], row["failed"], f"{row['work_s']:.1f}"
-        )
+        *cells, seconds = row.values()
+        table.add_row(*map(str, cells), f"{seconds:.1f}")
     show(table, console)

@@ -88,7 +88,7 @@ def compiled(tmp_path_factory):
     folder = tmp_path_factory.mktemp("compiled")
     said = run("-c", COMPILE, *SMOKE, at=folder)
     ofs = (f"the engine {choose_engine('auto')}", "sampled frames", "infrared images")
-    lines = [f"compiling the loops of {one}, once: some seconds" for one in ofs]
+    lines = [f"compiling the loops of {one} (once, a few seconds)" for one in ofs]
     assert [line for line in said.splitlines() if "compiling" in line] == lines
     return folder
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,7 +128,10 @@ def _drawn(kind: str, path: Path, draw: Draw) -> tuple[str, str]:
     """Return the picture, or why there is none."""
     content = io.BytesIO()
     try:
-        draw(kind, path).savefig(content, format="png", dpi=DPI)
-    except (KeyError, OSError, ValueError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of figures too small for their labels
+            draw(kind, path).savefig(content, format="png", dpi=DPI)
+    # Whatever a store lacks for a figure, the page is as good without.
+    except Exception as error:
         return "", f"{type(error).__name__}: {error}".partition("\n")[0]
     return base64.b64encode(content.getvalue()).decode("ascii"), ""
