@@ -137,6 +137,15 @@ def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
     page.close()
 
 
+def test_what_is_closed_is_printed(seen):
+    closed = "document.querySelectorAll('details:not([open], .code)').length"
+    before = seen.evaluate(closed)
+    seen.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert before > 0 and seen.evaluate(closed) == 0
+    seen.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert seen.evaluate(closed) == before
+
+
 def test_it_reads_without_its_script(browser, file):
     context = browser.new_context(java_script_enabled=False, viewport=PHONE)
     page = context.new_page()

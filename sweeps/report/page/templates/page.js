@@ -230,5 +230,14 @@
     by.addEventListener("change", vary);
     vary();
   }
+  // On paper nothing can be opened: what is closed is printed, too.
+  let closed = [];
+  addEventListener("beforeprint", () => {
+    closed = all("details:not([open], .code)");
+    for (const one of closed) one.open = true;
+  });
+  addEventListener("afterprint", () => {
+    for (const one of closed) one.open = false;
+  });
   update();
 })();
