@@ -80,7 +80,7 @@ class Errors(Kind):
         for parameter, errors in (given or {}).items():
             if parameter not in MOST_WRONG:
                 raise ConfigurationError(
-                    f"{key}.{parameter} is no key of the configuration; {key} has "
+                    f"{key}.{parameter} is not a key of the configuration; {key} has "
                     f"{', '.join(MOST_WRONG)}"
                 )
             if errors is not None:
