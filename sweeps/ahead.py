@@ -12,5 +12,5 @@ from sweeps.engine.forking import worth_importing
 from sweeps.experiment import MODULES
 
 for name in worth_importing(module.__name__ for module in MODULES):
-    with suppress(ImportError):  # a matter of time alone
+    with suppress(ImportError):  # only saves time
         import_module(name)

@@ -1,6 +1,6 @@
-"""The command `ncti-sweep`, and what follows a sweep: its tables and its pictures.
+"""The command `ncti-sweep`, and the report after a sweep: tables, page and pictures.
 
-What they call is imported when they are called: the first words come before the imports, which take
+Imports are inside functions: the first message comes before the imports, which take
 a second, and an interrupt meanwhile is reported as one.
 """
 
@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     if OPTION in given:
         print(version_of(NAME, NAME))
         sys.exit(0)
-    # What is left at the end goes with the process: to look for circles in it takes 0.2 s.
+    # No garbage collection at exit, which would take 0.2 s.
     atexit.register(gc.freeze)
     try:
         if all(one in MULTIRUN for one in given if one.startswith("-")):
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
 
 
 def _say(sentence: str) -> None:
-    """Print a sentence to stderr, whatever becomes of it."""
+    """Print a sentence to stderr, ignoring errors."""
     with suppress(OSError, ValueError, AttributeError):
         print(f"{NAME}: {sentence}", file=sys.stderr, flush=True)
 
@@ -74,10 +74,10 @@ def command(*modules: Any, given: Sequence[str] = ()) -> Command:
 
 @contextmanager
 def _workers_ahead(arguments: Sequence[str]) -> Iterator[None]:
-    """Let what workers need be imported from now on, if a whole sweep is clearly asked for.
+    """Start importing what workers need, if a complete sweep is clearly requested.
 
-    That takes longer than to read the configuration. Where some results are kept there may be
-    nothing to do, and the process that imports would only take time.
+    That takes longer than reading the configuration. If some results are cached, there may be
+    nothing to do, and the importing process would only take time.
     """
     from platformdirs import user_cache_path
 
@@ -125,12 +125,12 @@ def report_page(store: Path, finished: Finished) -> None:
 
     if not finished.written and is_current(store):
         return
-    gc.disable()  # figures are many small objects: to look for circles in them takes 0.4 s
+    gc.disable()  # figures are many small objects: collecting garbage takes 0.4 s
     try:
         if finished.written:
             write_work(store, finished.progress)
         write_report(store)
-    except Exception as error:  # the tables are as good without
+    except Exception as error:  # the tables are complete without it
         say(NAME, f"the report page is not written: {type(error).__name__}: {error}")
     finally:
         gc.enable()

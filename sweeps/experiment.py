@@ -1,8 +1,8 @@
 """The experiment, assembled from the declarations of the modules of `sweeps.stages`.
 
 A module declares any of SETTINGS, STAGES, TABLES and STATUSES; SENSOR or NAME, if it is a sensor or
-a classifier; `check`, which refuses choices that make no sense, and `remarks` on them. To add one,
-give it to `assemble` beside `MODULES`.
+a classifier; `check`, which refuses inconsistent choices, and `remarks` on them. To add one,
+pass it to `assemble` with `MODULES`.
 """
 
 from __future__ import annotations
@@ -90,9 +90,9 @@ def conf_folder() -> Path:
 
 
 def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
-    """Return the experiment of what some modules, or whatever has the same names, declare.
+    """Return the experiment assembled from the declarations of some modules or similar objects.
 
-    Further packages may be named, besides this project's, whose code counts in the keys of results.
+    `code` names further packages, besides this project's, whose code counts in the keys of results.
     """
 
     def declared(name: str) -> tuple[Any, ...]:
@@ -167,7 +167,7 @@ def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
 
 
 def _with_words(group: type[Settings], kinds: Mapping[str, Kind]) -> type[Settings]:
-    """Return a group of settings, those of some keys with other words to choose from."""
+    """Return a group of settings, with other kinds for some of them."""
     if not any(setting.key in kinds for setting in group.declared):
         return group
     members: dict[str, Any] = {

@@ -1,1 +1,1 @@
-"""A small sweep engine: settings, stages, cells and cubes. It knows nothing of what is swept."""
+"""A small sweep engine: settings, stages, cells and cubes. Independent of what is swept."""

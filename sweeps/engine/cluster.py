@@ -1,4 +1,4 @@
-"""Where the tasks of a sweep run: in this process, in local processes, or on a cluster."""
+"""Executors of tasks: this process, local processes, or a cluster."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ READ = {
     "address": ("address", "ca_file", "cert", "key"),
     "slurm": ("workers", "queue", "account", "walltime", "memory", "interface"),
 }
-# Settings that a kind of cluster cannot do without, and what they must be.
+# Required settings of each kind of cluster, and their meaning.
 REQUIRED = {
     "address": {"address": "the address of a dask scheduler"},
     "slurm": {"workers": "the number of jobs", "memory": "the memory of a job, such as 4GiB"},
 }
-# Pattern that a setting must match, and what that means in words.
+# Pattern that a setting must match, and its description.
 FORMS = {
     "address": (r"(tcp|tls)://(\[[\d:a-f]+\]|[^\s:/\[\]]+):\d+", "like tls://10.0.0.1:8786"),
     "memory": (r"\d+(\.\d+)? ?[kMGT]i?B", "a number of bytes such as 4GiB"),
@@ -42,7 +42,7 @@ FORMS = {
 
 @dataclass(frozen=True)
 class ClusterChoice:
-    """Choice of where the tasks of a sweep run; raises `ConfigurationError` where it is wrong.
+    """Choice of the cluster that runs the tasks; raises `ConfigurationError` if it is invalid.
 
     Kinds are `inline` (this process), `local` (processes of this machine), `address` (a running
     dask scheduler) and `slurm` (jobs submitted with `sbatch`, each one task at a time on one core).
@@ -58,14 +58,14 @@ class ClusterChoice:
     account: str | None = None
     walltime: str | None = None
     memory: str | None = None
-    interface: str | None = None  # of the network, by which jobs and this process reach each other
+    interface: str | None = None  # network interface between jobs and this process
 
     def __post_init__(self) -> None:
         if self.kind not in READ:
             raise _wrong("kind", self.kind, f"one of {', '.join(READ)}")
         if self.workers is not None and self.workers < 1:
             raise _wrong("workers", self.workers, "at least 1")
-        where = f"where cluster.kind is {self.kind}"
+        where = f"when cluster.kind is {self.kind}"
         required = REQUIRED.get(self.kind, {})
         for name, value in list(asdict(self).items())[1:]:
             if value is None:
@@ -79,9 +79,9 @@ class ClusterChoice:
         for name in ("ca_file", "cert", "key"):
             path = getattr(self, name)
             if path is not None and not encrypted:
-                raise _wrong(name, path, "null where cluster.address does not begin with tls://")
+                raise _wrong(name, path, "null unless cluster.address begins with tls://")
             if path is None and encrypted and name != "key":
-                raise _wrong(name, None, "a PEM file where cluster.address begins with tls://")
+                raise _wrong(name, None, "a PEM file if cluster.address begins with tls://")
             if path is not None and not Path(path).is_file():
                 raise _wrong(name, path, "an existing PEM file")
 
@@ -93,21 +93,21 @@ def _wrong(name: str, value: Any, allowed: str) -> ConfigurationError:
 
 
 class Executor(Protocol):
-    """Runs tasks, each known by a number.
+    """Runs tasks, each identified by a number.
 
-    Tasks of one process run one at a time, all in the same thread, since a renderer belongs to
-    the thread that made it. Numerical libraries have one thread meanwhile.
+    Tasks of one process run one at a time, all in the same thread, since a renderer must be
+    used by the thread that created it. Numerical libraries use one thread.
     """
 
     @property
     def workers(self) -> int:
-        """Number of tasks that run at once, which may change where others run the cluster."""
+        """Number of tasks that run at once, which may change on a running cluster."""
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
-        """Hand over the task to call a function with some arguments."""
+        """Submit a task: call a function with some arguments."""
 
     def finished(self) -> list[tuple[int, Any, Exception | None]]:
-        """Wait for tasks to finish and return number, result and error; none if none is left."""
+        """Wait for tasks to finish; return number, result and error of each, if any are left."""
 
 
 class InlineExecutor:
@@ -119,7 +119,7 @@ class InlineExecutor:
         self._waiting: deque[tuple[int, Callable[..., Any], tuple[Any, ...]]] = deque()
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
-        """Keep a task until it is its turn."""
+        """Queue a task."""
         self._waiting.append((number, function, arguments))
 
     def finished(self) -> list[tuple[int, Any, Exception | None]]:
@@ -142,7 +142,7 @@ def executor(
     modules: Sequence[str] = (),
     say: Callable[[str], None],
 ) -> Iterator[Executor]:
-    """Start or reach the workers that a choice asks for, and end or leave them afterwards.
+    """Start the chosen workers, or connect to them; stop or release them afterwards.
 
     Parameters
     ----------
@@ -151,21 +151,21 @@ def executor(
     tasks : int
         Upper bound of the number of tasks: no more workers than that are started.
     packages : sequence of str
-        Packages of which workers elsewhere must have the same code, besides the engine.
+        Packages, besides the engine, whose code must be the same on remote workers.
     modules : sequence of str
         Modules of the functions that tasks call: imported once for all workers of this machine.
     say : callable
-        Told, in one sentence each, what is waited for, and what the user should know.
+        Called with a sentence about what is awaited, or what the user should know.
 
     Yields
     ------
     Executor
-        To be used from the thread that entered this context.
+        Use it only in the thread that entered this context.
 
     Raises
     ------
     ConfigurationError
-        If the cluster cannot be reached or started, or a worker has other code.
+        If the cluster cannot be reached or started, or the code of a worker differs.
     """
     if choice.kind == "inline":
         with one_thread():

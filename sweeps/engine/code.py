@@ -1,7 +1,7 @@
-"""Hash of the code behind a function: the modules that it imports, and versions of libraries.
+"""Hashes of a function's code: the modules that it imports, and the versions of libraries.
 
-A stored result is found again only while this hash is the same, so what it leaves out must not
-matter to numbers. Imports are read from the sources, without importing anything. Whole modules are
+A stored result is reused only while this hash is the same, so whatever it omits must not
+affect results. Imports are read from the sources, without importing anything. Whole modules are
 followed, wherever in a file they are imported except under `if TYPE_CHECKING`.
 """
 
@@ -38,7 +38,7 @@ _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 @dataclass(frozen=True)
 class CodeDigest:
-    """Hash of a function's code, and what it was made of."""
+    """Hash of a function's code, with the modules and libraries that it covers."""
 
     digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
     modules: tuple[str, ...]  # whose sources count, sorted
@@ -47,7 +47,7 @@ class CodeDigest:
 
 @dataclass(frozen=True)
 class _Module:
-    """A module that counts by its source; without a file when it was typed into a session."""
+    """A module hashed by its source; has no file if it was typed into an interactive session."""
 
     name: str
     file: Path | None
@@ -65,7 +65,7 @@ def code_digest(
     without: frozenset[str] = ENGINE,
     also: tuple[str, ...] = (),
 ) -> CodeDigest:
-    """Hash of a function's name and the code behind it, as it was when this process first asked.
+    """Return the hash of a function's name and code, as of the first call in this process.
 
     Parameters
     ----------
@@ -76,18 +76,18 @@ def code_digest(
         with all below them. Of other imports outside the standard library the version of the
         distribution counts, or the source when no distribution has it.
     also : tuple of str
-        Further distributions whose versions count: those that libraries call unseen.
+        Further distributions whose versions count: those that libraries use without importing them.
 
     Raises
     ------
     ConfigurationError
         If the function has no source to read, or a distribution of `also` is not installed.
     TypeError
-        If `function` is no Python function.
+        If `function` is not a Python function.
     """
     plain = inspect.unwrap(function)
     if not isinstance(plain, FunctionType):
-        raise TypeError(f"{function!r} is no Python function")
+        raise TypeError(f"{function!r} is not a Python function")
     start = _start(plain)
     modules, data, tops = _walk(start, roots, without)
     libraries = dict(pair for top in tops for pair in _versions(top))
@@ -104,12 +104,12 @@ def code_digest(
 
 
 class OtherCode(RuntimeError):
-    """A process has other code than the one that asks it."""
+    """The code of a process differs from that of the calling process."""
 
 
 @cache
 def package_digest(name: str) -> str:
-    """Hash of all sources and shaders of a package, or of a module; empty if it is not there."""
+    """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
     file, folders = _place(name) or (None, ())
     top = Path(folders[0] if folders else file or "").parent
     files = [*([file] if file else []), *(one for of in folders for one in Path(of).rglob("*"))]
@@ -122,7 +122,7 @@ def package_digest(name: str) -> str:
 
 
 def check_code(digests: Mapping[str, str]) -> None:
-    """Raise `OtherCode` if a package has another digest in this process."""
+    """Raise `OtherCode` if the digest of a package differs in this process."""
     if other := [name for name, digest in digests.items() if package_digest(name) != digest]:
         raise OtherCode(f"has other code of {', '.join(other)}; it must have that of this process")
 
@@ -131,7 +131,7 @@ def check_code(digests: Mapping[str, str]) -> None:
 def _walk(
     start: _Module, roots: frozenset[str], without: frozenset[str]
 ) -> tuple[dict[str, str], dict[str, str], frozenset[str]]:
-    """Hashes of the modules behind a module and of their data files; libraries they import."""
+    """Return hashes of a module's dependencies and their data files, and the libraries imported."""
     found, waiting = {start.name: start}, [start]
     libraries: set[str] = set()
     while waiting:
@@ -147,7 +147,7 @@ def _walk(
 
 
 def _within(name: str, packages: frozenset[str]) -> bool:
-    """Whether a module is one of some packages or below one."""
+    """Return whether a module is in, or is itself, one of some packages."""
     return any(f"{name}.".startswith(f"{package}.") for package in packages)
 
 
@@ -155,7 +155,7 @@ def _within(name: str, packages: frozenset[str]) -> bool:
 def _edges(
     module: _Module, roots: frozenset[str], without: frozenset[str]
 ) -> tuple[frozenset[str], frozenset[str]]:
-    """Modules that a module imports and that count by their source; libraries it imports."""
+    """Return the modules (hashed by source) and the libraries that a module imports."""
     modules: set[str] = set()
     libraries: set[str] = set()
     for owner, name in module.references:
@@ -168,7 +168,7 @@ def _edges(
             modules |= _targets(owner, name)
         elif not standard:
             libraries.add(top)
-    # packages above, whose import does more than define names, as setting a variable
+    # parent packages whose import has side effects, such as setting a variable
     parts = module.name.split(".")
     for parent in (".".join(parts[:i]) for i in range(1, len(parts))):
         if _within(parent, roots) and (above := _module(parent)) and above.acts:
@@ -177,15 +177,15 @@ def _edges(
 
 
 def _targets(owner: str, name: str) -> set[str]:
-    """Modules behind `from owner import name`: the one of that name, or where the name is."""
+    """Return modules imported by `from owner import name`: of that name, or defining it."""
     package = _module(owner)
     if name and name != "*" and _place(f"{owner}.{name}") is not None:
-        # a package may give the name of one of its modules to something else
+        # a package may bind the name of one of its modules to another object
         renamed = package is not None and name in package.names
         return {f"{owner}.{name}", owner} if renamed else {f"{owner}.{name}"}
     if package is None:
         return set()
-    # made on demand by the package, from which of its modules cannot be read
+    # created on demand by the package, from an unknown one of its modules
     hidden = "__getattr__" in package.names and name not in package.names
     if name == "*" or (hidden and name and not name.startswith("__")):
         files = (
@@ -199,7 +199,7 @@ def _targets(owner: str, name: str) -> set[str]:
 
 
 def _start(function: FunctionType) -> _Module:
-    """The module that defines a function; of one without a file, the function alone."""
+    """Return the module that defines a function, or only the function if that has no file."""
     space = function.__globals__
     # the spec names the module that `python -m` runs as __main__
     name = getattr(space.get("__spec__"), "name", space["__name__"])
@@ -223,24 +223,24 @@ def _start(function: FunctionType) -> _Module:
 
 
 def _global_names(code: CodeType) -> set[str]:
-    """Names that a function's code, and code nested in it, looks up in its module."""
+    """Return global names used by a function's code and code nested in it."""
     names = {line.argval for line in dis.get_instructions(code) if line.opname == "LOAD_GLOBAL"}
     inner = (constant for constant in code.co_consts if isinstance(constant, CodeType))
     return names.union(*map(_global_names, inner))
 
 
 def _module(name: str) -> _Module | None:
-    """A module read from its file; None when it is not there, or only a folder of modules."""
+    """Return a module read from its file; None if it is missing or a namespace package."""
     place = _place(name)
     return _open(name, place[0]) if place and place[0] else None
 
 
 def _place(name: str) -> Place | None:
-    """Where a module is, found without importing anything."""
+    """Return the location of a module, found without importing anything."""
     top, *parts = name.split(".")
     try:
         spec = find_spec(top)  # a top-level name: nothing is imported to find it
-    except ValueError:  # __main__, or a module made by hand
+    except ValueError:  # __main__, or a module created at run time
         return None
     if spec is None:
         return None
@@ -252,7 +252,7 @@ def _place(name: str) -> Place | None:
 
 
 def _place_in(paths: list[str]) -> Place | None:
-    """As `_place`, of a module at one of some paths, in the order that Python's import looks."""
+    """Return the location of a module among some paths, in the order of Python's import."""
     for path in paths:
         if os.path.isfile(file := os.path.join(path, "__init__.py")):
             return Path(file), (path,)
@@ -264,7 +264,7 @@ def _place_in(paths: list[str]) -> Place | None:
 
 
 def _data(package: str, folder: Path) -> Iterator[tuple[str, str]]:
-    """Paths and hashes of the shaders of a package, those of packages in it left out."""
+    """Yield paths and hashes of the shaders of a package, without those of its subpackages."""
     for inner, folders, files in os.walk(folder if package else ""):
         folders[:] = [n for n in folders if not os.path.isfile(f"{inner}/{n}/__init__.py")]
         for file in (Path(inner, name) for name in files):
@@ -274,7 +274,7 @@ def _data(package: str, folder: Path) -> Iterator[tuple[str, str]]:
 
 
 def _open(name: str, file: Path) -> _Module:
-    """Read a module, again when its file was written again."""
+    """Return a module; its file is read again after a change."""
     status = file.stat()
     return _read(name, file, status.st_mtime_ns, status.st_size)
 
@@ -288,11 +288,11 @@ def _read(name: str, file: Path, modified: int, size: int) -> _Module:
 
 
 def _parse(code: bytes, package: str) -> tuple[frozenset[Reference], frozenset[str], bool]:
-    """What a source refers to, names that it binds, whether it does more than define names."""
+    """Return references and bound names of a source, and whether importing it has side effects."""
     tree = ast.parse(code)
     references: set[Reference] = set()
     names: set[str] = set()
-    imports: dict[str, set[str]] = {}  # local name: what it may stand for
+    imports: dict[str, set[str]] = {}  # local name: what it may refer to
     chains: set[tuple[str, ...]] = set()
     for node in _running(tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
@@ -317,7 +317,7 @@ def _parse(code: bytes, package: str) -> tuple[frozenset[Reference], frozenset[s
 
 
 def _running(tree: ast.AST) -> Iterator[ast.AST]:
-    """Nodes of a source but those for type checkers alone."""
+    """Yield nodes of a source except those under `TYPE_CHECKING`."""
     waiting = [tree]
     while waiting:
         node = waiting.pop()
@@ -331,7 +331,7 @@ def _running(tree: ast.AST) -> Iterator[ast.AST]:
 def _imported(
     node: ast.Import | ast.ImportFrom, alias: ast.alias, package: str
 ) -> tuple[str, str, set[Reference]]:
-    """Local name that an import binds, what to, and what is looked up for it."""
+    """Yield the local name that an import binds, its target, and the references looked up."""
     if isinstance(node, ast.ImportFrom):
         owner = _absolute("." * node.level + (node.module or ""), package)
         return alias.asname or alias.name, f"{owner}.{alias.name}", {(owner, alias.name)}
@@ -342,7 +342,7 @@ def _imported(
 
 
 def _called(node: ast.Call, package: str) -> set[Reference]:
-    """What `import_module("a.b")` looks up; a name made at run time cannot be read."""
+    """Return references of `import_module("a.b")`; a name computed at run time is unknown."""
     if node.args and _chain(node.func)[-1] in {"import_module", "__import__"}:
         name = getattr(node.args[0], "value", None)
         return {(_absolute(name, package), "")} if isinstance(name, str) else set()
@@ -350,7 +350,7 @@ def _called(node: ast.Call, package: str) -> set[Reference]:
 
 
 def _absolute(name: str, package: str) -> str:
-    """Name of a module without leading dots; as it is where Python would refuse it too."""
+    """Return the absolute name of a module; unchanged if Python would refuse it."""
     try:
         return resolve_name(name, package)
     except ImportError:
@@ -358,14 +358,14 @@ def _absolute(name: str, package: str) -> str:
 
 
 def _chain(node: ast.expr) -> tuple[str, ...]:
-    """Names of `a.b.c`; an empty one first when it begins otherwise than with a name."""
+    """Return the names of `a.b.c`; the first is empty unless the expression begins with a name."""
     if isinstance(node, ast.Attribute):
         return (*_chain(node.value), node.attr)
     return (node.id,) if isinstance(node, ast.Name) else ("",)
 
 
 def _defines(node: ast.stmt) -> bool:
-    """Whether a statement at the top of a module only defines names of that module."""
+    """Return whether a top-level statement only defines names of its module."""
     if isinstance(node, ast.Assign):
         return all(isinstance(target, ast.Name | ast.Tuple) for target in node.targets)
     if isinstance(node, ast.Expr):
@@ -377,7 +377,7 @@ def _defines(node: ast.stmt) -> bool:
 
 @cache
 def _versions(top: str) -> tuple[tuple[str, str], ...]:
-    """Distributions of a top-level package with versions; none when it is only a source."""
+    """Return distributions of a top-level package with versions; empty if it is only a source."""
     names = {owner.metadata["Name"] for owner in _distributions().get(top, ())}
     if not names and _place(top) is None:
         return ((top, "not installed"),)
@@ -386,9 +386,9 @@ def _versions(top: str) -> tuple[tuple[str, str], ...]:
 
 @cache
 def _distributions() -> dict[str, list[metadata.Distribution]]:
-    """Distributions that have each top-level package.
+    """Return the distributions that provide each top-level package.
 
-    As `metadata.packages_distributions`, which is slow and, in Python 3.11, leaves out packages
+    Like `metadata.packages_distributions`, which is slow and, in Python 3.11, omits packages
     that are a single compiled file.
     """
     found: dict[str, list[metadata.Distribution]] = {}

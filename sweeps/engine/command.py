@@ -1,4 +1,4 @@
-"""The command line of an experiment: Hydra's, and what it exits with."""
+"""The command line of an experiment, parsed by Hydra, and its exit status."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 HELP = {"-h", "--help"}
 
-PATIENCE = 0.5  # s without a word while checking; what is wrong is mostly found sooner
+PATIENCE = 0.5  # s of silence while checking; most errors are found sooner
 
 Report = Callable[[Path, Choices, Finished], None]
 
@@ -65,7 +65,7 @@ class Command:
 
     experiment: Experiment
     report: Report = lambda path, choices, finished: None
-    # What ended the jobs of Hydra's own launchers.
+    # Errors that ended jobs of Hydra's own launchers.
     raised: list[Exception] = field(default_factory=list, init=False, compare=False)
 
     @property
@@ -76,7 +76,7 @@ class Command:
     def main(self, arguments: Sequence[str] | None = None) -> int:
         """Run a command line; returns 0 all done, 1 some cells failed, 2 wrong configuration.
 
-        Whatever it ends by is said in one sentence.
+        Any error is reported in one sentence.
         """
         given = list(sys.argv[1:] if arguments is None else arguments)
         with forgiving():
@@ -152,23 +152,23 @@ class Command:
             raise self.raised[0]
         return ALL_DONE
 
-    # what is asked for ----------------------------------------------------------------------
+    # parsing --------------------------------------------------------------------------------
 
     def prepare(self, overrides: list[str], *, several: bool) -> list[tuple[Choices, str | None]]:
-        """Return choices and stores of the sweeps of a command line; one wrong stops them all.
+        """Return choices and stores of the sweeps of a command line; an invalid one stops them all.
 
-        Empty where Hydra expands the jobs by a sweeper of its own; each is checked when it starts.
+        Empty if Hydra expands the jobs by another sweeper; each is checked when it starts.
         """
         return self._checked(self._jobs(overrides, several=several)[0])
 
     def _jobs(self, overrides: list[str], *, several: bool) -> tuple[list[Job], DictConfig | None]:
-        """Jobs of a command line, and the configuration of the multirun if it is one."""
+        """Return the jobs of a command line, and the configuration of the multirun, if any."""
         experiment = self.experiment
         for one in overrides:
             if re.match(r"[+~]*=", one):
                 raise ConfigurationError(f"{one} has no key, but must be KEY=VALUE")
             refuse_list_of_choices(experiment, one)
-        # What is wrong by itself is found before any check, which may take long.
+        # Report invalid single values before the checks, which may take long.
         read = partial(read_configuration, replace(experiment, check=nothing_to_check))
         master = None
         with composing(experiment):
@@ -196,7 +196,7 @@ class Command:
 
     @contextmanager
     def _patience(self) -> Iterator[None]:
-        """Say what is done meanwhile, if it takes a while."""
+        """Print a sentence if the checks take a while."""
         timer = threading.Timer(PATIENCE, say, (self.name, self.experiment.checking))
         timer.daemon = True
         timer.start()
@@ -206,7 +206,7 @@ class Command:
             timer.cancel()
 
     def _checked(self, jobs: Sequence[Job]) -> list[tuple[Choices, str | None]]:
-        """Sweeps of some jobs; refuses those that could not be run, or whose store is another's."""
+        """Return the sweeps of some jobs; refuse invalid ones and those whose store differs."""
         for job in jobs:
             if job.store is not None:
                 check_target(job.store)  # as it was written: made absolute, a URL would be a folder
@@ -230,17 +230,17 @@ class Command:
     # running --------------------------------------------------------------------------------
 
     def _job(self, composed: DictConfig) -> None:
-        """One job of Hydra's own launchers: one sweep with its own store."""
+        """Run one job of Hydra's own launchers: a sweep with its own store."""
         try:
             choices = read_configuration(self.experiment, composed)
             overrides = list(HydraConfig.get().overrides.task)
             folder = Path(HydraConfig.get().runtime.output_dir)
             self.run_jobs([Job(swept(overrides), choices, choices.one(Run.store))], folder)
-        except Exception as error:  # else Hydra would add words of its own
+        except Exception as error:  # else Hydra would add its own message
             self.raised.append(error)
 
     def run_jobs(self, jobs: Sequence[Job], folder: Path) -> None:
-        """Run the sweeps that some jobs come to, all of them, whatever becomes of one.
+        """Run the sweeps of some jobs; a failed one does not stop the others.
 
         Raises
         ------
@@ -254,7 +254,7 @@ class Command:
             remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
             self._say_all((*remarks, *self.experiment.remarks(choices)))
             self._say_all(self.experiment.about(choices))
-            if choices.one(Run.dry_run):  # where Hydra has expanded the jobs
+            if choices.one(Run.dry_run):  # if Hydra has expanded the jobs
                 self._preview(choices, store)
                 continue
             failures += self.run(choices, Path(store) if store else folder / "sweep.zarr").failures
@@ -268,7 +268,7 @@ class Command:
 
     def run(self, choices: Choices, store: Path) -> Finished:
         """Run one sweep into a store, and report it."""
-        with ThreadPoolExecutor(1, "removing") as thread:  # the old store, while the new is told
+        with ThreadPoolExecutor(1, "removing") as thread:  # the old store, during the report
             place = self.place(choices, store)
             place = replace(place, remove=lambda folder: thread.submit(remove_folder, folder))
             with watching(self.name) as watch:
@@ -276,7 +276,7 @@ class Command:
             say(self.name, summary(finished.progress, finished.seconds))
             try:
                 self.report(store, choices, finished)
-            except Exception as error:  # what is in the store is as good without
+            except Exception as error:  # the store is complete without it
                 say(self.name, f"the store is written, but not its report: {reason(error)}")
         return finished
 
@@ -285,12 +285,12 @@ class Command:
             say(self.name, sentence)
 
     def place(self, choices: Choices, store: Path) -> Place:
-        """Where a sweep runs."""
+        """Return the store, cache and cluster of a sweep."""
         limit = int(choices.one(Run.cache_limit) * 1e9)
         return Place(store, Path(self._cache_folder(choices)), _cluster(choices), limit)
 
     def _cache(self, words: list[str]) -> int:
-        """Say what is in the cache, or clear it."""
+        """Print the contents of the cache, or clear it."""
         place = next((one[6:] for one in words if one.startswith("cache=")), None)
         folder = Path(place or user_cache_path(self.name))
         check_folder("cache", place or folder)
@@ -314,13 +314,13 @@ class Command:
 
 def _cluster(choices: Choices) -> ClusterChoice:
     given: dict[str, Any] = {one.name: choices.one(one) for one in Cluster.declared}
-    key = given.pop("private_key")  # Settings has a key of its own
+    key = given.pop("private_key")  # `Settings` has another `key`
     return ClusterChoice(**given, key=key)
 
 
 @contextmanager
 def _arguments(arguments: list[str]) -> Iterator[None]:
-    """Let Hydra read other arguments than the process was given."""
+    """Let Hydra read these arguments instead of the process's own."""
     before, sys.argv = sys.argv, arguments
     try:
         yield

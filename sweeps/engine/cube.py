@@ -29,26 +29,26 @@ Reader = Callable[[Sequence[Spot]], list[Arrays | None]]
 Spans = list[tuple[int, int]]  # begin and length along each own dimension of an output
 
 
-MEASURED = "measured when the cell was computed; computed again, it would differ"
+MEASURED = "measured while the cell was computed; differs if computed again"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How an output of a stage lies in the store."""
+    """Layout of a stage's output in the store."""
 
     bound: Bound
     output: Output
     group: str
     axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
-    order: tuple[int, ...]  # where each dimension comes from: these axes first, then its own
+    order: tuple[int, ...]  # source of each dimension: these axes first, then its own
 
     @property
     def ragged(self) -> bool:
-        """Whether its arrays differ in shape, or in where they begin."""
+        """Return whether its arrays differ in shape or start."""
         return bool(self.output.dims) and (self.output.pad is not None or bool(self.output.origin))
 
     def spans(self, arrays: Arrays) -> Spans:
-        """Where a cell begins on each own dimension, and how long it is."""
+        """Return start and length of a cell on each own dimension."""
         output, shape = self.output, arrays[self.output.name].shape
         if len(shape) != len(output.dims):
             raise DeclarationError(
@@ -62,13 +62,13 @@ class Layout:
 
 
 def within(spans: Spans, starts: Sequence[int]) -> tuple[slice, ...]:
-    """Where a cell lies in the variable, whose own dimensions start somewhere."""
+    """Return the slices of a cell in its variable, given the starts of its own dimensions."""
     pairs = zip(spans, starts, strict=True)
     return tuple(slice(begin - start, begin - start + size) for (begin, size), start in pairs)
 
 
 def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
-    """How the outputs of a stage that the store has lie in it."""
+    """Return the layouts of a stage's stored outputs."""
     order = {name: place for place, name in enumerate(bound.stage.dims)}
 
     def rank(number: int) -> int:
@@ -95,7 +95,7 @@ def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
 
 
 def _shared(layouts: Sequence[Layout], extents: Sequence[Spans | None]) -> list[Spans]:
-    """Extents of the outputs of a group, in which a dimension has one length.
+    """Return extents of the outputs of a group, in which each dimension has one length.
 
     Where cells of a stage failed, its padded arrays may be shorter than those of another stage.
     """
@@ -118,7 +118,7 @@ def _shared(layouts: Sequence[Layout], extents: Sequence[Spans | None]) -> list[
 
 
 def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
-    """Numbers of the axes that are dimensions of what depends on them, even with one value."""
+    """Return numbers of the axes that become dimensions, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
     axes = [(number, plan.axes[number]) for number in sorted(numbers)]
     return [n for n, axis in axes if axis.several or any(one.shown for one in axis.settings)]
@@ -127,8 +127,8 @@ def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
 class Cube:
     """The arrays of a store, made of the cells of a plan.
 
-    By their keys, `spots` says where cells are, `failed` why they failed, and `kept_as` what key
-    they are kept under. `read` gives None for a damaged one.
+    By key, `spots` has the location of a cell, `failed` the reason of its failure, and `kept_as`
+    the key it is kept under. `read` gives None for a damaged one.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class Cube:
         self._held = 0
 
     def groups(self) -> dict[str, Group]:
-        """Groups of the store by path; `Damaged` if cells that this needs cannot be read back."""
+        """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
         found: dict[str, Group] = {}
         members: dict[str, list[Layout]] = defaultdict(list)
         for bound in self.plan.targets:
@@ -169,7 +169,7 @@ class Cube:
         return dict(sorted(found.items()))
 
     def _names(self, layouts: Sequence[Layout]) -> dict[int, str]:
-        """Names of all axes that a group depends on; the whole key where the word is taken."""
+        """Return names of all axes that a group depends on; the whole key if the word is taken."""
         axes, number_of = self.plan.axes, self.plan.axis_number
         taken = {dim for one in layouts for dim in one.output.dims}
         gathered = {
@@ -190,7 +190,7 @@ class Cube:
         return names | {number: axes[number].name for number in gathered}
 
     def _add(self, group: Group, layout: Layout, names: Mapping[int, str], extents: Spans) -> None:
-        """Add the variable of an output to its group, and what goes with its own dimensions."""
+        """Add the variable of an output, and coordinates of its own dimensions, to its group."""
         output, plan = layout.output, self.plan
         starts, lengths = [start for start, _ in extents], [length for _, length in extents]
         for dim, start, length in zip(output.dims, starts, lengths, strict=True):
@@ -223,7 +223,7 @@ class Cube:
         into[output.name] = Array(named, sizes, dtype, fill, attrs, parts, read)
 
     def _keys(self, layout: Layout, ranges: Sequence[range]) -> list[str]:
-        """Key of the cell at every place in ranges of the variable's axes, the last fastest."""
+        """Return keys of the cells in ranges of the variable's axes, the last fastest."""
         own = self.plan.axes_on(layout.bound)
         at = [layout.axes.index(number) if number in layout.axes else None for number in own]
         return [
@@ -232,7 +232,7 @@ class Cube:
         ]
 
     def _extents(self, group: Group, layout: Layout) -> Spans | None:
-        """Start and length of an output's own dimensions, for all cells; None without a cell."""
+        """Return start and length of an output's own dimensions over all cells; None if none."""
         dims = layout.output.dims
         numbers = self.plan.gathered(layout.bound)
         gathered = {self.plan.axes[n].name: len(self.plan.axes[n].points) for n in numbers}
@@ -257,7 +257,7 @@ class Cube:
     def _region(
         self, layout: Layout, starts: list[int], lengths: list[int], region: tuple[slice, ...]
     ) -> NDArray[Any]:
-        """Values of one region of a variable, whole along its own dimensions."""
+        """Return values of a region of a variable, complete along its own dimensions."""
         output, count = layout.output, len(layout.axes)
         ranges = [range(one.start, one.stop) for one in region[:count]]
         shape = tuple(map(len, ranges))
@@ -285,7 +285,7 @@ class Cube:
         return flat.reshape((*shape, *lengths))[own]
 
     def _cells(self, spots: Sequence[Spot]) -> list[Arrays]:
-        """Arrays of cells, from memory where they were read a moment ago."""
+        """Return arrays of cells, from memory if they were read recently."""
         with self._lock:
             found = {spot: self._memory[spot] for spot in spots if spot in self._memory}
         lacking = [spot for spot in dict.fromkeys(spots) if spot not in found]
@@ -303,7 +303,7 @@ class Cube:
         return [found[spot] for spot in spots]
 
     def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
-        """Coordinates of all axes: along dimensions, or scalar where one value is worth noting."""
+        """Return coordinates of all axes: along dimensions, or scalar if `noted`."""
         found: dict[str, Array] = {}
         dims = {dim for one in layouts for dim in one.output.dims}
         for number, name in names.items():
@@ -318,7 +318,7 @@ class Cube:
         return found
 
     def _statuses(self) -> Iterator[tuple[str, dict[str, Array], dict[str, Array]]]:
-        """Group, variables and coordinates of the states of stages."""
+        """Yield group, variables and coordinates of the states of stages."""
         shared = {one.name: one for one in self.plan.experiment.statuses}
         of_shared: dict[str, list[Bound]] = defaultdict(list)
         for bound in self.plan.targets:
@@ -359,7 +359,7 @@ class Cube:
 
 
 def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
-    """Coordinates of an axis: its values; where settings run together, what each place is called.
+    """Return coordinates of an axis: its values, or the label of each place of a joint axis.
 
     The kind of a setting may add others.
     """
@@ -378,7 +378,7 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
 def _setting_coordinates(
     setting: Setting, name: str, values: Sequence[Any], *, scalar: bool = False
 ) -> dict[str, Array]:
-    """Coordinates of values of a setting, as its kind offers them, its own first."""
+    """Yield coordinates of a setting's values as its kind defines them, its own first."""
     offered = getattr(setting.kind, "coordinates", None)
     if offered is None:
         found = {name: (value_array(values), setting.attrs)}
@@ -391,8 +391,8 @@ def _setting_coordinates(
 
 
 def value_array(values: Sequence[Any]) -> NDArray[Any]:
-    """(value,) ndarray: floats, with NaN for null, integers, booleans, or texts as objects."""
+    """Return a (value,) ndarray: floats (NaN for null), integers, booleans, or texts as objects."""
     if any(isinstance(value, str | tuple) for value in values):
-        # Plain ones, of whatever class they are.
+        # Convert subclasses to plain types.
         return np.array([str(value) for value in values], dtype=object)
     return np.array(values, dtype=float if None in values else None)

@@ -1,8 +1,8 @@
-"""The two ways a sweep ends badly."""
+"""Errors of a sweep, by exit status."""
 
 
 class ConfigurationError(ValueError):
-    """The configuration is wrong: one sentence with key, value and what is allowed (exit 2)."""
+    """The configuration is invalid: one sentence with key, value and what is allowed (exit 2)."""
 
 
 class SweepIncomplete(RuntimeError):

@@ -1,6 +1,6 @@
-"""Folders of stores: where one may be, one writer at a time, put in place whole, with checksums.
+"""Folders of stores: checks of paths, locks, atomic replacement, and checksums.
 
-A store has a manifest, the checksum of every file. A checksum within each chunk tells a changed
+A store has a manifest, the checksum of every file. A checksum within each chunk detects a changed
 chunk, but neither a missing one, which zarr reads as fill values, nor changed metadata.
 """
 
@@ -25,29 +25,29 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.results import seal, unseal
 
 MANIFEST = "manifest"
-PARTIAL = "partial"  # suffix of what is not whole yet, or being deleted
-ASIDE = "aside"  # suffix of what stood in the place, where two folders cannot be exchanged
+PARTIAL = "partial"  # suffix of a folder that is incomplete or being deleted
+ASIDE = "aside"  # suffix of the old folder, where two folders cannot be exchanged
 
 Remove = Callable[[Path], object]  # of a folder
 
-# Of a URL in a Path one slash is left; several schemes may be chained.
+# A Path keeps one slash of a URL; several schemes may be chained.
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.:-]*:/")
 _HERE = -100  # AT_FDCWD: paths are relative to the working directory
 _EXCHANGE = 2  # RENAME_EXCHANGE
 
 
 def real_place(path: Path) -> Path:
-    """Absolute path without links: a store behind a link is replaced where it is."""
+    """Return the absolute path without links: a store behind a link is replaced in place."""
     return Path(os.path.realpath(path))
 
 
 def check_target(path: str | Path) -> None:
-    """Refuse a path that is neither new nor of a store with a readable manifest."""
+    """Refuse a path that is neither new nor a store with a readable manifest."""
     place = _checked_place("store", path)
     if place.exists():
         if not (place / MANIFEST).is_file():
             reason = (
-                "which exists and is no store of a sweep; it must be a new path or such a store"
+                "which exists but is not a store of a sweep; it must be a new path or such a store"
             )
             raise _wrong("store", path, reason)
         read_manifest(place)
@@ -55,7 +55,7 @@ def check_target(path: str | Path) -> None:
 
 
 def check_folder(key: str, path: str | Path) -> None:
-    """Refuse a path, of a setting, that is no folder and cannot become one."""
+    """Refuse a setting's path that is not a folder and cannot become one."""
     _check_writable(key, path, _checked_place(key, path))
 
 
@@ -64,7 +64,7 @@ def _wrong(key: str, path: str | Path, reason: str) -> ConfigurationError:
 
 
 def _checked_place(key: str, path: str | Path) -> Path:
-    """Real place of a path that is no URL, dangling link or impossible name."""
+    """Return the real path; refuse a URL, dangling link or impossible name."""
     if _URL.match(str(path)):
         raise _wrong(key, path, "but must be a folder on a file system: URLs are not supported")
     try:
@@ -87,7 +87,7 @@ def _checked_place(key: str, path: str | Path) -> Path:
 
 
 def _nearest(folder: Path) -> Path:
-    """The nearest folder or file on the way to a path that exists."""
+    """Return the nearest existing folder or file above a path."""
     return next(part for part in (folder, *folder.parents) if part.exists())
 
 
@@ -95,7 +95,7 @@ def _check_writable(key: str, path: str | Path, folder: Path) -> None:
     """Refuse a path unless files can be made in a folder, or the folder itself."""
     nearest = _nearest(folder)
     if not nearest.is_dir():
-        raise _wrong(key, path, f"but {str(nearest)!r} is no folder")
+        raise _wrong(key, path, f"but {str(nearest)!r} is not a folder")
     try:
         tempfile.TemporaryFile(dir=nearest).close()
     except OSError as error:
@@ -105,12 +105,12 @@ def _check_writable(key: str, path: str | Path, folder: Path) -> None:
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold the lock of a store, which need not exist; remove what killed writers of it left.
+    """Hold the lock of a store, which need not exist; remove leftovers of killed writers.
 
-    The lock is a file beside the store that is locked by the operating system, which lets go of
-    it when the process that holds it ends in any way. It is advisory, and holds between the nodes
+    The lock is a file beside the store, locked by the operating system, which releases it when
+    the process that holds it ends in any way. It is advisory, and holds between the nodes
     of a cluster only if its file system has `flock` across them. ConfigurationError if another
-    process or thread holds it, or nothing can be locked there.
+    process or thread holds it, or locking fails.
     """
     place = real_place(path)
     file = place.with_name(f".{place.name}.lock")
@@ -120,7 +120,7 @@ def locked(path: Path) -> Iterator[None]:
     except BlockingIOError:
         raise ConfigurationError(
             f"store is {str(path)!r}, which is being written by {_holder(file)}; "
-            "wait for its end or give another path"
+            "wait until it ends or give another path"
         ) from None
     except OSError as error:
         raise ConfigurationError(
@@ -134,20 +134,20 @@ def locked(path: Path) -> Iterator[None]:
         _remove_orphans(place)
         yield
     finally:
-        # Removed while it is locked: who gets it next finds out that it is not there any more.
+        # Removed while locked: the next process to acquire it notices that it is gone.
         file.unlink(missing_ok=True)
         os.close(held)
 
 
 def _acquire(file: Path) -> int:
-    """Descriptor of a locked file; raises BlockingIOError if another holds it."""
+    """Return the descriptor of a locked file; raise BlockingIOError if another holds it."""
     while True:
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(descriptor), file.stat()):
                 return descriptor
-        except FileNotFoundError:  # its holder removed it before letting go of it
+        except FileNotFoundError:  # its holder removed it before releasing it
             pass
         except BaseException:
             os.close(descriptor)
@@ -156,7 +156,7 @@ def _acquire(file: Path) -> int:
 
 
 def _holder(file: Path) -> str:
-    """Words for the holder of a lock."""
+    """Return a description of the holder of a lock."""
     try:
         holder = json.loads(file.read_bytes())
         return f"process {holder['pid']} on {holder['host']} since {holder['since']}"
@@ -165,7 +165,7 @@ def _holder(file: Path) -> str:
 
 
 def _remove_orphans(place: Path) -> None:
-    """Remove what killed writers left beside a place; what one set aside goes back if need be."""
+    """Remove leftovers of killed writers beside a path; restore a folder set aside if needed."""
     pattern = re.compile(rf"\.{re.escape(place.name)}\.[0-9a-f]{{32}}\.({PARTIAL}|{ASIDE})")
     for found in sorted(place.parent.iterdir()):
         match = pattern.fullmatch(found.name)
@@ -176,20 +176,20 @@ def _remove_orphans(place: Path) -> None:
 
 
 def hidden(place: Path, suffix: str) -> Path:
-    """New name beside a place, hidden and unlike any other."""
+    """Return a new, unique hidden name beside a path."""
     return place.with_name(f".{place.name}.{uuid.uuid4().hex}.{suffix}")
 
 
 def remove_folder(folder: Path) -> None:
-    """Remove a folder with all that is in it, as far as that is possible."""
+    """Remove a folder and its contents, as far as possible."""
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def put_in_place(partial: Path, place: Path) -> None:
-    """Put a folder in its place; what was there before is then at `partial`.
+    """Move a folder to its place; the previous one, if any, is then at `partial`.
 
-    Readers see the old folder or the new one at any time; where the file system cannot exchange
-    two folders they see none for a moment.
+    Readers see the old folder or the new one at any time; if the file system cannot exchange
+    two folders, they see none for a moment.
     """
     if not os.path.lexists(place):
         partial.rename(place)
@@ -206,7 +206,7 @@ def put_in_place(partial: Path, place: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Exchange two folders at once; False where that is not supported."""
+    """Exchange two folders atomically; return False if that is not supported."""
     renameat2 = getattr(ctypes.CDLL(None), "renameat2", None)  # which only Linux has
     given = _HERE, os.fsencode(one), _HERE, os.fsencode(other), ctypes.c_uint(_EXCHANGE)
     return renameat2 is not None and renameat2(*given) == 0
@@ -227,9 +227,9 @@ def write_manifest(path: Path, known: Mapping[str, int]) -> None:
 
 
 def read_manifest(path: Path) -> dict[str, int]:
-    """Checksum of every file of a store, by name relative to it.
+    """Return the checksum of every file of a store, by name relative to it.
 
-    ConfigurationError if there is no manifest, or a damaged one.
+    Raises ConfigurationError if the manifest is missing or damaged.
     """
     try:
         files: dict[str, int] = unseal((path / MANIFEST).read_bytes())
@@ -242,7 +242,7 @@ def read_manifest(path: Path) -> dict[str, int]:
 
 
 def verify(path: Path) -> list[str]:
-    """Sorted names of files of a store that are missing, changed or not of it.
+    """Return sorted names of files of a store that are missing, changed or unexpected.
 
     A file that is not in the manifest counts as damage, because zarr would read it as a chunk.
     """

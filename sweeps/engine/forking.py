@@ -1,7 +1,7 @@
-"""A process that imports what workers need, once, and from which they are then forked.
+"""A process that imports what workers need, and from which they are then forked.
 
-A worker that is forked shares the memory of what was imported before. The process is alone in
-having one thread, and so the only one from which it is safe to fork.
+A forked worker shares the memory of modules imported before. This process has only one
+thread, so that forking it is safe.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ ENVIRONMENT = ONE_THREAD | dict(
 )
 
 IMPORTS = "IMPORTS"
-"""Name by which a module of stages lists what these import when they are called."""
+"""Name of a module's list of what its stages import when they are called."""
 
 
 def worth_importing(modules: Iterable[str]) -> list[str]:
-    """Names of some modules, and of those that they list in `IMPORTS`, each once."""
+    """Return names of some modules and of those listed in their `IMPORTS`, each once."""
     found = [(name, *getattr(sys.modules.get(name), IMPORTS, ())) for name in modules]
     return list(dict.fromkeys(name for names in found for name in names))
 
@@ -39,8 +39,8 @@ def worth_importing(modules: Iterable[str]) -> list[str]:
 def fork_server(modules: Iterable[str]) -> Iterator[str]:
     """Start the process that imports some modules; it ends with this context.
 
-    Yields how processes are to be started meanwhile, as `multiprocessing` calls it. Where a server
-    was started ahead, it is taken, whatever it imports. Where this process has another one, which
+    Yields the start method of `multiprocessing` to use meanwhile. If a server
+    was started ahead, it is used, whatever it imports. If this process has another one, which
     may have older code, they are spawned instead.
     """
     server: Any = forkserver._forkserver
@@ -60,9 +60,9 @@ def fork_server(modules: Iterable[str]) -> Iterator[str]:
 
 @contextmanager
 def fork_server_ahead(modules: Iterable[str]) -> Iterator[None]:
-    """Start the process that workers are forked from before it is known whether any are needed.
+    """Start the process that workers are forked from, before knowing whether any are needed.
 
-    It ends with this context, at once if it still imports.
+    It ends with this context, even during its imports.
     """
     server: Any = forkserver._forkserver
     with fork_server(modules):
@@ -81,14 +81,14 @@ _ahead: set[int] = set()  # process ids
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Keep Ctrl-C, which a terminal sends to all processes, from those that are started meanwhile.
+    """Shield processes started meanwhile from Ctrl-C, which a terminal sends to all processes.
 
-    This process hears it, at the end of this context at the earliest, and ends its workers in
-    order; they would add their tracebacks.
+    This process receives it, at the end of this context at the earliest, and stops its workers in
+    order; they would print tracebacks.
     """
     # Processes inherit the signals that the thread which starts them blocks, and threads those of
-    # their starter: so also a worker that is restarted later. Python 3.11 unblocks the signal where
-    # it first starts its resource tracker, so that must be there already.
+    # their starter, as does a worker that is restarted later. Python 3.11 unblocks the signal where
+    # it first starts its resource tracker, so that must have started already.
     resource_tracker.ensure_running()
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     in_main_thread = threading.current_thread() is threading.main_thread()

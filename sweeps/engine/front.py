@@ -1,4 +1,4 @@
-"""Between Hydra and the engine: the schema of a configuration, and the choices that it makes."""
+"""The interface to Hydra: the schema of a configuration, and its choices."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ HYDRA = {
 
 
 def primary(experiment: Experiment) -> str:
-    """Name of the configuration that Hydra starts from."""
+    """Return the name of the primary configuration of Hydra."""
     return "config" if experiment.conf is not None else "all_defaults"
 
 
 def register(experiment: Experiment) -> None:
-    """Make the schema of an experiment known to Hydra, and a configuration that is all defaults."""
+    """Register the schema of an experiment and its default configuration with Hydra."""
     known = ConfigStore.instance()
     known.store(name=SCHEMA, node=_schema("Configuration", nested(experiment.declared)))
-    # With it a multirun is one sweep, which Hydra leaves to `Command`; where another sweeper starts
+    # With it, a multirun is one sweep, run by `Command`; if another sweeper starts
     # the jobs, each is a sweep of its own.
     target = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
     known.store(group="hydra/launcher", name=FUSED, node={"_target_": target})
@@ -61,7 +61,7 @@ def register(experiment: Experiment) -> None:
 
 
 def _schema(name: str, tree: Mapping[str, Any]) -> type:
-    """Dataclass of a group; every value may be anything, since settings check their own."""
+    """Return the dataclass of a group; values are of any type, since settings check their own."""
     fields: list[Any] = []
     for key, entry in tree.items():
         if members := _members(entry):
@@ -74,7 +74,7 @@ def _schema(name: str, tree: Mapping[str, Any]) -> type:
 
 
 def _members(entry: Any) -> Mapping[str, Any]:
-    """What a group holds, or a setting whose value is a mapping with certain keys."""
+    """Return members of a group, or of a setting whose value is a mapping with certain keys."""
     if isinstance(entry, Mapping):
         return entry
     return dict.fromkeys(getattr(getattr(entry, "kind", None), "fields", ()))
@@ -82,8 +82,8 @@ def _members(entry: Any) -> Mapping[str, Any]:
 
 @contextmanager
 def composing(experiment: Experiment) -> Iterator[None]:
-    """Let `hydra.compose` find the configuration of an experiment meanwhile."""
-    register(experiment)  # another one may have been since
+    """Let `hydra.compose` find the configuration of an experiment within this context."""
+    register(experiment)  # another one may have been registered since
     if experiment.conf is None:
         with hydra.initialize(version_base="1.3", config_path=None):
             yield
@@ -94,7 +94,7 @@ def composing(experiment: Experiment) -> Iterator[None]:
 
 @contextmanager
 def legible(overrides: Sequence[str]) -> Iterator[None]:
-    """Refuse overrides that Hydra answers with an error of Python's."""
+    """Refuse overrides for which Hydra raises a Python error."""
     try:
         yield
     except (TypeError, ValueError) as error:
@@ -105,12 +105,12 @@ def legible(overrides: Sequence[str]) -> Iterator[None]:
 
 
 def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
-    """Checked choices of a composed configuration.
+    """Return the checked choices of a composed configuration.
 
     Raises
     ------
     ConfigurationError
-        Naming the first key that is wrong, its value and what is allowed.
+        Naming the first invalid key, its value and what is allowed.
     """
     _known(nested(experiment.declared), composed, "")
     given = flatten(experiment.declared, _resolved(experiment, composed))
@@ -123,7 +123,7 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
 
 
 def _known(tree: Mapping[str, Any], node: Any, parent: str) -> None:
-    """Refuse keys that no setting has; Hydra itself lets `+key=value` through."""
+    """Refuse unknown keys; Hydra itself accepts `+key=value`."""
     if not isinstance(node, DictConfig):
         raise ConfigurationError(f"{parent} is {node!r}, but must hold {', '.join(tree)}")
     for name in map(str, node):
@@ -135,7 +135,7 @@ def _known(tree: Mapping[str, Any], node: Any, parent: str) -> None:
 
 
 def _resolved(experiment: Experiment, composed: DictConfig) -> Any:
-    """The configuration as plain values, what refers to others among them."""
+    """Return the configuration as plain values, with references resolved."""
     try:
         return OmegaConf.to_container(composed, resolve=True)
     except OmegaConfBaseException as error:
@@ -148,14 +148,14 @@ def _resolved(experiment: Experiment, composed: DictConfig) -> Any:
         if named:
             group = named[1].rpartition(".")[0]
             members = ", ".join(_group(experiment, group)) or "no keys"
-            why = f"{named[1]} is no key of the configuration; {group or 'it'} has {members}"
+            why = f"{named[1]} is not a key of the configuration; {group or 'it'} has {members}"
         raise ConfigurationError(
             f"{key} is {given}, but must refer to keys that have a value ({why})"
         ) from error
 
 
 def _group(experiment: Experiment, key: str) -> Mapping[str, Any]:
-    """What a key of the configuration holds."""
+    """Return the members of a group of the configuration."""
     entry: Any = nested(experiment.declared)
     for word in key.split(".") if key else ():
         entry = _members(entry).get(word)
@@ -163,16 +163,16 @@ def _group(experiment: Experiment, key: str) -> Mapping[str, Any]:
 
 
 def _unknown(tree: Mapping[str, Any], key: str) -> str:
-    """What to say of a key that the configuration lacks, given the keys of its group."""
+    """Return the message for an unknown key, given the keys of its group."""
     parent = key.rpartition(".")[0]
-    return f"{key} is no key of the configuration; {parent or 'it'} has {', '.join(tree)}"
+    return f"{key} is not a key of the configuration; {parent or 'it'} has {', '.join(tree)}"
 
 
 # settings that run together -----------------------------------------------------------------------
 
 
 def _once(given: Any) -> Any:
-    """A list without repetitions, which settings may have that run together."""
+    """Return a list without repetitions, which joint settings may have."""
     if not isinstance(given, list):
         return given
     return [value for place, value in enumerate(given) if value not in given[:place]]
@@ -181,7 +181,7 @@ def _once(given: Any) -> Any:
 def _zipped(
     choices: Choices, given: Mapping[str, Any], together: Sequence[Sequence[Setting]]
 ) -> Choices:
-    """The same choices, with the settings of `grid.zip` running together."""
+    """Return the choices with the settings of `grid.zip` running together."""
     every = [one.key for settings in together for one in settings]
     if twice := [key for key in every if every.count(key) > 1]:
         raise ConfigurationError(
@@ -194,7 +194,7 @@ def _zipped(
         if len(set(map(len, listed))) > 1:
             counts = (f"{key} has {len(of)}" for key, of in zip(keys, listed, strict=True))
             raise ConfigurationError(
-                f"grid.zip has {', '.join(keys)}, which must have as many values each, but "
+                f"grid.zip has {', '.join(keys)}, which must have equally many values, but "
                 f"{', '.join(counts)}"
             )
         points = list(zip(*listed, strict=True))
@@ -208,20 +208,20 @@ def _zipped(
 
 
 def _as_written(setting: Setting, given: Any) -> list[Any]:
-    """Values in the order in which a user gave them."""
+    """Return values in the order in which they were given."""
     if isinstance(given, Sequence) and not isinstance(given, str):
         return [setting.values(one)[0] for one in given]
     return list(setting.values(given))
 
 
 def _named(experiment: Experiment, name: str) -> Setting:
-    """The setting of a key, or of the last word of one."""
+    """Return the setting of a key, or of the last word of one."""
     by_key = {one.key: one for one in experiment.declared}
     exact = by_key.get(name) or by_key.get(f"{Together.key}.{name}")
     found = [exact] if exact else [one for one in experiment.declared if one.name == name]
     if len(found) != 1:
         several = ", ".join(one.key for one in found)
-        hint = f"several keys: {several}" if found else "no setting"
+        hint = f"several keys: {several}" if found else "not a setting"
         raise ConfigurationError(f"grid.zip has {name!r}, which is {hint}; give a whole key")
     if found[0].fixed:
         raise ConfigurationError(f"grid.zip has {name!r}, but it takes one value: {found[0].fixed}")
@@ -232,7 +232,7 @@ def _named(experiment: Experiment, name: str) -> Setting:
 
 
 def replaceable(experiment: Experiment, arguments: Sequence[str]) -> list[str]:
-    """Arguments that let a value of the command line replace the configured one of any form.
+    """Return arguments with which a value may replace a configured one of another form.
 
     OmegaConf merges a mapping into a mapping and refuses to put a list in its place, or a mapping
     in a list's, so a setting is emptied before it is set: `spring.mass=[0,45]` becomes
@@ -249,7 +249,7 @@ def replaceable(experiment: Experiment, arguments: Sequence[str]) -> list[str]:
 
 
 def refuse_list_of_choices(experiment: Experiment, override: str) -> None:
-    """Refuse a list where a group's one file is chosen: Hydra would lay them over one another."""
+    """Refuse a list where one file of a group is chosen: Hydra would merge the files."""
     several = re.fullmatch(r"(\w+)=(\[.*\])", override)
     folders = experiment.conf.iterdir() if experiment.conf is not None else ()
     groups = {"cluster"} | {path.name for path in folders if path.is_dir()}
@@ -261,17 +261,18 @@ def refuse_list_of_choices(experiment: Experiment, override: str) -> None:
 
 
 def explain(experiment: Experiment, error: Exception) -> str:
-    """One sentence for what Hydra and OmegaConf say in several lines."""
+    """Return one sentence for an error of Hydra or OmegaConf of several lines."""
     if isinstance(error, ConfigurationError):
         return str(error)
     if isinstance(error, OverrideParseException):
         why = str(error).partition("\n")[0]
-        return f"{error.override} cannot be read ({why}), but must be KEY=VALUE as Hydra has it"
+        return f"{error.override} cannot be read ({why}), but must be KEY=VALUE in Hydra's syntax"
     text = "\n".join(str(one) for one in _causes(error))
     if key := re.search(r"full_key: (\S+)", text):
         if re.search(r"Key '.*' (is )?not in", text):
             group = _group(experiment, key[1].rpartition(".")[0])
-            return _unknown(group, key[1]) if group else f"{key[1]} is no key of the configuration"
+            words = f"{key[1]} is not a key of the configuration"
+            return _unknown(group, key[1]) if group else words
         value = re.search(r"not a subclass of \w+\. value: (.*)", text)
         wrong = r"not a subclass of|Cannot merge DictConfig with|is not Optional"
         if re.search(wrong, text) and (group := _group(experiment, key[1])):

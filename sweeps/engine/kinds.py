@@ -1,4 +1,4 @@
-"""What the value of a setting may be: numbers, counts, words, switches, sets of them."""
+"""Kinds of settings: numbers, counts, words, switches, and sets of them."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-LARGEST = 1e300  # beyond it a number is a slip, and integers need not fit a float
-MOST_VALUES = 100_000  # longer axes are a slip of the step, not a plan
+LARGEST = 1e300  # larger numbers are mistakes, and integers need not fit a float
+MOST_VALUES = 100_000  # longer axes come from a mistaken step
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a setting may be: one value, or several in a list; with `null`, null is one, too."""
+    """Values that a setting may have: one, or several in a list; with `null`, null is allowed."""
 
     null: bool = field(default=False, kw_only=True)
 
     @property
     def allowed(self) -> str:
-        """Words for what is allowed, as in 'a finite number at least 0'."""
+        """Description of allowed values, such as 'a finite number at least 0'."""
         raise NotImplementedError
 
     def _holds(self, value: Any) -> bool:
-        """Whether something is such a value."""
+        """Return whether a value is of this kind."""
         raise NotImplementedError
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """Distinct values in ascending order, null first, read from what a user wrote.
+        """Return distinct values in ascending order, null first, read from a user's input.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class Kind:
 
 @dataclass(frozen=True)
 class Number(Kind):
-    """Finite numbers of which `low` and `high` are the ends; start, stop and step stand for some.
+    """Finite numbers from `low` to `high`, also given by start, stop and step.
 
     They are less than `below`, and above 0 where they must be positive.
     """
@@ -91,7 +91,7 @@ class Number(Kind):
         return _steps(key, given) if isinstance(given, Mapping) else super()._listed(key, given)
 
     def _read(self, value: Any) -> Value:
-        return float(value) + 0.0  # -0.0 becomes 0.0, with which it is equal
+        return float(value) + 0.0  # -0.0 becomes 0.0, which equals it
 
 
 @dataclass(frozen=True)
@@ -106,12 +106,12 @@ class Count(Number):
         return super()._holds(value) and value == int(value)
 
     def _read(self, value: Any) -> Value:
-        return int(value)  # not by way of floats, which do not hold all of them
+        return int(value)  # not through a float, which cannot represent all of them
 
 
 @dataclass(frozen=True)
 class Draws(Kind):
-    """How many of something there are, counted from 0: 3 stands for the values 0, 1 and 2."""
+    """Number of draws, counted from 0: 3 means the values 0, 1 and 2."""
 
     high: int
 
@@ -170,7 +170,7 @@ class Text(Kind):
 
 @dataclass(frozen=True)
 class Vector(Kind):
-    """So many finite numbers in a list: one value, which is a tuple."""
+    """List of `size` finite numbers: one value, a tuple."""
 
     size: int
     element: Number = field(default_factory=Number)
@@ -190,9 +190,9 @@ class Vector(Kind):
 
 @dataclass(frozen=True)
 class SetOf(Kind):
-    """A set of values of another kind that belong together: one value, which is a tuple.
+    """A set of values of another kind that form one value, a tuple.
 
-    Words of `spellings` stand for a set each; null for 'not given'.
+    Each word of `spellings` denotes a set; null means 'not given'.
     """
 
     kind: Kind
@@ -219,7 +219,7 @@ class SetOf(Kind):
 
 @dataclass(frozen=True)
 class Groups(Kind):
-    """Lists of words, each list for what belongs together: one value."""
+    """Lists of words, each list a group: one value."""
 
     allowed: ClassVar[str] = "a list of lists of names"
 
@@ -236,14 +236,14 @@ class Groups(Kind):
 
 
 def shown(value: Any) -> str:
-    """A value as messages show it: null as users write it."""
+    """Return a value as messages show it: None as null."""
     if isinstance(value, list):
         return f"[{', '.join(map(shown, value))}]"
     return "null" if value is None else repr(value)
 
 
 def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
-    """Sorted values, refused when there are none or one is there twice; None comes first."""
+    """Return sorted values, None first; raise ValueError if there are none or one is repeated."""
     if not values:
         raise ValueError(f"{key} is empty, but must hold at least one value")
     seen = set()
@@ -255,12 +255,12 @@ def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
 
 
 def rank(value: Value) -> tuple[bool, Any]:
-    """What values are sorted by: None comes first."""
+    """Return the sort key of a value: None comes first."""
     return value is not None, 0 if value is None else value
 
 
 def _steps(key: str, given: Mapping[str, Any]) -> list[float]:
-    """Values from start to stop, which is among them when a step lands on it."""
+    """Return values from start to stop, inclusive if a step lands on it."""
     if set(given) != {"start", "stop", "step"}:
         raise ValueError(
             f"{key} has the keys {', '.join(map(str, given)) or '(none)'}, but must have start, "

@@ -1,4 +1,4 @@
-"""Jobs of a Hydra multirun as one sweep: what differs between them becomes axes.
+"""Jobs of a Hydra multirun as one sweep: settings that differ between jobs become axes.
 
 Settings that the jobs cross are axes of their own. Settings that change together, as those of a
 group's choices (`spring=soft,hard`), run together along one axis named after the group. A store
@@ -34,7 +34,7 @@ Point = tuple[Value, ...]
 
 @dataclass(frozen=True)
 class Job:
-    """One job of a multirun: what was swept, key to value, and what its configuration comes to."""
+    """One job of a multirun: swept values by key, and its choices."""
 
     overrides: Mapping[str, str]
     choices: Choices
@@ -45,10 +45,10 @@ class Job:
 
 
 def crossed(experiment: Experiment, arguments: Sequence[str]) -> list[str]:
-    """Overrides of a multirun in which swept settings are lists: `a=1,2` becomes `a=[1,2]`.
+    """Return overrides of a multirun with swept settings as lists: `a=1,2` becomes `a=[1,2]`.
 
-    So a grid of thousands of points is one job. What another override names, as the path of the
-    store, stays swept, and so does what takes one value, or is no setting at all.
+    A grid of thousands of points is then one job. A key that another override refers to, such as
+    the store's path, stays swept, as do settings of one value and keys that are not settings.
     """
     try:
         parsed = OverridesParser.create().parse_overrides(list(arguments))
@@ -78,7 +78,7 @@ def _as_list(override: Override) -> str:
 
 
 def jobs_of(loader: Any, master: DictConfig) -> list[list[str]] | None:
-    """Overrides of every job that Hydra's own sweeper would start; None where another one would.
+    """Return overrides of every job of Hydra's basic sweeper; None if another one is configured.
 
     `loader` is Hydra's, `master` the configuration of a multirun with Hydra's own part.
     """
@@ -90,9 +90,9 @@ def jobs_of(loader: Any, master: DictConfig) -> list[list[str]] | None:
 
 
 def batches(master: DictConfig, jobs: Sequence[Job]) -> Iterator[list[Job]]:
-    """Jobs that run at once: those of Hydra's batches, with all earlier ones of their stores.
+    """Yield jobs that run at once: Hydra's batches, with all earlier jobs of their stores.
 
-    So a store grows from batch to batch, and what is there is not done again.
+    A store grows from batch to batch, and finished cells are reused.
     """
     size = master.hydra.sweeper.max_batch_size or len(jobs)
     for end in range(size, len(jobs) + size, size):
@@ -107,7 +107,7 @@ def read_job(
     number: int,
     read: Callable[[DictConfig], Choices],
 ) -> Job:
-    """A job of a multirun, of whose configuration `read` makes choices."""
+    """Return a job of a multirun; `read` makes choices of its configuration."""
     with legible(overrides):
         composed = loader.load_sweep_config(master, list(overrides))
     with open_dict(composed):
@@ -120,7 +120,7 @@ def read_job(
 
 
 def swept(overrides: Sequence[str]) -> dict[str, str]:
-    """What overrides set, key to value, without those that only empty a setting."""
+    """Return values set by overrides, by key, without those that only clear a setting."""
     pairs = (one.partition("=") for one in overrides)
     return {key: value for key, _, value in pairs if value != "null" or not key.startswith("++")}
 
@@ -129,7 +129,7 @@ def swept(overrides: Sequence[str]) -> dict[str, str]:
 
 
 def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, str | None]]:
-    """Choices, with the path of the store, of the sweeps that some jobs come to.
+    """Return choices and the path of the store of each sweep that jobs are fused into.
 
     Raises
     ------
@@ -175,19 +175,19 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
 
 
 def _check_alike(setting: Setting, values: Sequence[Value]) -> None:
-    """Refuse equal values of different origin, which one store could not tell apart."""
+    """Refuse values of different origin with the same name, which one store cannot distinguish."""
     origins: dict[Value, Any] = {}
     for value in values:
         origin = getattr(value, "origin", None)
         if origins.setdefault(value, origin) != origin:
             raise ConfigurationError(
-                f"{setting.key} has {str(value)!r} for two things in jobs of one store, but their "
+                f"{setting.key} has {str(value)!r} for two values in jobs of one store, but their "
                 "names must differ; name one of them, or put it into the store's path"
             )
 
 
 def _bound_together(jobs: Sequence[Job], differing: Sequence[Setting]) -> list[Joint]:
-    """Settings that do not run crossed, by what was swept; all of them where nothing crosses."""
+    """Return joint axes of settings that are not crossed; of all settings if nothing crosses."""
     free = list(differing)
     groups: list[Joint] = []
     for key in jobs[0].overrides:
@@ -226,7 +226,7 @@ def _joint(
 
 
 def _follows(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
-    """Whether the value of a setting is decided by what is swept under a key, and by one value."""
+    """Return whether the value swept under a key alone decides that of a setting."""
     decided: dict[str | None, Point] = {}
     for job in jobs:
         values = job.choices[setting]
@@ -236,7 +236,7 @@ def _follows(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
 
 
 def _natural(label: str) -> tuple[bool, float, str]:
-    """Numbers in ascending order before words by name."""
+    """Return the sort key of a label: numbers in ascending order, then words."""
     try:
         return False, float(label), label
     except ValueError:

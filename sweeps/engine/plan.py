@@ -1,4 +1,4 @@
-"""The cells of a sweep: the axes of every stage, the values at every place, and the keys."""
+"""The cells of a sweep: axes of every stage, values at every place, and keys."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Axis:
 
     @property
     def is_joint(self) -> bool:
-        """Whether it is a dimension of its own name, with its settings' values along it."""
+        """Return whether it is a joint dimension, with values of its settings along it."""
         return self.labels is not None or len(self.settings) > 1
 
 
 def axes_of(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
-    """Every axis, those of settings that run together in the place of the first of them."""
+    """Return every axis; a joint one takes the place of the first of its settings."""
     of_key: dict[str, Joint] = {key: joint for joint in choices.joint for key in joint.keys}
     by_key = {setting.key: setting for setting in settings}
     axes: dict[str | Setting, Axis] = {}
@@ -60,7 +60,7 @@ def axes_of(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
 
 
 class Plan:
-    """What a sweep would compute: stages, their cells and the keys of these."""
+    """Plan of a sweep: stages, their cells and the keys of these."""
 
     def __init__(self, experiment: Experiment, choices: Choices) -> None:
         self.experiment = experiment
@@ -78,11 +78,11 @@ class Plan:
             if bound.stage.group is not None and bound.stage.when(choices)
         )
         wanted = set(self.targets)
-        for bound in reversed(self._every.values()):  # each stands behind those that it needs
+        for bound in reversed(self._every.values()):  # each comes after those that it needs
             if bound in wanted:
                 wanted.update(bound.inputs)
         self.bound = {name: bound for name, bound in self._every.items() if bound in wanted}
-        # Asked for a hundred thousand times.
+        # Cached: looked up some hundred thousand times.
         self.axes_on = cache(self._axes_on)
         self.whole_axes = cache(self._whole_axes)
         self.plain_value = cache(self._plain_value)
@@ -95,11 +95,11 @@ class Plan:
                 if axis.several and axis.is_joint:
                     raise ConfigurationError(
                         f"{axis.settings[0].key} runs together with other settings, but must run "
-                        f"alone where {bound.name} looks at all of its values"
+                        f"alone because {bound.name} uses all of its values"
                     )
 
     def unread(self, keys: Iterable[str]) -> list[str]:
-        """Those of some keys that stages of the experiment read, but none of this plan."""
+        """Return which of some keys the experiment's stages read, but none of this plan does."""
         read, known = (
             {key for bound in stages for key in (*bound.needs, *bound.gather)}
             for stages in (self.bound.values(), self._every.values())
@@ -117,14 +117,14 @@ class Plan:
 
     @property
     def modules(self) -> list[str]:
-        """Names of the modules of its stages, sorted."""
+        """Sorted names of the modules of its stages."""
         return sorted({one.stage.function.__module__ for one in self.bound.values()})
 
     # axes -----------------------------------------------------------------------------------
 
     @property
     def swept(self) -> dict[str, int]:
-        """Number of values of every axis that has several and that a stage depends on, by key."""
+        """Return the number of values of every axis of several that a stage depends on."""
         read = {number for one in self.bound.values() for number in self.axes_on(one)}
         read |= {number for one in self.bound.values() for number in self.gathered(one)}
         return {
@@ -134,16 +134,16 @@ class Plan:
         }
 
     def _axes_on(self, bound: Bound) -> tuple[int, ...]:
-        """Numbers of the axes with several values that a stage depends on, ascending."""
+        """Return numbers of the axes with several values that a stage depends on, ascending."""
         found = {self._axis_of[key][0] for key in bound.needs}
         return tuple(number for number in sorted(found) if self.axes[number].several)
 
     def axis_number(self, key: str) -> int:
-        """Number of the axis that a setting runs along."""
+        """Return the number of a setting's axis."""
         return self._axis_of[key][0]
 
     def together(self, bound: Bound) -> tuple[int, ...]:
-        """Numbers of the axes of several values that a stage computes together, ascending."""
+        """Return numbers of the axes with several values that a stage computes together."""
         return tuple(
             number
             for number in self.axes_on(bound)
@@ -152,33 +152,33 @@ class Plan:
         )
 
     def gathered(self, bound: Bound) -> tuple[int, ...]:
-        """Numbers of the axes that it wants whole, in the order in which it names them."""
+        """Return numbers of the axes that a stage gathers, in the order in which it names them."""
         return tuple(self._axis_of[key][0] for key in bound.gather)
 
     def cells(self, bound: Bound) -> Iterator[Place]:
-        """Places of all cells, the last axis fastest."""
+        """Yield places of all cells of a stage, the last axis fastest."""
         return self._places(self.axes_on(bound))
 
     def count(self, bound: Bound) -> int:
-        """Number of its cells."""
+        """Return the number of cells of a stage."""
         return prod(len(self.axes[number].points) for number in self.axes_on(bound))
 
     def _places(self, numbers: Iterable[int]) -> Iterator[Place]:
         return product(*(range(len(self.axes[number].points)) for number in numbers))
 
     def value(self, bound: Bound, key: str, place: Place) -> Value:
-        """Value of a setting at a place of a stage."""
+        """Return the value of a setting at a place of a stage."""
         points, at, position = self._where(bound, key)
         return points[0 if at is None else place[at]][position]
 
     def _where_on(self, bound: Bound, key: str) -> tuple[Points, int | None, int]:
-        """Points of a setting's axis, which of a stage's places is on it, and which value of it."""
+        """Return points of a setting's axis, and its position in a stage's places and points."""
         number, position = self._axis_of[key]
         axis = self.axes[number]
         return axis.points, self.axes_on(bound).index(number) if axis.several else None, position
 
     def described(self, bound: Bound, place: Place) -> str:
-        """A place in words: name=value for every axis that has several."""
+        """Return a place in words: name=value for every axis of several values."""
         words = [bound.name]
         for number, at in zip(self.axes_on(bound), place, strict=True):
             axis = self.axes[number]
@@ -190,7 +190,7 @@ class Plan:
     def source_place(
         self, bound: Bound, source: Bound, place: Place, moved: Mapping[int, int] | None = None
     ) -> Place:
-        """Place of the input's cell that a cell takes; at other places on the axes of `moved`."""
+        """Return the place of the input's cell that a cell takes, `moved` on some axes."""
         if not moved and not bound.stage.at:
             return tuple([place[at] for at in self._taken(bound, source)])
         own = dict(zip(self.axes_on(bound), place, strict=True)) | dict(moved or {})
@@ -201,30 +201,30 @@ class Plan:
         return tuple([own[number] for number in self.axes_on(source)])
 
     def _taken_from(self, bound: Bound, source: Bound) -> tuple[int, ...]:
-        """Which places on the axes of a stage are those of an input's cell."""
+        """Return which places on the axes of a stage are those of an input's cell."""
         own = self.axes_on(bound)
         return tuple(own.index(number) for number in self.axes_on(source))
 
     def _whole_axes(self, bound: Bound, source: Bound) -> tuple[int, ...]:
-        """Numbers of the axes that a stage gathers of an input, as `Stage.gather` orders them."""
+        """Return numbers of the axes gathered of an input, in the order of `Stage.gather`."""
         there = self.axes_on(source)
         return tuple(number for number in self.gathered(bound) if number in there)
 
     def sources(self, bound: Bound, source: Bound, place: Place) -> Iterator[tuple[Place, Place]]:
-        """Place on the gathered axes, and the input's place, of all cells that a cell takes."""
+        """Yield place on the gathered axes, and the input's place, of all cells taken."""
         points = self._places(self.whole_axes(bound, source))
         first = self.first_source(bound, source, place)
         return zip(points, self.from_first(bound, source, first), strict=True)
 
     def first_source(self, bound: Bound, source: Bound, place: Place) -> Place:
-        """Place of the first of the input's cells that a cell takes."""
+        """Return the place of the first of the input's cells that a cell takes."""
         whole = self.whole_axes(bound, source)
         return self.source_place(bound, source, place, dict.fromkeys(whole, 0))
 
     def from_first(self, bound: Bound, source: Bound, first: Place) -> Iterator[Place]:
-        """Places of all cells of an input that a cell takes, whose first one is given."""
+        """Yield places of all cells of an input that a cell takes, given the first."""
         whole = self.whole_axes(bound, source)
-        # As the gathering stage orders the axes, which need not be as the input does.
+        # In the order of the gathering stage, which may differ from that of the input.
         order = [self.axes_on(source).index(number) for number in whole]
         place = list(first)
         for point in self._places(whole):
@@ -233,7 +233,7 @@ class Plan:
             yield tuple(place)
 
     def _plain_value(self, bound: Bound, place: Place) -> Value:
-        """Result of a plain stage at one of its places."""
+        """Return the result of a plain stage at one of its places."""
         given = {one.name: self.plain_argument(bound, one, place) for one in bound.arguments}
         try:
             return bound.stage.function(**given)
@@ -242,11 +242,11 @@ class Plan:
         except Exception as error:
             words = ", ".join(f"{name}={_word(value)}" for name, value in given.items())
             raise ConfigurationError(
-                f"{bound.name} cannot be worked out of {words}: {error or type(error).__name__}"
+                f"{bound.name} cannot be computed from {words}: {error or type(error).__name__}"
             ) from error
 
     def plain_argument(self, bound: Bound, argument: Argument, place: Place) -> Value:
-        """Value of an argument that is a setting or a plain stage."""
+        """Return the value of an argument that is a setting or a plain stage."""
         if argument.setting is not None:
             if argument.setting.key in bound.gather:
                 return self.choices[argument.setting]
@@ -255,7 +255,7 @@ class Plan:
         return self.plain_value(argument.source, self.source_place(bound, argument.source, place))
 
     def stream(self, bound: Bound, place: Place) -> tuple[int, dict[str, Any]]:
-        """Seed, and what names the stream of a cell's noise; see `sweeps.engine.seeds`."""
+        """Return the seed and the names of a cell's noise stream; see `sweeps.engine.seeds`."""
         name: dict[str, Any] = {"stage": bound.stage.noise or bound.name}
         if bound.stage.stream is None:
             keys = [key for key in bound.needs if key != Run.seed.key]
@@ -269,7 +269,7 @@ class Plan:
     # keys -----------------------------------------------------------------------------------
 
     def _key(self, bound: Bound, place: Place) -> str:
-        """Hash of all that a cell depends on."""
+        """Return the hash of everything that a cell depends on."""
         parts = [self._code[bound.name]]
         for argument in bound.arguments:
             source = argument.source
@@ -287,18 +287,18 @@ class Plan:
         return digest("\0".join(parts))
 
     def _key_of_all(self, bound: Bound, source: Bound, first: Place) -> str:
-        """Hash of all cells together that a stage gathers of an input."""
+        """Return one hash of all cells that a stage gathers of an input."""
         return digest(
             "\0".join(self.key(source, there) for there in self.from_first(bound, source, first))
         )
 
     def fingerprint(self, bound: Bound) -> str:
-        """Hash of the keys of all cells of a stage."""
+        """Return the hash of the keys of all cells of a stage."""
         return digest("".join(self.key(bound, place) for place in self.cells(bound)))
 
     @cached_property
     def _code(self) -> dict[str, str]:
-        """Hash by stage of its code, of the names of its function and outputs."""
+        """Return by stage the hash of its code and of the names of its function and outputs."""
         # Two stages of one function share their results: its name counts, not theirs.
         found = {}
         for name, bound in self.bound.items():
@@ -310,7 +310,7 @@ class Plan:
 
     @cached_property
     def code(self) -> dict[str, str]:
-        """Hash by stage of its code and of the libraries behind it, for the store's attributes."""
+        """Return by stage the hash of its code and libraries, for the store's attributes."""
         roots, without = frozenset(self.experiment.code), frozenset({ENGINE})
         return {
             name: code_digest(
@@ -321,7 +321,7 @@ class Plan:
 
 
 def digest(text: str) -> str:
-    """32 hexadecimal digits that stand for a text."""
+    """Return a hash of a text: 32 hexadecimal digits."""
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""This process: what it prints, the requests that end it, its environment and its threads."""
+"""This process: its output, signals, environment and threads."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 # product is split, and threads that wait for one another spin when a neighbour has the cores.
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR")}
 
-# what it prints: a full disk, a closed pipe or a poor terminal costs no results
+# output: a full disk, a closed pipe or a limited terminal costs no results
 
 
 def say(name: str, sentence: str) -> None:
-    """Print a sentence to stderr, whatever becomes of it."""
+    """Print a sentence to stderr, ignoring errors."""
     with suppress(OSError, ValueError, AttributeError):  # there may be no stderr at all
         text = f"{name}: {sentence}\n"
         encoding = sys.stderr.encoding or "utf-8"
@@ -30,7 +30,7 @@ def say(name: str, sentence: str) -> None:
 
 
 def show(what: Any, *, error: bool = False) -> None:
-    """Print a text or a table of rich, whatever becomes of it."""
+    """Print a text or a table of rich, ignoring errors."""
     stream = sys.stderr if error else sys.stdout
     with suppress(OSError, ValueError, SystemExit):  # rich ends the process for a closed pipe
         console = Console(file=stream, highlight=False, markup=False, soft_wrap=True)
@@ -40,7 +40,7 @@ def show(what: Any, *, error: bool = False) -> None:
 
 @contextmanager
 def forgiving() -> Iterator[None]:
-    """Let nothing that is printed to stdout or stderr meanwhile raise an error."""
+    """Suppress errors of printing to stdout or stderr within this context."""
     before = sys.stdout, sys.stderr
     for stream in before:
         if hasattr(stream, "reconfigure"):
@@ -55,7 +55,7 @@ def forgiving() -> Iterator[None]:
 
 
 class _Forgiving:
-    """A stream that loses what cannot be written."""
+    """A stream that drops what cannot be written."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -74,7 +74,7 @@ class _Forgiving:
 
 
 def _settle(stream: Any) -> None:
-    """Give up what cannot be printed: else Python tries again at the end, and exits with 120."""
+    """Discard what cannot be printed: else Python tries again at exit, and exits with 120."""
     if stream is None:
         return
     try:
@@ -86,7 +86,7 @@ def _settle(stream: Any) -> None:
             os.close(nowhere)
 
 
-# how it is ended
+# signals
 
 
 class Stopped(BaseException):
@@ -100,13 +100,13 @@ class Stopped(BaseException):
 
 @contextmanager
 def stopping() -> Iterator[None]:
-    """Turn requests to end into exceptions, so that workers end in order and something is said."""
+    """Turn signals into exceptions, so that workers stop in order and a message is printed."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise Stopped(number)
 
     before = {}
-    with suppress(ValueError):  # not in the main thread: they are somebody else's
+    with suppress(ValueError):  # only the main thread handles signals
         before = {one: signal.signal(one, stop) for one in (signal.SIGTERM, signal.SIGHUP)}
     try:
         yield
@@ -115,12 +115,12 @@ def stopping() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-# what it runs in
+# environment
 
 
 @contextmanager
 def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
-    """Set environment variables for a while; restore them, and those named as `changed`."""
+    """Set environment variables within this context; restore them and those named in `changed`."""
     before = {name: os.environ.get(name) for name in (*variables, *changed)}
     os.environ.update(variables)
     try:
@@ -134,6 +134,6 @@ def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Limit numerical libraries to one thread, those that are loaded meanwhile too."""
+    """Limit numerical libraries, including those loaded meanwhile, to one thread."""
     with environment(ONE_THREAD), threadpool_limits(1):
         yield

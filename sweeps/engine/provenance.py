@@ -1,4 +1,4 @@
-"""What a store says of where its numbers come from, and which sweeps may extend it."""
+"""Provenance of a store's results, and the check of sweeps that extend it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ENGINE_LIBRARIES = ("dask", "numpy", "xarray", "zarr")
 
 
 def written(setting: Setting, values: tuple[Value, ...]) -> Any:
-    """Values of a setting as a user would write them."""
+    """Return values of a setting as a user would write them."""
     own = getattr(setting.kind, "written", None)
     if own is not None:
         return own(values)
@@ -31,7 +31,7 @@ def written(setting: Setting, values: tuple[Value, ...]) -> Any:
 
 
 def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Root attributes: all that the numbers depend on, and nothing that does not change them.
+    """Return root attributes: everything that results depend on, and nothing else.
 
     No times, hosts, paths or numbers of workers are among them: equal sweeps make equal stores.
     `failures` are the names of cells that failed, and why.
@@ -65,12 +65,12 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
 
 
 def _identity(experiment: Experiment) -> tuple[Setting, ...]:
-    """Settings that results depend on."""
+    """Return the settings that results depend on."""
     return tuple(one for one in experiment.declared if one.identity)
 
 
 def versions(experiment: Experiment) -> dict[str, str]:
-    """Versions of the distributions behind the numbers, and of Python."""
+    """Return versions of the distributions that results depend on, and of Python."""
     found = {"python": ".".join(platform.python_version_tuple()[:2])}
     for name in sorted({*ENGINE_LIBRARIES, *experiment.versions}):
         try:
@@ -81,15 +81,15 @@ def versions(experiment: Experiment) -> dict[str, str]:
 
 
 def choices_of(experiment: Experiment, attributes: Mapping[str, Any]) -> Choices:
-    """Choices that a store was made with, from its attributes.
+    """Return the choices that a store was made with, from its attributes.
 
-    ConfigurationError if they are none of this experiment.
+    Raises ConfigurationError if they are not of this experiment.
     """
     declared = _identity(experiment)
     choices = read_choices(declared, flatten(declared, attributes["configuration"]))
     joint = []
     for name, keys, points, labels in attributes.get("joint", ()):
-        # As the settings have them: JSON has lists for tuples, and plain texts for their kinds.
+        # As settings have them: JSON turns tuples into lists, and subclasses of str into texts.
         known = [{_plain(value): value for value in choices.values[key]} for key in keys]
         there = tuple(
             tuple(of[_plain(value)] for of, value in zip(known, point, strict=True))
@@ -106,14 +106,14 @@ def _plain(value: Any) -> Any:
 
 
 def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], plan: Plan) -> None:
-    """Refuse a store, by its attributes, that another configuration, or other code, has made.
+    """Refuse a store, by its attributes, of another configuration or other code.
 
-    A sweep may go on with a store whose every value of every setting it has, too. The
+    A sweep may extend a store if it includes all of the store's values. The
     ConfigurationError names the keys that differ, and what to do.
     """
     if "configuration" not in old or old.get("title") != experiment.title:
         raise ConfigurationError(
-            f"store is {path!r}, which holds something else; it must be a new path, or a store of "
+            f"store is {path!r}, which holds other data; it must be a new path, or a store of "
             f"{experiment.name}"
         )
     before = choices_of(experiment, old)
@@ -146,7 +146,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
 
 
 def _lacking_together(before: Choices, now: Choices) -> tuple[str, ...]:
-    """Keys of settings of which some values met before, and do not now."""
+    """Return keys of joint settings of which some combinations are missing now."""
     groups: list[set[str]] = []
     for joint in (*before.joint, *now.joint):
         met = [group for group in groups if group & set(joint.keys)]
@@ -158,7 +158,7 @@ def _lacking_together(before: Choices, now: Choices) -> tuple[str, ...]:
 
 
 def _points(choices: Choices, keys: tuple[str, ...]) -> set[tuple[Value, ...]]:
-    """Values of some settings that meet, where those that run together are all among them."""
+    """Return combinations of values of some settings, which include all joint ones."""
     joint = [one for one in choices.joint if set(one.keys) <= set(keys)]
     together = {key for one in joint for key in one.keys}
     axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]

@@ -1,7 +1,7 @@
-"""Finished results on disk: packs, files that keep the results of many cells, and their index.
+"""Finished results on disk: packs, each a file with results of many cells, and their index.
 
 A pack is a sealed line with its stage, the keys of its cells, the checksums of their records and
-what these hold, followed by the records: the arrays of a cell, one after another. All that finds a
+their layout, followed by the records: the arrays of a cell, one after another. Everything needed to
 cell stands in the packs, and when a pack was last used is the time of its file. The index saves
 reading every pack: without it, or if it is damaged, they are read. So nothing is lost with it, and
 several processes may use one folder.
@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 ROOM, INDEX = "cells", "cells.index"
 ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
 UNREADABLE = "(unreadable)"
-FORGOTTEN = 32 * "0"  # in the place of the key of a cell that proved damaged
-ORPHANED = 86400.0  # s, after which nobody writes to a partial file any more
+FORGOTTEN = 32 * "0"  # replaces the key of a damaged cell
+ORPHANED = 86400.0  # s, after which a partial file counts as abandoned
 
-# What counts of earlier costs when the next is added: about ten of them matter.
+# Weight of earlier costs when the next is added: about ten of them matter.
 FADING = 0.9
 
 Cell = dict[str, NDArray[Any]]
@@ -42,13 +42,13 @@ _NAME = re.compile(r"[0-9a-f]{32}\.(pack|partial)")
 
 
 def seal(document: Any) -> bytes:
-    """Line of bytes for a document of JSON values, which begins with its checksum."""
+    """Return a line of bytes of a JSON document, which begins with its checksum."""
     text = json.dumps(document, separators=(",", ":")).encode()
     return b"%08x %s\n" % (zlib.crc32(text), text)
 
 
 def unseal(line: bytes) -> Any:
-    """Document of a line made by `seal`; ValueError if the line is not as it was made."""
+    """Return the document of a line made by `seal`; raise ValueError if the line was changed."""
     text = line[9:-1]
     if line != b"%08x %s\n" % (zlib.crc32(text), text):
         raise ValueError("its checksum differs")
@@ -85,14 +85,14 @@ def write_pack(
         "layouts": list(layouts),
     }
     header = seal(document)
-    # A name begins with the time, so that of equal cells the newest is known.
+    # A name begins with the time, so that the newest of equal cells is known.
     path = f"{ROOM}/{time.time_ns():016x}{uuid.uuid4().hex[:16]}.pack"
     write_whole(folder, path, (header, *records))
     return Pack(path, len(header) + sum(map(len, records)), keys)
 
 
 def _record(outputs: Mapping[str, NDArray[Any]]) -> tuple[Any, bytes]:
-    """Name, dtype and shape of each array of a cell, and the bytes of all."""
+    """Return name, dtype and shape of each array of a cell, and the bytes of all."""
     layout, parts = [], []
     for name, values in outputs.items():
         array = np.asarray(values)
@@ -120,9 +120,9 @@ def write_whole(folder: Path, path: str, parts: Iterable[bytes]) -> None:
 
 
 def read_cells(folder: Path, requests: Sequence[tuple[str, int]]) -> list[Cell | None]:
-    """Outputs of cells, given by path of a pack and row in it; each pack is opened once.
+    """Return outputs of cells, given by path of a pack and row in it; open each pack once.
 
-    None for a cell that is absent or differs from its checksum; no content of a file makes this
+    None for a cell that is absent or differs from its checksum; no content of a file makes it
     raise. Arrays are writable and share no element.
     """
     found: list[Cell | None] = [None] * len(requests)
@@ -150,7 +150,7 @@ def read_cells(folder: Path, requests: Sequence[tuple[str, int]]) -> list[Cell |
 
 
 def _laid_out(described: Any) -> tuple[list[tuple[Any, ...]], int]:
-    """Name, shape, dtype and place in a record of each array, and bytes of the record."""
+    """Return name, shape, dtype and offset of each array, and the size of the record [byte]."""
     layout, place = [], 0
     for name, code, shape in described:
         layout.append((name, tuple(shape), np.dtype(code), place))
@@ -160,7 +160,7 @@ def _laid_out(described: Any) -> tuple[list[tuple[Any, ...]], int]:
 
 
 def list_files(folder: Path) -> tuple[set[str], set[str]]:
-    """Paths of all packs of a folder, and of files that are being written, relative to it."""
+    """Return paths of all packs of a folder and of partial files, relative to it."""
     packs: set[str] = set()
     partials: set[str] = set()
     with suppress(OSError), os.scandir(folder / ROOM) as entries:
@@ -172,7 +172,7 @@ def list_files(folder: Path) -> tuple[set[str], set[str]]:
 
 
 class Kept(NamedTuple):
-    """What is kept of a stage: number of cells, and bytes."""
+    """Stored results of a stage: number of cells, and bytes."""
 
     stage: str
     cells: int
@@ -184,7 +184,7 @@ Known = tuple[str, int, Sequence[str]]  # stage of a pack, its bytes, and keys o
 
 @contextmanager
 def open_index(folder: Path, say: Callable[[str], None]) -> Iterator[CellIndex]:
-    """Index of a folder, which may be absent; `say` takes a sentence about what went wrong."""
+    """Open the index of a folder, which may be absent; `say` is called with a warning."""
     index = CellIndex(folder, say)
     try:
         yield index
@@ -193,7 +193,7 @@ def open_index(folder: Path, say: Callable[[str], None]) -> Iterator[CellIndex]:
 
 
 class CellIndex:
-    """Index of the packs of a folder. Neither damage nor a full disk makes a method raise."""
+    """Index of the packs of a folder. No method raises for damage or a full disk."""
 
     def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
         self.folder = folder
@@ -216,17 +216,17 @@ class CellIndex:
         }
 
     def save(self) -> None:
-        """Write the index file, if there is something new."""
+        """Write the index file, if it has changed."""
         if self._changed:
             with suppress(OSError):
                 write_whole(self.folder, INDEX, [seal([self._costs, self._packs])])
 
     def find(self, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
-        """Path of the pack and row of each key that is there, the newest of equal ones."""
+        """Return the pack's path and row of each key found, the newest of equal ones."""
         return {key: self._spots[key] for key in keys if key in self._spots}
 
     def add(self, stage: str, packs: Sequence[Pack], seconds: float) -> None:
-        """Record packs of a stage that were written, and the time [s] that all of them took."""
+        """Record new packs of a stage, and the time [s] that all of them took."""
         cells = sum(len(pack.keys) for pack in packs)
         size = sum(pack.size for pack in packs)
         before = self._costs.get(stage, (0.0, 0.0, 0.0))
@@ -238,7 +238,7 @@ class CellIndex:
         self._changed = True
 
     def forget(self, keys: Iterable[str]) -> None:
-        """Drop keys whose cells proved damaged, older cells of theirs, too; packs stay."""
+        """Drop keys of damaged cells, including older copies; packs stay."""
         gone = dict.fromkeys(keys, FORGOTTEN)
         self._set(
             {
@@ -249,7 +249,7 @@ class CellIndex:
         self._changed = True
 
     def costs(self) -> dict[str, tuple[float, float]]:
-        """Seconds and bytes a cell by stage: means in which older ones fade."""
+        """Return seconds and bytes per cell by stage: means in which older values fade."""
         return {
             stage: (seconds / cells, size / cells)
             for stage, (cells, seconds, size) in self._costs.items()
@@ -262,7 +262,7 @@ class CellIndex:
                 os.utime(self.folder / path)
 
     def summary(self) -> list[Kept]:
-        """What is kept of each stage, by name of the stage."""
+        """Return stored results by stage, sorted by name."""
         found: dict[str, Kept] = {}
         for stage, size, keys in self._packs.values():
             before = found.get(stage, Kept(stage, 0, 0))
@@ -270,9 +270,9 @@ class CellIndex:
         return [found[stage] for stage in sorted(found)]
 
     def shrink(self, limit_bytes: int, keep_since: float) -> None:
-        """Delete the packs not used for longest until the rest is small enough.
+        """Delete the least recently used packs until the rest is small enough.
 
-        Those used since a time (s, epoch) stay. Partial files older than a day go, too.
+        Those used since a time (s, epoch) stay. Partial files older than a day are deleted, too.
         """
         there, partials = list_files(self.folder)
         self._delete(path for used, path in self._ages(partials) if used < time.time() - ORPHANED)
@@ -295,7 +295,7 @@ class CellIndex:
         self._changed = False
 
     def _delete(self, paths: Iterable[str]) -> bool:
-        """Delete files of the folder; false, and a sentence, if one cannot be deleted."""
+        """Delete files of the folder; return False, after a warning, if one cannot be deleted."""
         try:
             for path in paths:
                 (self.folder / path).unlink(missing_ok=True)
@@ -305,7 +305,7 @@ class CellIndex:
         return True
 
     def _ages(self, paths: Iterable[str]) -> list[tuple[float, str]]:
-        """When files were last used (s, epoch), oldest first; those that are gone left out."""
+        """Return when existing files were last used (s, epoch), oldest first."""
         ages = []
         for path in paths:
             with suppress(OSError):
@@ -314,12 +314,12 @@ class CellIndex:
 
 
 def _described(path: Path) -> Known:
-    """What a pack says of itself."""
+    """Return stage, bytes and keys of a pack from its header."""
     size = path.stat().st_size
     try:
         with path.open("rb") as file:
             header = unseal(file.readline())
     except (OSError, ValueError):
-        # Kept without cells, so that it is not read each time and can be evicted.
+        # Indexed without cells, so that it is not read each time and can be evicted.
         return UNREADABLE, size, ()
     return header["stage"], size, header["keys"]

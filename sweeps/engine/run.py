@@ -1,4 +1,4 @@
-"""A whole sweep: what is there is found, what is missing is made, and the store written."""
+"""A complete sweep: find finished cells, compute missing ones, and write the store."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ from sweeps.engine.tasks import Call, Damaged, Report, Spot, reason, run_calls
 
 WRITERS = 2  # threads that write chunks
 AT_ONCE = 512  # cells that are read again after damage
-ROUNDS = 20  # of making damaged results again, before the disk is held to be at fault
+ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
-QUICK = 1.0  # s of work that is done before worker processes would have started
+QUICK = 1.0  # s of work that finishes before worker processes would have started
 
 
 @dataclass(frozen=True)
 class Place:
-    """Store and cache of a sweep, who does the work, and how many bytes of results are kept.
+    """Store, cache and cluster of a sweep, and the limit of the cache [byte].
 
-    `remove` removes the folder of the store that is replaced, which takes as long as to write it.
+    `remove` removes the folder of a replaced store, which takes as long as writing it.
     """
 
     store: Path
@@ -76,16 +76,16 @@ class Finished:
 
 @dataclass(frozen=True)
 class Preview:
-    """What a sweep would take."""
+    """Cells, results and time of a sweep that has not been run."""
 
-    stages: Mapping[str, tuple[int, int]]  # cells of each stage, and those to be made
+    stages: Mapping[str, tuple[int, int]]  # cells of each stage, and those to be computed
     calls: int
-    size: float | None  # bytes of the new results; None where some stage was never measured
+    size: float | None  # bytes of the new results; None if some stage was never timed
     seconds: float | None  # of work on one core, likewise
 
     @property
     def sentence(self) -> str:
-        """What it comes to."""
+        """Return calls, size and time in a sentence."""
         if not self.calls:
             return "nothing to compute: all cells are in the cache or the store"
         work = "unknown" if self.seconds is None else f"{self.seconds:.3g} s"
@@ -94,7 +94,7 @@ class Preview:
 
 
 def existing(experiment: Experiment, path: Path, plan: Plan) -> Mapping[str, object] | None:
-    """Return attributes of the store that a sweep extends; None where there is none."""
+    """Return attributes of the store that a sweep extends; None if there is none."""
     attributes = read_attributes(path)
     if attributes is not None:
         check_extends(experiment, str(path), attributes, plan)
@@ -104,7 +104,7 @@ def existing(experiment: Experiment, path: Path, plan: Plan) -> Mapping[str, obj
 def preview(
     experiment: Experiment, choices: Choices, cache: Path, store: Path | None = None
 ) -> Preview:
-    """What a sweep would do; nothing is written, and neither folder need exist.
+    """Return what a sweep would compute; write nothing, and neither folder need exist.
 
     Raises
     ------
@@ -134,12 +134,12 @@ def preview(
 
 
 def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) -> Finished:
-    """Make all cells of an experiment that are not there yet, and its store.
+    """Compute all missing cells of an experiment, and write its store.
 
     Raises
     ------
     ConfigurationError
-        If the store holds something else, or another sweep writes it. Nothing was written.
+        If the store holds other data, or another sweep writes it. Nothing was written.
     OSError
         If the store cannot be written; finished results are kept in the cache.
     """
@@ -159,8 +159,8 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
 
 @contextmanager
 def _spill(store: Path) -> Iterator[Path]:
-    """Folder beside the store for results that the cache does not take; gone afterwards."""
-    folder = hidden(real_place(store), PARTIAL)  # a name by which it is found after a kill
+    """Yield a temporary folder beside the store for results that the cache cannot hold."""
+    folder = hidden(real_place(store), PARTIAL)  # a name by which it is found after a crash
     folder.mkdir(parents=True)
     try:
         yield folder
@@ -234,7 +234,7 @@ def _sweep(
 def _workers(
     choice: ClusterChoice, plan: Plan, watch: Watch, thread: ThreadPoolExecutor
 ) -> Iterator[Callable[..., Future[Executor]]]:
-    """Function that has a thread start workers for some tasks, once; they end afterwards."""
+    """Yield a function that starts workers in a thread, once; stop them afterwards."""
     stack = ExitStack()
     started: list[Future[Executor]] = []
 
@@ -269,10 +269,10 @@ def execute(
     spill: Path,
     watch: Watch,
 ) -> tuple[set[str], list[tuple[str, str]]]:
-    """Run all calls of a schedule, and note finished cells in the index.
+    """Run all calls of a schedule, and record finished cells in the index.
 
     Packs go to `folder`, or to `spill` when that is full. Returns the keys of cells that could not
-    be read back, and the names of those that failed, with the reason.
+    be read back, and the names of those that failed, with the reasons.
     """
     damaged: set[str] = set()
     failures: list[tuple[str, str]] = []
@@ -297,7 +297,7 @@ def execute(
             if done.damaged:
                 damaged.update(done.damaged)
             elif done.reason and len(job.places) > 1:
-                for alone, call in schedule.retried(job):  # one of its values may be at fault
+                for alone, call in schedule.retried(job):  # one of its values may be the cause
                     hand_out([alone], (call,))
             elif done.reason:
                 fail(job, done.reason)
@@ -305,7 +305,7 @@ def execute(
                 seconds[job.bound.name] += done.seconds
                 schedule.finish(job, done.spots, "", done.seconds)
         for name, pack in report.packs:
-            if not Path(pack.path).is_absolute():  # what was spilled goes with this run
+            if not Path(pack.path).is_absolute():  # spilled packs are removed after this run
                 index.add(name, [pack], seconds[name])
 
     while schedule.ready or under_way:
@@ -325,7 +325,7 @@ def execute(
             elif len(jobs) == 1:
                 fail(jobs[0], reason(error))
             else:
-                for job, call in zip(jobs, calls, strict=True):  # one of them may have killed it
+                for job, call in zip(jobs, calls, strict=True):  # one may have killed the worker
                     hand_out([job], (call,))
         watch.step(schedule)
     return damaged, failures
@@ -335,7 +335,7 @@ def execute(
 
 
 def _functions(stages: Iterable[Bound]) -> set[Callable[..., object]]:
-    """Functions of some stages, and of those in memory that they need."""
+    """Return functions of some stages, and of the in-memory stages that they need."""
     found, waiting = set(), list(dict.fromkeys(stages))
     while waiting:
         bound = waiting.pop()
@@ -345,13 +345,13 @@ def _functions(stages: Iterable[Bound]) -> set[Callable[..., object]]:
 
 
 def _import_for_tables() -> None:
-    """Import what makes and reports tables; takes the better part of a second."""
+    """Import libraries for tables and the report, which takes most of a second."""
     for name in ("xarray", "zarr", "dask.array"):  # which xarray imports for its first variable
         import_module(name)
 
 
 def _damaged(schedule: Schedule, place: Place) -> set[str]:
-    """Keys of all cells that cannot be read back."""
+    """Return keys of all cells that cannot be read back."""
     spots = sorted((spot, key) for key, spot in schedule.spots.items())
     damaged: set[str] = set()
     for start in range(0, len(spots), AT_ONCE):
@@ -363,8 +363,8 @@ def _damaged(schedule: Schedule, place: Place) -> set[str]:
 
 
 def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -> bool:
-    """Whether a store has all of a plan already, and is as it was written."""
-    # As attributes come back from a store.
+    """Return whether a store already has all of a plan, and is undamaged."""
+    # As read back from a store.
     if "failures" in old or dict(old) != json.loads(json.dumps(provenance(plan))):
         return False
     bad = verify(path)
@@ -374,7 +374,7 @@ def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -
 
 
 def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
-    """Assemble the store, tables and all, and put it in its place."""
+    """Assemble the store with its tables, and move it to its place."""
     cube = Cube(
         plan,
         schedule.spots,

@@ -1,4 +1,4 @@
-"""The order of work: which cells are missing, which calls make them, and which go together."""
+"""The order of work: missing cells, the calls that compute them, and tasks of several calls."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from sweeps.engine.plan import Place, Plan, digest
 from sweeps.engine.stage import Bound
 from sweeps.engine.tasks import Call, Made, Read, Recipe, Source, Spot, Step
 
-SHORTEST, LONGEST = 0.2, 1.5  # s, what a task should take
-TOGETHER = 5.0  # s, what it may take where cells share costly objects
-UNKNOWN = 0.1  # s a cell, until one is measured
+SHORTEST, LONGEST = 0.2, 1.5  # s, range of a task's duration
+TOGETHER = 5.0  # s, longest task if cells share costly objects
+UNKNOWN = 0.1  # s a cell, until one is timed
 MOST_CELLS = 4096  # of one task
 
 Find = Callable[[Bound, Sequence[str]], dict[str, Spot]]
@@ -26,7 +26,7 @@ Need = tuple[Bound, Bound, Place]  # a stage, an input, and the first of its cel
 
 @dataclass
 class Progress:
-    """Cells of a stage: all there are, found at hand, made, failed, and the time that took."""
+    """Cells of a stage: total, reused, computed and failed, and the time taken."""
 
     total: int = 0
     reused: int = 0
@@ -36,11 +36,11 @@ class Progress:
 
     @property
     def left(self) -> int:
-        """Number of cells still to be made."""
+        """Number of cells still to be computed."""
         return self.total - self.reused - self.done - self.failed
 
     def begin(self, total: int, missing: int) -> None:
-        """Take down how many cells there are, and are missing; again when some were damaged."""
+        """Set the numbers of all and missing cells; called again if some were damaged."""
         self.total = max(total, self.total)
         self.reused = max(self.total - missing - self.done - self.failed, 0)
         self.done = self.total - missing - self.reused - self.failed
@@ -48,7 +48,7 @@ class Progress:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Cells that one call makes, and keys of what in memory it shares with others."""
+    """Cells that one call computes, and keys of in-memory objects that it shares with others."""
 
     bound: Bound
     places: tuple[Place, ...]
@@ -57,9 +57,9 @@ class Job:
 
 @dataclass
 class Schedule:
-    """Cells of a plan that are there, failed, or still to be made.
+    """Cells of a plan: finished, failed, or still to be computed.
 
-    `costs` has the seconds a cell by stage; `spots`, by key, where cells are; `failed` why not.
+    `costs` has the seconds per cell by stage; `spots`, by key, locations; `failed`, reasons.
     """
 
     plan: Plan
@@ -77,7 +77,7 @@ class Schedule:
     # what is missing ------------------------------------------------------------------------
 
     def resolve(self, find: Find) -> None:
-        """Look up all cells that are needed, and plan calls for those that are not there."""
+        """Look up all cells that are needed, and plan calls for missing ones."""
         plan = self.plan
         self._find = find
         wanted: dict[str, dict[str, Place]] = defaultdict(dict)
@@ -91,7 +91,7 @@ class Schedule:
                 continue
             unknown = [key for key in cells if key not in self.spots and key not in self.failed]
             self.spots.update(find(bound, unknown))
-            # What another stage is about to make is this one's, too, and counts there.
+            # Cells that another stage is about to compute are shared, and counted there.
             missing = {k: cells[k] for k in unknown if k not in self.spots and k not in todo}
             own = sum(key not in todo for key in cells)
             self.progress.setdefault(bound.name, Progress()).begin(own, len(missing))
@@ -119,25 +119,25 @@ class Schedule:
 
     @property
     def ready(self) -> bool:
-        """Whether there are calls whose inputs are all there."""
+        """Return whether there are calls whose inputs are all finished."""
         return bool(self._ready)
 
     def missing_cells(self) -> list[tuple[Bound, int]]:
-        """Stage and number of cells of every call that is left."""
+        """Return stage and number of cells of every call that is left."""
         return [(job.bound, len(job.places)) for job in self._missing]
 
     def _groups(self, bound: Bound, places: Iterable[Place]) -> list[Need]:
-        """What cells of a stage need, each once, in their order."""
+        """Return the needs of a stage's cells, each once, in order."""
         return list(dict.fromkeys(one for place in places for one in self._needs(bound, place)))
 
     def _needs(self, bound: Bound, place: Place) -> Iterator[Need]:
-        """What a cell needs, an entry for every input, equal where the input's cells are."""
+        """Yield the needs of a cell, one per input, equal if the input's cells are."""
         for source in bound.inputs:
             if not source.stage.plain:
                 yield bound, source, self.plan.first_source(bound, source, place)
 
     def _inputs(self, need: Need) -> Iterator[tuple[Bound, Place]]:
-        """Every kept cell that is needed, through objects in memory, too."""
+        """Yield every stored cell that is needed, including those needed by in-memory objects."""
         bound, source, first = need
         for there in self.plan.from_first(bound, source, first):
             if source.stage.kept:
@@ -147,9 +147,9 @@ class Schedule:
                     yield from self._inputs(inner)
 
     def _jobs(self, bound: Bound, places: Iterable[Place]) -> list[Job]:
-        """Calls for some cells: those that differ only on axes computed together share one.
+        """Return calls for some cells: those that differ only on axes computed together share one.
 
-        Calls that share objects in memory follow one another, those that share most nearest.
+        Calls that share in-memory objects are adjacent, closest where they share most.
         """
         along = self.plan.together(bound)
         free = [at for at, number in enumerate(self.plan.axes_on(bound)) if number not in along]
@@ -162,7 +162,7 @@ class Schedule:
         return sorted(jobs, key=lambda job: [first[key] for key in job.affinity])
 
     def _affinity(self, bound: Bound, place: Place) -> tuple[str, ...]:
-        """Keys of the objects in memory that a cell needs, those that others need first."""
+        """Return keys of the in-memory objects that a cell needs, dependencies first."""
         keys: list[str] = []
 
         def collect(one: Bound, there: Place) -> None:
@@ -175,14 +175,14 @@ class Schedule:
         collect(bound, place)
         return tuple(dict.fromkeys(keys)) or (bound.name,)
 
-    # handing out ----------------------------------------------------------------------------
+    # batches --------------------------------------------------------------------------------
 
     def _make_ready(self, job: Job) -> None:
         self._ready.setdefault(job.affinity, deque()).append(job)
         self._load[job.bound.name] += len(job.places)
 
     def batch(self, workers: int) -> tuple[list[Job], tuple[Call, ...]]:
-        """Take the next task off the calls that are ready; empty when none is.
+        """Remove and return the next task of the calls that are ready; empty if there is none.
 
         `workers` tasks run at once: towards the end they get shorter, so that none idles.
         """
@@ -192,7 +192,7 @@ class Schedule:
         jobs: list[Job] = []
         calls: list[Call] = []
         seconds, cells = 0.0, 0
-        # One at least, whatever a damaged index says of costs.
+        # At least one, even if a damaged index has wrong costs.
         while self._ready and cells < MOST_CELLS:
             affinity, there = next(iter(self._ready.items()))
             shared = bool(jobs) and len(affinity) > 2 and affinity[:2] == jobs[-1].affinity[:2]
@@ -212,7 +212,7 @@ class Schedule:
         return jobs, tuple(calls)
 
     def _calls(self, job: Job) -> Iterator[tuple[Job, Call]]:
-        """A job's calls: one, or one a cell where some input has failed."""
+        """Yield a job's calls: one, or one per cell if some input has failed."""
         lost = [self._lost(job.bound, place) if self.failed else "" for place in job.places]
         kept = [self.stored_key(job.bound, place) for place in job.places]
         own = [self.plan.key(job.bound, place) for place in job.places]
@@ -228,11 +228,11 @@ class Schedule:
                 yield alone, self.call(alone.bound, alone.places)
 
     def retried(self, job: Job) -> list[tuple[Job, Call]]:
-        """Calls for a job's cells one by one, when all in one have failed."""
+        """Return calls for a job's cells one by one, after a call for all of them failed."""
         return [(alone, self.call(alone.bound, alone.places)) for alone in _apart(job)]
 
     def _lost(self, bound: Bound, place: Place) -> str:
-        """Why a cell cannot be made, for want of an input; empty where it can."""
+        """Return why a cell cannot be computed, if an input failed; else an empty text."""
         for source in bound.inputs:
             if source.stage.plain:
                 continue
@@ -246,7 +246,7 @@ class Schedule:
         return ""
 
     def stored_key(self, bound: Bound, place: Place) -> str:
-        """Key under which a cell is kept: another one where inputs are lacking."""
+        """Return the key under which a cell is stored: a different one if inputs are missing."""
         key = self.plan.key(bound, place)
         if not self.failed:
             return key
@@ -263,19 +263,19 @@ class Schedule:
         return self._renamed[key]
 
     def kept_as(self, key: str) -> str:
-        """Key under which the cell of a key is kept; see `stored_key`."""
+        """Return the key under which the cell of a key is stored; see `stored_key`."""
         return self._renamed.get(key, key)
 
     # calls ----------------------------------------------------------------------------------
 
     def call(self, bound: Bound, places: Sequence[Place]) -> Call:
-        """One call for cells that differ only on the axes that their stage computes together."""
+        """Return one call for cells that differ only on the axes computed together."""
         plan, numbers = self.plan, self.plan.axes_on(bound)
         values = {
             number: sorted({place[numbers.index(number)] for place in places})
             for number in plan.together(bound)
         }
-        # As the stage orders them; those of one value are there, too.
+        # In the order of the stage, including axes of one value.
         order = [plan.axis_number(key) for key in bound.along]
         shape = tuple(len(values.get(number, (0,))) for number in order)
         cells = []
@@ -288,7 +288,7 @@ class Schedule:
         )
 
     def _recipe(self, bound: Bound, place: Place, values: Mapping[int, list[int]]) -> Recipe:
-        """Arguments of a call for some places on the axes that it computes together."""
+        """Return arguments of a call for some places on the axes that it computes together."""
         plan = self.plan
         sources: dict[str, Source] = {}
         there: np.ndarray | None = None
@@ -317,7 +317,7 @@ class Schedule:
     def _read(
         self, bound: Bound, source: Bound, place: Place, values: Mapping[int, list[int]]
     ) -> tuple[Read, np.ndarray | None]:
-        """An input, and of a gathered one which of its cells are there."""
+        """Return an input, and for a gathered one which of its cells exist."""
         plan, step = self.plan, Step.of(source.stage)
         own = dict(zip(plan.axes_on(bound), place, strict=True))
         # In the order of the stage: axes computed together, then those that it gathers.
@@ -349,7 +349,7 @@ class Schedule:
         gathered = plan.gathered(bound)
         together = tuple(range(len(axes) - len([number for number in axes if number in gathered])))
         known = np.asarray(flags.reshape(shape).all(axis=together))
-        # Along the axes on which the input does not depend, every cell is there if one is.
+        # Along axes on which the input does not depend, all cells exist if one does.
         lacking = [at for at, number in enumerate(gathered) if number not in axes]
         lengths = [len(plan.axes[number].points) for number in gathered]
         return read, np.broadcast_to(np.expand_dims(known, lacking), lengths)
@@ -357,7 +357,7 @@ class Schedule:
     # outcomes -------------------------------------------------------------------------------
 
     def finish(self, job: Job, spots: Sequence[Spot] | None, why: str, seconds: float) -> None:
-        """Take down where a job's cells are, or why it failed, and make ready what waited."""
+        """Record where a job's cells are, or why it failed, and release waiting calls."""
         name = job.bound.name
         shown = self.progress[name]
         shown.seconds += seconds
@@ -379,7 +379,7 @@ class Schedule:
                     self._make_ready(waiting)
 
     def work_left(self) -> float:
-        """Seconds that the missing cells take; an unmeasured stage as long as the median one."""
+        """Return seconds that the missing cells take; the median stands in for an untimed stage."""
         shown = {name: one for name, one in self.progress.items() if one.total}
         whole = {name: self.costs[name] * shown[name].total for name in shown if name in self.costs}
         usual = median(whole.values()) if whole else 0.0
@@ -388,7 +388,7 @@ class Schedule:
 
 @dataclass
 class Watch:
-    """Who is told how a sweep goes: sentences, every change, and failed cells with the reason."""
+    """Observer of a sweep: called with sentences, on every change, and with failed cells."""
 
     say: Callable[[str], None]
     step: Callable[[Schedule], None] = lambda schedule: None
@@ -396,5 +396,5 @@ class Watch:
 
 
 def _apart(job: Job) -> list[Job]:
-    """A job's cells one by one."""
+    """Return a job's cells one by one."""
     return [Job(job.bound, (place,), job.affinity) for place in job.places]

@@ -1,4 +1,4 @@
-"""Random streams keyed by the cell they serve, never by the worker or the order."""
+"""Random streams keyed by the cell, never by the worker or the order."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 
 def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
-    """Generator of one cell's noise, independent of every other cell's.
+    """Return the generator of one cell's noise, independent of every other cell's.
 
     `cell` names it by text, numbers, flags or None: the values, not their places in a grid, so that
-    a cell draws the same noise whatever else the grid holds. The sweep's `seed` is at least 0.
+    a cell draws the same noise in any grid. The sweep's `seed` is at least 0.
     """
     name = json.dumps(cell, sort_keys=True).encode()
     words = np.frombuffer(hashlib.sha256(name).digest(), dtype="<u4")

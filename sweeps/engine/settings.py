@@ -6,8 +6,8 @@ A class that inherits from `Settings` declares those of one group of the configu
         '''The spring.'''
         stiffness = number(10.0, low=0, unit="N m-1", label="stiffness")
 
-Everything else that the program says of a setting is derived from here: what the configuration may
-hold, its checks, the table of all settings, and the coordinate that it is in a store.
+Everything else about a setting is derived from here: the schema of the configuration, the setting's
+checks, its line in the table of settings, and its coordinate in a store.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from sweeps.engine.kinds import (
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """One setting: its default is as a user would write it, `label` says what it is."""
+    """One setting: its default is as a user would write it; `label` describes it."""
 
     kind: Kind
     default: Any
     label: str
     unit: str = "1"
-    help: str = ""  # what else a user should know
-    dimension: str = ""  # its name in stores, else the last word of its key
-    fixed: str = ""  # why it takes one value only; empty where several make it an axis
+    help: str = ""  # further information for users
+    dimension: str = ""  # its name in stores; by default the last word of its key
+    fixed: str = ""  # why it takes one value only; empty if several make it an axis
     shown: bool = False  # whether it is a dimension even with one value
-    noted: bool = False  # whether with one value it is a scalar coordinate of what depends on it
+    noted: bool = False  # whether, with one value, it is a scalar coordinate
     fallback: Setting | None = None  # whose values null stands for
     identity: bool = True  # whether results depend on it
     key: str = ""  # in the configuration, given by `Settings`
@@ -66,11 +66,11 @@ class Setting:
 
     @property
     def entries(self) -> tuple[Setting, ...]:
-        """Keys of a mapping that may be one of its values, as `read_entries` reads it."""
+        """Keys of a mapping that may be one of its values, for `read_entries`."""
         return getattr(self.kind, "entries", ())
 
     def values(self, given: Any) -> tuple[Value, ...]:
-        """Values of what a user gave, in ascending order; raises `ConfigurationError`."""
+        """Return values of a user's input, in ascending order; raise `ConfigurationError`."""
         try:
             found = self.kind.values(self.key, given)
         except ValueError as error:
@@ -95,7 +95,7 @@ class Settings:
                 if hasattr(Settings, name):
                     raise TypeError(f"{cls.__name__} has a setting {name}, a name that is taken")
                 setting = replace(value, key=f"{key}.{name}".lstrip("."))
-                if value.fallback in found:  # of the same group, which has its key only now
+                if value.fallback in found:  # of the same group, whose key is set only now
                     setting = replace(setting, fallback=found[value.fallback])
                 setattr(cls, name, setting)
                 found[value] = setting
@@ -112,52 +112,52 @@ def number(
     null: bool = False,
     **about: Any,
 ) -> Setting:
-    """Setting that is a finite number; the rest as of `Setting`."""
+    """Return a setting that is a finite number; other arguments as of `Setting`."""
     nullable = null or (default is None and about.get("fallback") is None)
     return Setting(Number(low, high, below, null=nullable), default, **about)
 
 
 def count(default: Any, low: int = 1, high: float = math.inf, **about: Any) -> Setting:
-    """Setting that is a whole number; the rest as of `Setting`."""
+    """Return a setting that is a whole number; other arguments as of `Setting`."""
     nullable = default is None and about.get("fallback") is None
     return Setting(Count(low, high, null=nullable), default, **about)
 
 
 def draws(default: int, high: int = 1000, **about: Any) -> Setting:
-    """Setting that says how many draws there are: an axis of their numbers, from 0."""
+    """Return a setting that is a number of draws: an axis of their indices, from 0."""
     return Setting(Draws(high), default, **about)
 
 
 def word(default: Any, words: tuple[str, ...], **about: Any) -> Setting:
-    """Setting that is a word of a list; the rest as of `Setting`."""
+    """Return a setting that is a word of a list; other arguments as of `Setting`."""
     return Setting(Word(tuple(words)), default, **about)
 
 
 def switch(default: Any, **about: Any) -> Setting:
-    """Setting that is true or false; the rest as of `Setting`."""
+    """Return a setting that is true or false; other arguments as of `Setting`."""
     return Setting(Switch(), default, **about)
 
 
 def text(default: str | None, **about: Any) -> Setting:
-    """Setting that is a text, such as a path; the rest as of `Setting`."""
+    """Return a setting that is a text, such as a path; other arguments as of `Setting`."""
     return Setting(Text(null=default is None), default, **about)
 
 
 def vector(default: Any, size: int, low: float, high: float, **about: Any) -> Setting:
-    """Setting whose one value is a list of so many finite numbers; the rest as of `Setting`."""
+    """Return a setting whose value is a list of `size` finite numbers; the rest as of `Setting`."""
     about.setdefault("fixed", "its numbers belong together")
     return Setting(Vector(size, Number(low, high)), default, **about)
 
 
 def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...] = ()) -> Setting:
-    """Setting whose one value is a set of what another may be; a default of None allows null."""
+    """Return a setting whose value is a set of another's values; a default of None allows null."""
     kind = SetOf(replace(member.kind, null=False), spellings, null=member.default is None)
     return replace(member, kind=kind, fixed=member.fixed or "its values belong together")
 
 
-# of the engine itself: what fixes the noise, and where and how a sweep runs
+# settings of the engine: the seed, and where and how a sweep runs
 
-_WHERE: dict[str, Any] = {"fixed": "it says where or how to run", "identity": False}
+_WHERE: dict[str, Any] = {"fixed": "it sets where or how to run", "identity": False}
 
 CLUSTERS = ("inline", "local", "address", "slurm")
 
@@ -175,7 +175,7 @@ class Run(Settings):
         0,
         1e6,
         unit="GB",
-        label="what the cache may hold; the results not used for longest go first",
+        label="limit of the cache; the least recently used results are deleted first",
         **_WHERE,
     )
     dry_run = switch(False, label="only print what would be computed", **_WHERE)
@@ -193,7 +193,7 @@ class Together(Settings, key="grid"):
 
 
 class Cluster(Settings, key="cluster"):
-    """Who does the work; see `sweeps.engine.cluster.ClusterChoice`."""
+    """The cluster; see `sweeps.engine.cluster.ClusterChoice`."""
 
     kind = word("local", CLUSTERS, label="where tasks run", **_WHERE)
     workers = count(
@@ -215,7 +215,7 @@ ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Together, Cluster)
 
 @dataclass(frozen=True)
 class Joint:
-    """Settings that run together as one axis: their keys, and a value of each at every place."""
+    """Joint axis of several settings: their keys, and a value of each at every place."""
 
     name: str
     keys: tuple[str, ...]
@@ -225,27 +225,27 @@ class Joint:
 
 @dataclass(frozen=True)
 class Choices:
-    """The values of every setting of a sweep by key, ascending, and what does not run crossed."""
+    """The values of every setting of a sweep by key, ascending, and the joint axes."""
 
     values: Mapping[str, tuple[Value, ...]]
     joint: tuple[Joint, ...] = ()
 
     def __getitem__(self, setting: Setting) -> tuple[Value, ...]:
-        """All values of a setting."""
+        """Return all values of a setting."""
         return self.values[setting.key]
 
     def one(self, setting: Setting) -> Value:
-        """The value of a setting that has one."""
+        """Return the value of a setting that has one."""
         (value,) = self[setting]
         return value
 
     def having(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
-        """The same with other values of one setting."""
+        """Return choices with other values of one setting."""
         return replace(self, values={**self.values, setting.key: values})
 
 
 class Noting(Choices):
-    """Choices that note which settings are asked for."""
+    """Choices that record which settings are looked up."""
 
     @cached_property
     def asked(self) -> set[str]:
@@ -253,18 +253,18 @@ class Noting(Choices):
         return set()
 
     def __getitem__(self, setting: Setting) -> tuple[Value, ...]:
-        """All values of a setting."""
+        """Return all values of a setting."""
         self.asked.add(setting.key)
         return super().__getitem__(setting)
 
 
 def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choices:
-    """Choices that a configuration makes: what a user wrote, by key, else the defaults.
+    """Return the choices of a configuration: given values by key, else the defaults.
 
     Raises
     ------
     ConfigurationError
-        Naming the first key that is wrong.
+        Naming the first invalid key.
     """
     values: dict[str, tuple[Value, ...]] = {}
     standing_for: dict[str, str] = {}
@@ -280,20 +280,20 @@ def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choic
 
 
 def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any]) -> dict[str, Any]:
-    """Values by name of a mapping that is one value of a setting, checked as settings are.
+    """Return values by name of a mapping that is one value of a setting, checked as settings are.
 
-    `entries` are what it may have; those without a default it must have.
+    `entries` are its keys; those without a default are required.
 
     Raises
     ------
     ConfigurationError
-        Naming the first key that is wrong, its value and what is allowed.
+        Naming the first invalid key, its value and what is allowed.
     """
     by_name = {one.name: one for one in entries}
     for name in given:
         if name not in by_name:
             raise ConfigurationError(
-                f"{key}.{name} is no key of the configuration; {key} has {', '.join(by_name)}"
+                f"{key}.{name} is not a key of the configuration; {key} has {', '.join(by_name)}"
             )
     for name, one in by_name.items():
         if name not in given and one.default is None and not one.kind.null:
@@ -302,7 +302,7 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
 
 
 def nested(settings: Iterable[Setting]) -> dict[str, Any]:
-    """Settings by the words of their keys, group within group."""
+    """Return settings by the words of their keys, group within group."""
     tree: dict[str, Any] = {}
     for setting in settings:
         *groups, last = setting.key.split(".")
@@ -314,7 +314,7 @@ def nested(settings: Iterable[Setting]) -> dict[str, Any]:
 
 
 def flatten(settings: Iterable[Setting], tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by key from a mapping within mappings, for the settings that it has."""
+    """Return values by key from nested mappings, for the settings that they contain."""
     found = {}
     for setting in settings:
         *groups, last = setting.key.split(".")
@@ -327,11 +327,11 @@ def flatten(settings: Iterable[Setting], tree: Mapping[str, Any]) -> dict[str, A
 
 
 def settings_table(settings: Iterable[Setting]) -> str:
-    """Markdown table of settings: key, default, unit, what is allowed and what it is.
+    """Return a Markdown table of settings: key, default, unit, allowed values and meaning.
 
-    Keys of a mapping that may be a value of a setting stand below that.
+    Keys of a mapping that may be a value of a setting follow that setting.
     """
-    rows = [("key", "default", "unit", "allowed", "what it is"), ("---",) * 5]
+    rows = [("key", "default", "unit", "allowed", "meaning"), ("---",) * 5]
     for one in (entry for setting in settings for entry in (setting, *setting.entries)):
         unit = "" if one.unit == "1" else one.unit
         about = "; ".join(filter(None, (one.label, one.help)))

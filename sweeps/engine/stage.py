@@ -1,4 +1,4 @@
-"""Stages and experiments: plain functions whose argument names say what they need.
+"""Stages and experiments: plain functions whose argument names declare their inputs.
 
 A stage is declared by a decorator and stays the plain function that it is:
 
@@ -6,7 +6,7 @@ A stage is declared by a decorator and stays the plain function that it is:
     def period(stiffness, mass):
         return 2 * math.pi * math.sqrt(mass / stiffness)
 
-Each argument is a setting, the result of another stage, `rng` or `there`. What the result depends
+Each argument is a setting, the result of another stage, `rng` or `there`. What a result depends
 on, and so its cells, its key, its dimensions and its progress line, is derived from these names.
 """
 
@@ -34,13 +34,13 @@ Say = Callable[[str], None]
 
 
 def always(choices: Choices) -> bool:
-    """True: the stage is there whatever the configuration."""
+    """Return True: the stage belongs to every configuration."""
     return True
 
 
 @dataclass(frozen=True)
 class Output:
-    """One array that a stage gives for every cell: a variable of the store, and its own dimensions.
+    """One array that a stage returns for every cell: a variable of the store with own dimensions.
 
     An own dimension that is named like that of a gathered setting has its values as coordinate.
     """
@@ -50,24 +50,24 @@ class Output:
     dtype: str = "f4"
     label: str = ""
     unit: str = "1"
-    fill: float | None = None  # where there is no result; None: NaN of floats, -1 of integers
-    failed: float | None = None  # where the stage failed; None: as `fill`
-    pad: float | None = None  # up to the size of the largest cell's array; None: as `fill`
-    # Own dimension: the output, a whole number, that says where on it a cell's array begins. Its
+    fill: float | None = None  # value of missing results; None: NaN of floats, -1 of integers
+    failed: float | None = None  # value of failed cells; None: as `fill`
+    pad: float | None = None  # padding up to the largest cell's array; None: as `fill`
+    # Own dimension: the output, a whole number, at which a cell's array begins on it. Its
     # label and unit are the dimension's.
     origin: Mapping[str, str] = field(default_factory=dict)
-    without: tuple[str, ...] = ()  # names of settings that it does not depend on, unlike its stage
+    without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
     group: str | None = None  # of the store; None: as of the stage
-    stored: bool = True  # else it is only handed on to other stages
+    stored: bool = True  # else it is only an input of other stages
     step: float = 1.0  # unit of the integers: 1/255 of shares kept in bytes
-    # Whether it is what the machine measured, such as a run time: made again, it differs. It is
-    # kept like any other result, and says so in the store.
+    # Whether it is measured by the machine, such as a run time: computed again, it differs. It is
+    # kept like any other result, and marked in the store.
     measured: bool = False
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def empty(self) -> float:
-        """What stands where there is no result."""
+        """Value of missing results."""
         if self.fill is not None:
             return self.fill
         return np.nan if np.dtype(self.dtype).kind == "f" else -1
@@ -75,7 +75,7 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A function, what it needs and what it gives; declared by `stage`, `plain` or `in_memory`.
+    """A function with its inputs and outputs; declared by `stage`, `plain` or `in_memory`.
 
     A stage of one output returns that array, one of several a mapping.
     """
@@ -85,27 +85,27 @@ class Stage:
     outputs: tuple[Output, ...]
     uses: tuple[type[Settings], ...] = ()  # where arguments are looked up; then among the stages
     reads: Mapping[str, Any] = field(default_factory=dict)  # argument: setting or name of a stage
-    # Axes computed together: it gets a tuple of the values that are missing, and its arrays have
-    # these as leading axes. A value's result must not depend on its company.
+    # Axes computed together: it gets a tuple of the missing values, and its arrays have
+    # these as leading axes. A result must not depend on the other values.
     along: tuple[Setting, ...] = ()
-    # Axes wanted whole: it gets a tuple of all values, and inputs with these as leading axes,
-    # behind those of `along`. Inputs that failed are filled; `there` tells which.
+    # Axes gathered: it gets a tuple of all values, and inputs with these as leading axes,
+    # behind those of `along`. Failed inputs are filled; `there` flags the others.
     gather: tuple[Setting, ...] = ()
-    # Settings whose values name the stream of `rng`, besides `seed` and the stage's name, or
-    # `noise`; what else differs between cells then shares its noise. None: all it depends on.
+    # Settings whose values key the stream of `rng`, besides `seed` and the stage's name, or
+    # `noise`; cells that differ only in others share their noise. None: all it depends on.
     stream: tuple[Setting, ...] | None = None
     noise: str = ""
-    optional: tuple[Setting, ...] = ()  # of these, not in the stream's name at their first value
+    optional: tuple[Setting, ...] = ()  # of these, not in the stream's key at their first value
     group: str | None = None  # of the store; None: its results only serve other stages
     dims: tuple[str, ...] = ()  # order in the store; those not named come first
     when: Condition = always  # whether a configuration has it at all
-    # Results, any objects, that a process keeps in memory, and never on disk. 0: arrays, on disk.
+    # Number of results, any objects, kept in memory, never on disk. 0: arrays, on disk.
     memory: int = 0
-    # Whether it is called while planning: a quick function of settings, whose result, a number, a
-    # text or a tuple of them, counts as a value, wherever it came from.
+    # Whether it is called while planning: a quick function of settings, whose result, a number,
+    # text or tuple of them, counts as a value, whatever its inputs.
     plain: bool = False
-    status: str = ""  # group and variable, as in `status:view`, that its state counts in
-    also: tuple[str, ...] = ()  # distributions behind its numbers that no import shows
+    status: str = ""  # group and variable of its state, such as `status:view`
+    also: tuple[str, ...] = ()  # distributions that it depends on without importing them
     coordinates: bool = False  # whether its outputs are coordinates of their group
     at: Mapping[Setting, Setting] = field(default_factory=dict)  # inputs are of the other's value
     names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in its group
@@ -117,11 +117,11 @@ class Stage:
 
     @property
     def kept(self) -> bool:
-        """Whether results are kept on disk."""
+        """Return whether results are kept on disk."""
         return not (self.memory or self.plain)
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        """What the function returns."""
+        """Call the function."""
         return self.function(*arguments, **named)
 
 
@@ -129,7 +129,7 @@ Declare = Callable[[Callable[..., Any]], Stage]
 
 
 def stage(*outputs: Output, name: str = "", **how: Any) -> Declare:
-    """Declare a function a stage that gives some outputs; the rest as of `Stage`."""
+    """Declare a function as a stage with some outputs; other arguments as of `Stage`."""
     return lambda function: Stage(name or function.__name__, function, outputs, **how)
 
 
@@ -139,17 +139,17 @@ def plain(**how: Any) -> Declare:
 
 
 def in_memory(*, keep: int = 2, **how: Any) -> Declare:
-    """Declare a function whose result lives in memory only, `keep` of them; see `Stage`."""
+    """Declare a function of whose results the last `keep` stay in memory only; see `Stage`."""
     return stage(memory=keep, **how)
 
 
 @dataclass(frozen=True)
 class Table:
-    """A group of the store that is made of other groups, which must be there, when all is done."""
+    """A group of the store computed at the end from other groups, all of which must exist."""
 
     group: str
     of: tuple[str, ...]
-    # (data set of each of them, ..., choices) -> data set, or None where there is nothing
+    # (data set of each of them, ..., choices) -> data set, or None if there is nothing
     make: Callable[..., xr.Dataset | None]
     when: Condition = always
 
@@ -161,48 +161,48 @@ class Status:
     A place is failed if anything there failed, else missing if anything is.
     """
 
-    name: str  # group and variable, as in `status:view`: what stages call it
+    name: str  # group and variable, as in `status:view`, by which stages refer to it
     over: tuple[Setting, ...]
     label: str
 
 
 def nothing_to_check(choices: Choices) -> Choices:
-    """The choices as they are."""
+    """Return the choices unchanged."""
     return choices
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is declared of an experiment; stages in the order in which progress names them."""
+    """Declaration of an experiment; stages in the order in which progress lists them."""
 
-    name: str  # of the command, and of the distribution that has it
+    name: str  # of the command, and of its distribution
     title: str  # of its stores
     settings: tuple[type[Settings], ...]
     stages: tuple[Stage, ...]
-    tables: tuple[Table, ...] = ()  # made in this order
+    tables: tuple[Table, ...] = ()  # computed in this order
     statuses: tuple[Status, ...] = ()
-    # Refuses choices that make no sense together (`ConfigurationError`), and drops values that
+    # Refuses inconsistent choices (`ConfigurationError`), and drops values that
     # nothing uses.
     check: Callable[[Choices], Choices] = nothing_to_check
-    checking: str = "checking the configuration"  # what is said while `check` takes a while
+    checking: str = "checking the configuration"  # shown while `check` takes a while
     remarks: Callable[[Choices], list[str]] = lambda choices: []  # sentences for the user
     about: Callable[[Choices], list[str]] = lambda choices: []  # lines on what is swept
-    versions: tuple[str, ...] = ()  # distributions that the store's attributes have
+    versions: tuple[str, ...] = ()  # distributions listed in the store's attributes
     attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # further ones
-    # Called where workers start on this machine, with the functions of the stages whose results are
-    # to be made, those in memory among them, and what says a sentence: for what one process does
+    # Called if workers start on this machine, with the functions of stages to be computed, those
+    # in memory among them, and a function that prints a sentence: for work that one process does
     # for all.
     prepare: Callable[[Choices, Collection[Callable[..., Any]], Say], None] = lambda *given: None
     conf: Path | None = None  # folder of its Hydra configuration
     code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
-    # Of `--help`: arguments of the command with a few words on each, and the keys, or the first
-    # words of keys, that it lists; all keys where there are none.
+    # For `--help`: arguments of the command with a few words on each, and the keys, or the first
+    # words of keys, to list; all keys if there are none.
     examples: tuple[tuple[str, str], ...] = ()
     main: tuple[str, ...] = ()
 
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
-        """Every setting, those of the engine among them."""
+        """Every setting, including those of the engine."""
         groups = (*self.settings, *ENGINE_SETTINGS)
         return tuple(setting for group in groups for setting in group.declared)
 
@@ -214,7 +214,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Argument:
-    """Where an argument of a stage's function comes from: a setting, or another stage."""
+    """Source of an argument of a stage's function: a setting, or another stage."""
 
     name: str
     setting: Setting | None = None
@@ -223,7 +223,7 @@ class Argument:
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """A stage with its arguments found, `rng` and `there` left out."""
+    """A stage with resolved arguments, without `rng` and `there`."""
 
     stage: Stage
     arguments: tuple[Argument, ...]
@@ -232,15 +232,15 @@ class Bound:
     name: str
     random: bool  # whether it draws
     along: tuple[str, ...]  # keys of the axes that it computes together
-    gather: tuple[str, ...]  # and of those that it wants whole
+    gather: tuple[str, ...]  # and of those that it gathers
 
 
 class DeclarationError(TypeError):
-    """What is declared of an experiment does not fit together: a mistake of its author."""
+    """Inconsistent declarations of an experiment: a mistake of its author."""
 
 
 def bind(experiment: Experiment) -> dict[str, Bound]:
-    """Stages by name with their arguments found, every stage behind those that it needs.
+    """Return stages by name with resolved arguments, every stage after those that it needs.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def bind(experiment: Experiment) -> dict[str, Bound]:
         return bound[name]
 
     def argument(declared: Stage, name: str) -> Argument:
-        """An argument's setting or stage: as `reads` has it, else of that name."""
+        """Return an argument's setting or stage: from `reads`, else the one of that name."""
         source = declared.reads.get(name, name)
         settings = (getattr(group, name, None) for group in declared.uses if source == name)
         for found in (source, *settings):
@@ -297,8 +297,8 @@ def _bound(declared: Stage, arguments: tuple[Argument, ...]) -> Bound:
     for source in inputs:
         if not source.stage.kept and (wanted := whole & set(source.needs)):
             raise DeclarationError(
-                f"stage {declared.name}: {source.name} is not kept, so that it cannot depend on "
-                f"{', '.join(sorted(wanted))}, which {declared.name} wants together"
+                f"stage {declared.name}: {source.name} is not kept on disk, so it cannot depend on "
+                f"{', '.join(sorted(wanted))}, which {declared.name} needs together"
             )
     own = tuple(sorted(needs.difference(gather)))
     random = RNG in declared.arguments
@@ -306,6 +306,6 @@ def _bound(declared: Stage, arguments: tuple[Argument, ...]) -> Bound:
 
 
 def value_token(value: Value) -> str:
-    """Text that stands for a value in a key: equal for equal values only."""
+    """Return the text of a value in a key: equal for equal values only."""
     identity = getattr(value, "identity", None)
     return repr(value) if identity is None else f"={identity!r}"

@@ -1,4 +1,4 @@
-"""The result of a sweep on disk, one zarr DataTree: written whole or not at all, and read back.
+"""Stores: the results of a sweep as one zarr DataTree, written whole or not at all, and read back.
 
 Equal input, given in the same order, makes equal bytes: a store holds no times, hosts or paths.
 The metadata of a group repeat those of all below it ("consolidated"), so that a store opens by one
@@ -31,7 +31,7 @@ from sweeps.engine.folders import (
 )
 from sweeps.engine.zarr_array import METADATA, Array, Group, Region, encode, metadata, regions
 
-RAGGED = "ragged"  # file of where a group's ragged arrays lie, which zarr does not look at
+RAGGED = "ragged"  # file with the extents of a group's ragged arrays, ignored by zarr
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
@@ -44,13 +44,13 @@ def write_store(
     threads: int = 1,
     remove: Remove = remove_folder,
 ) -> None:
-    """Write a store and put it in its place whole, also in that of an older store.
+    """Write a store and move it to its place whole, replacing an older store.
 
     Hold its lock meanwhile (`locked`). Memory holds a few chunks a thread. If anything fails, the
-    place is as it was. Who opened the old store must open it again. Files are left to the
-    operating system to flush: `verify` tells what a power cut broke. `groups` are by path, as
-    'classification/acn'; those above them need not be given. `remove` is given the folder of an
-    older store, or of one that was not finished.
+    place is unchanged. Readers of the old store must open it again. Files are left to the
+    operating system to flush: `verify` finds damage of a power cut. `groups` are by path, as
+    'classification/acn'; parents need not be given. `remove` is called with the folder of an
+    older or unfinished store.
     """
     check_target(path)
     place = real_place(path)
@@ -59,7 +59,7 @@ def write_store(
     try:
         known = _write_groups(partial, attributes, groups, threads)
         write_manifest(partial, known)
-        check_target(path)  # nobody else may have put something there meanwhile
+        check_target(path)  # another process may have written something there
         put_in_place(partial, place)
     finally:
         if partial.exists():
@@ -67,9 +67,9 @@ def write_store(
 
 
 def read_attributes(path: Path) -> dict[str, Any] | None:
-    """Attributes of the root of a store; None where nothing is.
+    """Return attributes of the root of a store; None if there is nothing.
 
-    ConfigurationError if what is there is no store, or its metadata are damaged.
+    Raises ConfigurationError if it is not a store, or its metadata are damaged.
     """
     if not path.exists():
         return None
@@ -89,7 +89,7 @@ def read_attributes(path: Path) -> dict[str, Any] | None:
 def _write_groups(
     path: Path, attributes: Mapping[str, Any], groups: Mapping[str, Group], threads: int
 ) -> dict[str, int]:
-    """Write groups into a new store; checksums of all files."""
+    """Write groups into a new store; return checksums of all files."""
     nodes: Nodes = {}
     arrays: dict[str, Array] = {}
     for name, group in groups.items():
@@ -121,7 +121,7 @@ def _write_groups(
 
 
 def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> dict[str, int]:
-    """Write the metadata of arrays, of groups, and of the root; checksums of the files."""
+    """Write the metadata of arrays, groups and root; return checksums of the files."""
     # zarr reads the children of a group only if they follow each other.
     ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))
     written: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Tables of a store: made of its groups before these are written, so that no file is read back."""
+"""Tables of a store, computed from its groups before these are written."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def add_tables(plan: Plan, groups: dict[str, Group]) -> None:
-    """Add to the groups of a store, by path, all tables that are made of them.
+    """Add to the groups of a store, by path, all tables computed from them.
 
-    Variables that a table uses are then in memory, and are not read again when they are written.
+    Variables that a table uses stay in memory, and are not read again when they are written.
     """
     for table in plan.experiment.tables:
         if all(name in groups for name in table.of) and table.when(plan.choices):
@@ -30,8 +30,8 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> None:
 
 
 def dataset_of(group: Group) -> xr.Dataset:
-    """Data set that xarray opens of a group once it is written; variables are read when used."""
-    import xarray as xr  # which takes long to import, and not every sweep has tables
+    """Return the data set that xarray would open of a written group; variables are read lazily."""
+    import xarray as xr  # slow to import, and not every sweep has tables
     from xarray.backends.common import AbstractDataStore, BackendArray
     from xarray.core.indexing import (
         ExplicitIndexer,
@@ -48,7 +48,7 @@ def dataset_of(group: Group) -> xr.Dataset:
         def __getitem__(self, key: ExplicitIndexer) -> NDArray[Any]:
             given = self._of[self._name]
             if not isinstance(given.read, np.ndarray):
-                # All of it, whatever is asked for, in the order in which it would be read: sums
+                # All of it, whatever the key, in the order in which it would be read: sums
                 # may depend on that in their last bit.
                 whole = given.read(tuple(slice(0, size) for size in self.shape))
                 given = self._of[self._name] = replace(given, read=np.ascontiguousarray(whole))
@@ -60,7 +60,7 @@ def dataset_of(group: Group) -> xr.Dataset:
     class Opened(AbstractDataStore):
         def get_variables(self) -> dict[str, xr.Variable]:
             return {
-                # With its type, without which xarray makes objects of texts.
+                # With its dtype, else xarray makes objects of texts.
                 name: xr.Variable(
                     one.dims,
                     LazilyIndexedArray(Values(of, name)),
@@ -78,7 +78,7 @@ def dataset_of(group: Group) -> xr.Dataset:
 
 
 def group_of(dataset: xr.Dataset) -> Group:
-    """Group of a store that holds a data set."""
+    """Return the group of a store that holds a data set."""
     variables, coordinates = (
         {
             str(name): Array.of(tuple(map(str, found.dims)), found.values, found.attrs)

@@ -1,4 +1,4 @@
-"""Finished cells taken over from a store that is there, when the cache has lost them."""
+"""Reuse of finished cells from an existing store that the cache has lost."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from sweeps.engine.store import RAGGED
 from sweeps.engine.tasks import Arrays, Spot
 
 AT_ONCE = 256  # cells that are read before they are packed
-KEPT_CHUNKS = 64  # decoded ones, of at most 1 MiB as a rule
+KEPT_CHUNKS = 64  # decoded ones, usually of at most 1 MiB
 
 
 class OldStore:
-    """Cells that a store has, found by their keys; `say` is told of damage in a sentence.
+    """Cells of a store, found by their keys; `say` is called with a sentence on damage.
 
-    Files that are damaged give none, nor do stages that hand on more than the store has, or whose
-    keys are others by now, as of a file that has changed.
+    Damaged files give none, nor do stages with outputs that are not stored, or whose
+    keys have changed, for example with an input file.
     """
 
     def __init__(
@@ -40,24 +40,24 @@ class OldStore:
     ) -> None:
         self._now = plan
         before = choices_of(plan.experiment, old)
-        # What the store was made with; where it ran is as it is now.
+        # Choices of the store; settings of where to run are the present ones.
         self._plan = Plan(plan.experiment, _as_now(before, plan.choices))
         self._path = path
         self._old = old
         self._say = say
         self._layouts = lru_cache(maxsize=None)(lambda bound: layouts_of(self._plan, bound))
-        # Faster than zarr, which opens an array and decodes a chunk for every cell.
+        # Faster than zarr, which would open an array and decode a chunk for every cell.
         self._array = lru_cache(maxsize=None)(self._opened)
         self._chunk = lru_cache(KEPT_CHUNKS)(self._decoded)
         self._spans = lru_cache(maxsize=None)(self._spans_and_starts)
 
     def has(self, bound: Bound, keys: Iterable[str]) -> set[str]:
-        """Those of some keys of a stage whose cells are there."""
+        """Return which of some keys of a stage have cells in the store."""
         possible = self._possible(bound).intersection(keys)
         return {key for key in possible if key in self._places}
 
     def find(self, bound: Bound, keys: Iterable[str], folder: Path) -> dict[str, Spot]:
-        """Spots of those cells of a stage that are there, put into packs in a folder."""
+        """Return spots of a stage's cells in the store, copied into packs in a folder."""
         there = self.has(bound, keys)
         wanted = [key for key in keys if key in there]
         found: dict[str, Spot] = {}
@@ -69,9 +69,9 @@ class OldStore:
         return found
 
     def _possible(self, bound: Bound) -> set[str]:
-        """Keys of all cells of a stage at values that the store has, too.
+        """Return keys of all cells of a stage at values that the store has, too.
 
-        They are known from planning, whereas to know what the store has takes reading all of it.
+        They are known from planning, whereas finding cells in the store takes reading all of it.
         """
         plan, before = self._now, self._plan.choices
         axes = [plan.axes[number] for number in plan.axes_on(bound)]
@@ -87,7 +87,7 @@ class OldStore:
 
     @cached_property
     def _places(self) -> dict[str, tuple[Bound, Place]]:
-        """Stage and place of every cell that the store has, by key."""
+        """Return stage and place of every cell of the store, by key."""
         damaged = verify(self._path)
         if damaged:
             self._say(f"{len(damaged):,} files of the store are damaged ({damaged[0]})")
@@ -97,7 +97,7 @@ class OldStore:
         for bound in self._plan.targets:
             if known.get(bound.name) != self._plan.fingerprint(bound) or not _is_whole(bound):
                 continue
-            if failed and _gathers(bound):  # it may have been made of what there was
+            if failed and _gathers(bound):  # it may have been computed without them
                 continue
             layouts = self._layouts(bound)
             files = [f"{one.group}/{one.output.name}/" for one in layouts]
@@ -112,21 +112,21 @@ class OldStore:
         return found
 
     def _cell(self, bound: Bound, place: Place) -> Arrays:
-        """Arrays of a cell as its stage gave them."""
+        """Return arrays of a cell as its stage returned them."""
         at = dict(zip(self._plan.axes_on(bound), place, strict=True))
         found: Arrays = {}
         for layout in self._layouts(bound):
             found |= self._values(layout, [at.get(number, 0) for number in layout.axes])
-        # A store has integers for truth values, and its own kind of texts.
+        # A store has integers for booleans, and its own type of strings.
         outputs = bound.stage.outputs
         return {one.name: found[one.name].astype(one.dtype, copy=False) for one in outputs}
 
     def _values(self, layout: Layout, lead: list[int]) -> Arrays:
-        """An output of a cell as its stage gave it, and where it began, at a place on its axes."""
+        """Return an output, and its start, as the stage returned them, at a place on its axes."""
         output, count = layout.output, len(lead)
         index = [lead[k] if k < count else slice(None) for k in layout.order]
         own = [k - count for k in layout.order if k >= count]
-        # One value comes as itself.
+        # A single value comes as a scalar.
         values = np.asarray(self._block(f"{layout.group}/{output.name}", index))
         values = values.transpose(np.argsort(own)) if own else values
         if not layout.ragged:
@@ -142,7 +142,7 @@ class OldStore:
         return found
 
     def _block(self, name: str, index: list[int | slice]) -> NDArray[Any]:
-        """Values of an array, as they are stored, at an index of one chunk."""
+        """Return stored values of an array at an index of one chunk."""
         pairs = [
             (0, one) if isinstance(one, slice) else divmod(one, size)
             for one, size in zip(index, self._array(name).chunks, strict=True)
@@ -151,13 +151,13 @@ class OldStore:
         return chunk[tuple(inside for _, inside in pairs)]
 
     def _spans_and_starts(self, group: str, name: str) -> tuple[list[Spans | None], list[int]]:
-        """Where all cells of a ragged variable lie, and where the variable starts."""
+        """Return the extents of all cells of a ragged variable, and the variable's start."""
         spans = json.loads((self._path / group / RAGGED).read_bytes())[name]
         along = zip(*filter(None, spans), strict=True)
         return spans, [min(begin for begin, _ in one) for one in along]
 
     def _opened(self, name: str) -> Any:
-        import zarr  # which takes long to import, and most sweeps read no store
+        import zarr  # slow to import, and most sweeps read no store
 
         return zarr.open_array(self._path / name, mode="r")
 
@@ -167,9 +167,9 @@ class OldStore:
 
 
 def _as_now(before: Choices, now: Choices) -> Choices:
-    """Choices of a store, with equal values of now in their place.
+    """Return choices of a store, with its values replaced by equal ones of now.
 
-    A value may be more than the label that a store has of it, as a file is more than its name.
+    A value may hold more than its label in the store, such as a file with a name.
     """
     own = {key: {value: value for value in values} for key, values in now.values.items()}
 
@@ -185,7 +185,7 @@ def _as_now(before: Choices, now: Choices) -> Choices:
 
 
 def _is_whole(bound: Bound) -> bool:
-    """Whether the store has all that a stage gives."""
+    """Return whether the store has all outputs of a stage."""
     outputs = bound.stage.outputs
     begins = {name for one in outputs if one.stored for name in one.origin.values()}
     there = all(one.stored or one.name in begins for one in outputs)
@@ -193,5 +193,5 @@ def _is_whole(bound: Bound) -> bool:
 
 
 def _gathers(bound: Bound) -> bool:
-    """Whether a stage, or one behind it, looks at many cells at once."""
+    """Return whether a stage, or one of its inputs, gathers cells."""
     return bool(bound.gather) or any(map(_gathers, bound.inputs))

@@ -1,4 +1,4 @@
-"""What a worker does: calls of stages, whose inputs it reads or makes, and whose results it packs.
+"""Tasks of a worker: calls of stages, whose inputs it reads or makes, and whose results it packs.
 
 A task is a batch of calls. A call computes one cell, or several along the axes that its stage
 computes together. Inputs come by recipe: a plain value, arrays from a pack, a stack of such arrays,
@@ -33,19 +33,19 @@ AHEAD_RECIPES = 512
 
 @dataclass(frozen=True)
 class Step:
-    """What a worker must know of a stage."""
+    """Description of a stage for workers."""
 
     name: str
-    function: Any  # its module and qualified name, or itself where it is in no module
+    function: Any  # its module and qualified name, or itself if it is in no module
     outputs: tuple[tuple[str, str, float], ...]  # name, type and empty value
-    keep: int  # how many results stay in memory, of one that is not kept on disk
+    keep: int  # number of results in memory, of a stage not kept on disk
     drawn: bool  # whether it takes `rng`
     asks: bool  # whether it takes `there`
 
     @classmethod
     @cache
     def of(cls, stage: Stage) -> Step:
-        """What is to know of a stage."""
+        """Return the description of a stage."""
         function: Any = stage.function
         module, name = function.__module__, function.__qualname__
         if module != "__main__" and "<" not in name:
@@ -68,9 +68,9 @@ class Step:
 
 @dataclass(frozen=True)
 class Read:
-    """An argument that is read from packs: one cell, or many in an array of leading `shape`.
+    """An argument read from packs: one cell, or many in an array of leading `shape`.
 
-    Cells stand at `places` of the flattened shape; the other places are empty.
+    Cells are at `places` of the flattened shape; the other places are empty.
     """
 
     step: Step
@@ -89,7 +89,7 @@ class Made:
     recipe: Recipe
 
 
-# A plain value stands in a tuple of its own.
+# A plain value is wrapped in a tuple.
 Source = tuple[Any] | Read | Made
 
 
@@ -104,7 +104,7 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Call:
-    """One call of a function, and the cells that it gives."""
+    """One call of a function, and the cells that it computes."""
 
     step: Step
     recipe: Recipe
@@ -114,17 +114,17 @@ class Call:
 
 @dataclass(frozen=True)
 class Done:
-    """What became of a call: where its cells are, in their order, or why it failed."""
+    """Outcome of a call: spots of its cells, in order, or why it failed."""
 
     seconds: float
     spots: tuple[Spot, ...] = ()
     reason: str = ""
-    damaged: tuple[str, ...] = ()  # keys of inputs that are lost, so that it was not tried
+    damaged: tuple[str, ...] = ()  # keys of lost inputs, without which it was not run
 
 
 @dataclass(frozen=True)
 class Report:
-    """What became of a task: its calls in their order, and the packs that it wrote by stage."""
+    """Outcome of a task: its calls in order, and the packs that it wrote by stage."""
 
     calls: tuple[Done, ...]
     packs: tuple[tuple[str, Pack], ...]
@@ -132,7 +132,7 @@ class Report:
 
 
 class Damaged(Exception):
-    """Inputs that are not what was written."""
+    """Inputs differ from what was written."""
 
     def __init__(self, keys: tuple[str, ...]) -> None:
         super().__init__("damaged")
@@ -140,7 +140,7 @@ class Damaged(Exception):
 
 
 def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) -> Report:
-    """Run calls one after the other, whichever of them raise, and pack their results.
+    """Run calls one after the other, even if some raise, and pack their results.
 
     Packs are in `folder`; results go to `spill` when that is full or cannot be written to.
     """
@@ -182,12 +182,12 @@ def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) 
 
 
 def reason(error: BaseException) -> str:
-    """An exception in one line."""
+    """Return an exception in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def _cells(call: Call, found: Any) -> list[tuple[str, Arrays]]:
-    """Key and arrays of each cell that is wanted of what a call returned."""
+    """Return key and arrays of each wanted cell of a call's result."""
     step, names = call.step, [name for name, *_ in call.step.outputs]
     if not isinstance(found, Mapping):
         if len(names) != 1:
@@ -207,15 +207,15 @@ def _cells(call: Call, found: Any) -> list[tuple[str, Arrays]]:
             )
     cells: list[tuple[str, Arrays]] = []
     for key, place in call.cells:
-        at: Any = (*np.unravel_index(place, call.shape), ...)  # an array even of one value
+        at: Any = (*np.unravel_index(place, call.shape), ...)  # an array even for one value
         cells.append((key, {name: array[at].copy() for name, array in arrays.items()}))
     return cells
 
 
 class Inputs:
-    """Arguments of recipes, asked for in their order, whose cells are read for many at once.
+    """Arguments of recipes, requested in order, whose cells are read for many at once.
 
-    To open a pack takes longer than to read a small cell in it. No two recipes share an array.
+    Opening a pack takes longer than reading a small cell in it. No two recipes share an array.
     """
 
     def __init__(self, recipes: Sequence[Recipe], folder: Path) -> None:
@@ -226,13 +226,13 @@ class Inputs:
         self._window = 1
 
     def arguments(self, number: int, step: Step) -> dict[str, Any]:
-        """Arguments of one of the recipes, by name; raises `Damaged` if some cannot be read."""
+        """Return arguments of one of the recipes, by name; raise `Damaged` if any is unreadable."""
         if number >= self._read:
             self._read_ahead(number)
         return self._arguments(step, self._recipes[number])
 
     def _read_ahead(self, number: int) -> None:
-        """Cells of the next recipes; as many as fit, going by those before."""
+        """Read cells of the next recipes; as many as fit, estimated from earlier ones."""
         self._ahead.clear()
         window = self._recipes[number : number + self._window]
         seen: set[str] = set()
@@ -275,7 +275,7 @@ class Inputs:
         if isinstance(source, Read):
             arrays = _joined(source, [spots[spot] for spot in source.spots])
             return arrays[source.step.outputs[0][0]] if len(arrays) == 1 else arrays
-        # An object by key, made when it is not there; the oldest of its stage makes room.
+        # An object by key, made if missing; the oldest of its stage is evicted.
         objects = _kept_of(source.step)
         if source.key in objects:
             objects.move_to_end(source.key)
@@ -288,7 +288,7 @@ class Inputs:
 
 
 def _with_those_made(recipe: Recipe, seen: set[str]) -> Iterator[Recipe]:
-    """A recipe, and those of the objects that are to be made for it and were not seen yet."""
+    """Yield a recipe, and those of the objects to be made for it that were not seen yet."""
     yield recipe
     for source in recipe.sources.values():
         if isinstance(source, Made) and source.key not in seen:
@@ -298,7 +298,7 @@ def _with_those_made(recipe: Recipe, seen: set[str]) -> Iterator[Recipe]:
 
 
 def _spots(recipe: Recipe) -> dict[Spot, str]:
-    """Keys of the cells that a recipe reads itself, by their spots."""
+    """Return keys of the cells that a recipe itself reads, by their spots."""
     wanted: dict[Spot, str] = {}
     for source in recipe.sources.values():
         if isinstance(source, Read):
@@ -307,7 +307,7 @@ def _spots(recipe: Recipe) -> dict[Spot, str]:
 
 
 def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
-    """Arrays of one cell, or of many as one; empty where there is no cell."""
+    """Return arrays of one cell, or of many as one; empty values where there is no cell."""
     if source.shape is None:
         return cells[0]
     total = int(np.prod(source.shape))
@@ -328,8 +328,8 @@ _kept = threading.local()
 
 
 def _kept_of(step: Step) -> OrderedDict[str, Any]:
-    """Objects made in this thread, the last few of a stage, by key."""
-    # By the function: stages that share one share its results.
+    """Return objects made in this thread, the last few of a stage, by key."""
+    # Keyed by the function: stages that share one share its results.
     found: OrderedDict[str, Any] = vars(_kept).setdefault(str(step.function), OrderedDict())
     return found
 

@@ -49,7 +49,7 @@ def usage(experiment: Experiment) -> str:
 
 
 def main_settings(experiment: Experiment) -> list[Setting]:
-    """Return the settings that `--help` lists: those of the main keys, and of any run."""
+    """Return the settings that `--help` lists: the main keys, and those of every run."""
     keys = experiment.main
     own = [
         one
@@ -63,7 +63,7 @@ def main_settings(experiment: Experiment) -> list[Setting]:
 def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:
     """Yield name and description of the files of a group: their first line of comment.
 
-    Comments of OmegaConf, such as `# @package`, are none.
+    Comments for OmegaConf, such as `# @package`, do not count.
     """
     for path in sorted((conf / group).glob("*.yaml")) if conf is not None else ():
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -72,7 +72,7 @@ def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:
 
 
 def _groups(experiment: Experiment) -> Iterator[tuple[str, str]]:
-    """Groups of the configuration but for experiments, with the names of their files."""
+    """Yield groups of the configuration except experiments, with the names of their files."""
     folders = sorted(experiment.conf.iterdir()) if experiment.conf is not None else ()
     for folder in folders:
         names = ", ".join(name for name, _ in descriptions(experiment.conf, folder.name))
@@ -81,13 +81,13 @@ def _groups(experiment: Experiment) -> Iterator[tuple[str, str]]:
 
 
 def _about(setting: Setting) -> str:
-    """What a setting is, with its unit and default."""
+    """Return the label of a setting, with its unit and default."""
     unit = f" [{setting.unit}]" if setting.unit != "1" else ""
     return f"{setting.label}{unit}; default {written_default(setting.default)}"
 
 
 def _listed(entries: Iterable[tuple[str, str]]) -> list[str]:
-    """Words, and texts beside them or, beside a long word, below."""
+    """Return lines of words with texts beside them, or below a long word."""
     entries = list(entries)
     short = [len(word) for word, _ in entries if INDENT + len(word) + 2 <= WORDS]
     start = INDENT + max(short, default=INDENT) + 2

@@ -6,7 +6,7 @@ OPTION = "--version"
 
 
 def version_of(command: str, distribution: str) -> str:
-    """Return the name of a command and the version of the distribution that has it."""
+    """Return the name of a command and the version of its distribution."""
     try:
         return f"{command} {version(distribution)}"
     except PackageNotFoundError:

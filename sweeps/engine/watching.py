@@ -1,4 +1,4 @@
-"""Progress of a sweep: a live display on a terminal, plain lines elsewhere; and its outcome."""
+"""Progress of a sweep: a live display on a terminal, plain lines elsewhere; and its summary."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from sweeps.engine.process import say
 from sweeps.engine.schedule import Progress, Schedule, Watch
 
 EVERY = 10.0  # s between plain lines
-EARLIEST = 3.0  # s of work done before anything is said of the rest
-STEADY = 10.0  # s in which an estimate of the end follows what was measured meanwhile
-NAMED_FAILURES = 20  # the attributes of the store have them all
+EARLIEST = 3.0  # s of work done before the rest is estimated
+STEADY = 10.0  # s: time constant of the estimated end
+NAMED_FAILURES = 20  # all are in the attributes of the store
 AT_ONCE = 8  # stages that the live display shows: a terminal may have 24 lines
-LONGEST, LEAST = 3, 0.05  # stages whose time the summary has, and the least time [s] it has
+LONGEST, LEAST = 3, 0.05  # stages whose time the summary lists, and the least time [s]
 
 
 @contextmanager
 def watching(name: str) -> Iterator[Watch]:
-    """Show the progress of a sweep on stderr meanwhile; plain lines begin with the `name`."""
+    """Show the progress of a sweep on stderr; plain lines begin with the `name`."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(name).watch
         return
@@ -42,20 +42,20 @@ def watching(name: str) -> Iterator[Watch]:
 
 
 class Remaining:
-    """Estimate of the time [s] until all cells are made, in words.
+    """Estimate of the time [s] until all cells are done, in words.
 
-    Work left by the rate at which it was done so far, all workers together. The end estimated
-    moves towards that in some seconds, so that no slow cell makes it jump.
+    Work left, divided by the rate so far of all workers together. The estimated end
+    approaches that within some seconds, so that a slow cell does not make it jump.
     """
 
     def __init__(self) -> None:
         self._begun = self._before = self._last = self._end = math.nan
 
     def words(self, schedule: Schedule, now: float) -> str:
-        """As 'about 40 s left' at a time [s]; empty while too little is known."""
+        """Return, for example, 'about 40 s left' at a time [s]; empty while too little is known."""
         done = sum(one.seconds for one in schedule.progress.values())
         left = schedule.work_left()
-        if math.isnan(self._begun) and done:  # from here on, without the start of workers
+        if math.isnan(self._begun) and done:  # from here on, excluding the start of workers
             self._begun, self._before = now, done
         if not done - self._before >= EARLIEST or not 0 < left < math.inf:
             return ""
@@ -67,7 +67,7 @@ class Remaining:
 
 
 def _rounded(seconds: float) -> str:
-    """A duration as one says it: 7 s, 40 s, 3 min, 2 h 10 min."""
+    """Return a rounded duration: 7 s, 40 s, 3 min, 2 h 10 min."""
     if seconds < 95:
         return f"{seconds:.0f} s" if seconds < 10 else f"{10 * round(seconds / 10)} s"
     minutes = round(seconds / 60) if seconds < 3300 else 10 * round(seconds / 600)

@@ -1,8 +1,8 @@
-"""Tasks on the workers of a dask cluster: of this machine, of Slurm, or one that runs already.
+"""Executors on a dask cluster: of this machine, of Slurm, or one that is already running.
 
-Tasks arrive as pickled functions: whoever may talk to a worker may run code there. So scheduler
-and workers that are started here talk only to holders of a certificate that is made for the run
-and never written where another user could read it; those of this machine listen on loopback only.
+Tasks arrive as pickled functions, so a client of a worker can run code there. Hence scheduler
+and workers started here accept only holders of a certificate that is made for the run
+and never readable by another user; those of this machine listen on loopback only.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ SETTINGS = {
 SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 
 ANSWER, ARRIVAL, CHECKED = 10, 60, 1.0  # s: for a scheduler's answer, its first worker; of checks
-JOBS_CHECKED = 10.0  # s between checks whether a job ended, as by its time limit
-LOST = 30.0  # s until a job whose worker went away, but might restart it, counts as ended
+JOBS_CHECKED = 10.0  # s between checks whether a job has ended, for example by its time limit
+LOST = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
 
 # Runs all tasks of this process; a daemon, unlike those of `concurrent.futures`.
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
@@ -63,9 +63,9 @@ Code = Mapping[str, str]  # digests of packages by name
 
 
 def run_task(code: Code, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """Call a function in the task thread of this process, numerical libraries on one thread.
+    """Call a function in the task thread of this process, with one thread for numerical libraries.
 
-    Raises `OtherCode` instead where this process has other code.
+    Raises `OtherCode` if the code of this process differs.
     """
     check_code(code)
 
@@ -77,11 +77,11 @@ def run_task(code: Code, function: Callable[..., Any], arguments: tuple[Any, ...
 
 
 class DaskExecutor:
-    """Runs tasks on the workers of a dask cluster that have some code. See `cluster.Executor`.
+    """Executor on the workers of a dask cluster with the same code. See `cluster.Executor`.
 
-    A worker that dies, as of too much memory, takes along tasks that are not at fault. Those that
-    dask gives up for it are suspects: each runs again when all others have finished, alone. Only
-    if its worker dies then too is the task itself at fault.
+    A worker that dies, for example out of memory, takes other tasks with it. Those that
+    dask gives up are suspects: each runs again, alone, when all others have finished. Only
+    if its worker dies again is the task itself the cause.
     """
 
     def __init__(self, client: Client, workers: int | None, code: Code) -> None:
@@ -96,7 +96,7 @@ class DaskExecutor:
 
     @property
     def workers(self) -> int:
-        """Number of processes that are started, or, of a cluster of others, that are there now."""
+        """Number of processes started or, of a running cluster, present now."""
         return self._workers or max(1, len(self._client.nthreads()))
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
@@ -112,12 +112,12 @@ class DaskExecutor:
         outcomes: list[Outcome] = []
         while not outcomes and (self._running or self._suspects or self._held):
             if not self._running:
-                # One suspect, or else all tasks that were held back meanwhile.
+                # One suspect, or else all tasks that were held back.
                 self._alone = bool(self._suspects)
                 waiting = self._suspects if self._alone else self._held
                 for _ in range(1 if self._alone else len(waiting)):
                     self._start(waiting.popleft())
-            # wakes up ten times a second, and so for an interrupt
+            # wakes up ten times a second, to handle interrupts
             for future in self._completed.next_batch():
                 outcomes += self._outcome(future, self._running.pop(future))
         return outcomes
@@ -128,7 +128,7 @@ class DaskExecutor:
         self._completed.add(future)
 
     def _outcome(self, future: Future, task: Task) -> list[Outcome]:
-        """Outcome of a task, or none where it is to be run again."""
+        """Return the outcome of a task, or none if it is to run again."""
         if future.cancelled():
             raise SweepIncomplete("the scheduler of the cluster is gone, with the tasks it had")
         try:
@@ -139,7 +139,7 @@ class DaskExecutor:
                 return [(task[0], None, RuntimeError(message))]
             self._suspects.append(task)
             return []
-        except OtherCode as error:  # of a worker that came later
+        except OtherCode as error:  # of a worker that joined later
             raise ConfigurationError(f"a worker of the cluster {error}") from None
         except Exception as error:
             return [(task[0], None, error)]
@@ -149,16 +149,16 @@ class DaskExecutor:
 def local(
     *, workers: int | None, tasks: int, say: Say, code: Code, method: str = "spawn"
 ) -> Iterator[DaskExecutor]:
-    """Start worker processes on this machine, which end with this process however it ends.
+    """Start worker processes on this machine, which end with this process in any case.
 
-    `method` is that of `multiprocessing` by which they start; see `forking.fork_server`.
+    `method` is the start method of `multiprocessing`; see `forking.fork_server`.
     """
     count = max(1, min(workers or CPU_COUNT, tasks))
     say(f"starting {count} worker process{'es' if count > 1 else ''}")
-    # Workers share the terminal, where one that dies would log its last steps.
+    # Workers share the terminal, to which one that dies would log.
     quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
     with ExitStack() as stack:
-        # Else dask would import more into this process, for the fork server that is there already.
+        # Else dask would import more into this process for the fork server, which already runs.
         distributed.utils._forkserver_preload_set = True
         settings = SETTINGS | {"distributed.worker.multiprocessing-method": method}
         stack.enter_context(_started_with(settings, ENVIRONMENT | quiet))
@@ -167,7 +167,7 @@ def local(
                 LocalCluster(
                     n_workers=count,
                     threads_per_worker=1,
-                    env=dict(os.environ),  # as it is now: they may be forked from an older process
+                    env=dict(os.environ),  # they may be forked from an older process
                     host="127.0.0.1",
                     protocol="tls://",
                     security=Security.temporary(),
@@ -184,7 +184,7 @@ def local(
 def address(
     *, tasks: int, say: Say, code: Code, address: str, **files: str | None
 ) -> Iterator[DaskExecutor]:
-    """Reach a running scheduler. Each of its worker processes runs one task at a time."""
+    """Connect to a running scheduler. Each of its worker processes runs one task at a time."""
     host = urlsplit(address).hostname or ""
     if files["ca_file"] is None and not (host in {"localhost", "::1"} or host.startswith("127.")):
         say(f"the traffic with {address} is neither encrypted nor authenticated")
@@ -194,7 +194,7 @@ def address(
         try:
             _check_scheduler(address, security)
             client = stack.enter_context(Client(address, security=security, timeout=ANSWER))
-        except Exception as error:  # of any kind, since whatever listens may answer anything
+        except Exception as error:  # of any kind, since any server may listen there
             raise ConfigurationError(
                 f"cluster.address is {address}, but no scheduler answers there "
                 f"({str(error) or type(error).__name__})"
@@ -219,10 +219,10 @@ def address(
 def slurm(
     *, workers: int, tasks: int, say: Say, code: Code, **asked: Any
 ) -> Iterator[DaskExecutor]:
-    """Submit jobs that ask for some settings of Slurm's, and cancel them at the end.
+    """Submit Slurm jobs with some settings, and cancel them at the end.
 
-    Until then the certificate of the run is in a folder, which only its owner may open, of the
-    current directory, which the jobs must see.
+    Until then, the certificate of the run is in a private folder in the
+    current directory, which the jobs must be able to read.
     """
     jobs = max(1, min(workers, tasks))
     say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
@@ -238,7 +238,7 @@ def slurm(
 
 
 def _check_scheduler(url: str, security: Security) -> None:
-    """Raise an exception if what listens at an address does not soon answer as a scheduler.
+    """Raise an exception if no scheduler answers at an address soon.
 
     A client of dask waits for the first answer without limit.
     """
@@ -247,14 +247,14 @@ def _check_scheduler(url: str, security: Security) -> None:
         async with rpc(url, connection_args=security.get_connection_args("client")) as peer:
             return (await asyncio.wait_for(peer.identity(), ANSWER))["type"]
 
-    # in a thread of its own, since that of a notebook has a running event loop
+    # in its own thread, since that of a notebook has a running event loop
     kind = _thread.submit(asyncio.run, ask()).result()
     if not kind.endswith("Scheduler"):
         raise ValueError(f"{url} is a {kind}")
 
 
 def _security(ca_file: str | None, cert: str | None, key: str | None) -> Security:
-    """Certificates of the client."""
+    """Return the certificates of the client."""
     security = Security(
         tls_ca_file=ca_file, tls_client_cert=cert, tls_client_key=key, require_encryption=True
     )
@@ -269,7 +269,7 @@ def _security(ca_file: str | None, cert: str | None, key: str | None) -> Securit
 
 
 def _certificate(folder: Path) -> Security:
-    """Certificate and key that scheduler and jobs share, written into a folder."""
+    """Write a certificate and key shared by scheduler and jobs into a folder."""
     made = Security.temporary()
     certificate, key = folder / "certificate.pem", folder / "key.pem"
     certificate.write_text(made.tls_ca_file)
@@ -281,7 +281,7 @@ def _certificate(folder: Path) -> Security:
 
 
 def _slurm_cluster(security: Security, asked: Mapping[str, Any]) -> Any:
-    """Cluster without jobs."""
+    """Return a cluster without jobs."""
     try:
         from dask_jobqueue import SLURMCluster
     except ImportError as error:
@@ -304,7 +304,7 @@ def _slurm_cluster(security: Security, asked: Mapping[str, Any]) -> Any:
 
 
 def _submit(cluster: Any, jobs: int) -> None:
-    """Submit the first jobs; raise ConfigurationError with Slurm's own words if it refuses."""
+    """Submit the first jobs; raise ConfigurationError with Slurm's message if it refuses."""
     for _ in range(jobs):
         cluster.worker_spec.update(cluster.new_worker_spec())
 
@@ -315,7 +315,7 @@ def _submit(cluster: Any, jobs: int) -> None:
         cluster.sync(submitted)
     except RuntimeError as error:
         for job in cluster.workers.values():
-            if job.job_id is None:  # or else the cluster will not close
+            if job.job_id is None:  # else the cluster does not close
                 job.status = Status.failed
         told = str(error).partition("stderr:\n")[2].strip() or str(error)
         raise ConfigurationError(
@@ -325,10 +325,10 @@ def _submit(cluster: Any, jobs: int) -> None:
 
 @contextmanager
 def _workers_replaced(cluster: Any, count: int, *, every: float) -> Iterator[None]:
-    """Start workers in the place of those that are gone, looking again after some seconds.
+    """Replace workers that are gone, checking every few seconds.
 
-    Dask restarts a worker process that dies, but gives up if it dies while it starts, as by a task
-    that it is given at once. It submits no job in the place of one that ended.
+    Dask restarts a worker process that dies, but gives up if it dies during its start, as by a task
+    that it gets at once. It does not replace a job that ended.
     """
 
     def restore() -> None:
@@ -351,11 +351,11 @@ def _workers_replaced(cluster: Any, count: int, *, every: float) -> Iterator[Non
 
 @contextmanager
 def _started_with(settings: Mapping[str, Any], variables: Mapping[str, str]) -> Iterator[None]:
-    """Configure dask for a while, and the environment its workers start with; hold its logs."""
-    # Failures come back with their tasks; the rest of dask's talk is of no use here.
+    """Configure dask and its workers' environment within this context; suppress its logs."""
+    # Failures come back with their tasks; dask's other messages are not needed.
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     levels = [logger.level for logger in loggers]
-    # A variable of this process overrides the one that dask is configured to start workers with,
+    # A variable of this process overrides the one configured for dask's workers,
     # and dask sets those variables, and the seed of hashes, in this process.
     settings = {**settings, "distributed.nanny.pre-spawn-environ": dict(variables)}
     with environment(variables, "PYTHONHASHSEED"), dask.config.set(settings):

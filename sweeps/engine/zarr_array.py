@@ -1,4 +1,4 @@
-"""Arrays of a store as zarr 3 has them: their metadata, and their chunks as bytes.
+"""Arrays of a store in the zarr 3 format: their metadata, and their chunks as bytes.
 
 The metadata are plain dictionaries and the chunks are encoded here, because a store has hundreds
 of small arrays: for each, zarr takes 3 ms, and this 0.1 ms.
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 METADATA = "zarr.json"
 CHUNK_BYTES = 2**20
-LEVEL = 1  # level 3 packs results no tighter and takes three times as long
+LEVEL = 1  # level 3 compresses results no better and takes three times as long
 
 Region = tuple[slice, ...]
 
@@ -29,7 +29,7 @@ _STRING = np.dtype(object)
 
 @dataclass(frozen=True, eq=False)
 class Array:
-    """A variable or coordinate to be written; every chunk of it is a file."""
+    """A variable or coordinate to be written; each of its chunks is a file."""
 
     dims: tuple[str, ...]
     shape: tuple[int, ...]
@@ -49,17 +49,17 @@ class Array:
         attrs: Mapping[str, Any] | None = None,
         fill: float | int | str | None = None,
     ) -> Array:
-        """Array of values in memory, in chunks of a suggested shape."""
+        """Return an array of values in memory, in chunks of a suggested shape."""
         array = np.asarray(values)
         chunks = suggest_chunks(array.shape, max(array.itemsize, 1))
         return cls(tuple(dims), array.shape, array.dtype, fill, attrs or {}, chunks, array)
 
     @property
     def stored(self) -> np.dtype[Any]:
-        """Dtype of what is stored: little-endian, object for strings; TypeError if it cannot be."""
+        """Stored dtype: little-endian, object for strings; raises TypeError if impossible."""
         dtype = np.dtype(self.dtype)
         if dtype.kind in "OTU":
-            return _STRING  # fixed-width strings are no part of the zarr 3 format
+            return _STRING  # fixed-width strings are not part of the zarr 3 format
         if dtype.kind == "b":
             return np.dtype(np.int8)
         if dtype.kind in "iuf" and dtype.itemsize <= 8:
@@ -68,17 +68,17 @@ class Array:
 
     @property
     def opened(self) -> np.dtype[Any]:
-        """Dtype that zarr reads back: that of what is stored, in the byte order of this machine."""
+        """Dtype that zarr reads back: the stored one, in the byte order of this machine."""
         return np.dtypes.StringDType() if self.stored == _STRING else self.stored.newbyteorder("=")
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes as they are stored, with the type as which xarray reads integers back."""
+        """Return the stored attributes, with the dtype that xarray converts integers to."""
         return {**self.attrs, **({"dtype": "bool"} if np.dtype(self.dtype).kind == "b" else {})}
 
     @property
     def empty(self) -> Any:
-        """Value of what is not written, as it is stored."""
+        """Stored value of elements that are not written."""
         if self.stored == _STRING:
             return self.fill or ""
         default = math.nan if self.stored.kind == "f" else 0
@@ -89,7 +89,7 @@ class Array:
 class Group:
     """Variables of one group, the coordinates of their axes, and attributes.
 
-    `ragged` has the begin and length along each own dimension of every cell of a ragged variable.
+    `ragged` has start and length along each own dimension of every cell of a ragged variable.
     """
 
     arrays: dict[str, Array]
@@ -99,29 +99,29 @@ class Group:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes, by which xarray also finds coordinates that are no dimensions."""
+        """Return the attributes, including the list of coordinates that are not dimensions."""
         others = [name for name, array in self.coordinates.items() if array.dims != (name,)]
         return {**self.attrs, **({"coordinates": " ".join(sorted(others))} if others else {})}
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
-    """Shape of chunks of at most `CHUNK_BYTES`, but never cut along the last `whole` axes.
+    """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `whole` axes.
 
     The last axes whole, one axis before them in nearly equal parts, and 1 along the others.
     """
     chunks: list[int] = []
-    room = max(CHUNK_BYTES // itemsize, 1)  # elements that a chunk may still grow by
+    room = max(CHUNK_BYTES // itemsize, 1)  # factor by which a chunk may still grow
     for axis, size in enumerate(reversed(shape)):
         full = max(size, 1)
         cut = axis >= whole and size > room
         chunks.append(math.ceil(size / math.ceil(size / room)) if cut else full)
-        # After an axis is cut, those before it have chunks of 1.
+        # Once an axis is cut, those before it have chunks of 1.
         room = 1 if chunks[-1] < full else max(room // full, 1)
     return tuple(reversed(chunks))
 
 
 def regions(array: Array) -> Iterator[tuple[str, Region]]:
-    """Name of the file of every chunk of an array, and the region of the array that it covers."""
+    """Yield file name and region of every chunk of an array."""
     parts = [
         [slice(start, min(start + chunk, size)) for start in range(0, size, chunk)]
         for size, chunk in zip(array.shape, array.chunks, strict=True)
@@ -131,7 +131,7 @@ def regions(array: Array) -> Iterator[tuple[str, Region]]:
 
 
 def metadata(array: Array) -> dict[str, Any]:
-    """Metadata of an array as zarr 3 has them."""
+    """Return the zarr 3 metadata of an array."""
     stored, fill = array.stored, array.empty
     serializer: dict[str, Any] = {"name": "bytes"}
     if stored == _STRING:
@@ -160,9 +160,9 @@ def metadata(array: Array) -> dict[str, Any]:
 
 
 def encode(array: Array, region: Region) -> bytes | None:
-    """Bytes of the chunk that covers a region; None if it holds nothing but the fill value.
+    """Return the bytes of the chunk that covers a region; None if it holds only the fill value.
 
-    ValueError if the values there have another shape.
+    Raises ValueError if the values there have another shape.
     """
     read = array.read[region] if isinstance(array.read, np.ndarray) else array.read(region)
     values = np.asarray(read).astype(array.stored, copy=False)
@@ -181,7 +181,7 @@ def encode(array: Array, region: Region) -> bytes | None:
 
 
 def _is_empty(values: NDArray[Any], fill: Any) -> bool:
-    """Whether all values are the fill value: bit by bit, where NaN is NaN and -0.0 is not 0.0."""
+    """Return whether all values are the fill value, bit by bit: NaN is NaN, -0.0 is not 0.0."""
     if values.dtype == _STRING:
         return bool(np.all(values == fill))
     bits = np.dtype(f"u{values.itemsize}")

@@ -1,1 +1,1 @@
-"""Tables of a sweep, beside the source's."""
+"""Report of a sweep: tables, figures and the report page."""

@@ -1,4 +1,4 @@
-"""What axes are called: in CSV files, in headings and in titles; all of it read off the store."""
+"""Names of axes in CSV files, headings and titles, read from the store."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Any, Self
 
 import xarray as xr
 
-NOTHING = "–"  # where there is no figure, and where a value was left to the heading or the ship
+NOTHING = "–"  # for a missing figure, or a value given in the heading or by the ship
 
-# Dimensions that are no settings: draws, which are pooled, and those of profiles and images.
+# Dimensions that are not settings: draws, which are pooled, and those of profiles and images.
 DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
 OF_ARRAYS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),
     *("horizontal", "vertical", "aspect_low"),
 )
 
-# Of columns, and of rows the slowest first; any other axis stands before the number of frames.
+# Order of columns, and of rows from the slowest; other axes come before the number of frames.
 BEFORE = (
     *("ship", "aspect", "range", "super_resolution", "pulse_width", "classifier"),
     *("target_free_ifovs", "receiver"),
@@ -40,12 +40,12 @@ AFTER = (
     *("kind", "aspects", "least_rejected", "test_vigilance", "source", "aspect_bin"),
 )
 
-UNITS = {"aspect_bin": "degree"}  # of what is pooled, which has words as values
+UNITS = {"aspect_bin": "degree"}  # of pooled aspects, whose values are words
 IN_FILES = {"degree": "deg", "m s-1": "m_s", "1": "", "pixel": "", "%": "percent"}
 WRITTEN = {"degree": "deg", "urad": "µrad", "1": ""}
 SHORT = {"transom_gain": "transom*", "mast_gain": "masts*"}
 
-# In titles, instead of name, value and unit; of a switch what is said where it is off and on.
+# In titles, instead of name, value and unit; of a switch the words for off and on.
 PHRASES = {
     **dict.fromkeys(("range", "pulse_width"), "{}"),
     "target_free_ifovs": "{} target-free IFOVs",
@@ -66,7 +66,7 @@ SWITCHES = {
     "learn_in_test": ("no learning in the test", "learning in the test"),
 }
 
-# What a table or a picture of one setting shows where there are several: else the first.
+# Value shown by a table or a picture of one setting if there are several; else the first.
 NOMINAL: dict[str, Any] = {
     **{"label_rule": "majority", "score_rule": "ship", "training": "expected", "left_out": False},
     **{"aspects": "random", "learn_in_test": False},
@@ -84,7 +84,7 @@ NOMINAL: dict[str, Any] = {
 
 
 class Column(str):
-    """Name of a column, such as `range_km`, with what the store says of its variable."""
+    """Name of a column, such as `range_km`, with the attributes of its variable."""
 
     name: str
     units: str
@@ -109,12 +109,12 @@ class Column(str):
 
     @property
     def unit(self) -> str:
-        """The unit, as it is written; nothing where there is none."""
+        """The unit as printed; empty if there is none."""
         return WRITTEN.get(self.units, re.sub(r" (\w+)-1\b", r"/\1", printable(self.units)))
 
     @property
     def heading(self) -> str:
-        """Of a column of values: the name, and the unit in brackets."""
+        """The name, and the unit in brackets."""
         return self.words + (f" [{self.unit}]" if self.unit else "")
 
 
@@ -125,19 +125,19 @@ class Axis(Column):
 
     @property
     def foreseen(self) -> bool:
-        """Whether tables have words for it."""
+        """Return whether tables have words for it."""
         return self.name in (*BEFORE, *AFTER, *SHORT)
 
     @property
     def rank(self) -> tuple[int, str]:
-        """Where it stands among others, in columns and in the nesting of rows."""
+        """Its position among others, in columns and in the nesting of rows."""
         for start, names in ((0, BEFORE), (1000, AFTER)):
             if self.name in names:
                 return start + names.index(self.name), ""
         return 500, self.name
 
     def told(self, value: Any) -> str:
-        """A value with its axis and unit, such as `cnr 10 dB`."""
+        """Return a value with its axis and unit, such as `cnr 10 dB`."""
         if isinstance(value, bool):
             words = self.name.replace("_", " ")
             return SWITCHES.get(self.name, (f"no {words}", words))[value]
@@ -152,7 +152,7 @@ def axes_of(
 ) -> dict[Axis, str | None]:
     """Return the axes of a data set, in order, each with its dimension; None of a single value.
 
-    A joint axis has as many columns as coordinates. Dimensions in `but` are none.
+    A joint axis has as many columns as coordinates. Dimensions in `but` are left out.
     """
     found: dict[Axis, str | None] = {}
     gone = set(but)
@@ -171,14 +171,14 @@ def axes_of(
 
 
 def printable(text: str) -> str:
-    """A text with its control characters, and whatever else cannot be seen, escaped."""
+    """Return a text with its control and other invisible characters escaped."""
     if text.isprintable():
         return text
     return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
 
 
 def shown(value: Any) -> str:
-    """A value of an axis, for people."""
+    """Return a value of an axis as printed."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None or (isinstance(value, float) and math.isnan(value)):
@@ -187,7 +187,7 @@ def shown(value: Any) -> str:
 
 
 def told(place: Mapping[Any, Any], axes: Iterable[Axis]) -> list[str]:
-    """Values at a place on some axes, each in words; of an error the parameter with its value."""
+    """Return values at a place on some axes in words; of an error, the parameter with its value."""
     words = []
     for axis in axes:
         value = place[axis]
@@ -200,9 +200,9 @@ def told(place: Mapping[Any, Any], axes: Iterable[Axis]) -> list[str]:
 
 
 def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> xr.Dataset:
-    """Return a data set at the nominal value of every axis, or a wanted one, or else at the first.
+    """Return a data set at the wanted or nominal value of every axis, or else the first.
 
-    Dimensions to `keep` stay, and those of profiles and images.
+    Dimensions in `keep`, and those of profiles and images, stay.
     """
     place = {}
     for dim in set(map(str, dataset.dims)) - {*keep, *OF_ARRAYS}:
@@ -215,7 +215,7 @@ def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> 
 
 
 def which(one: xr.Dataset, of: xr.Dataset | xr.DataArray, *, but: Iterable[str] = ()) -> str:
-    """Return values of one place on the axes of several, `but` some, each after a comma."""
+    """Return the values of one place on the axes that vary, except `but`, each after a comma."""
     place = {
         axis: one[axis.name].values.item()
         for axis, dim in axes_of(of).items()

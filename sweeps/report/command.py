@@ -18,7 +18,7 @@ NAME, DISTRIBUTION = "ncti-report", "ncti-sweep"
 def main() -> None:
     """Run the command line; exits with 2 when the store cannot be read."""
     arguments = _parser().parse_args()
-    # Here, since they take longer to import than `--help` and `--version` take.
+    # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.errors import ConfigurationError
     from sweeps.report.pictures import write_pictures
     from sweeps.report.screen import complain, screen
@@ -74,7 +74,7 @@ def write_report(path: Path) -> Path:
 
     Raises OSError or ValueError if it cannot.
     """
-    # Here, since they take longer to import than tables take to print.
+    # Imported here, since the import takes longer than printing tables.
     from sweeps.report.figures import draw
     from sweeps.report.page.write import write_page
 
@@ -82,11 +82,11 @@ def write_report(path: Path) -> Path:
 
 
 def report(path: Path, console: Console, *, table: str | None = None) -> None:
-    """Write the tables of a store beside it, then print them as far as the console can take it.
+    """Write the tables of a store beside it, then print them.
 
-    Only the table of that name is printed, if one is asked for. Raises ConfigurationError if the
-    store cannot be read, has no tables or not that one, and OSError if tables cannot be written
-    beside it; they are printed all the same.
+    With `table`, print only the table of that name. Raises ConfigurationError if the
+    store cannot be read, has no tables or lacks that one, and OSError if tables cannot be written
+    beside it; they are printed anyway.
     """
     from sweeps.report.parts import chosen, parts_of, print_places, write_parts
     from sweeps.report.screen import explain, note, page, unforeseen

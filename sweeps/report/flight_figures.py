@@ -1,4 +1,4 @@
-"""Pictures of flights: flown once more for every stage of their corrections, and as stored."""
+"""Pictures of flights: every stage of their corrections, simulated again, and stored results."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ from sweeps.stages.views import hull, read_mesh
 if TYPE_CHECKING:
     import trimesh
 
-STRIPES = 12.0  # m of range that run once through the colours, as in the source's images
+STRIPES = 12.0  # m of range in one cycle of the colours, as in the source's images
 MARGIN = 12  # pixels around the ship in corrected images
-BRIGHTEST = 99.0  # percent of the ship's pixels that are not brighter than the scale
-# Of pixels that no sample fell into, and of those that were looked at and have no range.
+BRIGHTEST = 99.0  # percentile of the ship's pixels at the end of the scale
+# Colours of pixels without a sample, and of sampled pixels without a range.
 NO_LOOK, NO_RANGE = "#44566b", "0.62"
 UNSEEN = "slate blue: no sample; black, or grey in range images: sampled, no ship"
 
@@ -59,7 +59,7 @@ SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
 TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
 
 TRUTH = "0.75"
-MARKED = (  # m past the hangar, height, what is there
+MARKED = (  # m past the hangar, height, name of the part
     *((-26, 0.44, "transom"), (-14, 0.24, "flight deck"), (5, 0.9, "hangar")),
     *((45, 0.76, "main mast"), (61, 0.32, "bridge")),
 )
@@ -68,9 +68,9 @@ NARROW = 24  # letters of a title over a narrow panel
 
 @dataclass(frozen=True, kw_only=True)
 class Way:
-    """How a flight is corrected, and how its ship reflects.
+    """Corrections of a flight, and the threshold of its segmentation.
 
-    By the source's own chain, as printed, `rate` being what it takes for f, `line` or `pulse`; or
+    By the source's own chain as printed, with `rate` (`line` or `pulse`) for f; or
     by our `correction`. The threshold of segmentation is in noise powers.
     """
 
@@ -99,7 +99,7 @@ class Stage:
 
 
 def flights_of(flights: xr.Dataset) -> list[Place]:
-    """Return every ship of `validation` flown past at every range and aspect, ships slowest."""
+    """Return the places of all flights of `validation`: ship (slowest), range and aspect."""
     ranges, aspects = (np.atleast_1d(flights[name].values) for name in ("range", "aspect"))
     return [
         Place(ship, float(aspect), float(kilometres))
@@ -110,14 +110,14 @@ def flights_of(flights: xr.Dataset) -> list[Place]:
 
 
 def one_flight(flights: xr.Dataset, place: Place) -> xr.Dataset:
-    """Return the flight at a place: the first draw of the nominal one on all other axes."""
+    """Return the flight at a place: the first draw, nominal on all other axes."""
     return nominal(flights.sel(ship=place.ship, aspect=place.aspect, range=place.range))
 
 
 def scan_of(
     attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
 ) -> tuple[Scan, Way]:
-    """Return raw images of one flight of a store, noise and all, and how it corrects them."""
+    """Return noisy raw images of one flight of a store, and its corrections."""
     given = attributes["configuration"]
     reflectance = setting(flight, given["ladar"], "reflectance")
     values = {one.name: setting(flight, {}, one.name) for one in (*FLOWN, *RECORDED)}
@@ -141,7 +141,7 @@ def draw_flight(
 ) -> Figure:
     """Draw stages of a flight of a store, by its attributes and group `validation`.
 
-    Raises ValueError if no mesh is given, and the known ship is not the one of the store.
+    Raises ValueError if no mesh is given and the known ship differs from that of the store.
     """
     mesh = known_ship(attributes, place.ship) if mesh is None else mesh
     flight, draws = one_flight(flights, place), flights.sizes.get("replicate", 1)
@@ -151,7 +151,7 @@ def draw_flight(
 
 
 def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
-    """Return the known ship of a name. Raises ValueError if the store was not made of it."""
+    """Return the known ship of a name. Raises ValueError if the store was made with another."""
     if label not in ncti.ships.names():
         raise ValueError(
             f"{label} was read from a file that the store does not name, but ships drawn must be "
@@ -159,14 +159,14 @@ def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
         )
     known = hull.function(ship_name(label))
     if known.digest != attributes["mesh_digests"][label]:
-        raise ValueError(f"{label} has changed since the store was made of it")
+        raise ValueError(f"{label} has changed since the store was made")
     return read_mesh(known)
 
 
 def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[Stage]:
-    """Return every stage of the chain, as the source shows them in its Figures 10, 11 and 13.
+    """Return every stage of the chain, as in the source's Figures 10, 11 and 13.
 
-    Without those that are left out; of the source's own chain all corrections at once.
+    Stages that are switched off are left out; the source's own chain is one stage.
     """
     way = Way() if way is None else way
     belief, (lines, samples) = scan.flight, scan.intensity.shape
@@ -192,7 +192,7 @@ def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[St
 
 
 def _corrected(scan: Scan, way: Way, belief: irar.Flight) -> Iterator[tuple[str, Snapshot]]:
-    """The image after each correction, with what was done last."""
+    """Yield a title and the image after each correction."""
     if way.rate is not None:
         title = f"all corrections as printed,\nf the {way.rate} rate"
         yield title, irar.correct_as_printed(scan, belief=belief, rate=way.rate)
@@ -211,7 +211,7 @@ def _corrected(scan: Scan, way: Way, belief: irar.Flight) -> Iterator[tuple[str,
 
 
 def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
-    """A stage, cut to its ship: the largest of what pulses find or what is warm."""
+    """Return a stage, cropped to its ship: the largest bright or warm region."""
     warm = np.nan_to_num(image.infrared)
     found = (np.nan_to_num(image.intensity) > 0) | (warm > warm.max() / 4)
     pieces, count = connected(found, structure=np.ones((3, 3)))
@@ -233,11 +233,11 @@ def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
 
 
 def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, title: str) -> Figure:
-    """Draw images at every stage of the chain, each kind of the corrected ones on one scale."""
+    """Draw images at every stage of the chain, each kind of corrected image on one scale."""
     every = stages(mesh, scan, way)
     left, right, bottom, top = every[-1].extent
     wide = right - left > 1.5 * (top - bottom)
-    # A ship from abeam is wide: its stages go below one another.
+    # A ship seen from abeam is wide: its stages are drawn below one another.
     size = (11.0, 1.85 * len(every)) if wide else (2.6 * len(every), 8.0)
     figure = Figure(figsize=size, dpi=150, layout="constrained")
     panels = figure.subplots(*((len(every), 3) if wide else (3, len(every))), squeeze=False)
@@ -256,7 +256,7 @@ def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, ti
         kinds = zip(row, images, ("gray", "twilight", "inferno"), (lit, far, warm), strict=True)
         for axes, values, colours, (label, (low, high), extend) in kinds:
             image = _show(axes, stage, values, colours, low=low, high=high)
-            # Pixels of all stages but the raw one are the same: one label at each end will do.
+            # All stages but the raw one have the same pixels: one label at each end is enough.
             if stage in (every[0], every[-1]) or not wide:
                 axes.set_xlabel("column [pixel]" if stage.square else "sample", fontsize=SMALL)
             if axes is row[0] or not wide:
@@ -273,7 +273,7 @@ def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, ti
 
 
 def brightest(images: Sequence[NDArray[np.floating]]) -> float:
-    """Return the upper end of a scale that images share, of the brightest; 1 where all are dark."""
+    """Return the upper end of a common scale of images; 1 if all are dark."""
     lit = (image[np.nan_to_num(image) > 0] for image in images)
     return max((float(np.percentile(one, BRIGHTEST)) for one in lit if one.size), default=1.0)
 
@@ -330,7 +330,7 @@ def draw_validation(flights: xr.Dataset) -> Figure:
 
 
 def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
-    """The source's Figure 16, with what it put its differences down to put in."""
+    """Draw the source's Figure 16, including the reflectivities that would explain it."""
     drawn = put_in(near.sel(ship=SISTERS[0]).sel(range=SISTERS[1], method="nearest"))
     flown = near.sel(ship=SISTERS[2]).sel(range=SISTERS[3], method="nearest")
     glint, dark = float(flown.mast_gain.max()), float(flown.transom_gain.min())
@@ -356,7 +356,7 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
 
 
 def _profile(axes: Axes, place: Any, profile: Any, label: str, colour: str = TRUTH) -> None:
-    """A profile with its peak as unit, flat where nothing returns: a line, or filled if true."""
+    """Draw a profile relative to its peak: a line, or filled for the truth."""
     values = np.asarray(profile, dtype=float)
     values = values / values.max() if values.max() > 0 else np.zeros_like(values)
     if colour == TRUTH:

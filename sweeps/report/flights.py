@@ -1,4 +1,4 @@
-"""Tables of flights: images against the truth, landmarks, wrong parameters, profiles named."""
+"""Tables of flights: errors of images, landmarks, wrong parameters, identification."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from sweeps.report.rows import (
 )
 from sweeps.report.screen import PUT_IN, note, percent_text
 
-LANDMARKS = {  # heading, digits, what the source says of the synthetic and of the measured ship
+LANDMARKS = {  # heading, digits, the source's statement on the synthetic and the measured ship
     "stern_to_hangar": ("stern to hangar [m]", 1, "same"),
     "stern_to_bridge": ("stern to bridge [m]", 1, "same"),
     "transom_ratio": ("transom / hangar", 2, "large, none"),
@@ -57,14 +57,14 @@ FIGURES = {  # of corrected images and profiles: heading and digits
 }
 TILTED = ("mast", "waterline")
 CHANNELS = {"": "both", "intensity_": "intensity", "infrared_": "infrared"}
-"""Which image a tilt is told by, and its heading; the first is of FIGURES, too."""
+"""Image from which a tilt is estimated, and its heading; the first is in FIGURES, too."""
 
 SISTERS = ("duncan", 4.0, "roberts", 3.9)
-"""Of the source's Figure 16: the synthetic ship and the measured one, with their ranges [km]."""
+"""The synthetic and the measured ship of the source's Figure 16, with their ranges [km]."""
 
 STERN = 175.0  # deg: the source's aspect
 KEPT = ("replicate", "source", "pulse_width", "kind")  # of one flight
-TITLED = ("ship", "aspect", "range")  # told in every title
+TITLED = ("ship", "aspect", "range")  # given in every title
 GAINS = ("transom_gain", "mast_gain")
 INSIDE = ("error", "error_parameter", "error_value", "autofocus")  # a table of sensitivities
 NAMED = ("pulse_width_ns", "classifier", "kind")  # of measured profiles
@@ -90,11 +90,11 @@ def titled_place(one: xr.Dataset) -> str:
 
 
 def flight_rows(flights: xr.Dataset) -> list[Row]:
-    """Return mean and scatter over draws of every figure of every flight, a row each."""
+    """Return rows of mean and scatter over draws, one for every figure of every flight."""
     parts = []
     for name, values in flights.data_vars.items():
         if set(values.dims) & set(OF_ARRAYS):
-            continue  # profiles and images are no figures
+            continue  # profiles and images are not figures
         over = [dim for dim in values.dims if dim in DRAWS]
         draws = math.prod(values.sizes[dim] for dim in over)
         spread = values.std(over, ddof=1 if draws > 1 else 0)
@@ -117,14 +117,14 @@ def print_flights(flights: xr.Dataset, console: Console) -> None:
 
 
 def flown_past(flights: xr.Dataset) -> list[str]:
-    """Return the ships of a store that are flown past; the others are only learned."""
+    """Return the ships of a store that are flown past; the others are only in training."""
     there = np.isfinite(flights.looks).any([dim for dim in flights.looks.dims if dim != "ship"])
     names: list[str] = np.atleast_1d(flights.ship.values)[np.atleast_1d(there.values)].tolist()
     return names
 
 
 def _several_axes(flights: xr.Dataset) -> list[Axis]:
-    """The ship, and whatever else flights differ by."""
+    """Return the axes along which flights differ, the ship first."""
     return [
         axis
         for axis, dim in axes_of(flights.looks).items()
@@ -146,8 +146,8 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
     _print_worst(flights, console)
     note(
         "Means over draws of the noise, and the standard deviation of one: correlation of "
-        "profiles, also without the hangar's peak and 4 m either side; by how much masts lean to "
-        "the right and the waterline rises to it; by how far the hangar's peak is off.",
+        "profiles, also without the hangar's peak and 4 m either side; tilt of masts to the right, "
+        "and of the waterline rising to it; offset of the hangar's peak.",
         console,
     )
     if any(axis.name in SHORT for axis in shown_axes):
@@ -156,7 +156,7 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
 
 
 def _print_tilts(flights: xr.Dataset, shown_axes: list[Axis], console: Console) -> None:
-    """Tilts by each image alone beside the joint ones."""
+    """Print tilts by each image alone beside the joint ones."""
     table = sheet(
         "Tilts by both images together, and by each alone [deg]",
         *(f"{what}\n{word}" for what in TILTED for word in CHANNELS.values()),
@@ -168,27 +168,27 @@ def _print_tilts(flights: xr.Dataset, shown_axes: list[Axis], console: Console) 
         table.add_row(*(shown(axes[axis]) for axis in shown_axes), *leans)
     show(table, console)
     note(
-        "Both are fitted by one tilt, each weighed by its own noise. Clutter of the sea "
-        "(irar.clutter) is noise of the infrared image that does not average away.",
+        "One tilt is fitted to both images, each weighted by its own noise. Clutter of the sea "
+        "(irar.clutter) is noise of the infrared image that averaging does not reduce.",
         console,
     )
 
 
 def _print_worst(flights: xr.Dataset, console: Console) -> None:
-    """Of all flights, every draw by itself."""
+    """Print the worst errors of all flights and draws."""
     count, likeness = int(flights.looks.count()), float(flights.profile_correlation.min())
     beside = float(flights.profile_correlation_without_hangar.min())
     leans = [float(abs(flights[f"{name}_tilt"]).max()) for name in TILTED]
     if count and not any(map(math.isnan, leans)):
         note(
-            f"Worst of {count} flights, each draw by itself: correlation {likeness:.3f}, without "
+            f"Worst of {count} flights, each draw separately: correlation {likeness:.3f}, without "
             f"the hangar {beside:.3f}; mast {leans[0]:.2f} deg, waterline {leans[1]:.2f} deg.",
             console,
         )
 
 
 def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
-    """The source's Figure 16 as numbers; of a ship without her sister, beside herself noiseless."""
+    """Print the source's Figure 16 as numbers; a ship without a sister beside its own truth."""
     near = flights.sel(aspect=STERN, method="nearest")
     there = ships_with_masts(near)
     synthetic, flown_by = SISTERS[::2]
@@ -215,7 +215,7 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
             columns[f"masts*\nx {glint:g}"] = put_in(flown, mast_gain=glint).sel(source="measured")
         title += which(one, flights, but=(*TITLED, *gains))
         for axis, values in gains.items():
-            if 1.0 not in values:  # put in everywhere
+            if 1.0 not in values:  # assumed everywhere
                 title += f", {SHORT[axis]} x {float(one[axis]):g}"
         starred = starred or any("*" in text for text in (title, *columns))
         table = sheet(f"Near stern: {title}", *columns, left=("", "source"))
@@ -225,29 +225,29 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
         show(table, console)
     if there:
         note(
-            "* Put in on the source's word, which explains what it measured by a transom at 45 deg "
-            "and by specular struts: inputs, no results. "
+            "* Assumed inputs, not results: the source explains its measurements by a transom at "
+            "45 deg and by specular struts. "
             * starred
-            + "Heights are of single 1 m bins. `source`: what it says of the synthetic ship and of "
-            "the measured one.",
+            + "Heights are of single 1 m bins. `source`: its statements on the synthetic and the "
+            "measured ship.",
             console,
         )
 
 
 def put_in(flights: xr.Dataset, **gains: float) -> xr.Dataset:
-    """Return the flight of nominal inputs but for some gains, all draws and sources of profiles."""
+    """Return the flight of nominal inputs except some gains, all draws and sources of profiles."""
     return nominal(flights, keep=KEPT, **gains)
 
 
 def ships_with_masts(near: xr.Dataset) -> list[str]:
-    """Return ships whose landmarks are there, of near-stern flights, masts and bridge included."""
+    """Return ships of near-stern flights with all landmarks, including masts and bridge."""
     there = np.isfinite(near.mast_position.sel(source="noiseless"))
     over = [dim for dim in there.dims if dim != "ship"]
     return [name for name in near.ship.values.tolist() if there.any(over).sel(ship=name)]
 
 
 def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
-    """Print what each wrong flight parameter costs, with and without autofocus."""
+    """Print the effect of each wrong flight parameter, with and without autofocus."""
     focused = flights.sizes.get("autofocus", 1) > 1
     headings = ("correlation", *(("with autofocus", "closing speed then") if focused else ()))
     for axes, flight in _flights(flights, but=INSIDE):
@@ -270,13 +270,13 @@ def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
     note(
         "Correlation of the measured profile with the noiseless one, mean over draws with the "
         "standard deviation of one. Errors of the aircraft's speed in percent, of the ship's in "
-        "m/s, of headings and pointing in deg; all else is known.",
+        "m/s, of headings and pointing in deg; all other parameters are exact.",
         console,
     )
 
 
 def _flights(flights: xr.Dataset, *, but: Iterable[str] = ()) -> Iterator[tuple[Row, xr.Dataset]]:
-    """Each flight with its place on the axes, draws together; not of ships not flown past."""
+    """Yield each flight with its place on the axes, all draws together."""
     axes = axes_of(flights.looks)
     dims = [dim for dim in dict.fromkeys(axes.values()) if dim and dim not in but]
     for place in np.ndindex(*(flights.sizes[dim] for dim in dims)):
@@ -287,7 +287,7 @@ def _flights(flights: xr.Dataset, *, but: Iterable[str] = ()) -> Iterator[tuple[
 
 
 def _mean(values: xr.DataArray, digits: int, unit: str = "") -> str:
-    """A mean over draws and what one of them scatters."""
+    """Return a mean over draws and the standard deviation of one."""
     found = np.asarray(values, dtype=float).ravel()
     found = found[np.isfinite(found)]
     if not found.size:
@@ -300,7 +300,7 @@ def _mean(values: xr.DataArray, digits: int, unit: str = "") -> str:
 def measured_rows(tables: xr.Dataset) -> list[Row]:
     """Return percent correct of measured profiles beside synthetic ones, all draws together.
 
-    `ship_` counts the ship alone, where a classifier names an aspect bin, too.
+    `ship_` scores the ship alone, if a classifier predicts an aspect bin, too.
     """
     rows = score_rows(tables)
     for row, ship in zip(rows, score_rows(tables, "ship_"), strict=True):
@@ -310,9 +310,9 @@ def measured_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def print_measured(rows: list[Row], console: Console) -> None:
-    """Print how many measured profiles are named right, beside synthetic ones.
+    """Print percent correct of measured profiles beside synthetic ones.
 
-    A row for every value of an axis, or one where all of them give the same.
+    One row for every value of an axis, or a single one if all give the same.
     """
     bins = list(dict.fromkeys(row[BIN] for row in rows))
     axes = [
@@ -321,7 +321,7 @@ def print_measured(rows: list[Row], console: Console) -> None:
         if axis.name != "error_value" and not axis.number
     ]
     table = sheet(
-        "Ships named right [%] by what synthetic profiles taught",
+        "Ships identified correctly [%] after training on synthetic profiles",
         *bins,
         left=(
             *("pulse [ns]", "classifier"),
@@ -346,10 +346,10 @@ def print_measured(rows: list[Row], console: Console) -> None:
     if any(axis.name in SHORT for axis in axes):
         note(PUT_IN, console)
     note(
-        "Of the ships flown past, the ship alone, all draws of the noise together, with 95 % "
+        "Of the ships flown past, scored by ship, over all draws of the noise, with 95 % "
         "intervals. learned: the synthetic profiles themselves, without noise; test: averages of "
-        "frames of them, with the range profiler's noise; measured: corrected images, gathered "
-        "into its beams, with that of the flight alone.",
+        "their frames, with the range profiler's noise; measured: corrected images, gathered "
+        "into its beams, with the noise of the flight only.",
         console,
     )
 

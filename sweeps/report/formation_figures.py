@@ -1,4 +1,4 @@
-"""Pictures of categories: which views of range profiles, or of silhouettes, the ACN joins."""
+"""Pictures of categories: views of range profiles, or of silhouettes, that the ACN joins."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ Colour = tuple[float, float, float]
 class Run:
     """Neighbouring aspects of one ship that share a category.
 
-    The ship is its place on the axis; start and stop are half-way to the neighbours [deg]; category
-    -1 is no answer; confused says whether views of another ship share it.
+    `ship` is an index; start and stop are half-way to the neighbours [deg]; category
+    -1 is no answer; `confused` is whether views of another ship share it.
     """
 
     ship: int
@@ -40,7 +40,7 @@ class Run:
 
     @property
     def family(self) -> str:
-        """Colour that its category is a tint of."""
+        """Base colour of its category's tint."""
         return SHARED_COLOUR if self.confused else _ship_colour(self.ship)
 
 
@@ -59,7 +59,7 @@ def runs_of(training: xr.Dataset) -> list[Run]:
 
 
 def _edges(aspect: NDArray[Any]) -> NDArray[Any]:
-    """Half-way between aspects, and as far beyond the first and the last [deg]."""
+    """Return edges half-way between aspects, and as far beyond the first and the last [deg]."""
     if aspect.size == 1:
         return np.array([aspect[0] - 1.0, aspect[0] + 1.0])
     between = (aspect[1:] + aspect[:-1]) / 2
@@ -68,9 +68,9 @@ def _edges(aspect: NDArray[Any]) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class Subject:
-    """What forms the categories of a picture.
+    """Vectors that form the categories of a picture.
 
-    Of the source's settings the nearest are drawn; draws are axes along which the same views are
+    The settings nearest to the source's are drawn; draws are axes along which the same views are
     clustered again.
     """
 
@@ -84,9 +84,9 @@ SILHOUETTES = Subject("silhouettes", {"vigilance": 0.87}, ("phase", "order"))
 
 
 def draw_formation(classified: xr.Dataset, subject: Subject) -> Figure:
-    """Draw which views share a category, from bow to beam, one strip a ship, and how often.
+    """Draw views that share a category, from bow to beam, one strip per ship, and how often.
 
-    Strips are of the training at the source's settings, or the first one; shares, where there are
+    Strips are of the training at the source's settings, or the first one; shares, if there are
     several, of all trainings.
     """
     here, first = _trainings(classified, subject)
@@ -119,7 +119,7 @@ def draw_formation(classified: xr.Dataset, subject: Subject) -> Figure:
 
 
 def _trainings(classified: xr.Dataset, subject: Subject) -> tuple[xr.Dataset, xr.Dataset]:
-    """All trainings of a subject, of the aspects learned, and the one that strips are of."""
+    """Return all trainings of a subject at the training aspects, and the one shown as strips."""
     kept = ("ship", "aspect", *subject.settings, *subject.draws)
     here = nominal(classified[["training_category", "training_confused"]], keep=kept)
     drawn = {name: here.sizes[name] for name in subject.draws}
@@ -137,7 +137,7 @@ def _trainings(classified: xr.Dataset, subject: Subject) -> tuple[xr.Dataset, xr
 
 
 def _title(here: xr.Dataset, first: xr.Dataset, subject: Subject) -> str:
-    """How many categories there are, of what, and in other trainings and the source."""
+    """Return a title: numbers of categories here, in other trainings and in the source."""
     counts = here.training_category.max(("ship", "aspect")).values + 1
     answered = int((first.training_category >= 0).sum())
     formed = int(first.training_category.max()) + 1
@@ -157,7 +157,7 @@ def _title(here: xr.Dataset, first: xr.Dataset, subject: Subject) -> str:
 
 
 def _source_count(first: xr.Dataset, answered: int) -> int | None:
-    """How many categories the source forms of as many views at the same settings, if it says so."""
+    """Return the source's number of categories for as many views at the same settings, if known."""
     source = source_figures()
     vigilance = first.vigilance.item()
     if answered != source["experiment"]["views"]:
@@ -215,19 +215,19 @@ def _ship_colour(ship: int) -> str:
 
 
 def _legible(colour: str) -> Colour:
-    """A colour dark enough for text on white."""
+    """Return a colour dark enough for text on white."""
     red, green, blue = (0.75 * part for part in to_rgb(colour))
     return red, green, blue
 
 
 def _tint(colour: str, share: float) -> Colour:
-    """So much of a colour, and white for the rest."""
+    """Return a colour mixed with white."""
     red, green, blue = (1 - share * (1 - part) for part in to_rgb(colour))
     return red, green, blue
 
 
 def tints_of(runs: list[Run]) -> dict[tuple[int, int], Colour]:
-    """Return colours of categories by ship and category; white where there was no answer."""
+    """Return colours of categories by ship and category; white without an answer."""
     families: dict[str, list[int]] = {}
     for run in runs:
         family = families.setdefault(run.family, [])
@@ -236,7 +236,7 @@ def tints_of(runs: list[Run]) -> dict[tuple[int, int], Colour]:
     tints = {}
     for run in runs:
         family = families[run.family]
-        # Neighbours are far apart: every other one is dark.
+        # Neighbours differ strongly: every other one is dark.
         rank = family.index(run.category)
         step = rank // 2 / max(1, (len(family) + 1) // 2)
         share = (0.38 if rank % 2 else 0.74) + 0.26 * step
@@ -245,7 +245,7 @@ def tints_of(runs: list[Run]) -> dict[tuple[int, int], Colour]:
 
 
 def _show_runs(axes: Axes, runs: list[Run]) -> None:
-    """Strips of runs, each with the number of its category."""
+    """Draw strips of runs, each with the number of its category."""
     tints = tints_of(runs)
     for run in runs:
         colour, width = tints[run.ship, run.category], run.stop - run.start
@@ -274,7 +274,7 @@ def _show_runs(axes: Axes, runs: list[Run]) -> None:
 
 
 def _show_sharing(axes: Axes, training: xr.Dataset, draws: tuple[str, ...]) -> None:
-    """Share of all trainings in which a view's category is another ship's, too."""
+    """Draw the share of trainings in which another ship shares a view's category."""
     known = training.training_confused.where(training.training_category >= 0)
     share = 100 * known.mean(draws).transpose("ship", "aspect")
     colours = LinearSegmentedColormap.from_list("shared", ["#f1eef6", SHARED_COLOUR])

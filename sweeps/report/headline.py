@@ -1,4 +1,4 @@
-"""The one table at the end of a sweep: each classifier at one setting, or what else was swept."""
+"""The main table at the end of a sweep: each classifier at one setting, or another result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_LINES = 20  # of a table that has no shorter form
 TITLES = tables.TITLES | {"likelihood": "max. likelihood"}
 CHANNELS = {"infrared": "similarity", "both": "max. likelihood"}
 GROUPS = {"range profiles": (Scene, Ladar), "silhouettes": (Scene, Infrared)}
-"""Settings that must be the article's, where its figures are beside those of a sensor."""
+"""Settings that must be the article's for its figures to be shown beside those of a sensor."""
 
 SCORE = ("percent_correct", "ci_low", "ci_high")
 
@@ -48,7 +48,7 @@ def headline(path: Path, parts: Sequence[Part], console: Console) -> None:
         with console.capture() as captured:
             shortest.write(console)
         lines = captured.get().rstrip("\n").splitlines()
-        more = [] if len(lines) <= MOST_LINES else [f"(--table {shortest.name} prints all of it)"]
+        more = [] if len(lines) <= MOST_LINES else [f"(--table {shortest.name} prints all rows)"]
         console.file.write("\n".join([*lines[:MOST_LINES], *more, ""]))
 
 
@@ -66,21 +66,21 @@ def wanted(sensor: str) -> dict[str, Any]:
         "vigilance": table["vigilance"],
         "infrared_frame_count": silhouettes["frame_count"],
         "super_resolution": "none",
-        "aspects": NOMINAL["aspects"],  # where some are tested that were not learned
+        "aspects": NOMINAL["aspects"],  # if some are tested that were absent from training
         "gain_sigma": Likelihood.gain_sigma.default,
     }
     if sensor == "silhouettes":
-        # The farther of its ranges without super-resolution: at the other one it learns.
+        # The farther of its ranges without super-resolution: it trains at the other one.
         farthest = max(silhouettes["none"])
         chosen |= {"range": farthest, "vigilance": silhouettes["vigilance"]}
-        del chosen["pulse_width"]  # it does not matter
+        del chosen["pulse_width"]  # it has no effect
     return chosen
 
 
 def at_one_setting(rows: list[Row], wished: Mapping[str, Any]) -> list[Row]:
-    """Return rows of one value on every axis but aspect bins.
+    """Return rows of one value on every axis except aspect bins.
 
-    It is the wished value, of numbers the nearest, else the nominal one, or else the first.
+    The value is the wished one (of numbers, the nearest), else the nominal one, else the first.
     """
     while axes := several(rows, but=(BIN,)):
         axis = axes[0]
@@ -97,7 +97,7 @@ def at_one_setting(rows: list[Row], wished: Mapping[str, Any]) -> list[Row]:
 
 
 def _sections(parts: Mapping[str, Part]) -> dict[str, Section]:
-    """Classifiers of each sensor, each at one setting."""
+    """Return the classifiers of each sensor, each at one setting."""
     found: dict[str, list[tuple[str, list[Row]]]] = {}
     profiles = parts.get("classifiers") or parts.get("accuracy")
     for name, part in (
@@ -130,7 +130,7 @@ def _print_sections(
             lines.append((title, [row if fair else row | {"source_percent": None} for row in rows]))
             beside |= fair and any(row.get("source_percent") is not None for row in rows)
         words.append(f"{name}: {_setting(classifiers, wanted(name))}")
-    title = "Ships named correctly [%], with 95 % intervals, by aspect"
+    title = "Ships identified correctly [%], with 95 % intervals, by aspect"
     print_scores(title, "classifier", lines, console)
     rule = "Settings are the article's, or the nearest that were swept."
     source = " source: the article, for the same ships, aspects and settings." * beside
@@ -138,7 +138,7 @@ def _print_sections(
 
 
 def _setting(classifiers: Section, wished: Mapping[str, Any]) -> str:
-    """The setting of some classifiers in words, as far as it is wished."""
+    """Return the setting of some classifiers in words."""
     place: dict[Axis, Any] = {}
     for _, rows in classifiers:
         for axis in axes_in(rows):
@@ -153,7 +153,7 @@ def _setting(classifiers: Section, wished: Mapping[str, Any]) -> str:
 def is_fair(rows: list[Row], configuration: Mapping[str, Any], groups: Iterable[Any]) -> bool:
     """Return whether rows are of the article's ships, aspects and protocol.
 
-    These are the defaults: of ships and aspects, of some groups of settings and of classifiers.
+    These are the defaults of ships and aspects, of some groups of settings and of classifiers.
     """
     axes = {axis.name: axis for axis in axes_in(rows)}
 
@@ -197,7 +197,7 @@ def _print_flown(rows: list[Row], console: Console) -> None:
 
 
 def _print_measured(rows: list[Row], console: Console) -> None:
-    """Print how often classifiers name the ship that is flown past."""
+    """Print how often classifiers identify the ship flown past."""
     lines = []
     measured = [row for row in rows if row["kind"] == "measured"]
     for (classifier,), found in grouped(measured, ("classifier",)).items():
@@ -205,5 +205,5 @@ def _print_measured(rows: list[Row], console: Console) -> None:
         of_ship = [row | {end: row[f"ship_{end}"] for end in SCORE} for row in chosen]
         lines.append((TITLES.get(classifier, printable(str(classifier))), of_ship))
     if lines:
-        title = "Measured profiles named correctly [%], with 95 % intervals, by aspect"
+        title = "Measured profiles identified correctly [%], with 95 % intervals, by aspect"
         print_scores(title, "classifier", lines, console)

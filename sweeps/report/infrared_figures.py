@@ -31,17 +31,17 @@ SHIP, ASPECT, FRAMES = "spruance", 60.0, 16
 INK, SEA, RING = BLUE, "#e4ecf1", RUST
 OUTER_RADIUS: float = inspect.signature(log_polar).parameters["outer_radius"].default
 TITLES = ("image above the sea [K]", "silhouette and mapped ring", "log-polar map")
-NARROW = 20  # letters of what stands beside a row
+NARROW = 20  # letters of the text beside a row
 LABELS = ("across [m]", "across [m]", "angle [°], 0 right, 90 up")
 
 
 @dataclass(frozen=True)
 class Look:
-    """One image, and what is made of it.
+    """One image, with its silhouette and log-polar map.
 
     The centres of its pixels lie at across (col,) and up (row,) on the target [m]; image (row, col)
     is above the mean of the sea [K], mask (row, col) the silhouette, cells (angle, radius) its map
-    as stored; slant_range [km], way how it got finer than the detector.
+    as stored; slant_range [km]; way, its super-resolution.
     """
 
     slant_range: float
@@ -65,7 +65,7 @@ class Look:
 
     @property
     def centroid(self) -> tuple[float, float]:
-        """Of the silhouette [m]; NaN where there is none."""
+        """Centroid of the silhouette [m]; NaN if there is none."""
         if not self.mask.any():
             return math.nan, math.nan
         rows, columns = self.mask.nonzero()
@@ -77,13 +77,13 @@ class Look:
         return self.pixel * math.sqrt(int(self.mask.sum()) / math.pi)
 
     def show(self, axes: Axes, values: NDArray[Any], colours: Any, ends: Any) -> Any:
-        """Draw an image of its pixels, between the ends of a scale."""
+        """Draw an image on its pixels, between the ends of a scale."""
         how: Any = {"origin": "lower", "extent": self.extent, "interpolation": "nearest"}
         return axes.imshow(values, cmap=colours, vmin=ends[0], vmax=ends[1], **how)
 
 
 def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
-    """Return images of a view, cut out as the sweep does it, the nearest in one resolution."""
+    """Return images of a view, segmented as in the sweep, the nearest in one resolution."""
     given = {
         name: setting(view, configuration, name)
         for name in ("contrast_at_zero", "extinction", "nedt", "target_spread", "sea_spread")
@@ -123,7 +123,7 @@ def looks_of(view: xr.Dataset, configuration: Mapping[str, Any]) -> list[Look]:
 
 
 def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Figure:
-    """Draw image, silhouette and log-polar map of a ship, a row a range and super-resolution.
+    """Draw image, silhouette and log-polar map of a ship, a row per range and super-resolution.
 
     Values that the store lacks are replaced by their nearest neighbours, a ship by the first one.
     """
@@ -182,7 +182,7 @@ def draw_silhouettes(images: xr.Dataset, configuration: Mapping[str, Any]) -> Fi
 
 
 def _show_images(group: list[tuple[Axes, Look]]) -> None:
-    """Images of one range on one scale, with a colour bar beside them."""
+    """Draw images of one range on one scale, with a colour bar."""
     every = np.concatenate([look.image.ravel() for _, look in group])
     ends = np.percentile(every, [0.5, 99.5])
     shown = [look.show(axes, look.image, "inferno", ends) for axes, look in group]
@@ -198,7 +198,7 @@ def _show_images(group: list[tuple[Axes, Look]]) -> None:
 
 
 def _show_silhouette(axes: Axes, look: Look, *, inner_radius: float) -> None:
-    """A mask, with its centroid and the two circles between which it is mapped."""
+    """Draw a mask, its centroid, and the two circles between which it is mapped."""
     look.show(axes, look.mask, ListedColormap([SEA, INK]), (0, 1))
     axes.set_facecolor(SEA)
     if look.mask.any():
@@ -209,7 +209,7 @@ def _show_silhouette(axes: Axes, look: Look, *, inner_radius: float) -> None:
 
 
 def _show_map(axes: Axes, cells: NDArray[np.float64], *, inner_radius: float) -> None:
-    """A log-polar map, from -90 to 270 degrees so that bow and stern stay whole."""
+    """Draw a log-polar map, from -90 to 270 degrees so that bow and stern are not cut."""
     angles, radii = cells.shape
     angle = np.linspace(-90, 270, angles + 1)
     radius = inner_radius * (OUTER_RADIUS / inner_radius) ** np.linspace(0, 1, radii + 1)

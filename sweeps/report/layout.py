@@ -1,4 +1,4 @@
-"""Tables of plain text that fit the console: headings fold, labels wrap, and columns move below."""
+"""Tables of plain text that fit the console: headings wrap, labels wrap, and columns move below."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rich.text import Text
 from sweeps.report.axes import printable
 
 GAP = 2  # blanks between columns
-WRAPPED = 16  # cells that a column of labels which wrap should have
+WRAPPED = 16  # cells of a column of wrapping labels
 
 
 def plain(text: str) -> Text:
@@ -25,7 +25,7 @@ def plain(text: str) -> Text:
 class Sheet(Table):
     """A table of plain text: nothing in it is read as markup, and no control character passes.
 
-    The first `keys` columns say what a row is of; they come again where others move below.
+    The first `keys` columns label a row; they are repeated if others move below.
     """
 
     caption_text: str = ""
@@ -43,9 +43,9 @@ def sheet(
     dim: Sequence[str] = (),
     keys: int | None = None,
 ) -> Sheet:
-    """Return an empty table: words first, to the left, then figures, then what interests less.
+    """Return an empty table: words first, to the left, then figures, then dimmed figures.
 
-    Its keys are the words, unless it says how many columns are.
+    Its keys are the words, unless `keys` is given.
     """
     table = Sheet(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, GAP - 1, 0, 0))
     table.caption_text, table.keys = title, len(left) if keys is None else keys
@@ -59,11 +59,11 @@ def sheet(
 
 
 def show(table: Sheet, console: Console) -> None:
-    """Print a title and a table that is no wider than the console, and break no word.
+    """Print a title and a table no wider than the console, without breaking words.
 
-    Headings fold at blanks, and the labels of rows wrap; columns that find no place even so stand
-    in a table of their own below, beside the same labels. Labels of too many columns become one.
-    Only a word that is longer than the console is broken.
+    Headings fold at blanks, and the labels of rows wrap; columns that still do not fit are
+    in a table of their own below, with the same labels. Labels of too many columns are joined.
+    Only a word longer than the console is broken.
     """
     if console.width < _least(table, WRAPPED) and console.width < _least(table, 1):
         table = _with_one_label(table)
@@ -78,13 +78,13 @@ def show(table: Sheet, console: Console) -> None:
 
 
 def _least(table: Sheet, wrapped: int) -> int:
-    """Cells that a table needs: all keys, wrapped at some width, and its widest figure."""
+    """Return the cells that a table needs: all keys, wrapped, and its widest figure."""
     needed = [_narrowest(table, one, wrapped) for one in range(len(table.columns))]
     return sum(one + GAP for one in needed[: table.keys]) + max(needed[table.keys :], default=0)
 
 
 def _with_one_label(table: Sheet) -> Sheet:
-    """The same table, all keys of a row in its first column, each with its heading."""
+    """Return the table with all keys of a row, each with its heading, in one column."""
     keys = [_texts(table, one) for one in range(table.keys)]
     headings = [heading.replace("\n", " ") for heading, *_ in keys]
     made = sheet(table.caption_text, left=("row",) * bool(keys))
@@ -100,7 +100,7 @@ def _with_one_label(table: Sheet) -> Sheet:
 
 
 def _shares(table: Sheet, width: int, wrapped: int) -> Iterator[list[int]]:
-    """Numbers of the columns of each table that is printed, the keys left out."""
+    """Yield numbers of the columns of each printed table, without the keys."""
     spare = width - sum(_narrowest(table, one, wrapped) + GAP for one in range(table.keys))
     share: list[int] = []
     taken = 0
@@ -115,7 +115,7 @@ def _shares(table: Sheet, width: int, wrapped: int) -> Iterator[list[int]]:
 
 
 def _fitted(table: Sheet, columns: list[int], width: int, wrapped: int) -> Table:
-    """Part of a table, its columns as wide as they like to be while there is room."""
+    """Return part of a table, with columns up to their natural width."""
     part = Sheet(box=table.box, show_edge=False, pad_edge=False, padding=table.padding)
     shown = [*range(table.keys), *columns]
     narrow = {one: _narrowest(table, one, wrapped) for one in shown}
@@ -141,14 +141,14 @@ def _fitted(table: Sheet, columns: list[int], width: int, wrapped: int) -> Table
 
 
 def _widest(table: Sheet, column: int) -> int:
-    """Cells of the longest line of a column, its heading included."""
+    """Return cells of the longest line of a column, including its heading."""
     return max(cell_len(line) for text in _texts(table, column) for line in text.split("\n"))
 
 
 def _narrowest(table: Sheet, column: int, wrapped: int = 1) -> int:
-    """Cells that a column needs: of a key those of its words, of a figure those of its lines.
+    """Return the minimum width of a column: its words for a key, its lines for a figure.
 
-    A key that wraps has a certain width at least.
+    A key that wraps has a minimum width.
     """
     heading, *cells = _texts(table, column)
     words = heading.split()
@@ -160,6 +160,6 @@ def _narrowest(table: Sheet, column: int, wrapped: int = 1) -> int:
 
 
 def _texts(table: Sheet, column: int) -> list[str]:
-    """Heading and cells of a column."""
+    """Return heading and cells of a column."""
     one = table.columns[column]
     return [str(one.header), *map(str, one.cells)]

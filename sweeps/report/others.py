@@ -1,4 +1,4 @@
-"""Rows and the printed table of any table of a store, by the names, units and labels it has."""
+"""Rows and printed form of any table of a store, by its names, units and labels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST = 60  # rows on the screen; the file has all
 
 
 def other_rows(table: xr.Dataset) -> list[Row]:
-    """Return a row for each cell of any table: its place on the axes, draws among them, figures."""
+    """Return a row per cell of any table: its place on the axes, including draws, and figures."""
     columns = {str(name): Column(array) for name, array in table.data_vars.items()}
     return [
         axes | {column: rows.known(cell[name]) for name, column in columns.items()}
@@ -30,7 +30,7 @@ def other_rows(table: xr.Dataset) -> list[Row]:
 def print_other(title: str, found: list[Row], console: Console, most: int | None = MOST) -> None:
     """Print a table of any kind: axes of several values to the left, figures to the right.
 
-    An axis on which no figure depends is named below, and a figure that is the same in all rows.
+    Axes without effect, and figures that are the same in all rows, are named below.
     """
     axes = [axis for axis in rows.several(found, none=True) if not axis.number]
     places = set(rows.axes_in(found))
@@ -58,7 +58,7 @@ def print_other(title: str, found: list[Row], console: Console, most: int | None
 def _folded(
     found: list[Row], axes: Sequence[Axis], figures: Sequence[str]
 ) -> tuple[list[Row], list[Axis]]:
-    """Rows without repetitions along axes on which no figure depends, and these axes."""
+    """Return rows without repetitions along axes without effect, and these axes."""
     folded: list[Axis] = []
     for axis in axes:
         others = [one for one in axes if one not in (*folded, axis)]

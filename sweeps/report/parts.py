@@ -1,4 +1,4 @@
-"""Everything that a store has tables of: the name of a file, its rows, and what prints them."""
+"""Tables of a store: file name, rows and printing function of each."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from sweeps.report.work import COLUMNS, print_work, read_work
 OTHER_VIEWS = "The source's figures are for its own 124 views: four ships, bow to beam."
 REJECTION = "rejection_"
 OWN = {"acn_infrared", "fusion", "detection", "super_resolution", "measured", "scan"}
-"""Groups of tables that are reported in a way of their own."""
+"""Groups of tables with a special layout."""
 CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")  # of range profiles, the known ones first
 
-# Of groups of tables: names of files, and what makes and prints their rows.
+# By group of tables: names of files, and functions that make and print their rows.
 TABLES: dict[str, tuple[tuple[str, Callable[..., list[Row]], Callable[..., None]], ...]] = {
     "acn": (
         ("categories", tables.category_rows, tables.print_categories),
@@ -54,14 +54,14 @@ TABLES: dict[str, tuple[tuple[str, Callable[..., list[Row]], Callable[..., None]
     "measured": (("measured", flights.measured_rows, flights.print_measured),),
     "scan": (("scan", scans.scan_rows, scans.print_scan),),
 }
-BESIDE = {"acn", "acn_infrared"}  # figures of the source's views
+BESIDE = {"acn", "acn_infrared"}  # groups with the source's figures
 
 
 class Part(NamedTuple):
     """A table of a store.
 
-    One that is not `listed` has its figures in another one, too; it is printed when asked for.
-    `whole` prints all of its rows, where `write` leaves some out.
+    A table that is not `listed` repeats figures of another one; it is printed on request.
+    `whole` prints all rows, if `write` leaves some out.
     """
 
     name: str
@@ -78,7 +78,7 @@ def parts_of(path: Path) -> list[Part]:
     )
     try:
         found = [part for part in _parts(path) if part.rows]
-    # Whatever zarr and xarray raise of files that are damaged or of something else.
+    # zarr and xarray raise various errors for damaged or other files.
     except Exception as error:
         why = f"{type(error).__name__}: {error}".split("\n")[0]
         raise ConfigurationError(f"{refusal} ({why})") from error
@@ -104,7 +104,7 @@ def failed_cells(path: Path) -> dict[str, str]:
 
 
 def write_parts(path: Path, parts: Iterable[Part]) -> OSError | None:
-    """Write the tables of a store as CSV files beside it; return the error if it cannot."""
+    """Write the tables of a store as CSV files beside it; return the error if that fails."""
     try:
         write_tables(tables_folder(path), {part.name: part.rows for part in parts})
     except OSError as error:
@@ -117,7 +117,7 @@ def print_places(path: Path, parts: Sequence[Part], console: Console) -> None:
     line("", console)
     if failed := failed_cells(path):
         count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-        line(f"failed  {count}: the tables are of the others", console)
+        line(f"failed  {count}: the tables cover the others", console)
     line(f"store   {located(path)}", console)
     count = f"{len(parts)} CSV file" + "s" * (len(parts) > 1)
     line(f"tables  {located(tables_folder(path))} ({count})", console)
@@ -126,7 +126,7 @@ def print_places(path: Path, parts: Sequence[Part], console: Console) -> None:
 
 
 def located(path: Path) -> str:
-    """Return a path as it is shortest from the current folder, its control characters escaped."""
+    """Return the shortest path from the current folder, with control characters escaped."""
     here = Path.cwd()
     return printable(str(path.relative_to(here) if path.is_relative_to(here) else path))
 
@@ -148,7 +148,7 @@ def _parts(path: Path) -> Iterator[Part]:
         given = store.attrs["configuration"]["infrared"]
         found = silhouettes.sensor_rows(rows.read(store, "infrared"), given)
         yield Part("infrared_sensor", found, partial(silhouettes.print_sensor, found))
-        yield from _of(read, "acn_infrared")  # not where the network names no silhouettes
+        yield from _of(read, "acn_infrared")  # absent if the network identifies no silhouettes
         found = silhouettes.detection_rows(read["detection"])
         alarms = rows.setting(read["detection"], given, "false_alarm")
         write = partial(silhouettes.print_detection, found, alarms)
@@ -177,13 +177,13 @@ def _parts(path: Path) -> Iterator[Part]:
 
 
 def _other(name: str, title: str, found: list[Row]) -> Part:
-    """A table that is printed by the names it has."""
+    """Return a table that is printed by its own names."""
     write = partial(print_other, title, found)
     return Part(name, found, write, whole=partial(write, most=None))
 
 
 def _of(read: Mapping[str, xr.Dataset], group: str) -> Iterator[Part]:
-    """The tables of a group, if a store has it, and a word where its views are not the source's."""
+    """Yield the tables of a group, with a note if its views are not the source's."""
     if group in read:
         beside = group in BESIDE and not rows.has_source_views(read[group])
         for file, made, write in TABLES[group]:
@@ -193,12 +193,12 @@ def _of(read: Mapping[str, xr.Dataset], group: str) -> Iterator[Part]:
 
 
 def _noted(write: Callable[[Console], None], found: list[Row], console: Console) -> None:
-    """Print a table, and that the source's figures in it are of other views."""
+    """Print a table, and a note that the source's figures are for other views."""
     write(console)
     if any(figure is not None for row in found for key, figure in row.items() if "source_" in key):
         note(OTHER_VIEWS, console)
 
 
 def without_arrays(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a data set without profiles and images, which are no figures."""
+    """Return a data set without profiles and images."""
     return dataset.drop_vars([name for name in dataset if set(dataset[name].dims) & set(OF_ARRAYS)])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import trimesh
     from matplotlib.figure import Figure
 
-TOLD = 6  # names of pictures; the folder has the others
+TOLD = 6  # names of pictures that are printed
 
 
 def write_pictures(
@@ -27,11 +27,11 @@ def write_pictures(
 ) -> None:
     """Draw every stage of the corrections of each flight, and near-stern profiles.
 
-    Of each ship flown past, range and aspect one flight, nominal on any other axis. `ship` gives
-    the mesh of a label, in place of the known ship of that name. Raises ValueError if the store has
-    no flights, or its ships are no longer known.
+    One flight for each ship, range and aspect, nominal on any other axis. `ship` returns
+    the mesh of a label, instead of the known ship of that name. Raises ValueError if the store has
+    no flights, or its ships are unknown.
     """
-    # Here, since nothing else needs what flies, which takes longer to import than to print.
+    # Imported here, since only flights need it and it is slow to import.
     from sweeps.report.flight_figures import draw_flight, draw_validation, flights_of, known_ship
 
     store = rows.opened(path)

@@ -1,4 +1,4 @@
-"""A store as the report reads it: its groups as rows, a column an axis and a column a figure."""
+"""Groups of a store as rows: a column for each axis and each figure."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ import zarr
 from sweeps.report.axes import NOMINAL, OF_ARRAYS, Axis, axes_of
 
 Row = dict[str, Any]
-Column = tuple[str, Callable[[Any], Any]]  # of a table: its variable, and what makes a cell of it
+Column = tuple[str, Callable[[Any], Any]]  # variable, and function that formats a cell
 
 BIN = "aspect_bin_deg"
-RULES = ("label_rule", "score_rule")  # what the source leaves open of its network
+RULES = ("label_rule", "score_rule")  # what the source leaves unspecified of its network
 ENDS = ("ci_low", "ci_high")
 SUFFIX = ".zarr"
 
-# Tables of the source, by what named the ships, and columns whose value they are for.
+# Tables of the source by classifier.
 TABLES = {"acn": "table4", "mnn": "table2", "acn_infrared": "table5"}
 SAME = {"vigilance": "vigilance", "pulse_width": "pulse_width_ns", "frame_count": "frame_count"}
 
 
 def opened(path: Path) -> Any:
-    """Return a store, whose metadata are read once. Raises OSError if there is none."""
+    """Return a store with its metadata. Raises OSError if there is none."""
     return zarr.open_group(path, mode="r")
 
 
 def groups(store: Any, under: str = "") -> list[str]:
-    """Return the names of groups of a store, or inside one of them."""
+    """Return the names of groups of a store, or of subgroups of one."""
     inside = store.get(under) if under else store
     return sorted(inside.group_keys()) if inside is not None else []
 
 
 def read(store: Any, group: str) -> xr.Dataset:
-    """Return a group of a store, each variable read when it is used. Raises KeyError without it."""
+    """Return a group of a store, each variable read lazily. Raises KeyError without it."""
     return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
 
 
 def setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
-    """Return a setting: the coordinate of that name, else what the configuration says; or None."""
+    """Return a setting: the coordinate of that name, else the configuration's value; or None."""
     if name in dataset.coords and not dataset[name].dims:
         return known(dataset[name].item())
     value = configuration[name]
@@ -72,7 +72,7 @@ def beside(path: Path, what: str) -> Path:
 
 
 def cells(dataset: xr.Dataset, **which: Any) -> Iterator[tuple[Row, Row]]:
-    """Yield axes and values of every cell, by column and variable; `which` is as of `axes_of`."""
+    """Yield axes and values of every cell, by column and variable; `which` as in `axes_of`."""
     axes = axes_of(dataset, **which)
     sizes = {dim: dataset.sizes[dim] for dim in axes.values() if dim}
     arrays = {
@@ -90,14 +90,14 @@ def cells(dataset: xr.Dataset, **which: Any) -> Iterator[tuple[Row, Row]]:
 
 
 def known(value: Any) -> Any:
-    """Return a value; none of NaN."""
+    """Return a value; None for NaN."""
     return None if value != value else value
 
 
 def table_rows(
     tables: xr.Dataset, columns: Mapping[str, Column], label: Mapping[str, Any]
 ) -> list[Row]:
-    """Return a row a cell: labels, axes, and columns."""
+    """Return a row for each cell: labels, axes, and columns."""
     named = tables[list(dict.fromkeys(name for name, _ in columns.values()))]
     return [
         {**label, **axes} | {column: of(cell[name]) for column, (name, of) in columns.items()}
@@ -106,9 +106,9 @@ def table_rows(
 
 
 def score_rows(tables: xr.Dataset, prefix: str = "", **label: Any) -> list[Row]:
-    """Return percent correct with its interval, a row a cell and aspect bin, labels first.
+    """Return percent correct with its interval, a row for each cell and aspect bin, labels first.
 
-    Variables have a prefix: `training_` and `ship_` count something else.
+    `prefix` selects variables: `training_` and `ship_` are other scores.
     """
     columns = {
         column: (prefix + name, percent)
@@ -120,12 +120,12 @@ def score_rows(tables: xr.Dataset, prefix: str = "", **label: Any) -> list[Row]:
 
 
 def formation_rows(tables: xr.Dataset) -> list[Row]:
-    """Return categories formed, a row for all draws of a training: their mean, spread and ends.
+    """Return numbers of categories, a row per training: mean, spread and extremes over draws.
 
-    `first` is the count of the first draw, `views` how many were learned.
+    `first` is the count of the first draw, `views` the number of training views.
     """
     formed = tables[["category_count", "view_count", "settled"]]
-    # Categories form before they are named, or tested.
+    # Categories do not depend on labels or tests.
     formed = formed.drop_vars((*RULES, "learn_in_test"), errors="ignore")
     axes = list(axes_of(formed))
     every = (place | cell for place, cell in cells(formed, but=OF_ARRAYS))
@@ -145,7 +145,7 @@ def formation_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def together(*parts: Iterable[Row]) -> list[Row]:
-    """Return rows of several kinds with the same columns: labels, axes, figures, or none."""
+    """Return rows of several kinds with the same columns: labels, axes, figures, or None."""
     rows = [row for part in parts for row in part]
     axes = set(axes_in(rows))
     first = list(rows[0]) if rows else []
@@ -163,7 +163,7 @@ def axes_in(rows: Iterable[Row]) -> list[Axis]:
 
 
 def several(rows: Sequence[Row], *, but: Iterable[str] = (), none: bool = False) -> list[Axis]:
-    """Return axes with several values among rows, of which none may be one, but some."""
+    """Return axes with several values among rows, except `but`; with `none`, None is a value."""
     nothing = set() if none else {None}
     return [
         axis
@@ -181,7 +181,7 @@ def grouped(rows: Iterable[Row], keys: Sequence[str]) -> dict[tuple[Any, ...], l
 
 
 def of_one(rows: Sequence[Row], names: Iterable[str] = RULES) -> list[Row]:
-    """Return rows of the nominal value on some axes, or of the first, and those without any."""
+    """Return rows at the nominal or first value on some axes, and rows without these."""
     for name in names:
         there = dict.fromkeys(row[name] for row in rows if row.get(name) is not None)
         wanted = NOMINAL.get(name) if NOMINAL.get(name) in there else next(iter(there), None)
@@ -190,22 +190,22 @@ def of_one(rows: Sequence[Row], names: Iterable[str] = RULES) -> list[Row]:
 
 
 def nearest(wanted: float, there: Iterable[Any]) -> Any:
-    """Return the value that is nearest to another, the lesser of two."""
+    """Return the value nearest to another, the lesser of two."""
     return min(there, key=lambda value: (abs(value - wanted), value))
 
 
 def percent(fraction: float) -> float | None:
-    """Return a fraction in per cent, to a tenth; none of NaN."""
+    """Return a fraction in percent, to a tenth; None for NaN."""
     return None if math.isnan(fraction) else round(100 * fraction, 1)
 
 
 def rounded(value: float, digits: int | None = None) -> float | None:
-    """Return a number to so many digits, or a whole one; none of NaN or infinity."""
+    """Return a number rounded to some digits, or a whole one; None for NaN or infinity."""
     return round(value, digits) if math.isfinite(value) else None
 
 
 def finite(value: float) -> float | None:
-    """Return a number; none of NaN or infinity."""
+    """Return a number; None for NaN or infinity."""
     return value if math.isfinite(value) else None
 
 
@@ -229,7 +229,7 @@ def as_in_source(row: Mapping[str, Any]) -> bool:
 
 
 def beside_source(rows: list[Row], tables: xr.Dataset, table: str) -> list[Row]:
-    """Return the same rows with the source's figures, of one of its tables."""
+    """Return rows with the source's figures from one of its tables."""
     lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
     for row in rows:
         there = {"receiver": tables.attrs.get("receiver")} | row
@@ -240,11 +240,11 @@ def beside_source(rows: list[Row], tables: xr.Dataset, table: str) -> list[Row]:
 def source_percent(classifier: str, row: Mapping[str, Any], lowest: float) -> int | None:
     """Return the article's percent correct for a row with its `receiver`, if it has one.
 
-    Of the classifier that named the ships, and of the bin of a lowest aspect [deg], NaN for all.
+    For a classifier, and the bin of a lowest aspect [deg], NaN for all aspects.
     """
     if classifier not in TABLES:
         return None
-    if row.get("aspects", "learned") != "learned":  # the source tests what it has learned
+    if row.get("aspects", "learned") != "learned":  # the source tests the training aspects
         return None
     table = source_figures()[f"{TABLES[classifier]}_percent_correct"]
     frames = row.get("frame_count")

@@ -30,20 +30,20 @@ from sweeps.stages.run_time_tables import BIN_WIDTH, TARGET, nominal
 
 COLOURS = {"osmesa": BLUE, "egl": SKY, "embree": RUST, "lines": GREEN}
 MARKERS = {"osmesa": "s", "egl": "D", "embree": "^", "lines": "o"}
-WIDTHS = {"egl": 3.0}  # osmesa, which has the same errors, is drawn over it
-LABELLED = {"lines": (-8, -11), "embree": (9, 5)}  # engines with pixels beside the marks, and where
+WIDTHS = {"egl": 3.0}  # osmesa, with the same errors, is drawn over it
+LABELLED = {"lines": (-8, -11), "embree": (9, 5)}  # engines with labels, and their offsets
 COLUMNS = 2  # of panels
 Floats = NDArray[np.float64]
 
 
 def draw_run_time(table: xr.Dataset) -> Figure:
-    """Draw median error against run time, of the whole ship without a pulse and after each.
+    """Draw median error against run time, of the whole ship without a pulse and with each.
 
     Every sampling is a faint mark. A curve joins the pixels of an engine, rolled and spread as by
     default; the worst views of these are dashed. Raises ValueError if there is only one engine.
     """
     if "engine" not in table.dims:
-        raise ValueError("the store has one engine, but must have several to compare")
+        raise ValueError("the store has one engine, but must have at least two to compare")
     here = table.sel(bin_width=BIN_WIDTH, method="nearest")
     widths = np.atleast_1d(here.pulse_width.values)
     kinds = [("extent_error", "no pulse", here.isel(pulse_width=0))]

@@ -83,20 +83,20 @@ def draw_scan(scan: xr.Dataset, table: xr.Dataset, given: dict[str, Any]) -> Fig
 
 
 def _nominal(data: xr.Dataset) -> xr.Dataset:
-    """The data at the first value of every axis that the picture lacks."""
+    """Return the data at the first value of every axis that is not drawn."""
     kept = ("range", "replicate", "frame_count", "target", "detection", "edge")
     return data.isel({dim: 0 for dim in data.dims if dim not in kept})
 
 
 def outcome(source: int, named: int, accepted: bool, ships: int) -> str:
-    """Return what became of a visit: `right`, `wrong` or `rejected`."""
+    """Return the outcome of a visit: `right`, `wrong` or `rejected`."""
     if not accepted:
         return "rejected"
     return "right" if source == named and source < ships else "wrong"
 
 
 def _visits(place: xr.Dataset) -> list[tuple[str, str, Any, Any]]:
-    """Outcome, label, detected and visited box of each visit, from left to right."""
+    """Return outcome, label, detected and visited box of each visit, from left to right."""
     names = place.target.values.tolist()
     ships = len(names) - (names[-1] == DECOY)
     found = []
@@ -114,7 +114,7 @@ def _visits(place: xr.Dataset) -> list[tuple[str, str, Any, Any]]:
 
 
 def _field(axes: Axes, place: xr.Dataset, given: dict[str, Any]) -> None:
-    """Draw the field of regard: what was detected, what was visited, and what was missed."""
+    """Draw the field of regard: detections, visits and missed ships."""
     width, height = given["scan"]["width"], given["scan"]["height"]
     degrees = np.degrees(given["ladar"]["ifov"] * 1e-6)
     middle = np.array([np.ceil(width / degrees), np.ceil(height / degrees)]) / 2
@@ -169,7 +169,7 @@ def _time_line(axes: Axes, place: xr.Dataset, given: dict[str, Any]) -> None:
 
 
 def _lines(table: xr.Dataset) -> tuple[Any, xr.Dataset]:
-    """Ranges, and the table with the axes range and frame count."""
+    """Return ranges, and the table with the axes range and frame count."""
     for name in ("range", "frame_count"):
         if name not in table.dims:
             table = table.expand_dims(name)
@@ -177,7 +177,7 @@ def _lines(table: xr.Dataset) -> tuple[Any, xr.Dataset]:
 
 
 def _found(axes: Axes, table: xr.Dataset) -> None:
-    """Draw shares over all draws, with intervals, by range; of the most frames."""
+    """Draw shares over all draws, with intervals, by range, for the largest number of frames."""
     ranges, table = _lines(table)
     last = table.isel(frame_count=-1)
     axes.plot(ranges, 100 * last.chance, ":", color=BLACK, lw=1.2, label="detected, closed form")

@@ -17,7 +17,7 @@ ENDS = ("low", "high")
 
 
 def scan_rows(tables: xr.Dataset) -> list[Row]:
-    """Return what scans find [%], of how many, with intervals, and the time of each part."""
+    """Return shares [%] with intervals and totals, and the time of each part."""
     columns: dict[str, Column] = {"draws": ("draws", int)}
     for name in SHARES:
         variable = f"share_{name}"
@@ -31,12 +31,12 @@ def scan_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def print_scan(rows: list[Row], console: Console) -> None:
-    """Print what is found and how long it takes: ranges and frames down."""
+    """Print shares found and times: ranges and frames down."""
     for place, group in settings(rows, ("pulse_width",), but=("range_km", "frame_count")):
         table = sheet(
             f"Scan of the field of regard ({place})",
             *("range\n[km]", "frames", "ships\ndetected\n[%]", "closed\nform\n[%]"),
-            *("of these\nnamed\nright [%]", "decoys\nrejected\n[%]", "sea\nvisited,\ntimes"),
+            *("of these\nidenti-\nfied [%]", "decoys\nrejected\n[%]", "sea\nvisited,\ntimes"),
             *("sea\nrejected\n[%]", "imager\n[s]", "moves\n[s]", "visits\n[s]", "in all\n[s]"),
             *("laser\nradar\nalone [s]", "x as\nlong"),
             keys=2,
@@ -56,10 +56,10 @@ def print_scan(rows: list[Row], console: Console) -> None:
     one = rows[0]
     more = "" if several(rows, but=("range_km", "frame_count")) else f", {one['draws']} draws"
     note(
-        f"Below each share its 95 % Wilson interval{more}. Ships lie at aspects that no template "
-        "has. Named right: the most probable ship is the true one, and similar enough to be a ship "
-        "at all. Frames are those of the laser radar; alone it looks at every place of the field "
-        "for as many.",
+        f"Below each share its 95 % Wilson interval{more}. Ships are at aspects without a "
+        "template. Identified: the most probable ship is the true one, and its similarity exceeds "
+        "the rejection threshold. Frames are those of the laser radar; alone, it takes as many at "
+        "every place of the field.",
         console,
     )
 
@@ -69,7 +69,7 @@ def print_found(rows: list[Row], console: Console) -> None:
     for place, group in settings(rows, ("pulse_width",), but=("range_km", "frame_count")):
         table = sheet(
             f"Ships found in a scan of the field of regard ({place})",
-            *("range [km]", "frames", "detected [%]", "of these named\ncorrectly [%]"),
+            *("range [km]", "frames", "detected [%]", "of these\nidentified [%]"),
             *("time of the\nsearch [s]", "laser radar\nalone [s]"),
             keys=2,
         )
@@ -85,12 +85,12 @@ def print_found(rows: list[Row], console: Console) -> None:
 
 
 def _figure(value: float | None, digits: int = 1) -> str:
-    """A number, or that there is none."""
+    """Return a number, or a dash."""
     return NOTHING if value is None else f"{value:.{digits}f}"
 
 
 def _share(row: Row, name: str) -> str:
-    """A share in per cent, with the interval below."""
+    """Return a share in percent, with the interval below."""
     share = row[f"percent_{name}"]
     if share is None:
         return NOTHING

@@ -84,7 +84,7 @@ KINDS = {
 
 
 def by_bin(rows: Iterable[Row], *, high: float = 3.9) -> tuple[Figure, list[Axes], list[str]]:
-    """Return a figure of a height [inch], its empty panels, and the aspect bin of each."""
+    """Return a figure, its empty panels, and the aspect bin of each; height in inches."""
     bins = list(dict.fromkeys(row[BIN] for row in rows))
     figure = Figure(figsize=(2.35 * len(bins) + 0.6, high), dpi=160, layout="constrained")
     panels: list[Axes] = list(figure.subplots(1, len(bins), sharey=True, squeeze=False)[0])
@@ -97,7 +97,7 @@ def by_bin(rows: Iterable[Row], *, high: float = 3.9) -> tuple[Figure, list[Axes
 
 
 def with_intervals(axes: Axes, line: Mapping[Any, Row], style: str, **how: Any) -> None:
-    """Draw percent correct with 95 % intervals, by position; rows without a figure are left out."""
+    """Draw percent correct with 95 % intervals, by position; skip rows without a value."""
     known = {x: row for x, row in sorted(line.items()) if row["percent_correct"] is not None}
     if known:
         middle = [row["percent_correct"] for row in known.values()]
@@ -179,7 +179,7 @@ def draw_fusion(rows: list[Row]) -> Figure:
 
 
 def _usual(rows: list[Row]) -> tuple[float, int]:
-    """The pulse width nearest to the source's, and the most target-free IFOVs."""
+    """Return the pulse width nearest to the source's, and the most target-free IFOVs."""
     width = nearest(PULSE_WIDTH, {row["pulse_width_ns"] for row in rows})
     return width, max(row["target_free_ifovs"] for row in rows)
 
@@ -189,7 +189,7 @@ def _is(row: Row, chosen: Row) -> bool:
 
 
 def _of_one(rows: list[Row], placed: Sequence[str]) -> tuple[list[Row], list[str]]:
-    """Rows of one setting of every axis that the picture lacks, and those settings in words."""
+    """Return rows of one setting of every axis that is not drawn, and those settings in words."""
     others = several(rows, but=(*placed, "frame_count", BIN))
     rows = of_one(rows, others)
     kept = {axis: row[axis] for row in rows for axis in others if row[axis] is not None}
@@ -203,7 +203,7 @@ def _lines(
     across: str,
     label: str,
 ) -> Figure:
-    """Percent correct against a column that all rows have: a line for each selection of rows."""
+    """Draw percent correct against a column: a line for each selection of rows."""
     figure, panels, bins = by_bin(rows, high=4.1)
     ticks = sorted({row[across] for row in rows})
     there = [one for one in lines.items() if any(_is(row, one[1][2]) for row in drawn)]

@@ -1,4 +1,4 @@
-"""What the report writes: tables on any screen, and CSV files, whole or not at all."""
+"""Output of the report: tables on any screen, and CSV files, written atomically."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from sweeps.report.rows import BIN, Row, axes_in, grouped, several
 
 SOURCE = "source"
 PIPED = 80  # cells of a line where there is no terminal
-PUT_IN = "* Put in: what the transom and the masts reflect, over the rest of the ship."
+PUT_IN = "* Assumed: reflectivity of the transom and the masts, relative to the rest of the ship."
 
-# Files that may be in any folder of tables, whatever a sweep has.
+# Files that may be in any folder of tables.
 FILES = (
     *("categories", "accuracy", "classifiers", "fusion", "infrared_sensor", "infrared_categories"),
     *("infrared_accuracy", "infrared_detection", "infrared_super_resolution", "rejection"),
     *("rejection_curve", "flights", "measured", "scan", "stages"),
 )
 WRITTEN = ".written"  # digests and names of a folder's files, as of sha256sum
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # with which a spreadsheet takes a cell for a formula
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
 PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
 
 Lines = Iterable[tuple[str, list[Row]]]
@@ -40,13 +40,13 @@ Lines = Iterable[tuple[str, list[Row]]]
 def write_tables(folder: Path, tables: Mapping[str, list[Row]]) -> list[str]:
     """Write rows as CSV by name; returns the names of the files. Raises OSError if it cannot.
 
-    Other files that an earlier run wrote, and nobody has changed since, are removed.
+    Other files of an earlier run are removed, unless they were changed since.
     """
     folder.mkdir(exist_ok=True)
     contents = {f"{name}.csv": _csv(rows) for name, rows in tables.items() if rows}
     stale = {name: digest for name, digest in _written(folder).items() if name not in contents}
     ours = stale | {name: _digest(content) for name, content in contents.items()}
-    # Before the files: what is written is known, even if this ends early.
+    # Written before the files, so that the list is complete even if this is interrupted.
     listed = "".join(f"{digest}  {name}\n" for name, digest in ours.items()).encode()
     _put(folder / WRITTEN, listed)
     for name, content in contents.items():
@@ -57,7 +57,7 @@ def write_tables(folder: Path, tables: Mapping[str, list[Row]]) -> list[str]:
 
 
 def _written(folder: Path) -> dict[str, str]:
-    """Files of an earlier run that are as it wrote them, with their digests."""
+    """Return unchanged files of an earlier run, with their digests."""
     try:
         listed = (folder / WRITTEN).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
@@ -79,7 +79,7 @@ def _digest(content: bytes) -> str:
 
 
 def _csv(rows: list[Row]) -> bytes:
-    """Rows with their keys as header; an absent value is an empty field."""
+    """Return rows with their keys as header; an absent value is an empty field."""
     text = io.StringIO(newline="")
     lines = ([*map(neutral, line)] for line in (rows[0], *(row.values() for row in rows)))
     csv.writer(text).writerows(lines)
@@ -87,7 +87,7 @@ def _csv(rows: list[Row]) -> bytes:
 
 
 def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
-    """Write a file under another name and then move it: what can be seen is whole."""
+    """Write a file under another name, then move it, so that it is never seen incomplete."""
     made = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
         write(made)
@@ -97,7 +97,7 @@ def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
 
 
 def neutral(value: Any) -> Any:
-    """Return a cell that no spreadsheet takes for a formula, by an apostrophe if need be."""
+    """Return a cell that no spreadsheet reads as a formula, with an apostrophe if needed."""
     if not isinstance(value, str) or not value.startswith(FORMULA):
         return value
     with suppress(ValueError):
@@ -116,14 +116,14 @@ def screen() -> Console:
 
 
 class _Page(io.StringIO):
-    """Text on its way to a screen, drawn with what the encoding of that has."""
+    """Buffer of text for a screen, limited to the characters of its encoding."""
 
     encoding: str = "utf-8"
 
 
 @contextmanager
 def page(console: Console) -> Iterator[Console]:
-    """Yield a console whose text goes to another one in the end, as far as that can take it."""
+    """Yield a console whose text is finally written to another one, as far as possible."""
     text = _Page()
     text.encoding = console.encoding
     yield Console(
@@ -147,7 +147,7 @@ def _say(text: str, file: IO[str], encoding: str) -> None:
         file.write(text)
         file.flush()
     except OSError as error:
-        # What is left of the text goes nowhere, so that closing the file does not fail.
+        # Discard the rest of the text, so that closing the file does not fail.
         with suppress(OSError, ValueError):
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, file.fileno())
@@ -159,23 +159,23 @@ def _say(text: str, file: IO[str], encoding: str) -> None:
 
 
 def complain(sentence: str) -> None:
-    """Say a sentence on stderr, if anybody listens."""
+    """Print a sentence to stderr, ignoring errors."""
     with suppress(OSError, ValueError, AttributeError):
         print(f"ncti-report: {sentence}", file=sys.stderr, flush=True)
 
 
 def line(text: str, console: Console) -> None:
-    """Print one line, however long."""
+    """Print one line without wrapping."""
     console.print(plain(text), soft_wrap=True)
 
 
 def note(text: str, console: Console) -> None:
-    """Print what is to be known of a table."""
+    """Print a note on a table."""
     console.print(plain(text), style="dim")
 
 
 def explain(columns: Iterable[Column], console: Console) -> None:
-    """Print what columns mean, in the words of the store."""
+    """Print the meaning of columns, from their long names in the store."""
     meant = [f"{one.words}: {printable(one.long_name)}" for one in columns if one.long_name]
     if meant:
         note(f"{'; '.join(meant)}.", console)
@@ -191,8 +191,8 @@ def settings(
 ) -> Iterator[tuple[str, list[Row]]]:
     """Yield rows by setting, each with its words for a title.
 
-    Axes that are `always` told come first, then others of several values, except the columns `but`,
-    which have a place inside a table.
+    Axes in `always` come first, then others of several values, except the columns `but`,
+    which are inside the table.
     """
     first = [axis for name in always for axis in axes_in(rows) if axis.name == name]
     more = [axis for axis in several(rows, but=but) if axis not in first]
@@ -200,27 +200,27 @@ def settings(
     whole = [row for row in rows if all(row.get(axis) is not None for axis in keys)]
     for place in grouped(whole, keys) or [()]:
         at = dict(zip(keys, place, strict=False))
-        # A row that does not depend on an axis stands at all of its values.
+        # A row that does not depend on an axis appears at all of its values.
         here = [row for row in rows if all(row.get(key) in (None, at[key]) for key in at)]
         yield ", ".join(told(at, at)), here
 
 
 def by_frames(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
-    """Return rows by number of frames, the largest first: training comes before, as of endless."""
+    """Return rows by number of frames, the largest first, after training."""
     found = grouped(rows, ("frame_count",))
     places = sorted(found, key=lambda place: place[0] or math.inf, reverse=True)
     return [(frames_text(place[0]), found[place]) for place in places]
 
 
 def frames_text(count: int | None) -> str:
-    """Return a number of frames in words; none stands for training."""
+    """Return a number of frames in words; None means training."""
     return "training" if count is None else "1 frame" if count == 1 else f"{count} frames"
 
 
 def print_scores(title: str, heading: str, lines: Lines, console: Console) -> None:
-    """Print percent correct: aspect bins across, and below a line the source's where it has some.
+    """Print percent correct: aspect bins across, with the source's, if any, below each line.
 
-    A line has a label and rows; one without rows heads those that follow.
+    A line has a label and rows; one without rows is a heading.
     """
     lines = list(lines)
     bins = list(dict.fromkeys(row[BIN] for _, rows in lines for row in rows))

@@ -37,8 +37,8 @@ RAMP = LinearSegmentedColormap.from_list("range", ["#ffe6b8", "#8ed3c0", "#3f8dd
 
 # The source's examples: its Figures 3 to 5.
 ASPECTS, ASPECT, PULSE_WIDTH, RANGE = (0.0, 30.0, 60.0, 90.0), 30.0, 30.0, 100.0
-STEP, NOISY_STEP = 1.12, 1.7  # from one profile to the next, in peaks
-LIFT = 0.17  # of a label above its line, in peaks
+STEP, NOISY_STEP = 1.12, 1.7  # from one profile to the next, in units of the peak
+LIFT = 0.17  # of a label above its line, in units of the peak
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def portrait(
     pixel: float,
     tint: Callable[[Floats], ArrayLike],
 ) -> Portrait:
-    """Return a ship as its range image shows it, at view angles [deg], by pixels [m].
+    """Return the picture of a ship from its range image, given view angles [deg] and pixel [m].
 
     Tints come from down-range [m]. Smoothed by averaging `SAMPLES` by `SAMPLES` pixels of the range
     image into one.
@@ -121,7 +121,7 @@ def draw_ships() -> Figure:
             mesh = ncti.ships.load(name)
             picture = portrait(mesh, **VIEW, pixel=PIXEL, tint=_tint)
             extent = picture.extent
-            # Pixel on pixel.
+            # One pixel of the picture per pixel of the figure.
             x, y = (round(k / PIXEL) * PIXEL for k in (left - extent[0], waterline))
             place = (extent[0] + x, extent[1] + x, extent[2] + y, extent[3] + y)
             axes.imshow(picture.colour, origin="lower", extent=place, interpolation="nearest")
@@ -142,7 +142,7 @@ def draw_ships() -> Figure:
 
 
 def draw_profiles(profiles: xr.Dataset) -> Figure:
-    """Draw profiles as classifiers get them: by aspect, by ship, and by number of frames."""
+    """Draw profiles as classifiers see them: by aspect, by ship, and by number of frames."""
     here = nominal(profiles, keep=("ship", "aspect", "range", "pulse_width", "frame_count"))
     here = here.sel(range=RANGE, pulse_width=PULSE_WIDTH, method="nearest")
     name = here.ship[0].item().capitalize()
@@ -181,7 +181,7 @@ def _stack(
     *,
     behind: xr.DataArray | None = None,
 ) -> None:
-    """Draw profiles above each other, the first on top, another one behind each if given."""
+    """Draw stacked profiles, the first on top, each over another one if given."""
     down_range = profiles.down_range.values
     step = STEP if behind is None else NOISY_STEP
     lines = zip(profile_vector(profiles), labels, np.asarray(colours), strict=True)
@@ -195,9 +195,9 @@ def _stack(
         axes.plot(down_range, base + profile, color=colour, linewidth=1.1)
         words: dict[str, Any] = {"weight": "bold", "fontsize": LABEL}
         words["color"] = 0.75 * np.asarray(colour)[:3]  # dark enough for text
-        if behind is None:  # inside, above the end of the window, which no ship reaches
+        if behind is None:  # inside the axes, near the end of the window, which no ship reaches
             axes.text(down_range[-1], base + LIFT, label, ha="right", va="bottom", **words)
-        else:  # beside noise that fills the window
+        else:  # beside the axes: noise fills the window
             axes.text(down_range[-1] + 4.0, base, label, va="center", **words)
     axes.set_xlim(down_range[0], down_range[-1])
     axes.set_xlabel("down-range from the ship origin [m]", fontsize=LABEL)

@@ -38,7 +38,7 @@ from sweeps.report.screen import (
     settings,
 )
 
-POSITIONS = {"shifted": 4}  # places of the detector at each of which so many frames are taken
+POSITIONS = {"shifted": 4}  # positions of the detector, with as many frames at each
 SENSOR = {  # heading and digits
     "attenuation_db": ("attenuation [dB]", ".2f"),
     "contrast_k": ("contrast [K]", ".3f"),
@@ -51,21 +51,21 @@ CHANNELS = {"range": "range profile", "infrared": "silhouette", "both": "both"}
 
 
 def positions(way: str) -> int:
-    """Return at how many places of the detector an image is gathered."""
+    """Return the number of positions of the detector for an image."""
     return POSITIONS.get(way, 1)
 
 
 def frames_in_all(row: Row, key: str = "frame_count") -> int | None:
-    """Return frames taken for an image: shifted ones add up at each of four places."""
+    """Return the total frames for an image: shifted ones add up over four positions."""
     return None if row[key] is None else positions(row["super_resolution"]) * row[key]
 
 
 def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Row]:
-    """Return what the air leaves of a ship's warmth (the article's Table 1), by range and frames.
+    """Return attenuation and contrast of a ship (the article's Table 1), by range and frames.
 
     Settings of the sensor are the images' coordinates, or else of the configuration's `infrared`.
     """
-    # Here, since it takes longer to import than tables to print.
+    # Imported here, since it is slow to import.
     from ncti.infrared import attenuation, contrast, snr
 
     source = source_figures()["table1_sensor"]
@@ -93,7 +93,7 @@ def sensor_rows(images: xr.Dataset, configuration: Mapping[str, Any]) -> list[Ro
 
 
 def print_sensor(rows: list[Row], console: Console) -> None:
-    """Print what the air leaves of a ship's warmth: ranges down."""
+    """Print attenuation and contrast of a ship: ranges down."""
     wanted = source_figures()["table1_sensor"]["frame_count"]
     frames = nearest(wanted, (row["frame_count"] for row in rows))
     here = [row for row in rows if row["frame_count"] == frames]
@@ -112,7 +112,7 @@ def print_sensor(rows: list[Row], console: Console) -> None:
 
 
 def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
-    """Return categories formed from silhouettes, a row for all phases and orders of a training."""
+    """Return categories formed from silhouettes, a row per training, over its phases and orders."""
     source, rows = source_figures()["table5_percent_correct"], []
     for row in formation_rows(tables):
         row["of_first_phase_and_order"] = row.pop("first")
@@ -156,7 +156,7 @@ def silhouette_accuracy_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
-    """Print percent correct of silhouettes, of the source's vigilance and frames or the nearest."""
+    """Print percent correct of silhouettes at the source's vigilance and frames, or the nearest."""
     figures = source_figures()["table5_percent_correct"]
     rows = of_one(rows)
     tested = [row for row in rows if row["frame_count"] is not None]
@@ -175,7 +175,7 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
         if any(row["source_percent"] is not None for row in group):
             note(f"Source: {figures['note']}", console)
     for places in sorted({positions(row["super_resolution"]) for row in tested} - {1}):
-        words = f"{frames} frames at each of {places} places of the detector"
+        words = f"{frames} frames at each of {places} positions of the detector"
         note(f"{places} x {frames}: {words}", console)
     note(
         "Means over phases and orders of presentation, which the 95 % Wilson intervals include; "
@@ -185,7 +185,7 @@ def print_silhouette_accuracy(rows: list[Row], console: Console) -> None:
 
 
 def _look(slant_range: float | None, way: str, frames: int) -> str:
-    """A range, and how the image got finer than the detector, at what cost of frames."""
+    """Return a range, and the super-resolution with its number of frames."""
     if slant_range is None:
         return "training"
     finer = "" if way == "none" else f", {shown(way)}"
@@ -194,13 +194,13 @@ def _look(slant_range: float | None, way: str, frames: int) -> str:
 
 
 def detection_rows(tables: xr.Dataset) -> list[Row]:
-    """Return the probability that the detector finds the ship, by range, frames and aspect bin."""
+    """Return the probability of detecting the ship, by range, frames and aspect bin."""
     columns = {"probability": ("probability", finite), "lowest_of_views": ("lowest", finite)}
     return table_rows(tables, columns, {})
 
 
 def print_detection(rows: list[Row], false_alarm: float, console: Console) -> None:
-    """Print how often ships are found: ranges down, numbers of frames across."""
+    """Print the probability of detection: ranges down, numbers of frames across."""
     whole = [row for row in rows if row[BIN] == "overall"]
     several_alarms = any(axis.name == "false_alarm" for axis in several(whole))
     alarms = "" if several_alarms else f", false alarms {false_alarm:g} a pixel"
@@ -217,7 +217,7 @@ def print_detection(rows: list[Row], false_alarm: float, console: Console) -> No
 
 
 def reconstruction_rows(tables: xr.Dataset) -> list[Row]:
-    """Return the error of images against the noiseless image of half the pixel."""
+    """Return the error of images, relative to the noiseless image of half the pixel."""
     rows = []
     for axes, cell in cells(tables[["error", "error_spread"]]):
         figures = {"error": rounded(cell["error"], 4), "spread": rounded(cell["error_spread"], 4)}
@@ -244,7 +244,7 @@ def print_reconstruction(rows: list[Row], console: Console) -> None:
 
 
 def fusion_rows(tables: xr.Dataset) -> list[Row]:
-    """Return percent correct by sensor and by both, a row a cell and aspect bin."""
+    """Return percent correct by sensor and by both, a row for each cell and aspect bin."""
     rows = score_rows(tables)
     for row in rows:
         row["infrared_frames_in_all"] = frames_in_all(row, "infrared_frame_count")
@@ -252,9 +252,9 @@ def fusion_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def print_fusion(rows: list[Row], console: Console) -> None:
-    """Print sensors and both: ranges, resolutions and frames down, aspect bins across.
+    """Print each sensor and both: ranges, resolutions and frames down, aspect bins across.
 
-    Lines that are the same in every setting, as of silhouettes for every pulse width, come once.
+    Lines that are the same in every setting, such as silhouettes for every pulse width, come once.
     """
     tables = [(place, _sections(group)) for place, group in settings(rows, TOLD, but=PLACED)]
     first = _texts_of(tables[0][1]) if tables else {}
@@ -273,10 +273,10 @@ def print_fusion(rows: list[Row], console: Console) -> None:
         print_scores(f"{title} ({place})", "sensor", _lines_of(sections, keep=keep), console)
     note(
         "The score of a profile is its log-likelihood. That of a silhouette, by templates of other "
-        "phases, is weighted by its accuracy on other phases. Both name one ship at one aspect. "
-        "Infrared frames are as many as those of profiles, or the nearest number. 95 % "
-        "Wilson intervals; n in the CSV file counts answers, of which those to one view, or of one "
-        "draw, count for less where they are alike (Kish's design effect).",
+        "phases, is weighted by its accuracy on other phases. Both identify one ship at one aspect."
+        " The number of infrared frames is that of profiles, or the nearest. 95 % Wilson intervals; "
+        "n in the CSV file counts answers, of which those that are alike for one view, or in one "
+        "draw, count for less (Kish's design effect).",
         console,
     )
 
@@ -285,7 +285,7 @@ Sections = dict[str, dict[str, list[Row]]]  # rows by range and frames, then by 
 
 
 def _sections(group: list[Row]) -> Sections:
-    """Rows of one setting: a section a range and number of frames."""
+    """Return rows of one setting: a section for each range and number of frames."""
     return {
         f"{shown(slant_range)} km, {frames_text(frames)}": _lines(cell, frames)
         for (slant_range, frames), cell in grouped(group, ("range_km", "frame_count")).items()
@@ -293,7 +293,7 @@ def _sections(group: list[Row]) -> Sections:
 
 
 def _texts_of(sections: Sections) -> dict[tuple[str, str], list[str]]:
-    """What is printed of every line, by its section and sensor."""
+    """Return the printed text of every line, by section and sensor."""
     return {
         (section, name): [percent_text(row) for row in line]
         for section, lines in sections.items()
@@ -304,7 +304,7 @@ def _texts_of(sections: Sections) -> dict[tuple[str, str], list[str]]:
 def _lines_of(
     sections: Sections, keep: Collection[tuple[str, str]]
 ) -> Iterator[tuple[str, list[Row]]]:
-    """Lines of some sections and sensors, as `print_scores` takes them."""
+    """Return lines of some sections and sensors for `print_scores`."""
     for section, lines in sections.items():
         kept = [(name, line) for name, line in lines.items() if (section, name) in keep]
         if kept:
@@ -313,7 +313,7 @@ def _lines_of(
 
 
 def _lines(cell: list[Row], frames: int) -> dict[str, list[Row]]:
-    """Rows of one range and number of frames by what to call them; the range channel once."""
+    """Return rows of one range and number of frames by label; the range channel once."""
     near = nearest(frames, {row["infrared_frame_count"] for row in cell})
     here = [row for row in cell if row["infrared_frame_count"] == near]
     # Sensors first, then both.

@@ -1,4 +1,4 @@
-"""Picture of how densely ships must be learned."""
+"""Picture of percent correct against the spacing of training aspects."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from sweeps.report.style import (
 
 KEPT = ("template_spacing", "range", "aspect_bin")
 SHOWN = ("overall", "60")
-"""Beginnings of the bins drawn: near the beam, profiles change fastest with aspect."""
+"""Lower ends of the bins drawn: near the beam, profiles change fastest with aspect."""
 
 LINES: dict[str, tuple[str, str, str, dict[str, Any]]] = {
     "silhouette, ACN": ("acn_infrared", RUST, "s:", {}),
@@ -45,12 +45,12 @@ LINES: dict[str, tuple[str, str, str, dict[str, Any]]] = {
 
 
 def draw_spacing(tables: Mapping[str, xr.Dataset]) -> Figure:
-    """Draw percent correct at aspects drawn at random against the spacing of the templates.
+    """Draw percent correct at random aspects against the spacing of the templates.
 
     Raises
     ------
     ValueError
-        If there are not several spacings, or no such aspects.
+        If there is only one spacing, or there are no random aspects.
     """
     lines = {
         name: (_at_random(tables[table], chosen), colour, style)
@@ -90,7 +90,7 @@ def draw_spacing(tables: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def _at_random(table: xr.Dataset, chosen: Mapping[str, Any]) -> xr.Dataset:
-    """Return a table's scores by spacing, range and bin; the nominal or first of all other axes."""
+    """Return a table's scores by spacing, range and bin, nominal or first on all other axes."""
     if "template_spacing" not in table.dims or "aspects" not in table.dims:
         raise ValueError("it lacks several values of classifier.template_spacing, or grid.fresh")
     here = table[["accuracy", "ci_low", "ci_high"]].sel({"aspects": "random", **chosen})

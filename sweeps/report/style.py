@@ -56,9 +56,9 @@ def offset(values: Iterable[float], place: int, count: int) -> list[float]:
 
 
 def nested(place: int, count: int) -> dict[str, float]:
-    """Return widths of one of several lines: each is thinner than those that it is drawn over.
+    """Return widths of one of several lines: each is thinner than those below it.
 
-    A line and its marks then show even where a later one has the same values.
+    A line and its marks then show even if a later one has the same values.
     """
     back = 1.0 if count == 1 else 1 - place / (count - 1)
     return {"lw": 1.1 + 1.5 * back, "ms": 4.0 + 3.0 * back, "elinewidth": 0.8, "capsize": 2.0}

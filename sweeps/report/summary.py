@@ -1,4 +1,4 @@
-"""The page at the end of a sweep: what was swept, one table, where the rest is, and what to try."""
+"""The text at the end of a sweep: swept axes, one table, paths of the results, next commands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sweeps.report.screen import line, note, page
 from sweeps.stages.views import Grid
 
 VARIED = (Grid.pulse_width, Grid.frame_count, Grid.vigilance, Grid.range, Grid.aspect)
-"""Settings of which the example of a next command may have one more value."""
+"""Settings to which the example of a next command may add a value."""
 LABEL = " " * len("store   ")
 LONGEST_LIST = 8  # values of a list in that example
 
@@ -31,11 +31,11 @@ def summarize(
     *,
     given: Sequence[str] = (),
 ) -> None:
-    """Write the tables of a finished store beside it, and print a page on it.
+    """Write the tables of a finished store beside it, and print a summary.
 
     `axes` are the numbers of values of what was swept, by key, and `given` the arguments of the
     command. Raises ConfigurationError if the store has no tables, and OSError if tables cannot be
-    written; the page is printed all the same.
+    written; the summary is printed anyway.
     """
     parts = parts_of(path)
     failure = write_parts(path, parts)
@@ -51,7 +51,7 @@ def summarize(
 
 
 def swept(axes: Mapping[str, int]) -> str:
-    """Return what was swept in words: the keys of the axes with their numbers of values."""
+    """Return a sentence on what was swept: keys of the axes with their numbers of values."""
     listed = ", ".join(f"{key} ({count})" for key, count in axes.items())
     return (
         f"Swept (numbers of values): {listed}."
@@ -67,15 +67,15 @@ def next_commands(
     axes: Mapping[str, int],
     given: Sequence[str],
 ) -> list[list[str]]:
-    """Return the words of commands to try: all tables, one of them, and one more value on an axis.
+    """Return the words of next commands: all tables, one of them, one more value on an axis.
 
-    They are quoted for a shell.
+    Words are quoted for a shell.
     """
     store = shlex.quote(located(path))
     longest = max(parts, key=lambda part: (part.listed, len(part.rows))).name
     found = [["ncti-report", store], ["ncti-report", store, "--table", longest]]
     if any(one.startswith("-") for one in given) or not given:
-        return found  # a multirun, or not of a command line
+        return found  # a multirun, or not started from a command line
     for setting in VARIED:
         values = extended(setting, choices) if setting.key in axes else None
         if values:
@@ -91,7 +91,7 @@ def next_commands(
 
 
 def continued(words: Sequence[str], width: int) -> str:
-    """Return a command in lines of some width, each but the last continued by a backslash."""
+    """Return a command in lines of some width, continued by backslashes."""
     lines = [words[0]]
     for word in words[1:]:
         if cell_len(f"{LABEL}{lines[-1]} {word} \\") > width:
@@ -102,7 +102,7 @@ def continued(words: Sequence[str], width: int) -> str:
 
 
 def extended(setting: Setting, choices: Choices) -> list[float] | None:
-    """Return the values of a setting and one between the last two, or none if the list is long."""
+    """Return the values of a setting and one between the last two; None if the list is long."""
     values = [one for one in choices[setting] if isinstance(one, int | float)]
     if not 1 < len(values) < LONGEST_LIST or not isinstance(setting.kind, Number):
         return None

@@ -1,4 +1,4 @@
-"""Tables of classifiers of range profiles: the source's, all side by side, and unknown ships."""
+"""Tables of classifiers: the source's, all classifiers, and rejection of unknown ships."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from sweeps.report.screen import by_frames, frames_text, note, print_grid, print
 
 __all__ = ["accuracy_rows", "category_rows", "has_source_views", "source_figures"]
 
-CELL = ("range", "target_free_ifovs", "pulse_width")  # told in every title
+CELL = ("range", "target_free_ifovs", "pulse_width")  # given in every title
 BOUND = "likelihood"
 TITLES = {
     "acn": "ACN",
@@ -50,7 +50,7 @@ AT_LEAST = "correct_where_rejected"
 
 
 def category_rows(tables: xr.Dataset) -> list[Row]:
-    """Return categories formed (the article's Table 3), a row for all orders of a training."""
+    """Return categories formed (the article's Table 3), a row per training, over all orders."""
     source, rows = source_figures()["table3_categories"], []
     for row in formation_rows(tables):
         asked = as_in_source({"receiver": tables.attrs.get("receiver")} | row)
@@ -72,7 +72,7 @@ def accuracy_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def print_categories(rows: list[Row], console: Console) -> None:
-    """Print how many categories formed: pulse widths down, vigilances across."""
+    """Print numbers of categories: pulse widths down, vigilances across."""
     vigilances = sorted({row["vigilance"] for row in rows})
     theirs = source_figures()["table3_categories"]["vigilance"]
     for place, group in settings(rows, CELL[:2], but=("pulse_width_ns", "vigilance")):
@@ -107,7 +107,7 @@ def _count(row: Row | None) -> str:
 
 
 def print_accuracy(rows: list[Row], console: Console) -> None:
-    """Print percent correct by numbers of frames and aspect bin, of the source's vigilance."""
+    """Print percent correct by number of frames and aspect bin, at the source's vigilance."""
     chosen = shown_vigilance(rows)
     printed = [row for row in of_one(rows) if row["vigilance"] == chosen]
     for place, group in settings(printed, (*CELL, "vigilance"), but=("frame_count", BIN)):
@@ -121,7 +121,7 @@ def print_accuracy(rows: list[Row], console: Console) -> None:
 
 
 def shown_vigilance(rows: list[Row]) -> float | None:
-    """Return the source's vigilance if it is there, else the largest."""
+    """Return the source's vigilance if it was swept, else the largest."""
     there = {row["vigilance"] for row in rows if row.get("vigilance") is not None}
     wanted: float = source_figures()["table4_percent_correct"]["vigilance"]
     return wanted if wanted in there else max(there, default=None)
@@ -134,15 +134,15 @@ def names_profiles(table: xr.Dataset) -> bool:
 
 
 def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
-    """Return percent correct of every classifier, given its tables by name, in every setting.
+    """Return percent correct of every classifier in every setting, given its tables by name.
 
-    Of the profiles it was trained with, too, without a number of frames.
+    Training profiles are included, without a number of frames.
 
     Notes
     -----
-    The bound is maximum likelihood with the gain that is known least, the same for all rows and
-    named in them, and with the true aspect left out where the row's classifier leaves it out.
-    It names ships: what is right by category or aspect group, too, is another question. A
+    The bound is maximum likelihood with the least known gain, the same for all rows and
+    named in them, and with the true aspect left out if the row's classifier leaves it out.
+    It is scored by ship, not by category or aspect group. A
     likelihood that knows more of the gain lies above it, at points below 0.
     """
     parts = []
@@ -157,7 +157,7 @@ def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
     axes = several(likelihoods, but=("gain_sigma", "left_out"))
 
     def place(row: Row) -> tuple[object, ...]:
-        """What a row shares with its bound; what learns every aspect has none left out."""
+        """Return the values that a row shares with its bound."""
         return (*(row.get(axis) for axis in axes), bool(row.get("left_out")))
 
     bounds = {
@@ -173,7 +173,7 @@ def classifier_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
 
 
 def print_classifiers(rows: list[Row], console: Console) -> None:
-    """Print all classifiers by number of frames, one table a pulse width and range."""
+    """Print all classifiers by number of frames, one table for each pulse width and range."""
     vigilance = shown_vigilance(rows)
     printed = [row for row in rows if row.get("vigilance") in (None, vigilance)]
     tests = [row for row in printed if row["frame_count"] is not None]
@@ -191,17 +191,17 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
     if gains:
         axis = next(axis for axis in axes_in(rows) if axis.name == "gain_sigma")
         note(
-            "Points below the bound: those that maximum likelihood with exact mean and covariance "
-            f"of every view, {axis.told(max(gains))}, has more, overall, without the true aspect "
-            "where that is left out: the classifier's share of its errors. What the bound lacks to "
-            "100 is due to noise. It is the best on average; in a few views another classifier may "
-            "do better by chance.",
+            "Points below the bound: how far a classifier is below maximum likelihood with exact "
+            f"mean and covariance of every view, {axis.told(max(gains))}, overall, without the true "
+            "aspect if that is left out: the classifier's own share of errors. The rest, from the "
+            "bound to 100, is due to noise. The bound is the best on average; in a few views "
+            "another classifier may do better by chance.",
             console,
         )
 
 
 def _print_below(place: str, group: list[Row], own: list[Axis], console: Console) -> None:
-    """By how much classifiers are below the bound: numbers of frames across."""
+    """Print how far classifiers are below the bound: numbers of frames across."""
     rows = [
         {
             "classifier": _title(row, group, own),
@@ -225,7 +225,7 @@ def _print_below(place: str, group: list[Row], own: list[Axis], console: Console
 
 
 def _title(row: Row, group: list[Row], own: list[Axis]) -> str:
-    """The classifier, and what tells this setting from its others."""
+    """Return the classifier, and the values that distinguish this setting from its others."""
     name = str(row["classifier"])
     same = [other for other in group if other["classifier"] == name]
     axes = [axis for axis in several(same) if axis in own]
@@ -233,7 +233,7 @@ def _title(row: Row, group: list[Row], own: list[Axis]) -> str:
 
 
 def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
-    """Return rejection and correct rate at every test vigilance, of tables by classifier."""
+    """Return rejection and correct rates at every test vigilance, given tables by classifier."""
     columns: dict[str, Column] = {
         (f"{name}{end}" if end else f"percent_{name}"): (f"{name}{end}", percent)
         for name in REJECTED
@@ -246,7 +246,7 @@ def rejection_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
 
 
 def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
-    """Return what is still right where so many answers to unknown ships are rejected."""
+    """Return correct rates at given shares of rejected answers to unknown ships."""
     columns: dict[str, Column] = {
         "rejected_up_to": ("rejected_up_to", finite),
         "percent_correct": (AT_LEAST, percent),
@@ -264,16 +264,16 @@ def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
 
 
 def print_rejection(rows: list[Row], console: Console) -> None:
-    """Print the share of known ships still named right when so many unknown ones are rejected."""
+    """Print correct rates of known ships at given shares of rejected unknown ones."""
     rows = of_one(rows)
     named = several(rows, but=("aspects", "frame_count"))
-    # Axes that some classifiers lack are told with the name of one.
+    # Axes that some classifiers lack are given with the classifier's name.
     own = [axis for axis in named if any(row[axis] is None for row in rows)]
     shared = [axis for axis in axes_in(rows) if axis in named and axis not in own]
     shared += [axis for axis in axes_in(rows) if axis.name in ("aspects", "frame_count")]
     leasts = list(dict.fromkeys(row["least_percent_rejected"] for row in rows))
     table = sheet(
-        "Known ships named correctly [%] where so many unknown ships are rejected",
+        "Known ships identified correctly [%], by share of unknown ships rejected",
         "known +\nunknown",
         *(f"{least:g}%" if least else "none" for least in leasts),
         "area",
@@ -293,24 +293,23 @@ def print_rejection(rows: list[Row], console: Console) -> None:
             )
     show(table, console)
     note(
-        "At the least test vigilance that rejects at least so many. known + unknown: numbers of "
-        "answers. Area: under the curve of known "
-        "ships right over unknown ships let through; 100 where every one is right before any "
-        "unknown one is let through. Below each figure its 95 % Wilson interval, for that test "
-        "vigilance, in which answers of several draws count for less where they are alike for one "
-        "view, or in one draw (Kish's design effect).",
+        "At the least test vigilance that rejects at least that share. known + unknown: numbers of "
+        "answers. Area: under the curve of known ships identified over unknown ships accepted; 100 "
+        "if all known ships are identified before any unknown one is accepted. Below each figure "
+        "its 95 % Wilson interval, for that test vigilance; answers that are alike for one view, "
+        "or in one draw, count for less (Kish's design effect).",
         console,
     )
 
 
 def print_rates(rows: list[Row], console: Console) -> None:
-    """Print what is rejected and right at some test vigilances."""
+    """Print rejection and correct rates at some test vigilances."""
     rows = of_one(rows)
     named = [axis for axis in several(rows) if axis.name != "test_vigilance"]
     there = {row["test_vigilance"] for row in rows}
     shown_ones = {nearest(tenth / 10, there) for tenth in range(11)}
     table = sheet(
-        "Ships rejected and named correctly [%] by test vigilance",
+        "Ships rejected and identified correctly [%] by test vigilance",
         *("test vigilance", "unknown rejected", "known rejected", "known correct"),
         left=("classifier",),
     )
@@ -328,7 +327,7 @@ def print_rates(rows: list[Row], console: Console) -> None:
 
 
 def _with_interval(row: Row | None) -> str:
-    """Known ships named right, with the interval below."""
+    """Return the correct rate of known ships, with the interval below."""
     if row is None or row["percent_correct"] is None:
         return NOTHING
     return f"{row['percent_correct']:.0f}\n{row['ci_low']:.0f}-{row['ci_high']:.0f}"

@@ -1,4 +1,4 @@
-"""Where the time of a sweep went: beside its tables, since a store holds no times."""
+"""Run time of a sweep by stage, kept beside its tables, since a store holds no times."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Progress(Protocol):
 
 @dataclass(frozen=True)
 class Work:
-    """Cells of a stage by what became of them, and the time [s] of those done."""
+    """Cells of a stage by outcome, and the time [s] of those computed."""
 
     stage: str
     done: int
@@ -39,7 +39,7 @@ class Work:
 
 
 def write_work(store: Path, stages: Mapping[str, Progress]) -> None:
-    """Write the work of a sweep beside the tables of its store. Raises OSError if it cannot."""
+    """Write the work of a sweep beside the tables of its store. Raises OSError if that fails."""
     folder = tables_folder(store)
     folder.mkdir(exist_ok=True)
     rows = [
@@ -56,7 +56,7 @@ def write_work(store: Path, stages: Mapping[str, Progress]) -> None:
 
 
 def read_work(store: Path) -> list[Work]:
-    """Return the work of the sweep that last wrote a store; none where it is not known."""
+    """Return the work of the sweep that last wrote a store; empty if unknown."""
     try:
         with (tables_folder(store) / FILE).open(newline="", encoding="utf-8") as file:
             rows = list(csv.reader(file))[1:]

@@ -1,1 +1,1 @@
-"""What this experiment declares: a module a sensor, a module a classifier, with their tables."""
+"""Declarations of this experiment: one module per sensor and per classifier, with their tables."""

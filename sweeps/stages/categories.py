@@ -1,7 +1,7 @@
 """Categories of the Adaptive Clustering Network: formation, labels and test answers.
 
 Vectors may be of any sensor. Views are those of a grid of ships and aspects, those of the first
-ship first; vectors of views that are not there are zero.
+ship first; vectors of missing views are zero.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ class Network(Settings, key="classifier"):
 class Lessons:
     """Training views and their similarities, shared by all trainings on them.
 
-    (view, feature) vectors, zero where a view is not there, with their similarities; the (ship,
-    aspect) views that are there; and how (ship, aspect, ...) profiles or maps become vectors.
+    (view, feature) vectors, zero for missing views, with their similarities; the (ship,
+    aspect) mask of existing views; and the function from profiles or maps to vectors.
     """
 
     vectors: Floats
@@ -96,7 +96,7 @@ def form_categories(
     learning_rate: float,
     max_passes: int,
 ) -> Arrays:
-    """Train with the views that are there and learned, in an order of some number and seed.
+    """Train with the existing training views, in the order of presentation of a number and seed.
 
     Returns
     -------
@@ -244,8 +244,8 @@ def match_learning(
 ) -> tuple[Places, Floats]:
     """Return (view,) categories and cosines of (view, feature) tests that move categories.
 
-    They are presented in the order of the training, those of ships that are learned first: what
-    is unknown then moves no category that they are held against.
+    They are presented in the order of the training, known ships first, so that unknown ones move
+    no category before these are compared with it.
     """
     training_views, turn = formed["training_confused"] >= 0, formed["turn"]
     unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])

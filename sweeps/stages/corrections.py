@@ -31,7 +31,7 @@ LEAST_SEEN = 20
 """Number of pixels above the threshold from which they are a ship, not false alarms."""
 
 SOURCES = ("measured", "noiseless", "synthetic", "point")
-STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are told within so much of it
+STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are measured within this of it
 HANGAR = 4.0  # m either side of its spike, without which profiles are correlated, too
 HANGAR_REACH = 8.0  # m either side of where a spike must be to be the hangar's
 
@@ -219,8 +219,7 @@ def window_of_cell(
 ) -> Window:
     """Return the pixels of a corrected image: about the ship, wider where it may lean or stretch.
 
-    With an error of the pointing they are where the ship then seems to be: who looks at the
-    image sees it there.
+    With an error of the pointing they are where the ship appears in the image.
     """
     window = library.ship_window(mesh, flight)
     if error != NO_ERROR or chain != EXACT or azimuth != "pixel" or mirror not in MIRROR_FORMS:
@@ -264,7 +263,7 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str =
     -----
     The hangar's spike is the highest of the synthetic profile, in which nothing glints, or the
     highest where `HANGARS` has it, and in the others what is highest close to it. Masts and bridge
-    are looked for where the Perry class has them, and told of its ships alone.
+    are searched where the Perry class has them, and reported for its ships only.
     """
     measured, noiseless, synthetic = profiles[:3]
     astern = abs(aspect - STERN) <= NEAR_STERN

@@ -67,7 +67,7 @@ def correlation(
     Similarity is the cosine of profile vectors. Of noisy profiles those of all other replicates
     of the same number of frames are learned. Where the true aspect is left out, profiles of all
     ships at it are. A profile that nowhere rises above its floor has no direction: it names no
-    ship, which counts as wrong, and what is learned of it answers for none.
+    ship, which counts as wrong, and as a training profile it matches none.
     """
     known = training_views & there
     classifier.require_another_aspect(known, left_out)

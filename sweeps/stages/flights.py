@@ -129,7 +129,7 @@ def models(
     view: dict[str, Any] = {"aspect": aspect, "depression": flight.depression, "roll": 0.0, **sight}
     engine = "auto" if drawing_engine == LINES else drawing_engine  # it needs pixels
     image = range_image(mesh, pixel=flight.pixel, engine=engine, **view)
-    # no less than the pixel, whatever the rounding
+    # at least the pixel, in spite of rounding
     sight |= {"ifov": flight.ifov * (1 + 1e-9), "bin_width": bin_width, "window": window}
     drawn = [
         range_extent(image, **sight, spread=spread, reflectance=reflectance).fraction.sum(axis=0)

@@ -1,7 +1,7 @@
 """Random test aspects, absent from training.
 
-Ships at sea lie at any aspect. A classifier that is tested at the aspects it has learned, as in the
-article, seems better than it would be there.
+Ships at sea are at any aspect. A classifier tested only at its training aspects, as in the article,
+appears better than it is.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Fresh(Settings, key="grid"):
 
 
 def drawn_aspects(low: float, high: float, number: int, seed: int) -> tuple[float, ...]:
-    """Return so many aspects [deg] of each 30 degrees between two ends, uniformly drawn.
+    """Return aspects [deg] drawn uniformly between two ends, `number` in every 30 degrees.
 
-    More of a bin begin with the same, whatever the other bins are.
+    The first aspects of a bin are the same for any number, and independent of other bins.
     """
     found: list[float] = []
     for start in np.arange(BIN_WIDTH * (low // BIN_WIDTH), high, BIN_WIDTH):
@@ -48,7 +48,7 @@ def fresh_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[float, ...
     Raises
     ------
     ConfigurationError
-        Where there is nothing to draw between.
+        If there is nothing to draw between.
     """
     number = choices.one(Fresh.fresh)
     if number and len(grid) < 2:

@@ -1,8 +1,7 @@
 """Fusion of range profiles and silhouettes, beside each of them alone.
 
 A template is a view, a ship at an aspect, for both sensors. Draw d pairs replicate d of the
-profiles with phase d of the silhouettes, as many of the first as there are, over again where there
-are fewer.
+profiles with phase d of the silhouettes, cyclically if there are fewer profiles.
 """
 
 from __future__ import annotations
@@ -138,11 +137,11 @@ def fusion(
 ) -> Arrays:
     """Return the ships predicted by profile, by silhouette and by both.
 
-    The score of a profile is its log-likelihood, which is worth what it says: its sharpness is 1.
+    The score of a profile is its log-likelihood, taken as it is: its sharpness is 1.
     That of a silhouette is given the sharpness found on the silhouettes of the *other* phases.
-    Then they are added, the profile with its doubt and the silhouette for the least it may be
-    worth: neither outweighs the other by more than aspects left out bear out. An empty silhouette
-    says nothing: all its scores are 0.
+    Then they are added, the profile with its doubt and the silhouette with its least sharpness:
+    neither outweighs the other by more than aspects left out support. An empty silhouette carries
+    no information: all its scores are 0.
     """
     of_profiles = profile_scores["log_density"]
     seen = compared(of_profiles) & compared(silhouette_scores)
@@ -215,7 +214,7 @@ def similarity(
 ) -> NDArray[np.float32]:
     """Return the (phase, view, template) largest cosines to templates in all other phases.
 
-    No observer would have the template of the silhouette's own place on the detector on file.
+    In use, no template has the same position on the detector as the silhouette.
     Both are (phase, view, feature) maps of two phases or more.
     """
     phases, views, features = templates.shape

@@ -21,7 +21,7 @@ from sweeps.stages.views import STATUS
 if TYPE_CHECKING:
     import xarray as xr
 
-LEAST_CONTRAST = 1e-6  # K, below which images have no error worth the name
+LEAST_CONTRAST = 1e-6  # K, below which the relative error of images is undefined
 PLACE = "{} place on the target, the ship origin within a pixel"
 WHOLE = HALVES["none"]  # half pixels that a pixel of the detector is wide
 OVER = (*VIEW, "phase")  # what tables of images are means over
@@ -141,8 +141,8 @@ def detection_probability(
 def reconstruction_error(
     look: Look, super_resolution: str, phases: tuple[int, ...], frame_count: tuple[int, ...]
 ) -> Floats:
-    """Return the (phase, frame_count) error of images, NaN where there is hardly any contrast."""
-    if look.contrast < LEAST_CONTRAST:  # nothing to be a fraction of
+    """Return the (phase, frame_count) error of images, NaN for negligible contrast."""
+    if look.contrast < LEAST_CONTRAST:  # no contrast to divide by
         return np.full((len(phases), len(frame_count)), np.nan)
     shown = look.images(super_resolution, phases, frame_count)
     finer = enlarge(shown) if HALVES[super_resolution] == WHOLE else shown

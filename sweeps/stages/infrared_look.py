@@ -122,8 +122,8 @@ def footprint_at(slant_range: float, ifov: float) -> float:
 class Look:
     """A ship at one aspect and range on one detector, imaged on request.
 
-    Only the ship and a margin of sea around it are ever synthesised: what lies further off
-    changes nothing on the ship.
+    Only the ship and a margin of sea around it are synthesised: sea farther off does not
+    affect the ship.
     """
 
     patches: Patches
@@ -143,7 +143,7 @@ class Look:
     )
 
     def place(self, phase: int) -> Place:
-        """Where in a pixel the ship origin lies, of a number of its place on the detector."""
+        """Return the position of the ship origin in a pixel, by its number."""
         # One stream for all places, one after the other.
         while len(self._places) <= phase:
             across, up = self._placing.random(2).tolist()

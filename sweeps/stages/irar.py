@@ -44,7 +44,7 @@ MOST_WRONG = {  # percent, m/s, degrees
     "ship_heading": 30.0,
     "pointing": 30.0,
 }
-ERROR_VALUE = "how wrong: aircraft_speed in percent, ship_speed in m/s, others in degrees"
+ERROR_VALUE = "error: aircraft_speed in percent, ship_speed in m/s, others in degrees"
 
 CELLS = 8
 """Of the truth along a pixel; 4 or 10 move tilts of noiseless ships by 0.1 deg."""
@@ -80,7 +80,7 @@ class Errors(Kind):
         for parameter, errors in (given or {}).items():
             if parameter not in MOST_WRONG:
                 raise ConfigurationError(
-                    f"{key}.{parameter} is no key of the configuration; {key} has "
+                    f"{key}.{parameter} is not a key of the configuration; {key} has "
                     f"{', '.join(MOST_WRONG)}"
                 )
             if errors is not None:
@@ -101,7 +101,7 @@ class Errors(Kind):
     ) -> dict[str, tuple[NDArray[Any], dict[str, str]]]:
         """Return coordinates of an axis of some values, its own first, with their attributes."""
         parameters, errors = zip(*values, strict=True)
-        named = {"long_name": "what is believed wrong of the flight"}
+        named = {"long_name": "recorded flight parameter in error"}
         return {
             "error": (np.arange(len(values)), Irar.errors.attrs),
             "error_parameter": (np.array(parameters, dtype=object), named),
@@ -332,7 +332,7 @@ def recorded(
 ) -> Scan:
     """Return the raw images of a pass, by receivers of values of `RECORDED`.
 
-    Whatever the passive band sees, all else is one draw.
+    All else is one draw, for any passive band.
     """
     shown = {one.name for one in PASSIVE}
     named = {name: value for name, value in receivers.items() if name not in shown}

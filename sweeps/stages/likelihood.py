@@ -178,8 +178,8 @@ def profile_scores(
 ) -> Arrays:
     """Return (gain_sigma, frame_count, view, template) log densities and squared distances.
 
-    NaN where a view is not there, or the template is not learned. The gain is as well known as
-    `gain_sigma` says.
+    NaN for missing views and for templates that are not learned. `gain_sigma` is the prior
+    standard deviation of the gain.
     """
     templates, known = profile_moments
     views = there.reshape(-1)

@@ -141,7 +141,7 @@ def mnn_training(
     truth = classes_of(there.shape, aspect)
     known = training_views & there
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` tells
+        warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` shows it
         network.fit(seen(expected[known], inputs), truth[known])
     named = np.full(there.shape, NONE)
     named[there] = network.predict(seen(expected[there], inputs))
@@ -157,7 +157,7 @@ def mnn_training(
     Output("predicted_bin", classifier.VIEW, "i2", label="number of the predicted aspect bin"),
     Output(
         *("ship_correct", classifier.VIEW, "i1"),
-        label="1 where the ship is right, whatever the aspect bin",
+        label="1 where the ship is right, for any aspect bin",
     ),
     uses=(Grid, Mnn),
     along=(Grid.frame_count,),

@@ -1,4 +1,4 @@
-"""The group `ships` of a store: measures and a picture of each ship, and what looks wrong with it.
+"""The group `ships` of a store: measures and a picture of each ship, and warnings.
 
 A report needs no mesh file to show what was swept.
 """

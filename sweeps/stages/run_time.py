@@ -192,8 +192,8 @@ def timed(
 ) -> Arrays:
     """Return the run time of a view by every sampling, absolute and relative to a fixed one.
 
-    Samplings take turns, forwards and backwards, so that what slows the machine for a while slows
-    all of them; and the yardstick is timed beside each pixel in every turn.
+    Samplings take turns, forwards and backwards, so that a temporary slowdown of the machine
+    affects all of them; and the reference is timed beside each pixel in every turn.
     """
     taken = call_apart(sighting.engine, _times, mesh, sighting, pixel, roll, spread, repeats)
     shape = (len(pixel), len(roll), len(spread))
@@ -204,11 +204,11 @@ def timed(
 def _times(
     mesh: trimesh.Trimesh, look: Look, pixel: Any, roll: Any, spread: Any, repeats: int
 ) -> tuple[Floats, Floats]:
-    """(turn, sampling) times [s], and ratios to the yardstick of the same turn and pixel."""
+    """(turn, sampling) times [s], and ratios to the reference of the same turn and pixel."""
     standard = Look(**{**vars(look), "engine": YARDSTICK, "samples": 0})
     fixed: Sampling = (YARDSTICK_PIXEL, ROLL, SPREAD)
     samplings = list(product(pixel, roll, spread))
-    look.extent(mesh, samplings[0])  # libraries are loaded, and what is kept of the ship is there
+    look.extent(mesh, samplings[0])  # warm up: load libraries and caches of the ship
     standard.extent(mesh, fixed)
     seconds, beside = np.empty((2, repeats, len(samplings)))
     for turn in range(repeats):
@@ -308,9 +308,11 @@ def missing_engines() -> list[str]:
 
 
 def remarks(choices: Choices) -> list[str]:
-    """Return a sentence for each engine that is not measured, for want of its libraries."""
+    """Return a sentence for each engine that is not measured because its libraries are missing."""
     missing = missing_engines() if looks(SENSOR)(choices) else []
-    return [f"render.engine is measured without {name}, which is not there" for name in missing]
+    return [
+        f"render.engine is measured without {name}: its libraries are missing" for name in missing
+    ]
 
 
 STAGES: tuple[Stage, ...] = (sighting, sampled, timed, changed)

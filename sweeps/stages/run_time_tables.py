@@ -1,4 +1,4 @@
-"""Tables of run time against error, and what a profile of a given error costs."""
+"""Tables of run time against error, and the cost of a profile of a given error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 SPREAD, BIN_WIDTH = 0.5, 1.0
-TARGET = 1e-3  # error whose cost is told
+TARGET = 1e-3  # error whose cost is tabulated
 VIEWS = ("ship", "aspect")
 
 
@@ -26,12 +26,12 @@ def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 
 def tabulate_nominal(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return the same by engine and pixel, sampled as by default or as nearly as there is."""
+    """Return the table by engine and pixel, at the default sampling or the nearest to it."""
     return nominal(summary(measured)).assign_attrs(title="Run time against error")
 
 
 def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return what a profile of the error `TARGET` costs by every engine."""
+    """Return the cost of a profile of the error `TARGET` by engine."""
     return costs(nominal(summary(measured))).assign_attrs(
         title=f"Cost of a median error of {TARGET:.1%}"
     )
@@ -74,7 +74,7 @@ def costs(table: xr.Dataset) -> xr.Dataset:
         table = table.expand_dims("pixel")
     figures = {
         "run_time": ("time of a view of that error", "s"),
-        "ratio": ("the same over a view by embree at 0.25 m, timed beside it", "1"),
+        "ratio": ("that time over a view by embree at 0.25 m, timed alongside", "1"),
         "pixel": ("pixel of that error", "m"),
     }
     error = table.profile_error_median

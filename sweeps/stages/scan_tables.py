@@ -14,18 +14,22 @@ NOWHERE = -1  # of a detection: no target, but the sea
 DECOY = "decoy"  # name of the last target
 SHARES = {
     "share_detected": ("detected", "ships", "share of ships detected"),
-    "share_right": ("right", "detected", "share of ships detected that are named right"),
-    "share_wrong": ("wrong", "detected", "share of ships detected that are named otherwise"),
-    "share_away": ("turned_away", "detected", "share of ships detected that are called none"),
-    "share_found": ("right", "ships", "share of all ships that are detected and named right"),
+    "share_right": ("right", "detected", "share of ships detected that are identified correctly"),
+    "share_wrong": ("wrong", "detected", "share of ships detected that are misidentified"),
+    "share_away": ("turned_away", "detected", "share of ships detected that are rejected"),
+    "share_found": (
+        "right",
+        "ships",
+        "share of all ships, detected and identified correctly",
+    ),
     "share_decoys": ("decoys_detected", "decoys", "share of decoys detected"),
     "share_rejected": (
         *("decoys_rejected", "decoys_detected"),
-        "share of decoys detected that are called no ship",
+        "share of decoys detected that are rejected",
     ),
     "share_false_rejected": (
         *("false_rejected", "false"),
-        "share of detections of the sea that are called no ship",
+        "share of detections of the sea that are rejected",
     ),
 }
 MEANS = {
@@ -71,7 +75,7 @@ def tabulate(scan: xr.Dataset, *, ships: int) -> xr.Dataset:
         add(name, hits / trials.where(trials > 0), label)
         for end, bound in (("low", low), ("high", high)):
             add(f"{name}_{end}", hits.copy(data=bound), f"{end} end of its 95 % Wilson interval")
-        add(f"{name}_of", trials, "of how many")
+        add(f"{name}_of", trials, "number of trials of the share")
     of_ships = scan.chance.isel(target=slice(ships)).mean("target")
     add("chance", of_ships.where(done).mean(DRAW), "share of ships detected, in closed form")
     for name, (one, label) in MEANS.items():

@@ -111,7 +111,7 @@ def scan_templates(
     nugget: float,
     gain_sigma: float,
 ) -> Templates:
-    """Return the templates of all views that are there."""
+    """Return the templates of all existing views."""
     band = scan_moments["band"][there]
     mean, alone = ladar.banded_frame_moments(
         nowhere(window, bin_width),

@@ -169,12 +169,12 @@ def tabulate_rejection(
     being unknown, (aspect,) flags of some kinds by name, and cosines below which a test answers
     "unknown": `MEANINGS` over the classifier's axes and `aspects`, NaN without answers; means over
     all draws, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`,
-    `rejected_up_to` and `area` are of the whole characteristic, whatever the test vigilances.
+    `rejected_up_to` and `area` are of the whole characteristic, for any test vigilances.
 
     Notes
     -----
     The characteristic has a corner at every similarity of an answer to an unknown ship. To reject
-    a share of these answers all up to a quantile must go, and whatever else is no more similar.
+    a share of these answers, all answers up to a quantile of the similarity are rejected.
     The area under it, of known ships right over unknown ships let through, is the probability
     that an answer to a known ship is right and more similar than one to an unknown ship, a tie
     counting half (J. A. Hanley and B. J. McNeil 1982, Radiology 143, 29).
@@ -190,7 +190,7 @@ def tabulate_rejection(
     parts = []
     for name, of_kind in aspects.items():
         of_known = (classified.correct >= 0) & known & of_kind
-        of_unknown = similarity.notnull() & ~known & of_kind  # whatever would be right
+        of_unknown = similarity.notnull() & ~known & of_kind  # right or wrong
         up_to = _over(pooled, _quantiles, similarity, of_unknown, gives=["least_rejected"])
         up_to = up_to.assign_coords(least_rejected=LEAST)
         counted = {

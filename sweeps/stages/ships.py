@@ -53,9 +53,9 @@ class ShipFile(Settings, key="grid.ship"):
 
 
 class ShipName(str):
-    """Label of a ship: its name or the stem of its file, with what it is loaded by.
+    """Label of a ship: its name or the stem of its file, with its source.
 
-    Equal labels are equal whatever they are loaded by, since stores know labels only.
+    Labels compare equal whatever their source, since stores have labels only.
     """
 
     source: str
@@ -74,7 +74,7 @@ class ShipName(str):
 
     @property
     def origin(self) -> tuple[str, Transform]:
-        """What tells it from another value of the same label."""
+        """Source and transform, which distinguish values of the same label."""
         return self.source, self.transform
 
 
@@ -93,7 +93,7 @@ class Ships(Text):
         return "a ship, or a list of ships"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """Labels in ascending order, each a `ShipName`; see `sweeps.engine.kinds.Kind.values`."""
+        """Return labels in ascending order, each a `ShipName`; see `Kind.values` of the engine."""
         listed = [given] if isinstance(given, str | Mapping) else given
         if not isinstance(listed, Sequence) or not all(map(self._is_ship, listed)):
             raise ConfigurationError(f"{key} is {shown(given)}, but must be {self.allowed}")
@@ -155,5 +155,5 @@ def _is_path(name: str) -> bool:
 
 
 def ships(default: Any, *, entries: tuple[Setting, ...] = (), **about: Any) -> Setting:
-    """Setting that is a ship or several; the rest as of `Setting`."""
+    """Return a setting of one or several ships; other arguments as of `Setting`."""
     return Setting(Ships(null=default is None, entries=entries), default, **about)

@@ -40,7 +40,7 @@ CACHE_VARIABLE = "NCTI_CACHE"
 
 
 def quantity(default: Any, low: float, high: float, unit: str, label: str, **about: Any) -> Setting:
-    """Setting that is a number with a unit; the rest as of `Setting`."""
+    """Return a setting that is a number with a unit; the rest as of `Setting`."""
     return number(default, low, high, unit=unit, label=label, **about)
 
 
@@ -150,7 +150,7 @@ class Hull:
 
     @property
     def identity(self) -> str:
-        """What results depend on: not where the file lies."""
+        """Hash that results depend on, without the location of the file."""
         return self.digest
 
 
@@ -229,7 +229,7 @@ def image(
     """Return the image at the configured pixel, or at a finer one where that has few samples.
 
     Ends of ships are small: at one pixel for all, they would err several times more than
-    broadsides, and it is the ends that tell ships apart. With a tolerance, lines are as fine as it
+    broadsides, and ships differ mostly at their ends. With a tolerance, lines are as fine as it
     takes, from one a pixel on. From starboard the lattice is mirrored, as the ship's twin is.
     """
     turn = roll if drawn_aspect <= 180 else -roll
@@ -347,4 +347,4 @@ def check_beam(
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
 STAGES: tuple[Stage, ...] = (hull, drawing_engine, depression, drawn_aspect, mesh, image)
 STATUS = "status:view"
-STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of what the sensors see of a view"),)
+STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of the sensors' results for a view"),)

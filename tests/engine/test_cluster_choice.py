@@ -15,11 +15,11 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ({"workers": 0}, "workers is 0, but must be at least 1"),
         (
             {"kind": "inline", "workers": 2},
-            "workers is 2, but must be null where cluster.kind is inline",
+            "workers is 2, but must be null when cluster.kind is inline",
         ),
         (
             {"address": "tcp://127.0.0.1:1"},
-            "address is tcp://127.0.0.1:1, but must be null where cluster.kind is local",
+            "address is tcp://127.0.0.1:1, but must be null when cluster.kind is local",
         ),
         (
             {"kind": "address"},
@@ -40,11 +40,11 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ),
         (
             {"kind": "address", "address": "tcp://10.0.0.1:1", "cert": "x.pem"},
-            "cert is x.pem, but must be null where cluster.address does not begin with tls://",
+            "cert is x.pem, but must be null unless cluster.address begins with tls://",
         ),
         (
             {"kind": "address", "address": "tcp://10.0.0.1:1", "queue": "short"},
-            "queue is short, but must be null where cluster.kind is address",
+            "queue is short, but must be null when cluster.kind is address",
         ),
         (
             {"kind": "slurm", "memory": "1GB"},

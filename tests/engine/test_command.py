@@ -73,11 +73,11 @@ def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
 
 
 REFUSED = {
-    "spring.nothing=1": "spring.nothing is no key of the configuration; spring has stiffness, mass,"
-    " limit, reference",
-    "+spring.nothing=1": "spring.nothing is no key of the configuration; spring has stiffness, mass"
-    ", limit, reference",
-    "nothing=1": "nothing is no key of the configuration; it has spring, measured, seed, store, ",
+    "spring.nothing=1": "spring.nothing is not a key of the configuration; spring has stiffness, "
+    "mass, limit, reference",
+    "+spring.nothing=1": "spring.nothing is not a key of the configuration; spring has stiffness, "
+    "mass, limit, reference",
+    "nothing=1": "nothing is not a key of the configuration; it has spring, measured, seed, ",
     "spring.mass.deep=1": "spring.mass",
     "spring=3": "spring is 3, but must hold stiffness, mass, limit, reference",
     "spring=[1]": "spring",
@@ -93,12 +93,12 @@ REFUSED = {
     "=3": "=3 has no key, but must be KEY=VALUE",
     "cluster=grid": "cluster is 'grid', but must be one of address, inline, local, slurm",
     "cluster=[inline,local]": "cluster is [inline,local], but must be one choice",
-    "cluster.workers=2": "cluster.workers is 2, but must be null where cluster.kind is inline",
+    "cluster.workers=2": "cluster.workers is 2, but must be null when cluster.kind is inline",
     "spring.mass=${spring.weight}": "spring.mass is ${spring.weight}, but must refer to keys that "
-    "have a value (spring.weight is no key of the configuration; spring has stiffness, mass, "
+    "have a value (spring.weight is not a key of the configuration; spring has stiffness, mass, "
     "limit, reference)",
     "spring.mass=[1,${nothing}]": "spring.mass is [1, '${nothing}'], but must refer to keys that "
-    "have a value (nothing is no key of the configuration; it has spring, measured, ",
+    "have a value (nothing is not a key of the configuration; it has spring, measured, ",
     "store=${spring.mas}.zarr": "store is ${spring.mas}.zarr, but must refer to keys that have",
     "spring.mass=${spring.mass}": "spring.mass is ${spring.mass}, but must refer to keys that have "
     "a value (Recursive interpolation detected)",
@@ -109,9 +109,9 @@ REFUSED = {
     "system: URLs are not supported",
     "store=file:///tmp/s.zarr": "URLs are not supported",
     "cache=gs://bucket/cache": "cache is 'gs://bucket/cache', but must be a folder",
-    "store=notes": "store is 'notes', which exists and is no store of a sweep; it must be a new "
+    "store=notes": "store is 'notes', which exists but is not a store of a sweep; it must be a new "
     "path or such a store",
-    "store=[a,b]": "store has 2 values, but must have one: it says where or how to run",
+    "store=[a,b]": "store has 2 values, but must have one: it sets where or how to run",
     "dry_run=maybe": "dry_run has 'maybe', but every value must be one of true, false",
 }
 
@@ -155,7 +155,7 @@ def test_a_store_of_another_experiment_is_refused(start, tmp_path, capsys):
     capsys.readouterr()
     assert Command(other).main(["cache=cache", "cluster=inline", "store=s.zarr"]) == 2
     assert capsys.readouterr().err == (
-        f"pendulums: store is {str(tmp_path / 's.zarr')!r}, which holds something else; it must be "
+        f"pendulums: store is {str(tmp_path / 's.zarr')!r}, which holds other data; it must be "
         "a new path, or a store of pendulums\n"
     )
     assert start("store=s.zarr", "spring.mass=9") == 2

@@ -220,12 +220,12 @@ REFUSED = [
     ),
     (
         ("store=z.zarr", "spring.mass=[1,2]", "grid.zip=[[mass,limit]]"),
-        "springs: grid.zip has spring.mass, spring.limit, which must have as many values each, but "
+        "springs: grid.zip has spring.mass, spring.limit, which must have equally many values, but "
         "spring.mass has 2, spring.limit has 1",
     ),
     (
         ("store=z.zarr", "grid.zip=[[mass,nothing]]"),
-        "springs: grid.zip has 'nothing', which is no setting; give a whole key",
+        "springs: grid.zip has 'nothing', which is not a setting; give a whole key",
     ),
     (
         ("store=z.zarr", "grid.zip=[[mass,mass]]"),
@@ -233,7 +233,7 @@ REFUSED = [
     ),
     (
         ("store=z.zarr", "grid.zip=[[mass,store]]"),
-        "springs: grid.zip has 'store', but it takes one value: it says where or how to run",
+        "springs: grid.zip has 'store', but it takes one value: it sets where or how to run",
     ),
     (
         (
@@ -340,5 +340,5 @@ def test_equal_labels_of_different_things_are_refused():
     )
     [(choices, _)] = fused(SPRINGS, alike)
     assert choices[Spring.limit] == ("a",)
-    with pytest.raises(ConfigurationError, match=r"^spring\.limit has 'a' for two things in jobs"):
+    with pytest.raises(ConfigurationError, match=r"^spring\.limit has 'a' for two values in jobs"):
         fused(SPRINGS, other)

@@ -182,7 +182,7 @@ def test_cells_are_described_without_losing_digits():
 def test_a_plain_stage_that_cannot_be_worked_out_is_refused():
     with pytest.raises(ConfigurationError) as refused:
         Plan(NEGATIVE, read_choices(NEGATIVE.declared, {})).key(bind(NEGATIVE)["root_of"], ())
-    assert str(refused.value) == "root cannot be worked out of size=-1: math domain error"
+    assert str(refused.value) == "root cannot be computed from size=-1: math domain error"
 
 
 class Few(Settings, key="few"):
@@ -243,7 +243,7 @@ MISTAKES = [
     ((unknown,), "stage unknown: argument 'nothing' is neither a setting of Few nor a stage"),
     ((circular, circle), "stages need each other: one -> another -> one"),
     ((unneeded,), "stage unneeded does not need few.part"),
-    ((lost, gatherer), "lost is not kept, so that it cannot depend on few.part"),
+    ((lost, gatherer), "lost is not kept on disk, so it cannot depend on few.part"),
 ]
 
 

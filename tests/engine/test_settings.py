@@ -205,7 +205,7 @@ def test_the_table_of_settings_has_each_of_them():
         "| `spring.stiffness` | [1, 2, 4] | N m-1 | a finite number at least 0 | stiffness |"
     )
     assert (
-        "| `dry_run` | false |  | one of true, false; one value: it says where or how to run | "
+        "| `dry_run` | false |  | one of true, false; one value: it sets where or how to run | "
         "only print what would be computed |"
     ) in rows
 
@@ -242,7 +242,7 @@ def test_a_mapping_is_read_by_its_entries():
     ("given", "sentence"),
     [
         ({}, "pendulum.bob is {}, but must have file"),
-        ({"file": "a", "size": 1}, "pendulum.bob.size is no key of the configuration; "),
+        ({"file": "a", "size": 1}, "pendulum.bob.size is not a key of the configuration; "),
         ({"file": "a", "mass": 10}, "pendulum.bob.mass has 10, but every value must be a finite"),
         ({"file": "a", "mass": [1, 2]}, "pendulum.bob.mass has 2 values, but must have one: it is"),
         ({"file": "a", "place": 1}, "pendulum.bob.place is 1, but must be a list of 2, each a"),

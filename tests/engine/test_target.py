@@ -29,8 +29,8 @@ from sweeps.engine.store import write_store
         ("dangling/x", "link to nothing"),
         ("loop", "link to nothing"),
         ("file", "no"),
-        ("file/x", "is no folder"),
-        ("file/x/y", "is no folder"),
+        ("file/x", "is not a folder"),
+        ("file/x/y", "is not a folder"),
         ("/proc/x", "nothing can be written"),
     ],
 )
@@ -72,7 +72,7 @@ def test_a_foreign_folder_is_never_touched(tmp_path, appears):
         groups["one"].arrays["x"] = array(np.zeros((1, 6), "f4"), chunks=(1, 6), read=put)
     else:
         put()
-    with pytest.raises(ConfigurationError, match="exists and is no store"):
+    with pytest.raises(ConfigurationError, match="exists but is not a store"):
         write_store(path, groups, {})
     assert files(path) == {"zarr.json": b"mine"}
     assert os.listdir(tmp_path) == ["s.zarr"]

@@ -100,7 +100,7 @@ def test_errors_have_bounds(key):
 
 def test_errors_of_nothing_known_are_refused():
     said = refused(errors={"luck": 1})
-    assert said.startswith("irar.errors.luck is no key") and "ship_heading" in said
+    assert said.startswith("irar.errors.luck is not a key") and "ship_heading" in said
     assert "irar.errors is [1], but must be a mapping" in refused(errors=[1])
 
 

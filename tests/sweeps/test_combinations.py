@@ -29,14 +29,14 @@ def sentence(*overrides):
 
 WRONG = {
     # keys and groups
-    "grid.shp=duncan": "grid.shp is no key of the configuration; grid has ship, aspect",
-    "+colour=red": "colour is no key of the configuration; it has sensor, grid",
-    "irar.errors.luck=1": "irar.errors.luck is no key of the configuration; irar.errors has "
+    "grid.shp=duncan": "grid.shp is not a key of the configuration; grid has ship, aspect",
+    "+colour=red": "colour is not a key of the configuration; it has sensor, grid",
+    "irar.errors.luck=1": "irar.errors.luck is not a key of the configuration; irar.errors has "
     "aircraft_speed, ",
     "irar.errors=null": "irar.errors is null, but must hold aircraft_speed, ship_speed",
     "irar.errors=5": "irar.errors is 5, but must hold aircraft_speed, ship_speed",
     "grid.aspect=${grid.rage}": "grid.aspect is ${grid.rage}, but must refer to keys that have a "
-    "value (grid.rage is no key of the configuration; grid has ship, aspect",
+    "value (grid.rage is not a key of the configuration; grid has ship, aspect",
     "grid.ship=null": "grid.ship is null, but must be a ship, or a list of ships",
     "classifier.mnn=5": "classifier.mnn is 5, but must hold epochs, grow_every",
     "grid=[1]": "grid is a list, but must hold ship, aspect",

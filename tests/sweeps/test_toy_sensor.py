@@ -156,7 +156,7 @@ def test_it_is_described_and_checked_like_the_others(capsys):
     for overrides, said in {
         "toy.scatter=11": "toy.scatter has 11",
         "grid.ship=horne": "toy knows duncan",
-        "toy.depth=1": "toy.depth is no key of the configuration; toy has echoes, scatter",
+        "toy.depth=1": "toy.depth is not a key of the configuration; toy has echoes, scatter",
     }.items():
         assert ran(*SWEEP, overrides, modules=MODULES) == 2
         assert said in capsys.readouterr().err

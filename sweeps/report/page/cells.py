@@ -1,4 +1,4 @@
-"""Cells of tables as they are shown, and what the script of the page looks them up in."""
+"""Cells of tables as shown, and the data that the script of the page looks them up in."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEVELS = 9  # shades of a confusion matrix
 
 @dataclass(frozen=True)
 class Shown:
-    """A cell: its figure, interval, the source's figure with the difference, and classes."""
+    """A cell: its figure and interval, the source's figure with the difference, CSS classes."""
 
     text: str
     interval: str = ""
@@ -26,14 +26,14 @@ class Shown:
 
 
 class Cells:
-    """All cells of a page at the selection that it begins with."""
+    """All cells of a page at its initial selection."""
 
     def __init__(self, cubes: Sequence[Cube], axes: Mapping[str, Axis]) -> None:
         self.cubes, self.axes = cubes, axes
         self._default = {name: axis.default for name, axis in axes.items()}
 
     def shown(self, cell: Cell) -> Shown:
-        """Return what a cell shows."""
+        """Return the shown form of a cell."""
         cube = self.cubes[cell.cube]
         index = cube.index({**self._default, **cell.at})
         value = None if index is None else cube.values[index]
@@ -85,11 +85,11 @@ class Cells:
         ]
 
     def place(self, cell: Cell) -> str:
-        """Return where a cell stands besides the selection, as the script reads it."""
+        """Return the place of a cell on axes other than the selected ones, for the script."""
         return ";".join(f"{name}:{place}" for name, place in cell.at.items())
 
     def code(self, cell: Cell) -> str:
-        """Return the Python code that gives the figure of a cell."""
+        """Return the Python code that reads the figure of a cell."""
         cube = self.cubes[cell.cube]
         place = {**self._default, **cell.at}
         index = cube.index(place)

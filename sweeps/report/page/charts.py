@@ -1,4 +1,4 @@
-"""Charts of the page: curves as SVG paths, which its script draws anew for another selection."""
+"""Charts of the page: curves as SVG paths, which its script redraws for another selection."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLOURS = 8
 
 @dataclass(frozen=True)
 class Series:
-    """A curve: its cube, its look, and its paths at the selection that the page begins with."""
+    """A curve: its cube, its style, and its paths at the initial selection."""
 
     cube: int
     label: str
@@ -32,7 +32,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Scale:
-    """Values from low to high, over so many pixels upwards."""
+    """Scale of values from low to high, over some pixels upwards."""
 
     low: float
     high: float
@@ -49,7 +49,7 @@ class Scale:
 
     @property
     def ticks(self) -> list[tuple[str, float]]:
-        """Values to be labelled, with their heights."""
+        """Return labels of values, with their heights."""
         if self.logarithmic:
             first, last = math.ceil(math.log10(self.low)), math.floor(math.log10(self.high))
             every = max(1, (last - first) // 4)
@@ -63,7 +63,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Chart:
-    """Curves against an axis: positions of its values by place, None of those it lacks."""
+    """Curves against an axis: positions of its values by place, None for absent ones."""
 
     title: str
     axis: Axis
@@ -77,7 +77,7 @@ class Chart:
 
     @property
     def empty(self) -> bool:
-        """Whether there is no value at the selection."""
+        """Return whether there is no value at the selection."""
         return not any(one.marks for one in self.series)
 
 
@@ -92,7 +92,7 @@ def chart(
 ) -> Chart:
     """Return the chart of some cubes against an axis, at the default values of the others.
 
-    `texts` are its title, its unit and the names of its curves, `ends` those of its scale.
+    `texts` are its title, its unit and the names of its curves, `ends` are those of its scale.
     """
     title, unit, names = texts
     places = sorted({place for k in numbers for place in _along(cubes[k], axis.name)})
@@ -115,7 +115,7 @@ def chart(
 
 
 def shape_of(look: int) -> int:
-    """Return the shape of a curve's marks: with its colour it is that of no other."""
+    """Return the shape of a curve's marks, unique in combination with its colour."""
     return (look + look // COLOURS) % len(SHAPES)
 
 
@@ -124,7 +124,7 @@ def _along(cube: Cube, dim: str) -> tuple[int, ...]:
 
 
 def positions(axis: Axis, places: Sequence[int]) -> list[float]:
-    """Return where values of an axis stand: to scale, by logarithm if that parts them better."""
+    """Return positions of values on an axis: linear, or logarithmic if that spreads them more."""
     left, right = LEFT + 14, WIDTH - RIGHT - 14
     count = len(places)
     values: list[float] = list(range(count))
@@ -145,7 +145,7 @@ def _least_gap(values: Sequence[float]) -> float:
 
 
 def _labels(there: Sequence[tuple[str, float]]) -> list[tuple[str, str, float]]:
-    """Labels that do not touch, short and whole, with where they stand; both ends first."""
+    """Return labels that do not overlap, short and in full, with positions; both ends first."""
     kept: list[tuple[str, float]] = []
     for text, x in (*there[:1], *there[-1:], *there[1:-1]):
         wide = 6.2 * min(len(text), LETTERS) + 6
@@ -175,7 +175,7 @@ def _scale(cubes: Iterable[Cube]) -> Scale:
 
 
 def _step(span: float) -> float:
-    """Distance of four labels or so."""
+    """Return the step of about four labels."""
     power = 10 ** math.floor(math.log10(span / 4))
     return float(next(k * power for k in (1, 2, 2.5, 5, 10) if k * power >= span / 4 * 0.999))
 

@@ -1,4 +1,4 @@
-"""Confusion matrices: how often each ship is named each ship, by selection."""
+"""Confusion matrices: counts by true and predicted ship, by selection."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Matrix:
-    """A confusion matrix of the page: true ships down, ships named across."""
+    """A confusion matrix of the page: true ships down, predicted ships across."""
 
     name: str
     title: str
@@ -44,9 +44,9 @@ class Matrix:
 
 
 def matrices_of(answers: xr.Dataset, group: str, store: str, axes: Axes) -> list[Cube]:
-    """Return counts of answers by true ship and ship named, a cube a value of axes that are split.
+    """Return counts of answers by true and predicted ship, a cube per value of split axes.
 
-    Over all draws and the aspects of a bin. No cube where a group has no ships named.
+    Over all draws and the aspects of a bin. Empty if a group has no predictions.
     """
     if "predicted" not in answers or not {"ship", "aspect"} <= set(answers.predicted.dims):
         return []
@@ -69,7 +69,7 @@ def _cube(answers: xr.Dataset, group: str, store: str, axes: Axes, split: Sequen
     values = predicted.transpose(*own, *draws, "ship", "aspect").values
     outer = int(np.prod(values.shape[: len(own)], dtype=int))
     values = values.reshape(outer, -1, len(ships), answers.sizes["aspect"])
-    # One number for each place, bin, true ship and ship named, counted at once.
+    # One number for each place, bin, true and predicted ship, counted at once.
     each, named = len(ships) + 1, np.where(values < 0, len(ships), values)
     place = np.arange(outer)[:, None, None, None] * (len(labels) - 1) + index
     place = (place * len(ships) + np.arange(len(ships))[:, None]) * each + named

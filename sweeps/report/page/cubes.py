@@ -1,4 +1,4 @@
-"""Variables of a store as cubes of plain numbers, which the page and its script look up."""
+"""Variables of a store as cubes of plain numbers, read by the page and its script."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sweeps.report.axes import Axis as SweepAxis
 from sweeps.report.rows import beside_source, has_source_views, nearest, score_rows, source_figures
 
 ENDS = (("ci_low", "ci_high"), ("low", "high"))  # of intervals, after the name of their variable
-COUNTS = ("n", "of")  # of what a variable is a fraction, after its name
+COUNTS = ("n", "of")  # suffixes of the total of which a variable is a fraction
 BESIDE = ("spread", *COUNTS)  # shown with a variable, not on their own
 SPLIT = ("channel", "classifier", "kind", "engine")  # axes whose values are curves of their own
 SCORE = "accuracy"
@@ -57,9 +57,9 @@ class Axis:
 class Cube:
     """Values of one variable over its axes, flat in C order, with what is shown beside them.
 
-    `dims` are axes of several values, `at` the places of their values on the axes of the page.
-    `fixed` tells values of the others. `code` is Python with a `hole` for the code of a value.
-    `codes` are those of a cube of its own.
+    `dims` are axes of several values, `at` the positions of their values on the page's axes.
+    `fixed` has values of the others. `code` is Python with a `hole` for the code of a value.
+    `codes` overrides these codes.
     """
 
     group: str
@@ -79,7 +79,7 @@ class Cube:
     codes: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def index(self, place: Place) -> int | None:
-        """Return where the value at a place on the axes of the page stands; None if not here."""
+        """Return the index of the value at a place on the page's axes; None if it is absent."""
         found = 0
         for dim, there in zip(self.dims, self.at, strict=True):
             if place.get(dim) not in there:
@@ -90,14 +90,14 @@ class Cube:
 
 @dataclass
 class _Known:
-    """Values of an axis that any cube has, in order of appearance."""
+    """Values of an axis in any cube, in order of appearance."""
 
     column: SweepAxis
     values: dict[Any, str] = field(default_factory=dict)  # with their code
 
 
 def hole(dim: str) -> str:
-    """Return what stands in the code of a cube for the value of an axis."""
+    """Return the placeholder of an axis' value in the code of a cube."""
     return f"\0{dim}\0"
 
 
@@ -110,7 +110,7 @@ class Axes:
     def add(
         self, name: str, column: SweepAxis, values: Sequence[Any], codes: Sequence[str]
     ) -> None:
-        """Take in values of an axis."""
+        """Add values of an axis."""
         known = self._known.setdefault(name, _Known(column))
         for value, code in zip(values, codes, strict=True):
             known.values.setdefault(value, code)
@@ -157,7 +157,7 @@ def _text(name: str, value: Any) -> str:
 
 
 def _default(name: str, values: Sequence[Any], numeric: bool) -> int:
-    """Place of the source's main setting, of the nominal one, or of the first."""
+    """Return the place of the source's main setting, the nominal one, or the first."""
     source = source_figures()
     wanted = NOMINAL | {
         "pulse_width": source["table4_percent_correct"]["pulse_width"],
@@ -177,7 +177,7 @@ def _default(name: str, values: Sequence[Any], numeric: bool) -> int:
 
 
 def placed(cube: Cube, axes: Mapping[str, Axis]) -> Cube:
-    """Return a cube with places on the axes of the page, given with values in their stead."""
+    """Return a cube with values replaced by places on the axes of the page."""
     places = {
         dim: {value: place for place, value in enumerate(axes[dim].values)} for dim in cube.dims
     }
@@ -191,7 +191,7 @@ def placed(cube: Cube, axes: Mapping[str, Axis]) -> Cube:
 def cubes_of(table: xr.Dataset, group: str, store: str, axes: Axes) -> list[Cube]:
     """Return the cubes of all numeric variables of a table, scores first.
 
-    Means over draws. Their `at` holds values until `placed`; `axes` takes these in.
+    Means over draws. Their `at` holds values until `placed`; the values are added to `axes`.
     """
     names = [str(name) for name in table.data_vars if _is_measure(table, str(name))]
     names.sort(key=lambda name: not name.endswith(SCORE))
@@ -261,12 +261,12 @@ def _cube(
 
 
 def _first(table: xr.Dataset, names: Iterable[str]) -> str:
-    """Name of the first variable of some that a table has; empty without."""
+    """Return the name of the first variable of some that a table has, or an empty text."""
     return next((name for name in names if name in table), "")
 
 
 def _ends(table: xr.Dataset, name: str) -> list[str]:
-    """Names of both ends of a variable's interval, if it has one."""
+    """Return names of both ends of a variable's interval, if it has one."""
     pairs = ([f"{name}_{end}" for end in pair] for pair in ENDS)
     return next((pair for pair in pairs if all(one in table for one in pair)), [])
 
@@ -274,7 +274,7 @@ def _ends(table: xr.Dataset, name: str) -> list[str]:
 def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], SweepAxis]:
     """Return values of a dimension, their code for `sel`, and its column.
 
-    Of a joint axis, which has several coordinates, or none of its name: their numbers, told by all.
+    For a joint axis, which has several coordinates, the values are numbers, labelled by all.
     """
     coord = table[dim]
     values = [None if one != one else one for one in coord.values.tolist()]
@@ -301,7 +301,7 @@ def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], SweepAxis]
 def _numbers(
     table: xr.Dataset, name: str, dims: Sequence[str], draws: Sequence[str], percent: bool
 ) -> tuple[Any, ...]:
-    """Values of a variable, flat: percentages to a tenth, others to some digits; None of NaN."""
+    """Return flat values of a variable: percentages to a tenth, others rounded; None for NaN."""
     if name not in table:
         return ()
     array = table[name]
@@ -321,9 +321,9 @@ def _numbers(
 def _source(
     table: xr.Dataset, group: str, prefix: str, dims: Sequence[str]
 ) -> tuple[int | None, ...]:
-    """The source's percentages of a table of scores, where its views are the source's."""
+    """Return the source's percentages for a table of scores, if its views are the source's."""
     name = f"{group.rpartition('/')[2]}{'_ship' if prefix == 'ship_' else ''}"
-    if prefix and name == "acn_infrared":  # the source's silhouettes are tests alone
+    if prefix and name == "acn_infrared":  # the source has only test silhouettes
         return ()
     if "view_count" not in table or "aspect_low" not in table.coords or not has_source_views(table):
         return ()
@@ -340,5 +340,5 @@ def _source(
 
 
 def _dims(named: xr.Dataset) -> Iterator[str]:
-    """Dimensions of a table in the order of its rows."""
+    """Yield dimensions of a table in the order of its rows."""
     yield from dict.fromkeys(dim for dim in axes_of(named).values() if dim)

@@ -1,4 +1,4 @@
-"""Tables and charts of a page: which cubes stand where."""
+"""Tables and charts of a page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OTHERS = {
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table: its cube, and where it stands besides what is selected."""
+    """A cell of a table: its cube, and its place on axes other than the selected ones."""
 
     cube: int
     at: Place
@@ -44,7 +44,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table of the page; `by` is the axis of its rows, and `part` whose variants it is of."""
+    """A table of the page; `by` is the axis of its rows, and equal `part`s are variants."""
 
     caption: str
     heading: str
@@ -69,7 +69,7 @@ class Section:
 
 
 def label_of(cube: Cube) -> str:
-    """Return what a classifier's scores are called."""
+    """Return the label of a classifier's scores."""
     name = cube.group.rpartition("/")[2]
     prefix = cube.name.removesuffix(SCORE) if cube.name.endswith(SCORE) else ""
     own = f"{name}_{prefix.strip('_')}" if prefix else name
@@ -92,7 +92,7 @@ def notes_of(cube: Cube, axes: Mapping[str, Axis]) -> list[tuple[str, str, str]]
 
 
 def is_training(cube: Cube) -> bool:
-    """Return whether a cube scores what was learned."""
+    """Return whether a cube scores training views."""
     return cube.name.startswith("training_")
 
 
@@ -122,7 +122,7 @@ def score_sections(
         sheets = []
         for number in own:
             if not is_training(cubes[number]) or len(own) == 1:
-                # The training is scored as tests without a prefix are.
+                # Training views are scored like tests without a prefix.
                 plain = cubes[number].name == SCORE
                 trained = [other for other in own if plain and is_training(cubes[other])]
                 sheets += _by_axis(number, trained, cubes, axes)
@@ -132,7 +132,7 @@ def score_sections(
 
 
 def title_of(name: str) -> str:
-    """Return what the tables of a group are called."""
+    """Return the title of a group's tables."""
     known = TITLES.get(name) or REJECTING.get(name)
     words = known.partition(",")[0] if known else name.replace("_", " ")
     return words[:1].upper() + words[1:]
@@ -146,7 +146,7 @@ def _score_line(number: int, cubes: Sequence[Cube], axes: Mapping[str, Axis]) ->
 def _by_axis(
     number: int, trained: Sequence[int], cubes: Sequence[Cube], axes: Mapping[str, Axis]
 ) -> list[Sheet]:
-    """Return tables of one classifier by aspect bin, a row a value of any of its axes."""
+    """Return tables of one classifier by aspect bin, a row per value of one of its axes."""
     cube, bins = cubes[number], range(len(axes[BIN].texts))
     sheets = []
     keys = [dim for dim in cube.dims if dim != BIN]
@@ -183,7 +183,7 @@ def _by_axis(
 
 
 def _main(keys: Sequence[str], axes: Mapping[str, Axis]) -> str:
-    """Return the axis of rows to begin with: frames, else the longest one of numbers, or of all."""
+    """Return the initial axis of rows: frames, else the longest numeric axis, or the longest."""
     if "frame_count" in keys:
         return "frame_count"
     ranks = {dim: (axes[dim].numbers is not None, len(axes[dim].texts)) for dim in keys}
@@ -216,7 +216,7 @@ def legend(cubes: Sequence[Cube]) -> list[tuple[int, str]]:
 def other_sections(
     cubes: Sequence[Cube], axes: Mapping[str, Axis], titles: Mapping[str, str]
 ) -> list[Section]:
-    """Return sections of all other variables, a chart for each against each of its axes."""
+    """Return sections of all other variables, with a chart against each of their axes."""
     sections = []
     others = [
         number for number, cube in enumerate(cubes) if not is_score(cube) and NAMED not in cube.dims
@@ -240,7 +240,7 @@ def other_sections(
 def _against_axes(
     lines: Sequence[int], cubes: Sequence[Cube], axes: Mapping[str, Axis]
 ) -> Iterator[Chart]:
-    """Yield charts of one variable, a curve a value of axes that are split."""
+    """Yield charts of one variable, a curve per value of split axes."""
     first = cubes[lines[0]]
     names = [", ".join(_split(cubes[number])) for number in lines]
     for dim in first.dims:
@@ -260,7 +260,7 @@ def _split(cube: Cube) -> list[str]:
 def _beside_each_other(
     own: Iterable[int], cubes: Sequence[Cube], axes: Mapping[str, Axis], title: str, name: str
 ) -> list[Sheet]:
-    """Return tables of several variables, a row a value of any axis that some of them have."""
+    """Return tables of several variables, a row per value of one of their axes."""
     own = list(own)
     keys = list(dict.fromkeys(dim for number in own for dim in cubes[number].dims))
     # First the axis that most variables have, and the longest of those.

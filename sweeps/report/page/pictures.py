@@ -1,4 +1,4 @@
-"""Figures of the page, as PNG in its text, each with the figure of the source that it is like."""
+"""Figures of the page as embedded PNG, each with the source's corresponding figure."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Draw = Callable[[str, Path], "Figure"]  # of a kind and a store
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of figure: groups of a store that it takes, and what is said of it."""
+    """A kind of figure: groups of a store that it needs, and its texts."""
 
     needs: tuple[str, ...]
     title: str
@@ -29,7 +29,7 @@ class Kind:
     alt: str
 
 
-# Curves of scores are charts of the page itself, so that kinds of these are not among them.
+# Curves of scores are charts of the page itself, so their kinds are not listed.
 KINDS = {
     "profiles": Kind(
         ("range_profile",),
@@ -81,16 +81,16 @@ KINDS = {
     ),
     "scan": Kind(
         ("scan", "tables/scan"),
-        "A field of regard: detections, names and time",
+        "A field of regard: detections, identifications and time",
         "the article's Figure 1",
-        "A map of the field of regard with ships and decoys detected and named, a time line of the "
-        "sensors, and what is found against the settings.",
+        "A map of the field of regard with ships and decoys detected and identified, a time line "
+        "of the sensors, and scores against the settings.",
     ),
     "runtime_vs_error": Kind(
         ("tables/run_time_samplings",),
         "Run time against the error of range extents, by engine",
         "",
-        "Median error of range extents against run time of a view, logarithmic, a curve an engine.",
+        "Median error of range extents against run time of a view, logarithmic, by engine.",
     ),
 }
 
@@ -109,11 +109,11 @@ class Picture:
 
 
 def pictures_of(path: Path, store: Any, draw: Draw) -> Iterator[Picture]:
-    """Yield the figures that a store has the groups for, as PNG in base64."""
+    """Yield the figures for which a store has the groups, as PNG in base64."""
     for kind, one in KINDS.items():
         if all(_has(store, group) for group in one.needs):
             drawn, why = _drawn(kind, path, draw)
-            if why and kind == "sensitivity":  # of flights without errors there is none
+            if why and kind == "sensitivity":  # flights without errors have none
                 continue
             command = f"python -m sweeps.report.figures {kind} {path.name} {kind}.png"
             yield Picture(kind, one.title, one.source, one.alt, command, drawn, why)
@@ -125,13 +125,13 @@ def _has(store: Any, group: str) -> bool:
 
 
 def _drawn(kind: str, path: Path, draw: Draw) -> tuple[str, str]:
-    """Return the picture, or why there is none."""
+    """Return the picture, and the reason if there is none."""
     content = io.BytesIO()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of figures too small for their labels
             draw(kind, path).savefig(content, format="png", dpi=DPI)
-    # Whatever a store lacks for a figure, the page is as good without.
+    # A missing figure does not prevent the page.
     except Exception as error:
         return "", f"{type(error).__name__}: {error}".partition("\n")[0]
     return base64.b64encode(content.getvalue()).decode("ascii"), ""

@@ -17,12 +17,12 @@ from sweeps.report.rows import groups, read
 
 GROUP = "ships"
 MEASURES = ("length", "beam", "height", "facets")
-DARK, BRIGHT = (52, 72, 92), (178, 202, 222)  # colours of a picture: either is seen on any page
+DARK, BRIGHT = (52, 72, 92), (178, 202, 222)  # visible on light and dark pages
 
 
 @dataclass(frozen=True)
 class Ship:
-    """A ship: its measures in words, its picture as PNG in base64, and what looks wrong with it."""
+    """A ship: its measures in words, its picture as PNG in base64, and its warnings."""
 
     label: str
     measures: list[tuple[str, str]]
@@ -53,7 +53,7 @@ def ships_of(store: Any) -> list[Ship]:
 def drawn(brightness: NDArray[np.floating]) -> str:
     """Return a picture, (row, column), from 0 to 1 and the lowest row first, as PNG in base64.
 
-    NaN is transparent. Empty where nothing else is there.
+    NaN is transparent. Empty if all is NaN.
     """
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""What was swept, what became of its cells, and where the numbers come from."""
+"""Swept axes, states of cells, and provenance of a store."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from sweeps.report.axes import Column, printable, shown
 from sweeps.report.page.cubes import unit_of, with_unit
 from sweeps.report.rows import groups, read
 
-CHOICES = ("sensor", "name", "engine")  # settings that say what is run, and are no axes
-NAMED = 20  # failures that are told; the store has all
+CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
+NAMED = 20  # failures that are listed; all are in the store
 
 
 @dataclass(frozen=True)
 class Status:
-    """Cells of a store by their state, in all and by what they are of."""
+    """Cells of a store by state, in all and by stage."""
 
     done: int
     failed: int
@@ -64,7 +64,7 @@ def status_of(store: Any) -> Status:
     done = sum(part[1] for part in parts)
     failed = sum(part[2] for part in parts)
     missing = sum(part[3] for part in parts)
-    # A failure that no state shows counts, too.
+    # Include failures that no state shows.
     failed, more = max(failed, bool(failures)), max(0, len(failures) - NAMED)
     return Status(done, failed, missing, parts, failures[:NAMED], more)
 
@@ -94,7 +94,7 @@ def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def swept(settings: Iterable[tuple[str, Any]], units: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return settings of several values that the store has an axis of: the key, and its values.
+    """Return key and values of the settings that are axes of the store.
 
     `units` are of all axes, by name.
     """
@@ -117,12 +117,12 @@ def _several(values: list[Any], unit: str) -> str:
 
 
 def written(value: Any) -> str:
-    """Return a value of the configuration as YAML has it, on one line."""
+    """Return a value of the configuration as YAML, on one line."""
     return printable(json.dumps(value, ensure_ascii=False))
 
 
 def provenance(attributes: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return tables of what the numbers depend on besides the configuration."""
+    """Return tables of everything that results depend on besides the configuration."""
     known = (
         ("Versions", "versions"),
         ("Digests of the ships' meshes", "mesh_digests"),

@@ -1,4 +1,4 @@
-"""One HTML file of a store: what it holds is read here, and laid out by the templates."""
+"""Writing of the report page: reads a store, and renders the templates."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from sweeps.report.work import read_work
 
 HIDDEN = (TRUE, NAMED)  # axes without a selector
 LARGEST = 200_000  # values of a variable; images and profiles have more
-STAMP = "ncti-store"  # name of the meta element that says which store a page is of
+STAMP = "ncti-store"  # name of the meta element that identifies the store of a page
 
 
 def write_page(store: Path, draw: Draw) -> Path:
-    """Write the page of a store beside it, whole or not at all; returns its path.
+    """Write the page of a store beside it, atomically; return its path.
 
-    `draw` makes a figure of a kind from a store, as `sweeps.report.figures.draw` does. Raises
+    `draw` draws a kind of figure from a store, like `sweeps.report.figures.draw`. Raises
     OSError if the store cannot be read, or the page cannot be written.
     """
     path, text = rows.page_file(store), page_of(store, draw)
@@ -38,7 +38,7 @@ def write_page(store: Path, draw: Draw) -> Path:
 
 
 def is_current(store: Path) -> bool:
-    """Return whether the page beside a store was made of it, by this version."""
+    """Return whether the page beside a store was made from it by this version."""
     try:
         with rows.page_file(store).open(encoding="utf-8") as file:
             return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(4096)
@@ -47,7 +47,7 @@ def is_current(store: Path) -> bool:
 
 
 def _stamp(store: Path) -> str:
-    """Digest of what a store says of itself, and of the version that reports it."""
+    """Return a digest of a store's attributes and of the report's version."""
     try:
         known = version("ncti-sweep")
     except PackageNotFoundError:
@@ -116,7 +116,7 @@ def _read(store: Any, name: str) -> tuple[dict[str, Axis], list[Cube], dict[str,
 
 
 def _rendered(content: Mapping[str, Any]) -> str:
-    """Return the page; whatever is not a template is escaped."""
+    """Return the rendered page; everything but templates is escaped."""
     from jinja2 import Environment, FunctionLoader
     from markupsafe import Markup
 
@@ -126,7 +126,7 @@ def _rendered(content: Mapping[str, Any]) -> str:
         return folder.joinpath(name).read_text(encoding="utf-8")
 
     def visible(value: Any) -> Any:
-        """Value of an expression, control characters of texts escaped."""
+        """Return the value of an expression, with control characters of texts escaped."""
         if isinstance(value, str) and not isinstance(value, Markup):
             return printable(value)
         return value
@@ -148,7 +148,7 @@ def _rendered(content: Mapping[str, Any]) -> str:
 
 
 def _policy(style: str, script: str) -> str:
-    """Content security policy: this style, this script, and pictures in the text; nothing else."""
+    """Return a content security policy that allows this style, script and embedded pictures."""
     allowed = {"style-src": style, "script-src": script}
     hashes = (
         f"{key} 'sha256-{base64.b64encode(hashlib.sha256(one.encode()).digest()).decode()}'"
