@@ -93,7 +93,7 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
         COLUMNS,
         rows,
         [
-            "Medians on one core, after one round that is not counted; the range image already exists."
+            "Medians on one core, after one uncounted round; the range image exists already."
         ],
     )
 
