@@ -92,9 +92,7 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
         f"Infrared images: {ship}, {len(aspects)} aspects, {FRAMES} frames, {repeats} times",
         COLUMNS,
         rows,
-        [
-            "Medians on one core, after one uncounted round; the range image exists already."
-        ],
+        ["Medians on one core, after one uncounted round; the range image exists already."],
     )
 
 

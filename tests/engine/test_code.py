@@ -378,7 +378,7 @@ def test_a_function_without_source_is_refused():
     exec("def length(): ...", space)
     with pytest.raises(ConfigurationError, match="length of nowhere has no source"):
         code_digest(space["length"], roots=frozenset())
-    with pytest.raises(TypeError, match="no Python function"):
+    with pytest.raises(TypeError, match="not a Python function"):
         code_digest(len, roots=frozenset())
 
 

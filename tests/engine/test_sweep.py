@@ -186,7 +186,7 @@ def test_what_was_measured_is_kept_and_says_so(tmp_path):
     choices = read_choices(poor.declared, {})
     run(poor, choices, tmp_path / "a.zarr", tmp_path / "cache")
     first = opened(tmp_path / "a.zarr", "poor")
-    assert first.took.attrs["comment"].startswith("measured when the cell was computed")
+    assert first.took.attrs["comment"].startswith("measured while the cell was computed")
     assert "comment" not in first.square.attrs
     more = read_choices(poor.declared, {"poor.size": [1, 2, 3, 4]})
     run(poor, more, tmp_path / "a.zarr", tmp_path / "cache")
