@@ -75,9 +75,7 @@ def write_report(path: Path) -> Path:
     return write_page(path, draw)
 
 
-def report(
-    path: Path, console: Console, *, table: str | None = None, html: bool = False
-) -> None:
+def report(path: Path, console: Console, *, table: str | None = None, html: bool = False) -> None:
     """Write the tables of a store beside it, then print them.
 
     With `table`, print only the table of that name; with `html`, write the report page first.

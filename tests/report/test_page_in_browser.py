@@ -74,7 +74,7 @@ def test_a_browser_that_is_required_is_not_skipped(setting, outcome, monkeypatch
     monkeypatch.delenv("NCTI_BROWSER_TESTS", raising=False)
     if setting is not None:
         monkeypatch.setenv("NCTI_BROWSER_TESTS", setting)
-    with pytest.raises(outcome.Exception, match="none of chromium, .* is installed"):
+    with pytest.raises(outcome.Exception, match=r"none of chromium, .* is installed"):
         executable()
 
 
