@@ -1,1 +1,1 @@
-"""The benchmark: time, memory and error, reported by a command and asserted nowhere."""
+"""Benchmarks of time, memory and error, reported by a command, never asserted."""

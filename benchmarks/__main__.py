@@ -76,16 +76,16 @@ SETS = {
     "fits": fits.REPORTS,
     "all": tuple(REPORTS),
 }
-"""Reports that one name asks for."""
+"""Groups of reports by name."""
 
 MEANINGS = {
     "views": "time of a view by engine",
     "accuracy": "error of a range extent against its time",
     "lines": "time of a view against error, by pixels, lines and a tolerance",
-    "line_names": "ships named right by the same",
-    "budget": "what each approximation does to profiles and to names",
-    "skips": "time saved by what a scene does not need",
-    "invariance": "what of a silhouette's map outlives shift, scale and rotation",
+    "line_names": "ships identified by the same",
+    "budget": "what each approximation does to profiles and identification",
+    "skips": "time saved by skipped work",
+    "invariance": "change of a silhouette's map by shift, scale and rotation",
     "synthesis": "frames and images over their normals, covariances of frames",
     "images": "infrared images a second",
     "infrared": "the infrared part of the experiment",
@@ -96,12 +96,12 @@ MEANINGS = {
     "classification": "the classification part of the experiment",
     "classifiers": "the last five together",
     "flights": "a flight of the airborne sensor step by step",
-    "engine_time": "overhead of the sweep engine a cell",
+    "engine_time": "overhead of the sweep engine per cell",
     "engine_memory": "its memory by number of cells",
     "engine": "the last two together",
     "memory": "memory of a sweep, driver and workers, by number of aspects",
     "paper": "the whole experiment: cold, again, and with one more value on an axis",
-    "startup": "time of --help, of a sweep with nothing to do, and until the first words",
+    "startup": "time of --help, of a sweep with nothing to do, and until the first output",
     "growth": "time of a sweep by number of cells, and its slope",
     "grid22320": "the grid at three ranges as one job, as -m, and by Hydra's basic launcher",
     "fit_tolerance": "tolerance of the multilayered network, fitted to Table 2's training row",
@@ -109,16 +109,16 @@ MEANINGS = {
     "fit_learning_rate": "learning rate of the ACN, fitted to Table 3 at 30 ns",
     "fit_inner_radius": "inner radius of log-polar maps, fitted to Table 5 at 25 km",
     "spread": "silhouettes with and without a spread of temperatures",
-    "protocol": "learned aspects beside those that nobody learned",
-    "near_stern": "what Figure 16 owes to the models, and what to the flight",
-    "figures": "what the source says of its figures, measured on ours",
+    "protocol": "training aspects beside aspects absent from training",
+    "near_stern": "Figure 16: effects of the models, and of the flight",
+    "figures": "the source's statements on its figures, measured on ours",
     "fits": "the last eight together, of docs/reproduction.md",
     "all": "everything, which takes long",
 }
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; exits with 2 when something asked for is not there."""
+    """Run the command line; exits with 2 when something requested is missing."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
         description="Measure time, memory and error.",
@@ -146,7 +146,7 @@ def main(arguments: list[str] | None = None) -> None:
         parser.error(f"--repeats is {asked.repeats}, but must be at least 1")
     try:
         for ship in (asked.ship, *ncti.ships.names()):
-            # built here, so that no report measures the building
+            # built here, so that no report includes the build
             ncti.ships.load(ship, cache=cache_folder() / "meshes")
     except ncti.ships.ShipError as error:
         parser.error(f"--ship: {error}")

@@ -1,4 +1,4 @@
-"""Error of the range extent against the time it takes: pixel, roll and spread."""
+"""Error of the range extent against run time, by pixel, roll and spread."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def measure(
     Returns
     -------
     Report
-        One row a sampling.
+        One row per sampling.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""The error budget: what each approximation does to profiles, and to the names of ships."""
+"""The error budget: effect of each approximation on profiles and on identification."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ GROUPS = ("0-27", "30-57", "60-90")
 
 Floats = NDArray[np.float64]
 Seen = Callable[[str, float], RangeExtent]
-"""How a view of a ship by name, at an aspect [deg], becomes a range extent."""
+"""Function from a ship's name and an aspect [deg] to a range extent."""
 
 
 @dataclass(frozen=True)
 class Views:
-    """Which views the budget is measured on.
+    """Views on which the budget is measured.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Views:
         return np.array(drawn)
 
     def right(self, seen: Seen, averages: Floats, *, between: bool = False, **learn: Any) -> Floats:
-        """(replicate, group) float64 ndarray: percent named right by templates made so."""
+        """(replicate, group) float64 ndarray: percent correct with such templates."""
         named = self.each(learn.get("aspects", self.aspects))
         extents = [self.kept(seen, *view) for view in named]
         moments = [
@@ -148,7 +148,7 @@ def _lines(
 
 
 def _far(ship: str, aspect: float) -> RangeExtent:
-    """Return the extent by fine lines in the far field, the wavefront put in afterwards."""
+    """Return the extent by fine lines in the far field, with the wavefront added afterwards."""
     return _lines(ncti.ships.load(ship), aspect, view_range=None)
 
 
@@ -181,7 +181,7 @@ def _single(ship: str, aspect: float) -> RangeExtent:
 
 
 def _flat(ship: str, aspect: float) -> RangeExtent:
-    """Return the extent by fine lines of plane waves: as from a sensor beyond all distance."""
+    """Return the extent by fine lines of plane waves: as from a sensor at infinite distance."""
     return _lines(ncti.ships.load(ship), aspect, view_range=None, slant_range=1e12)
 
 
@@ -229,17 +229,17 @@ def _against_reference(views: Views, seen: Callable[[str, float], RangeExtent]) 
 
 
 def measure(views: Views | None = None) -> Report:
-    """Profile error and change of the percent named right, by source of error.
+    """Return profile error and change of percent correct, by source of error.
 
     Parameters
     ----------
     views : Views, optional
-        What it is measured on; the source's four ships by default.
+        Views; the source's four ships by default.
 
     Returns
     -------
     Report
-        One row a source of error.
+        One row for each source of error.
     """
     with threadpool_limits(1):
         return _measure(views or Views())
@@ -302,7 +302,7 @@ def _measure(views: Views) -> Report:
             "plane waves",
             against_truth(_flat),
             templates(_flat),
-            "the same; no default, but what the correction is worth",
+            "the same; not a default: effect of the correction",
         ),
         row(
             "float",
@@ -345,16 +345,16 @@ def _measure(views: Views) -> Report:
             "the ship in power after the pulse, in bins of 1 m; median (lowest–highest) of "
             f"{len(views.each(views.references))} views against the reference, "
             f"{len(views.each(views.aspects))} otherwise.",
-            "Points: change of the percent named right by the likelihood classifier that knows "
-            "neither gain nor floor, templates made so, and averages drawn from the truth, which "
+            "Points: change of percent correct of the likelihood classifier with unknown gain and "
+            "floor, with templates of that kind, and averages drawn from the truth, which "
             f"are the same in all rows; mean ± two standard errors of {views.replicates} draws. "
-            f"With templates of the truth it names {percent} % right.",
+            f"With templates of the truth it identifies {percent} % correctly.",
         ],
     )
 
 
 def _draws(views: Views, best: Floats) -> dict[str, Any]:
-    """The row of the noise itself, that one draw is."""
+    """Return the row of the noise of one draw."""
     errors = []
     for view in views.each(views.aspects):
         extent = views.kept(truth, *view)
@@ -386,7 +386,7 @@ def _between(views: Views) -> Sample:
 
 
 def write(report: Report, page: Path = PAGE, begin: str = BEGIN) -> None:
-    """Put a report's table into its page, between the lines that mark its place."""
+    """Write a report's table into its page, between two marker lines."""
     text = page.read_text(encoding="utf-8")
     before, rest = text.split(begin)
     _, after = rest.split(END, 1)

@@ -19,7 +19,7 @@ EXPERIMENTS = ("+experiment=paper",)
 
 
 def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
-    """Time the classification of what an experiment's sensors saw, all of that at hand.
+    """Time the classification of an experiment's profiles and silhouettes, which already exist.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
 
 
 def naming_stages(plan: Plan) -> list[Bound]:
-    """Return the kept stages that look at all views at once, and those behind them."""
+    """Return the stored stages that use all views at once, and those that depend on them."""
     found: list[Bound] = []
     for bound in plan.bound.values():  # every stage behind those that it needs
         if Grid.ship.key in bound.gather or any(source in found for source in bound.inputs):

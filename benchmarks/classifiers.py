@@ -1,4 +1,4 @@
-"""Time of the classifiers beside what they get right, and beside scikit-learn's."""
+"""Time and percent correct of the classifiers, beside scikit-learn's."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ VIGILANCES = {
     5: (0.80, 0.85, 0.90, 0.95, 0.99),
     20: tuple(np.linspace(0.80, 0.99, 20).tolist()),
 }
-PERCEPTRON_RATE = 0.1  # of 0.03, 0.1 and 0.3 the one that gets most right
+PERCEPTRON_RATE = 0.1  # the best of 0.03, 0.1 and 0.3
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
 class Task:
-    """What all classifiers learn and name.
+    """Training and test profiles of all classifiers.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ def source_task(
     aspects: Sequence[float] = ASPECTS,
     replicates: int = REPLICATES,
 ) -> Task:
-    """The source's profiles at 30 ns and 100 km, of some ships and aspects."""
+    """Return the source's profiles at 30 ns and 100 km, of some ships and aspects."""
     expected, bands, averaged = [], [], []
     for i, ship in enumerate(ships):
         mesh = ncti.ships.load(ship)
@@ -147,18 +147,18 @@ def source_task(
 
 @dataclass(frozen=True)
 class Contender:
-    """A classifier: how it is fitted, and how it then names the ships of the tests."""
+    """A classifier: functions that fit it, and that predict the ships of the tests."""
 
     fit: Callable[[Task], Any]
     name_ships: Callable[[Any, Task], Array]
 
 
 NEIGHBOURS, PERCEPTRON = "KNeighborsClassifier", "MLPClassifier, sgd"
-"""Whom all others are held against."""
+"""Classifiers with which the others are compared."""
 
 
 def contenders(epochs: int) -> dict[str, Contender]:
-    """All classifiers by name, scikit-learn's networks with so many epochs."""
+    """Return all classifiers by name, scikit-learn's networks with so many epochs."""
     return {
         "AdaptiveClusteringNetwork": Contender(
             lambda task: AdaptiveClusteringNetwork(vigilance=VIGILANCE, max_passes=PASSES).fit(
@@ -192,7 +192,7 @@ def contenders(epochs: int) -> dict[str, Contender]:
 
 
 def _likelihood(sigma: float) -> Contender:
-    """The likelihood classifier that knows gain and floor as well as `sigma` says."""
+    """Return the likelihood classifier with a prior deviation `sigma` of gain and floor."""
     return Contender(
         lambda task: GaussianTemplates(gain_sigma=sigma, floor_sigma=sigma).fit(
             task.expected, task.covariance, task.ship, floor=task.floor
@@ -202,7 +202,7 @@ def _likelihood(sigma: float) -> Contender:
 
 
 def _perceptron(epochs: int, **solver: Any) -> Contender:
-    """scikit-learn's network, of as many nodes and epochs as ours."""
+    """Return scikit-learn's network, of as many nodes and epochs as ours."""
     settings = solver | {"max_iter": epochs, "n_iter_no_change": epochs, "tol": 0.0}
     return Contender(
         lambda task: MLPClassifier((25,), activation="tanh", random_state=0, **settings).fit(
@@ -225,7 +225,7 @@ def measure(*, repeats: int, task: Task | None = None) -> Report:
     Returns
     -------
     Report
-        One row a classifier.
+        One row per classifier.
     """
     task = source_task() if task is None else task
     with threadpool_limits(1), warnings.catch_warnings():
@@ -288,7 +288,7 @@ def measure_vigilances(
     task: Task | None = None,
     vigilances: Sequence[Sequence[float]] = tuple(VIGILANCES.values()),
 ) -> Report:
-    """Time what shares all cosines between vigilances against a network for each of them.
+    """Time cosines shared by all vigilances against a network for each of them.
 
     Parameters
     ----------
@@ -302,7 +302,7 @@ def measure_vigilances(
     Returns
     -------
     Report
-        One row a set of vigilances.
+        One row per set of vigilances.
     """
     task = source_task() if task is None else task
     rows = []
@@ -368,12 +368,12 @@ def name_together(task: Task, vigilances: Sequence[float]) -> Array:
 
 
 def clocked(work: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
-    """Seconds that it takes, and its result."""
+    """Return the run time [s] of a function, and its result."""
     start = time.perf_counter()
     result = work(*arguments)
     return time.perf_counter() - start, result
 
 
 def percent(named: Array, truth: Array) -> float:
-    """How often they agree [%]."""
+    """Return how often they agree [%]."""
     return 100.0 * float(np.mean(named == truth))

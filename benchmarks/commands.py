@@ -1,4 +1,4 @@
-"""The command `ncti-sweep` as one types it: time, memory, and the work of its stages."""
+"""Runs of the command `ncti-sweep`: time, memory, and the work of its stages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SUMMARY = re.compile(
 
 @dataclass(frozen=True)
 class Swept:
-    """What a command took, and what it did.
+    """Time, memory and work of a command.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Swept:
 
 
 def new_folder(folder: Path) -> Path:
-    """Make a folder for sweeps whose cache has the built ships and nothing else."""
+    """Make a folder for sweeps whose cache holds only the built ships."""
     meshes = cache_folder() / "meshes"
     meshes.mkdir(parents=True, exist_ok=True)
     cache = folder / "cache"

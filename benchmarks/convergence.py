@@ -1,4 +1,4 @@
-"""What gain annealing does to the training of the multilayered network, on the source's task."""
+"""Effect of gain annealing on the training of the multilayered network, on the source's task."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def measure(
     Returns
     -------
     Report
-        One row a learning rate and way.
+        One row per learning rate and way.
     """
     task = source_task() if task is None else task
     rows = []
@@ -123,7 +123,7 @@ def measure_course(
     Returns
     -------
     Report
-        One row a number of epochs and way.
+        One row per number of epochs and way.
     """
     task = source_task() if task is None else task
     rows = []

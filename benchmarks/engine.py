@@ -1,4 +1,4 @@
-"""Overhead of the sweep engine: time a cell, and memory by number of cells."""
+"""Overhead of the sweep engine: time per cell, and memory by number of cells."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def measure(*, repeats: int, grids: Sequence[Sequence[int]] = GRIDS) -> Report:
     Returns
     -------
     Report
-        One row a grid: time a cell by phase.
+        One row per grid: time a cell by phase.
     """
     rows: list[dict[str, Any]] = []
     for grid in grids:
@@ -66,14 +66,14 @@ def measure(*, repeats: int, grids: Sequence[Sequence[int]] = GRIDS) -> Report:
         [
             f"A cell, median (lowest–highest). Goal: a total of {GOAL:g} ms. Resolve: what comes "
             "before the first call; plan: what keys of all cells take of it, timed on a plan of "
-            "their own; write: the store. Again: the same sweep when all is there. The code behind "
+            "their own; write: the store. Again: the same sweep, all cells reused. The code behind "
             "the stage, which a process reads once, is read before."
         ],
     )
 
 
 def _once(chosen: Choices) -> dict[str, float]:
-    """Seconds of every phase of one sweep, and of the same again."""
+    """Return the seconds of every phase of one sweep, and of its repetition."""
     plan = _keys(chosen)
     with tempfile.TemporaryDirectory() as folder:
         place = _inline(Path(folder))
@@ -89,7 +89,7 @@ def _once(chosen: Choices) -> dict[str, float]:
 
 
 def _keys(chosen: Choices) -> float:
-    """Seconds that a plan and the keys of its cells take."""
+    """Return the seconds that a plan and the keys of its cells take."""
     start = time.perf_counter()
     plan = Plan(toy.NOTHING, chosen)
     for bound in plan.targets:
@@ -115,7 +115,7 @@ def measure_memory(*, repeats: int, cells: Sequence[int] = CELLS) -> Report:
     Returns
     -------
     Report
-        One row a number of cells: peak of the process, and what a further cell adds to it.
+        One row per number of cells: peak of the process, and what a further cell adds to it.
     """
     rows, base = [], 0.0
     for count in cells:
@@ -156,7 +156,7 @@ def _in_new_process(cells: int) -> tuple[float, float]:
 
 
 def peaks(cells: int) -> tuple[float, float]:
-    """Peak memory of this process before and after a sweep of so many cells [MiB]."""
+    """Return the peak memory of this process before and after a sweep of some cells [MiB]."""
     chosen = toy.choices(toy.PROFILES, (1, cells))
     before = peak_memory()
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""What was fitted to the source's figures, judged by those that it was not fitted to."""
+"""Parameters fitted to the source's figures, and checked against its other figures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ Floats = NDArray[np.float64]
 
 
 def begin(name: str) -> str:
-    """Return the line of the page behind which a report stands."""
+    """Return the line of the page after which a report is written."""
     return f"<!-- begin: python -m benchmarks {name} --write -->"
 
 
@@ -88,7 +88,7 @@ def percent(correct: xr.DataArray) -> xr.DataArray:
 
 
 def overall(correct: xr.DataArray) -> xr.DataArray:
-    """Percent of all answers that are right, (ship, aspect) pooled."""
+    """Return the percentage of right answers, (ship, aspect) pooled."""
     return xr.where(correct >= 0, 100.0 * (correct == 1), np.nan).mean(VIEW)
 
 
@@ -167,12 +167,12 @@ def fit_rows(
     for name, draws in shown.items():
         mean, error = mean_and_error(draws.transpose(parameter, ...))
         for row, one, its in zip(rows, mean.values, error.values, strict=True):
-            row[name] = told(one, its)
+            row[name] = with_errors(one, its)
     return rows
 
 
-def told(mean: ArrayLike, error: ArrayLike) -> str:
-    """Figures with two standard errors, in a row."""
+def with_errors(mean: ArrayLike, error: ArrayLike) -> str:
+    """Return figures with two standard errors, separated by slashes."""
     pairs = zip(np.atleast_1d(mean), np.atleast_1d(error), strict=True)
     return " / ".join(f"{one:.0f} ± {2 * its:.0f}" for one, its in pairs)
 

@@ -42,7 +42,7 @@ def measure(*, repeats: int) -> Report:
     Returns
     -------
     Report
-        One row a flight.
+        One row per flight.
     """
     rows = []
     for name, slant_range, aspect, samples in FLIGHTS:

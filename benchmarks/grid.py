@@ -70,7 +70,7 @@ def measure(*, repeats: int, grid: Values = GRID, part: Values = HUNDREDTH) -> R
     Returns
     -------
     Report
-        One row a way.
+        One row per way.
     """
     ways = {
         ONE_JOB: (grid, listed(grid)),

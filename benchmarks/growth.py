@@ -1,4 +1,4 @@
-"""How the time of a sweep grows with its number of cells: at most in proportion."""
+"""Growth of the time of a sweep with its number of cells: at most in proportion."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def measure(
     Returns
     -------
     Report
-        One row a grid, the largest of each kind with the slope over all of them.
+        One row per grid, the largest of each kind with the slope over all of them.
     """
     kinds: dict[str, list[tuple[int, Callable[[], float]]]] = {
         TOY: [(math.prod(grid), lambda grid=grid: _toy(grid)) for grid in toys],  # type: ignore[misc]

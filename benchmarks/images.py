@@ -58,7 +58,7 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
     Returns
     -------
     Report
-        One row a range and resolution; images a second from the medians of all steps.
+        One row per range and resolution; images a second from the medians of all steps.
     """
     mesh = ncti.ships.load(ship)
     views = [range_image(mesh, aspect=a, depression=3.84, engine="auto") for a in aspects]
@@ -92,7 +92,9 @@ def measure(ship: str, *, repeats: int, aspects: Sequence[float] = ASPECTS) -> R
         f"Infrared images: {ship}, {len(aspects)} aspects, {FRAMES} frames, {repeats} times",
         COLUMNS,
         rows,
-        ["Medians on one core, after one round that is not counted; the range image is at hand."],
+        [
+            "Medians on one core, after one uncounted round; the range image exists already."
+        ],
     )
 
 
@@ -109,7 +111,7 @@ def measure_part(*, repeats: int, overrides: Sequence[str] = INFRARED_PART) -> R
     Returns
     -------
     Report
-        Work of each stage, and time of each phase, with only the ships at hand.
+        Work of each stage, and time of each phase, starting from the built ships only.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What shift, scale and rotation of a silhouette leave of its log-polar map."""
+"""Change of the log-polar map by shift, scale and rotation of a silhouette."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NEAREST, BILINEAR = "nearest", "bilinear"
 
 @dataclass(frozen=True)
 class Pixels:
-    """How a silhouette is put into pixels.
+    """Sampling of a silhouette by pixels.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Pixels:
     least: float | None = None
 
     def mask(self, coverage: NDArray[np.float64]) -> NDArray[np.float64] | NDArray[np.bool_]:
-        """The mask of area coverage."""
+        """Mask of area coverage."""
         return coverage if self.least is None else coverage >= self.least
 
 
@@ -52,14 +52,14 @@ PIXELS = (FINE, FINE_BINARY, SENSOR)
 
 @dataclass(frozen=True)
 class Change:
-    """What is done to a silhouette before it is mapped again.
+    """Transform of a silhouette before it is mapped again.
 
     Attributes
     ----------
     shift : (float, float)
         Along columns and rows [pixel].
     scale : float
-        How much larger it becomes.
+        Factor of size.
     angle : float
         Rotation from columns towards rows [deg].
     """
@@ -141,7 +141,7 @@ def measure(
             "shifts are parts of a pixel, for whole pixels change nothing. 3.75 m is a pixel at "
             "25 km.",
             "Coverage: the mask holds shares of pixels. Otherwise a pixel is full when the ship "
-            "covers half or a quarter of it, so that thin masts come and go.",
+            "covers half or a quarter of it, so that thin masts may vanish.",
         ],
     )
 
@@ -179,7 +179,7 @@ def coverage(
     side : float
         Of a pixel [m].
     change : Change, optional
-        What is done to the silhouette about the ship's origin.
+        Transform of the silhouette about the ship's origin.
 
     Returns
     -------
@@ -208,7 +208,7 @@ def cosine(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 def _cosines(
     points: NDArray[np.float64], pixels: Pixels, kind: str, change: Change
 ) -> dict[str, float]:
-    """Of the map before and after each part of a change, and all of it."""
+    """Return cosines of the maps before and after each part of a change, and all of it."""
 
     def map_after(change: Change) -> NDArray[np.float64]:
         mask = pixels.mask(coverage(points, side=pixels.side, change=change))

@@ -1,4 +1,4 @@
-"""What lines buy in the source's experiment: time of a view, its error, and names got right."""
+"""Lines against pixels in the source's experiment: time and error of a view, percent correct."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ COLUMNS = (
 def measure(
     *, repeats: int, ships: Sequence[str] = SHIPS, aspects: Sequence[float] = ASPECTS
 ) -> Report:
-    """Time and error of range extents by pixels, by lines, and by as many lines as it takes.
+    """Return time and error of range extents by pixels, by lines, and by lines to a tolerance.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def measure(
     Returns
     -------
     Report
-        One row a way; medians, lowest and highest of all views.
+        One row per way; medians, lowest and highest of all views.
     """
     ways = _ways()
     found: dict[str, list[dict[str, float]]] = {way: [] for way in ways}
@@ -127,7 +127,7 @@ def measure_names(
     aspects: Sequence[float] = EVERY_ASPECT,
     replicates: int = 8,
 ) -> Report:
-    """Percent of ships named right by every classifier, taught and tested by each way.
+    """Return percent correct of every classifier, trained and tested by each method.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def measure_names(
     Returns
     -------
     Report
-        One row a classifier: what it gets right by exact extents, and what each way changes.
+        One row for each classifier: percent correct by exact extents, and changes.
     """
     with threadpool_limits(1):
         tasks = _tasks(ships, aspects, replicates)
@@ -159,16 +159,16 @@ def measure_names(
                 row[f"differ {way}"] = 100.0 * np.mean(names[way] != names[EXACT])
             rows.append(row)
     return Report(
-        f"Ships named right: {', '.join(ships)}, {len(aspects)} aspects, 30 ns, {FRAMES} frames",
+        f"Ships identified: {', '.join(ships)}, {len(aspects)} aspects, 30 ns, {FRAMES} frames",
         (
             Column("classifier", "classifier"),
             Column(EXACT, "exact [%]", ".1f"),
             *(Column(way, f"{way} [points]") for way in _ways()),
-            *(Column(f"differ {way}", f"{way}: other names [%]", ".1f") for way in _ways()),
+            *(Column(f"differ {way}", f"{way}: other answers [%]", ".1f") for way in _ways()),
         ),
         rows,
         [
-            f"Of {truth.size} averages, taught and tested by one way each; exact: by the "
+            f"Of {truth.size} averages, training and test by the same method; exact: by the "
             "sampling-free reference. Speckle and noise are the same numbers for all ways. "
             f"Points: change, with two standard errors of {replicates} draws."
         ],
@@ -185,7 +185,7 @@ def _ways() -> dict[str, How]:
 
 
 def _tasks(ships: Sequence[str], aspects: Sequence[float], replicates: int) -> dict[str, Task]:
-    """What classifiers learn and name by every way, and by exact extents."""
+    """Return training and test profiles of classifiers by every method, and by exact extents."""
     ways = _ways()
     made: dict[str, list[tuple[Any, Any, Any]]] = {way: [] for way in (EXACT, *ways)}
     for i, ship in enumerate(ships):

@@ -41,7 +41,7 @@ def measure(
     Returns
     -------
     Report
-        One row a number of aspects.
+        One row per number of aspects.
     """
     rows = []
     for count in aspects:

@@ -1,4 +1,4 @@
-"""The source's whole experiment, as one types it: cold, again, and with one more value."""
+"""The source's whole experiment by its command: cold, again, and with one more value."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MORE = {
     "one more aspect": f"grid.aspect=[{','.join(map(str, (*range(0, 91, 3), 91)))}]",
     "one more pulse width": "grid.pulse_width=[10,20,30,50]",
 }
-"""What is added to the finished store: an override that has the experiment's values, too."""
+"""Additions to the finished store: overrides that include the experiment's values."""
 
 COLUMNS = (
     Column("step", "step"),
@@ -49,7 +49,7 @@ def measure(
     Returns
     -------
     Report
-        One row a step.
+        One row per step.
     """
     steps: dict[str, list[Swept]] = {step: [] for step in (COLD, AGAIN, *more)}
     for _ in range(repeats):
@@ -83,7 +83,7 @@ def measure(
         rows,
         [
             "From start to exit of the command, workers started and tables printed. Again: the "
-            "same command, all of it there. One more: added to the finished store and its cache. "
+            "same command, all reused. One more: added to the finished store and its cache. "
             "Work: time of all calls of stages, as the command prints it to 0.1 s; a worker's "
             f"first call of a stage imports it. Efficiency: work over {CORES} times the time. "
             "Expected: under 30 s cold, under 2 GiB.",

@@ -14,7 +14,7 @@ from sweeps.engine.stage import Experiment
 
 @dataclass(frozen=True)
 class Timed:
-    """Time that a sweep took.
+    """Time of a sweep.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Timed:
 
     @property
     def work(self) -> float:
-        """Time that all calls of stages took, those of all workers added [s]."""
+        """Time of all calls of stages, summed over workers [s]."""
         return sum(one.seconds for one in self.progress.values())
 
 

@@ -19,7 +19,7 @@ INTERVAL = 0.05  # between looks at the memory [s]
 
 @dataclass(frozen=True)
 class Run:
-    """What a command took.
+    """Time and memory of a command.
 
     Attributes
     ----------
@@ -147,6 +147,6 @@ def _own_share(process: psutil.Process) -> float:
 
 
 def _children_cpu() -> float:
-    """Time that ended children of this process, and theirs, have computed [s]."""
+    """Return the processor time of ended descendants of this process [s]."""
     times = psutil.Process().cpu_times()
     return float(times.children_user + times.children_system)

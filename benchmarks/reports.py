@@ -1,4 +1,4 @@
-"""What a benchmark finds, printed as a table and written as JSON."""
+"""Results of a benchmark, printed as a table and written as JSON."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Report:
 
 
 def machine() -> dict[str, str]:
-    """Where the benchmark runs, and how busy it was when it began."""
+    """Return a description of the machine, and its load at the start."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
         "cpu": _cpu(),
@@ -123,7 +123,7 @@ def _text(value: Any, spec: str) -> str:
 
 
 def _cpu() -> str:
-    """Model of the processor, where the system tells."""
+    """Return the model of the processor, if known."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

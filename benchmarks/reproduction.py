@@ -1,4 +1,4 @@
-"""The source's other figures beside ours: what is put in, and what is not."""
+"""The source's other figures beside ours: effects of assumptions, and results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 import ncti.ships
-from benchmarks.fits import INFRARED, Floats, mean_and_error, overall, percent, swept, told
+from benchmarks.fits import INFRARED, Floats, mean_and_error, overall, percent, swept, with_errors
 from benchmarks.reports import Column, Report
 from ncti.features import profile_vector
 from ncti.irar import profile_correlation
@@ -27,7 +27,7 @@ TILTS = ("mast_tilt", "waterline_tilt", "intensity_mast_tilt", "intensity_waterl
 
 
 def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1, 0.0)) -> Report:
-    """What silhouettes lose by a spread of the temperatures of ship and sea."""
+    """Return the effect of a spread of the temperatures of ship and sea on silhouettes."""
     listed = ",".join(map(str, spreads))
     both = [
         *(f"infrared.{one}_spread=[{listed}]" for one in ("target", "sea")),
@@ -45,8 +45,8 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
             one = correct.isel(
                 {axis_of(correct): np.flatnonzero(correct.target_spread == value)[0]}
             )
-            row[f"bins_{value:g}"] = told(*mean_and_error(percent(one)))
-            row[f"all_{value:g}"] = told(*mean_and_error(overall(one)))
+            row[f"bins_{value:g}"] = with_errors(*mean_and_error(percent(one)))
+            row[f"all_{value:g}"] = with_errors(*mean_and_error(overall(one)))
         rows.append(row)
         return row
 
@@ -94,7 +94,7 @@ def axis_of(values: xr.DataArray) -> str:
 
 
 def protocol(fresh: int = 10, replicates: int = 8) -> Report:
-    """The source's protocol beside aspects that nobody learned."""
+    """Compare the source's protocol with aspects absent from training."""
     common = [
         *("sensor=both", f"classifier.name=[{','.join(CLASSIFIERS)}]", "grid.frame_count=16"),
         *(f"grid.replicate={replicates}", "infrared.range=[25,50]", "infrared.vigilance=0.87"),
@@ -122,11 +122,11 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
             for key, correct in of.items():
                 one = correct.sel(range=km) if "range" in correct.dims else correct
                 one = one.squeeze(drop=True)
-                row[key] = told(*mean_and_error(percent(one)))
-                row[key] += "; overall " + told(*mean_and_error(overall(one)))
+                row[key] = with_errors(*mean_and_error(percent(one)))
+                row[key] += "; overall " + with_errors(*mean_and_error(overall(one)))
             rows.append(row)
     return Report(
-        "Learned aspects and aspects that nobody learned",
+        "Training aspects and aspects absent from training",
         (
             Column("what", "16 frames, 30 ns"),
             Column("on", "learned aspects, learning on in the test (source's protocol) [%]"),
@@ -142,7 +142,7 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
 
 
 def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
-    """What Figure 16 shows: put in by the models, and left of it by the flight."""
+    """Return the features of Figure 16: due to the models, and due to the flight."""
     (flights,) = swept(overrides, "validation")
     flights = flights.squeeze(drop=True)
     rows: list[dict[str, Any]] = []
@@ -171,7 +171,7 @@ def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
                 row[f"flight_{ship}"] = f"{float(abs(flights[name].sel(ship=ship)).max()):.2f}"
             rows.append(row)
     return Report(
-        "Near the stern: what the models have in common, and what a flight leaves of it",
+        "Near the stern: similarity of the models, and changes by a flight",
         (
             Column("what", "figure"),
             *(
@@ -210,7 +210,7 @@ def alike(first: Floats, second: Floats) -> float:
 
 
 def figures(replicates: int = 8) -> Report:
-    """What the source says of its Figures 3, 4, 5, 19 and 20, and what is measured of ours."""
+    """Compare the source's statements on its Figures 3, 4, 5, 19 and 20 with ours."""
     profiles_of = [
         *("grid.frame_count=[1,4,8,16]", f"grid.replicate={replicates}"),
         "ladar.target_free_ifovs=[0,4000]",
@@ -278,12 +278,12 @@ def figures(replicates: int = 8) -> Report:
             "Figure 20",
             "views in shared categories, by bin",
             "confused at 0-30°",
-            told(*mean_and_error(share.squeeze(drop=True))) + " %",
+            with_errors(*mean_and_error(share.squeeze(drop=True))) + " %",
         ),
     ]
     names = ("figure", "what", "source", "ours")
     return Report(
-        "What the source says of its figures, and what is measured of ours",
+        "The source's statements on its figures, and ours measured",
         tuple(Column(name, name) for name in names),
         [dict(zip(names, one, strict=True)) for one in said],
         [

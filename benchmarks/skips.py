@@ -1,4 +1,4 @@
-"""Time saved by what a scene does not need: each skip beside the plain way."""
+"""Time saved by skipped work: each skip beside the plain computation."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def measure(ship: str, *, repeats: int) -> Report:
     Returns
     -------
     Report
-        One row a skip.
+        One row per skip.
     """
     rows = []
     with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
@@ -113,7 +113,7 @@ def measure(ship: str, *, repeats: int) -> Report:
 
 
 def timed(skip: Skip, *, turns: int) -> tuple[Array, Array]:
-    """Seconds of processor of a skip and the plain way, turn by turn, until it gets long."""
+    """Seconds of processor of a skip and the plain way, turn by turn, up to a time limit."""
     taken: list[list[float]] = []
     while len(taken) <= turns and (len(taken) <= 3 or np.sum(taken) < LONG):
         ways = (skip.skipping, skip.plain)[:: (-1) ** len(taken)]
@@ -129,7 +129,7 @@ def _seconds(way: Callable[[], Array]) -> float:
 
 
 def skips(mesh: trimesh.Trimesh, task: Task) -> Iterator[Skip]:
-    """Yield every skip on a ship, and on what classifiers learn and name."""
+    """Yield every skip of rendering a ship and of classification."""
     yield from of_facets(mesh)
     yield from of_views(mesh)
     seen = range_extent(line_image(mesh, **VIEW), slant_range=SLANT_RANGE)
@@ -235,7 +235,7 @@ def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
 
 
 def symmetric(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The port half of a ship and its mirror image."""
+    """Return the port half of a ship and its mirror image."""
     solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
     port, _ = solid.split_by_plane((0.0, 1.0, 0.0), 0.0)
     whole = (port + port.mirror((0.0, 1.0, 0.0))).to_mesh64()
@@ -298,7 +298,7 @@ def _image(mesh: trimesh.Trimesh, engine: str, **view: float) -> Any:
 
 @contextmanager
 def patched(module: Any, name: str, value: Any) -> Iterator[None]:
-    """Give a module's constant another value for a while."""
+    """Set a module's constant within this context."""
     kept = getattr(module, name)
     setattr(module, name, value)
     try:

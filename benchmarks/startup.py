@@ -1,4 +1,4 @@
-"""How long the command takes where there is little to do: its help, a sweep that is all there."""
+"""Time of the command with little to do: its help, and a sweep that is already finished."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def measure(*, repeats: int, experiment: Sequence[str] = EXPERIMENT) -> Report:
     Returns
     -------
     Report
-        One row a step: time, and time of processors where the command runs to its end.
+        One row per step: time, and time of processors where the command runs to its end.
     """
     with tempfile.TemporaryDirectory() as parent:
         folder = new_folder(Path(parent, "done"))
@@ -76,7 +76,7 @@ def measure(*, repeats: int, experiment: Sequence[str] = EXPERIMENT) -> Report:
         rows,
         [
             f"Nothing to do: `{' '.join(experiment)}` when its store is whole, tables printed. "
-            "First words: of the same without store and cache, until it says something. "
+            "First words: the same without store and cache, until the first output. "
             "Goal: --help in at most 1.2 s."
         ],
     )

@@ -1,4 +1,4 @@
-"""Time and error of one view by engine, beside what one would write without this library."""
+"""Time and error of one view by engine, beside code that uses other libraries directly."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ METHODS: dict[str, tuple[str, Method]] = {
 """By name: the engine whose libraries it needs, and how to prepare it."""
 
 OPTIONAL = ("Open3D RaycastingScene", "Mitsuba 3, llvm")
-"""What the dependency group `benchmark` installs."""
+"""Packages of the dependency group `benchmark`."""
 
 COLUMNS = (
     Column("method", "method"),
@@ -110,7 +110,7 @@ def measure(
     Returns
     -------
     Report
-        One row a method; a method that cannot run here has a reason instead of figures.
+        One row per method; a method that cannot run here has a reason instead of figures.
 
     Notes
     -----
@@ -138,7 +138,7 @@ def measure(
             except ImportError as error:
                 absent[name] = f"{error.name or error} is missing: dependency group benchmark"
                 del pools[name]
-            except Exception as error:  # whatever a graphics driver comes up with
+            except Exception as error:  # any error of a graphics driver
                 absent[name] = f"{type(error).__name__}: {error}"
                 del pools[name]
         for turn in range(repeats):
@@ -214,7 +214,7 @@ def profile_of(seen: Seen, pixel: float) -> NDArray[np.float64]:
 
 
 _draws: dict[str, Draw] = {}
-"""What this process measures: the method and the yardstick."""
+"""Measured in this process: the method and the reference."""
 
 
 def _prepare(name: str, ship: str, pixel: float, aspect: float) -> None:

@@ -104,10 +104,11 @@ def _placed(parts: list[trimesh.Trimesh], transform: Transform, where: str) -> P
     diagnosis = diagnose(np.asarray(whole.vertices), np.asarray(whole.faces))
     if whole.vertices[:, 2].max() <= 0:
         mend = diagnosis.mend and transform.then(diagnosis.mend)
-        advice = f" ({{{mend}}} would lift it)" if mend else ""
-        raise ShipError(f"{where} lies wholly under water, but only z > 0 m counts{advice}.")
+        found = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
+        advice = f" ({{{mend}}} would correct that)" if mend else ""
+        raise ShipError(f"{where} {found}, but only z > 0 m counts{advice}.")
     for part in parts if unite else [whole]:
-        _check_closed(part, where)
+        check_closed(part, where)
     if not unite and whole.vertices[:, 2].min() >= 0:
         vertices = np.array(whole.vertices, dtype=np.float64)
         return Placed(vertices, np.array(whole.faces, dtype=np.int32), diagnosis)
@@ -179,7 +180,8 @@ def _merged(mesh: Any) -> trimesh.Trimesh:
     return mesh
 
 
-def _check_closed(mesh: trimesh.Trimesh, where: str) -> None:
+def check_closed(mesh: trimesh.Trimesh, where: str) -> None:
+    """Refuse (`ShipError`) a mesh that is not a closed surface with outward facets."""
     if not mesh.is_watertight:
         raise ShipError(f"{where} is open, but must be a closed surface.")
     if not mesh.is_winding_consistent:

@@ -98,6 +98,10 @@ def flight(
             f"{unknown[0]} is no parameter of a flight, but must be one of "
             f"{', '.join(sorted(PARAMETERS))}"
         )
+    if not isinstance(correction, Correction | None):
+        raise ValueError(
+            f"correction is {correction!r:.60}, but must be an ncti.irar.Correction or None"
+        )
     azimuths = [parameters.get(name, getattr(Flight, name)) for name in AZIMUTHS]
     for name, azimuth in zip(AZIMUTHS, azimuths, strict=True):
         require(name, azimuth, minimum=-360.0, maximum=360.0)

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 LINES_A_PIXEL = 8
 """Least lines across a pixel of the image."""
 
+SCENE = ("contrast_at_zero", "coverage_rule", "extinction", "nedt", "sea_spread", "target_spread")
+"""Other parameters of `ncti.infrared.image`."""
+
 MARGIN = 4
 """Pixels of sea on every side of the ship."""
 
@@ -82,7 +85,7 @@ def infrared_image(
     Raises
     ------
     ValueError
-        If the ship cannot be loaded, or a parameter is out of its range.
+        If the ship cannot be loaded, or a parameter is unknown or out of its range.
 
     See Also
     --------
@@ -111,6 +114,10 @@ def infrared_image(
     >>> float(image.horizontal.diff("horizontal").mean())
     7.5
     """
+    if unknown := sorted(set(scene) - set(SCENE)):
+        raise ValueError(
+            f"{unknown[0]} is no parameter of an image, but must be one of {', '.join(SCENE)}"
+        )
     require("aspect", aspect, minimum=-360.0, maximum=360.0)
     require("slant_range", slant_range, positive=True, maximum=1e9)
     require("ifov", ifov, positive=True, maximum=1.0)

@@ -14,7 +14,7 @@ from ncti.ladar.budget import carrier_to_noise
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks
-from ncti.ladar.pulse import noise_floor, shortest_pulse
+from ncti.ladar.pulse import MOST_BINS, noise_floor, shortest_pulse
 from ncti.ladar.tolerance import lines_within
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
@@ -36,6 +36,9 @@ Floats = NDArray[np.float64]
 
 TARGET_FREE_IFOVS = 4000
 """IFOVs of sea that a frame accumulates."""
+
+NEAREST, LONGEST = 1e3, 1e-6
+"""Shortest slant range [m] and longest pulse [s], as in sweeps."""
 
 
 def range_profile(
@@ -139,11 +142,13 @@ def range_profile(
         raise ValueError(f"aspect has shape {np.shape(aspect)}, but must be one number or a list")
     frames = check_frames(frames)
     require("accuracy", accuracy, positive=True, maximum=1.0)
-    require("slant_range", slant_range, minimum=1.0, maximum=1e9)
+    require("slant_range", slant_range, minimum=NEAREST, maximum=1e9)
     require("ifov", ifov, positive=True, maximum=1.0)
-    require("bin_width", bin_width, positive=True)
-    # a hair less than the shortest pulse is a rounding of it
-    require("pulse_width", pulse_width, minimum=shortest_pulse(bin_width) * (1 - 1e-9))
+    require("window", window, positive=True)
+    require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
+    # A hair less than the shortest pulse is a rounding of it.
+    shortest = shortest_pulse(bin_width) * (1 - 1e-9)
+    require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
     generator(rng, aspect=0.0)
     mesh = mesh_of(ship)
     ratio = carrier_to_noise(slant_range) if cnr is None else cnr

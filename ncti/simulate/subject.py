@@ -27,14 +27,19 @@ def mesh_of(ship: Ship) -> trimesh.Trimesh:
     Raises
     ------
     ValueError
-        If it is none of these, or cannot be loaded.
+        If it is none of these, cannot be loaded, or is not a closed surface.
     """
     if isinstance(ship, str | Path):
         return load(ship)
-    # Imported where it is used: trimesh takes half a second.
+    # Imported here because trimesh takes half a second.
     import trimesh
 
+    from ncti.ships.meshes import check_closed
+
     if isinstance(ship, trimesh.Trimesh):
+        if not np.isfinite(ship.vertices).all():
+            raise ValueError("ship has vertices that are NaN or infinite, but all must be finite")
+        check_closed(ship, "ship")
         return ship
     raise ValueError(
         f"ship is of type {type(ship).__name__}, but must be a name, a path or a trimesh.Trimesh"

@@ -136,7 +136,7 @@ class Word(Kind):
     @property
     def allowed(self) -> str:
         """See `Kind.allowed`."""
-        return f"one of {', '.join(self.words)}"
+        return f"{'null or ' if self.null else ''}one of {', '.join(self.words)}"
 
     def _holds(self, value: Any) -> bool:
         return isinstance(value, str) and value in self.words

@@ -336,7 +336,8 @@ def settings_table(settings: Iterable[Setting]) -> str:
         unit = "" if one.unit == "1" else one.unit
         about = "; ".join(filter(None, (one.label, one.help)))
         axis = f"one value: {one.fixed}" if one.fixed else ""
-        allowed = "; ".join(filter(None, (one.kind.allowed, axis)))
+        null = "null or " if one.fallback is not None else ""
+        allowed = "; ".join(filter(None, (f"{null}{one.kind.allowed}", axis)))
         rows.append((f"`{one.key}`", written_default(one.default), unit, allowed, about))
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 

@@ -274,7 +274,7 @@ def print_fusion(rows: list[Row], console: Console) -> None:
     note(
         "The score of a profile is its log-likelihood. That of a silhouette, by templates of other "
         "phases, is weighted by its accuracy on other phases. Both identify one ship at one aspect."
-        " The number of infrared frames is that of profiles, or the nearest. 95 % Wilson intervals; "
+        " Infrared frames are as many as those of profiles, or nearly. 95 % Wilson intervals; "
         "n in the CSV file counts answers, of which those that are alike for one view, or in one "
         "draw, count for less (Kish's design effect).",
         console,

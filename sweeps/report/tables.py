@@ -191,11 +191,11 @@ def print_classifiers(rows: list[Row], console: Console) -> None:
     if gains:
         axis = next(axis for axis in axes_in(rows) if axis.name == "gain_sigma")
         note(
-            "Points below the bound: how far a classifier is below maximum likelihood with exact "
-            f"mean and covariance of every view, {axis.told(max(gains))}, overall, without the true "
-            "aspect if that is left out: the classifier's own share of errors. The rest, from the "
-            "bound to 100, is due to noise. The bound is the best on average; in a few views "
-            "another classifier may do better by chance.",
+            "Points below the bound: distance to maximum likelihood with exact mean and "
+            f"covariance of every view, {axis.told(max(gains))}, overall, without the true aspect "
+            "if that is left out: the classifier's own share of errors. The rest, from the bound "
+            "to 100, is due to noise. The bound is the best on average; in a few views another "
+            "classifier may do better by chance.",
             console,
         )
 

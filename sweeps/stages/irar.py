@@ -131,12 +131,12 @@ class Irar(Settings, key="irar"):
     aircraft_heading = _axis(0, -360, 360, "degree", "heading of the aircraft, from north")
     aircraft_track = _axis(
         *(None, -360, 360, "degree"),
-        label="direction of the aircraft's motion, from north; NaN: its heading",
+        label="direction of the aircraft's motion, from north; null: its heading",
     )
     offset = _axis(5, -360, 360, "degree", "azimuth of the ship from the aircraft's heading")
     pointing = _axis(
         *(None, -360, 360, "degree"),
-        label="azimuth of the scan's middle from the aircraft's heading; NaN: at the ship",
+        label="azimuth of the scan's middle from the aircraft's heading; null: at the ship",
     )
     mirror_angle = _axis(45, 1, 80, "degree", "mirror pointing angle")
     ifov = _axis(205, 1, 10_000, "urad", "instantaneous field of view, and spacing of samples")

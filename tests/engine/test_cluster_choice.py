@@ -24,7 +24,7 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         (
             {"kind": "address"},
             "address is null, but must be the address of a dask scheduler "
-            "where cluster.kind is address",
+            "when cluster.kind is address",
         ),
         (
             {"kind": "address", "address": "10.0.0.1:8786"},
@@ -32,7 +32,7 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ),
         (
             {"kind": "address", **TLS},
-            "ca_file is null, but must be a PEM file where cluster.address begins with tls://",
+            "ca_file is null, but must be a PEM file if cluster.address begins with tls://",
         ),
         (
             {"kind": "address", **TLS, "ca_file": "absent.pem"},
@@ -48,12 +48,12 @@ TLS = {"address": "tls://10.0.0.1:8786"}
         ),
         (
             {"kind": "slurm", "memory": "1GB"},
-            "workers is null, but must be the number of jobs where cluster.kind is slurm",
+            "workers is null, but must be the number of jobs when cluster.kind is slurm",
         ),
         (
             {"kind": "slurm", "workers": 1},
             "memory is null, but must be the memory of a job, such as 4GiB "
-            "where cluster.kind is slurm",
+            "when cluster.kind is slurm",
         ),
         (
             {"kind": "slurm", "workers": 1, "memory": "much"},

@@ -202,12 +202,12 @@ def test_a_dry_run_of_hydras_own_jobs_writes_no_store(command, tmp_path):
 REFUSED = [
     (
         ("-m", "store=m.zarr", "cluster.workers=1,null"),
-        "springs: cluster.workers is 1 and null in jobs of one store, but must be one: it says "
+        "springs: cluster.workers is 1 and null in jobs of one store, but must be one: it sets "
         "where or how to run; put it into the store's path for a store each",
     ),
     (
         ("-m", "store=m.zarr", "cache_limit=1,2"),
-        "springs: cache_limit is 1.0 and 2.0 in jobs of one store, but must be one: it says where "
+        "springs: cache_limit is 1.0 and 2.0 in jobs of one store, but must be one: it sets where "
         "or how to run; put it into the store's path for a store each",
     ),
     (

@@ -43,7 +43,7 @@ def test_landmarks_stand_beside_the_source_s_words(sisters):
     expected = float(flights.stern_to_hangar.sel(ship="duncan", source="point").mean())
     (line,) = [line for line in text.splitlines() if "stern to hangar" in line]
     assert f"{expected:.1f}" in line
-    assert "inputs, no results" in text
+    assert "inputs, not results" in text
 
 
 def test_csv_files_hold_the_rows(sisters):
@@ -141,6 +141,6 @@ def test_the_worst_draw_is_told(sisters):
     beside = np.nanmin(flights.profile_correlation_without_hangar)
     text = " ".join(printed(sisters).split())
     assert (
-        f"Worst of {flights.looks.size} flights, each draw by itself: correlation {like:.3f}, "
+        f"Worst of {flights.looks.size} flights, each draw separately: correlation {like:.3f}, "
         f"without the hangar {beside:.3f}; mast {lean[0]:.2f} deg, waterline {lean[1]:.2f} deg."
     ) in text

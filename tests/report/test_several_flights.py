@@ -281,7 +281,7 @@ def test_landmarks_of_a_ship_without_her_sister_stand_beside_herself_noiseless()
         lines = [cells_of(line) for line in text.splitlines() if words in line]
         assert any(line[-len(figures) :] == figures for line in lines), name
     # Nothing is put in.
-    assert "inputs, no results" not in text
+    assert "inputs, not results" not in text
 
 
 def test_what_is_put_in_has_columns_of_its_own_beside_the_sister():
@@ -302,7 +302,7 @@ def test_what_is_put_in_has_columns_of_its_own_beside_the_sister():
         figures = [f"{float(one[name]):.{digits}f}" for one in ones]
         lines = [cells_of(line) for line in text.splitlines() if words in line]
         assert any(line[-len(figures) :] == figures for line in lines), name
-    assert "masts*" in text and "inputs, no results" in text
+    assert "masts*" in text and "inputs, not results" in text
 
 
 def test_ships_of_another_class_have_no_landmarks():

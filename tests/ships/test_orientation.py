@@ -209,7 +209,7 @@ def test_a_file_is_loaded_by_the_proposed_transform(ship, tmp_path):
 def test_a_ship_under_water_is_refused_with_what_would_lift_it(ship, tmp_path):
     mesh, path = ship("duncan"), tmp_path / "hull.stl"
     trimesh.Trimesh(mesh.vertices * [1, -1, -1], mesh.faces, process=False).export(path)
-    with pytest.raises(ships.ShipError, match=r"wholly under water.*\{up: -z\} would lift it"):
+    with pytest.raises(ships.ShipError, match=r"under water and is upside down.*\{up: -z\} would"):
         ships.load(path)
     np.testing.assert_allclose(ships.load(path, up="-z").bounds, mesh.bounds, atol=1e-4)
 

@@ -42,6 +42,16 @@ def test_the_averaged_profile_is_the_expected_one_in_the_mean():
     assert np.abs((found - found.expected).values / deviation).max() < 7.7
 
 
+@EVERY
+def test_a_mesh_that_is_no_solid_is_refused(simulated):
+    inverted, opened = BOX.copy(), BOX.copy()
+    inverted.invert()
+    opened.update_faces(np.arange(len(opened.faces)) > 0)
+    for wrong, reason in ((inverted, "inside out"), (opened, "is open")):
+        with pytest.raises(ValueError, match=f"ship {reason}|ship is {reason}"):
+            simulated(wrong)
+
+
 def test_no_floor_is_left():
     """Beyond the ship and its pulse the expected profile is 0, and nowhere below."""
     found = profile(target_free_ifovs=4000)
@@ -227,6 +237,11 @@ def test_a_flight_takes_parameters_and_corrections():
         (profile, {"depression": 91.0}, "depression is 91.0"),
         (profile, {"ifov": 0.0}, "ifov is 0.0"),
         (profile, {"bin_width": 0.0}, "bin_width is 0.0"),
+        (profile, {"bin_width": 1e-9}, "bin_width is 1e-09, but must be .* at least 0.015"),
+        (profile, {"slant_range": 100.0}, "slant_range is 100.0, but must be .* at least 1000"),
+        (profile, {"pulse_width": 1e-3}, "pulse_width is 0.001, but must be .* at most 1e-06"),
+        (image, {"foo": 3}, "foo is no parameter of an image, but must be one of contrast_at_zero"),
+        (flight, {"correction": "x"}, "correction is 'x', but must be an ncti.irar.Correction"),
         (profile, {"window": 20.0}, "window is 20 m, but must be at least"),
         (profile, {"cnr": -1.0}, "cnr is -1.0"),
         (profile, {"target_free_ifovs": -1}, "target_free_ifovs is -1"),

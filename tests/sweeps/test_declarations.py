@@ -144,7 +144,8 @@ def test_it_says_what_it_is_and_in_which_unit(setting, rows):
     assert re.fullmatch(r"1|[A-Za-z]+-?\d*( [A-Za-z]+-?\d*)*", setting.unit)
     _, default, unit, allowed, what = rows[setting.key]
     assert default != "" and unit == ("" if setting.unit == "1" else setting.unit)
-    assert allowed.startswith(setting.kind.allowed) and setting.fixed in allowed
+    null = "null or " if setting.fallback else ""
+    assert allowed.startswith(f"{null}{setting.kind.allowed}") and setting.fixed in allowed
     assert what.startswith(setting.label) and setting.help in what
 
 
