@@ -24,14 +24,8 @@ def main() -> None:
     from sweeps.report.screen import complain, screen
 
     path, console = arguments.store.absolute(), screen()
-    if arguments.html:
-        try:
-            write_report(path)
-        except (OSError, ValueError) as error:
-            complain(f"the report page is not written: {error}")
-            sys.exit(2)
     try:
-        report(path, console, table=arguments.table)
+        report(path, console, table=arguments.table, html=arguments.html)
     except ConfigurationError as error:
         complain(str(error))
         sys.exit(2)
@@ -72,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
 def write_report(path: Path) -> Path:
     """Write the report page of a store beside it; return its path.
 
-    Raises OSError or ValueError if it cannot.
+    Raises OSError if it cannot be written, and what zarr raises for a damaged store.
     """
     # Imported here, since the import takes longer than printing tables.
     from sweeps.report.figures import draw
@@ -81,18 +75,28 @@ def write_report(path: Path) -> Path:
     return write_page(path, draw)
 
 
-def report(path: Path, console: Console, *, table: str | None = None) -> None:
+def report(path: Path, console: Console, *, table: str | None = None, html: bool = False) -> None:
     """Write the tables of a store beside it, then print them.
 
-    With `table`, print only the table of that name. Raises ConfigurationError if the
-    store cannot be read, has no tables or lacks that one, and OSError if tables cannot be written
-    beside it; they are printed anyway.
+    With `table`, print only the table of that name; with `html`, write the report page first.
+    Raises ConfigurationError if the store cannot be read, has no tables or lacks that one, or if
+    the page cannot be written, and OSError if tables cannot be written beside it; they are printed
+    anyway.
     """
+    from sweeps.engine.errors import ConfigurationError
     from sweeps.report.parts import chosen, parts_of, print_places, write_parts
     from sweeps.report.screen import explain, note, page, unforeseen
 
     parts = parts_of(path)
     shown = [part for part in parts if part.listed] if table is None else [chosen(parts, table)]
+    if html:
+        try:
+            write_report(path)
+        # zarr and xarray raise various errors for damaged groups without a table.
+        except Exception as error:
+            why = str(error).partition("\n")[0]
+            why = why if isinstance(error, OSError) else f"{type(error).__name__}: {why}"
+            raise ConfigurationError(f"the report page is not written: {why}") from error
     failure = write_parts(path, parts)
     with page(console) as aside:
         for part in shown:

@@ -191,10 +191,12 @@ def _show_statement(figure: Figure, axes: Axes, here: xr.Dataset, first: xr.Data
         for width in np.atleast_1d(here.pulse_width.values).tolist()
         if width != first.pulse_width.item()
     ]
+    any_confused = confused_aspects(own).size > 0
+    confused = f"the first confused one {_first_confused(own)}" if any_confused else "none confused"
     said = f"{name} in the source's Figure 19: {theirs['own']} categories from the bow to about "
     said += f"{begins}°, and confused ones from there.\n{name} here: {np.unique(bow.values).size} "
-    said += f"categories from the bow to {begins}°, the first confused one from "
-    said += _first_confused(own) + (f" ({', '.join(others)})" if others else "")
+    said += f"categories from the bow to {begins}°, {confused}"
+    said += f" ({'; '.join(others)})" if others else ""
     figure.supxlabel(said, fontsize=LABEL)
 
 
@@ -207,7 +209,7 @@ def confused_aspects(training: xr.Dataset) -> NDArray[np.float64]:
 
 def _first_confused(training: xr.Dataset) -> str:
     found = confused_aspects(training)
-    return f"{found[0]:g}°" if found.size else "nowhere"
+    return f"from {found[0]:g}°" if found.size else "none"
 
 
 def _ship_colour(ship: int) -> str:

@@ -5,6 +5,10 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
 
+import zarr
+
+from sweeps.report.page import write
+
 VOID = {"meta", "link", "img", "br", "input"}
 
 
@@ -100,3 +104,16 @@ def parsed(written: str) -> Page:
 def read_page(path: Path) -> Page:
     """Return the page of a file."""
     return parsed(path.read_text(encoding="utf-8"))
+
+
+def stored(path, attributes=None, **groups):
+    """A store of some groups, of which `__` parts the names."""
+    for name, dataset in groups.items():
+        dataset.to_zarr(path, group=name.replace("__", "/"), mode="a", consolidated=False)
+    zarr.open_group(path, mode="a").attrs.update(attributes or {})
+    return path
+
+
+def page_of(path):
+    """The page of a store without figures."""
+    return write.page_of(path, lambda kind, store: None)

@@ -157,7 +157,7 @@ def test_sources_statement_is_beside_what_was_measured():
         "Duncan in the source's Figure 19: three categories from the bow to about 50°, and "
         "confused ones from there.",
         "Duncan here: 3 categories from the bow to 50°, the first confused one from 15° "
-        "(10 ns: 36°)",
+        "(10 ns: from 36°)",
     ]
     marks = [line.get_xdata()[0] for line in several.axes[0].lines]
     assert marks == [source["confused_from"]]
@@ -172,7 +172,18 @@ def test_one_training_has_no_shares_and_says_nothing_of_others():
     assert one.get_supxlabel().endswith("the first confused one from 15°")
     clear = four_ships([30.0])
     clear = clear.assign(training_confused=0 * clear.training_confused)
-    assert draw_formation(clear, PROFILES).get_supxlabel().endswith("one from nowhere")
+    said = draw_formation(clear, PROFILES).get_supxlabel()
+    assert said.endswith("3 categories from the bow to 50°, none confused")
+
+
+def test_a_ship_confused_at_one_pulse_width_alone_says_at_which():
+    several = four_ships([10.0, 30.0])
+    confused = several.training_confused * (several.pulse_width == 10)
+    said = draw_formation(several.assign(training_confused=confused), PROFILES).get_supxlabel()
+    assert said.endswith("none confused (10 ns: from 36°)")
+    confused = several.training_confused * (several.pulse_width == 30)
+    said = draw_formation(several.assign(training_confused=confused), PROFILES).get_supxlabel()
+    assert said.endswith("the first confused one from 15° (10 ns: none)")
 
 
 def test_aspects_that_nobody_learned_are_left_out():

@@ -2,27 +2,23 @@
 
 import base64
 import hashlib
-import io
 import re
 from contextlib import chdir
 from importlib.resources import files
+from itertools import product
 
 import numpy as np
 import pytest
 import xarray as xr
-import zarr
 from made import scores
-from pages import parsed, read_page
-from PIL import Image
-from stores import opened, reported
+from pages import page_of, parsed, read_page, stored
+from stores import opened
 
-from sweeps.app import report_page
-from sweeps.engine.run import Finished
-from sweeps.engine.schedule import Progress
-from sweeps.report.page import write
-from sweeps.report.page.ships import ships_of
+from sweeps.report.page import confusion
+from sweeps.report.page.cells import Cells
+from sweeps.report.page.cubes import Axes, placed
+from sweeps.report.page.layout import Cell
 from sweeps.report.rows import page_file
-from sweeps.report.work import read_work, write_work
 
 LARGEST = 10e6  # bytes
 
@@ -31,19 +27,6 @@ LARGEST = 10e6  # bytes
 def smoke(smoke_store):
     """The page that the smoke experiment ended with."""
     return read_page(page_file(smoke_store))
-
-
-def stored(path, attributes=None, **groups):
-    """A store of some groups, of which `__` parts the names."""
-    for name, dataset in groups.items():
-        dataset.to_zarr(path, group=name.replace("__", "/"), mode="a", consolidated=False)
-    zarr.open_group(path, mode="a").attrs.update(attributes or {})
-    return path
-
-
-def page_of(path):
-    """The page of a store without figures."""
-    return write.page_of(path, lambda kind, store: None)
 
 
 def states(*values):
@@ -116,6 +99,26 @@ def test_confusion_counts_every_answer_once(smoke, smoke_store):
         counts = [int(cell.text.split()[1]) for cell in line.all("td")]
         named = here.isel(ship=ship).values
         assert counts == [int((named == other).sum()) for other in range(2)]
+
+
+def test_code_beside_counts_holds_for_aspects_of_many_digits(tmp_path):
+    aspects = [0.1234567, 12.3456789, 45.0, 89.9999999]
+    named = xr.Dataset(
+        {"predicted": (("ship", "aspect"), np.array([[0, 0, 1, 0], [1, 0, 1, 1]], dtype="i2"))},
+        {"ship": ["duncan", "own"], "aspect": aspects},
+    )
+    path = stored(tmp_path / "s.zarr", classification__acn=named)
+    axes = Axes()
+    found = confusion.matrices_of(
+        opened(path, "classification/acn"), "classification/acn", str(path), axes
+    )
+    known = axes.finished()
+    (cube,) = (placed(one, known) for one in found)
+    cells = Cells([cube], known)
+    for place, expected in zip(product(*cube.at), cube.values, strict=True):
+        code = cells.code(Cell(0, dict(zip(cube.dims, place, strict=True))))
+        assert eval(code, {"xr": xr}) == expected, code
+    assert sum(cube.values) == 2 * named.predicted.size  # in a bin, and in all
 
 
 # axes ---------------------------------------------------------------------------------------------
@@ -278,6 +281,16 @@ def test_nothing_of_the_page_is_elsewhere(smoke):
     assert "innerHTML" not in script and "eval(" not in script and "Function(" not in script
 
 
+# provenance ---------------------------------------------------------------------------------------
+
+
+def test_transforms_of_own_meshes_are_on_the_page(tmp_path):
+    attributes = {"mesh_digests": {"own": "ab12"}, "mesh_transforms": {"own": "up: y, scale: 0.01"}}
+    page = parsed(page_of(stored(tmp_path / "s.zarr", attributes, tables__o=scores(a=[1, 2]))))
+    told = page.root.one("section", id="provenance").text
+    assert "Transforms of the ships' meshes" in told and "up: y, scale: 0.01" in told
+
+
 # form ---------------------------------------------------------------------------------------------
 
 
@@ -329,86 +342,3 @@ def test_text_and_curves_stand_out(scheme):
     for level in re.findall(r"rgba\(var\(--shade\), (\.\d+)\)", style):
         mixed = float(level) * shade + (1 - float(level)) * np.array(colour["paper"])
         assert contrast(colour["ink"], mixed) >= 4.5
-
-
-# files --------------------------------------------------------------------------------------------
-
-
-def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
-    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
-    assert reported(monkeypatch, "--html", path) == 0
-    before = page_file(path).read_bytes()
-    capsys.readouterr()
-
-    def cut(self, text, **how):
-        self.open("w").write(text[:100])
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("pathlib.Path.write_text", cut)
-    assert reported(monkeypatch, "--html", path) == 2
-    told = capsys.readouterr().err
-    assert (
-        told.startswith("ncti-report: the report page is not written: ") and told.count("\n") == 1
-    )
-    assert page_file(path).read_bytes() == before
-    assert [one.name for one in tmp_path.iterdir() if "partial" in one.name] == []
-
-
-def test_a_page_in_the_way_costs_the_sweep_a_sentence(tmp_path, capsys):
-    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
-    page_file(path).mkdir()
-    report_page(path, Finished(written=True))
-    told = capsys.readouterr().err
-    assert told.startswith("ncti-sweep: the report page is not written: ") and told.count("\n") == 1
-
-
-def test_a_page_is_written_again_when_the_store_changes(tmp_path, monkeypatch):
-    path = stored(tmp_path / "s.zarr", {"seed": 1}, tables__o=scores(a=[1, 2]))
-    pages = []
-    monkeypatch.setattr(
-        "sweeps.report.command.write_report", lambda store: pages.append(store) or store
-    )
-    assert not write.is_current(path)
-    page_file(path).write_text(page_of(path), encoding="utf-8")
-    report_page(path, Finished(written=False))
-    assert pages == []
-    stored(path, {"seed": 2})
-    report_page(path, Finished(written=False))
-    assert pages == [path]
-
-
-def test_work_is_kept_beside_the_tables_and_shown(tmp_path):
-    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
-    assert read_work(path) == []
-    write_work(path, {"fast": Progress(total=3, reused=2, done=1, seconds=0.25), "=x": Progress(1)})
-    kept = read_work(path)
-    first = kept[0]
-    assert (first.stage, first.done, first.reused, first.seconds) == ("fast", 1, 2, 0.25)
-    page = parsed(page_of(path))
-    rows = page.root.one("section", id="work").all("tr")[1:]
-    assert [row.all("th")[0].text for row in rows] == ["fast", kept[1].stage]
-    assert [cell.text for cell in rows[0].all("td")][:4] == ["1", "2", "0", "0.25"]
-
-
-def test_ships_have_their_measures_and_a_picture(tmp_path):
-    picture = np.full((2, 3, 5), np.nan)
-    picture[0, 0] = 1.0  # a bright keel, in the lowest row
-    table = xr.Dataset(
-        {
-            "length": ("ship", [135.62, 20.0]),
-            "facets": ("ship", [43672, 12]),
-            "picture": (("ship", "row", "column"), picture),
-            "warning": ("ship", ["", "stands on its stern"]),
-        },
-        {"ship": ["duncan", "own"]},
-    )
-    table.length.attrs["units"] = "m"
-    path = stored(tmp_path / "s.zarr", ships=table)
-    one, other = ships_of(zarr.open_group(path))
-    assert one.measures == [("length", "135.6 m"), ("facets", "43,672")]
-    assert other.picture == "" and other.warning == "stands on its stern"
-    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(one.picture))))
-    assert pixels.shape == (3, 5, 4)
-    assert (pixels[2, :, 3] == 255).all() and (pixels[:2, :, 3] == 0).all()
-    page = parsed(page_of(path))
-    assert "own: length 20.0 m, facets 12" in page.root.one("section", id="ships").text

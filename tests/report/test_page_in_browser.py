@@ -1,31 +1,48 @@
 """The report page in a real browser: its selectors and width, and that it loads nothing else."""
 
+import os
 import re
 import shutil
 from contextlib import chdir
 
+import numpy as np
 import pytest
 import xarray as xr
 from pages import read_page
 
+from sweeps.report.page.cells import number
+from sweeps.report.page.write import write_page
 from sweeps.report.rows import page_file
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-FOUND = next(filter(None, map(shutil.which, BROWSERS)), None)
 OPTIONS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"),
     *("--disable-component-update", "--disable-sync", "--no-first-run"),
 )
 PHONE, DESK = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 
-pytestmark = pytest.mark.skipif(FOUND is None, reason=f"none of {', '.join(BROWSERS)} is installed")
+
+def give_up(reason):
+    """Skip a test, or fail it where NCTI_BROWSER_TESTS is `required`."""
+    required = os.environ.get("NCTI_BROWSER_TESTS") == "required"
+    (pytest.fail if required else pytest.skip)(reason)
+
+
+def executable():
+    """The browser that is installed."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    return found or give_up(f"none of {', '.join(BROWSERS)} is installed")
 
 
 @pytest.fixture(scope="module")
 def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=FOUND, args=list(OPTIONS))
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        give_up("playwright is not installed")
+    path = executable()
+    with sync_playwright() as started:
+        running = started.chromium.launch(executable_path=path, args=list(OPTIONS))
         yield running
         running.close()
 
@@ -47,6 +64,18 @@ def seen(browser, file):
     yield page
     assert page.wrong == []
     assert [url for url in page.requests if not url.startswith("data:")] == [file.as_uri()]
+
+
+@pytest.mark.parametrize(
+    ("setting", "outcome"), [("required", pytest.fail), ("", pytest.skip), (None, pytest.skip)]
+)
+def test_a_browser_that_is_required_is_not_skipped(setting, outcome, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("NCTI_BROWSER_TESTS", raising=False)
+    if setting is not None:
+        monkeypatch.setenv("NCTI_BROWSER_TESTS", setting)
+    with pytest.raises(outcome.Exception, match=r"none of chromium, .* is installed"):
+        executable()
 
 
 def choose(page, axis, label):
@@ -154,3 +183,27 @@ def test_it_reads_without_its_script(browser, file):
     assert page.locator("#scores table:visible").count() > 5
     assert page.locator("#scores .v").first.inner_text().isdigit()
     context.close()
+
+
+# Ties of the fifth digit that floats have exactly, whole numbers, and both ends of exponents.
+FLOATS = (12345.0, 1234.5, 1233.5, 0.5, -1234.5, 43672.0, 9999.5, 99995.0, 1.0e-5, 2.5e-4, 1e7, 0.0)
+COUNTS = (43672, 9999, 10000, 1234567, -43672, 0, 1, 2, 3, 4, 5, 6)
+
+
+@pytest.mark.parametrize("values", [FLOATS, COUNTS], ids=["floats", "counts"])
+def test_numbers_keep_their_digits_when_a_selector_changes(values, browser, tmp_path):
+    """The script writes a number as the page begins with it, at every place of the axes."""
+    shaped = np.array(values).reshape(2, -1)
+    axes = {"colour": ["green", "red"], "size": np.arange(shaped.shape[1])}
+    table = xr.Dataset({"facets": (("colour", "size"), shaped)}, axes)
+    table.to_zarr(tmp_path / "s.zarr", group="tables/grown", consolidated=False)
+    file = write_page(tmp_path / "s.zarr", lambda kind, store: None)
+    page = browser.new_page(viewport=DESK)
+    page.goto(file.as_uri())
+    shown = []
+    for colour in axes["colour"]:
+        choose(page, "colour", colour)
+        rows = page.locator("#others table.figures").first.locator("td .v")
+        shown += rows.all_text_contents()
+    assert shown == [number(one, counted=values is COUNTS) for one in values]
+    page.close()

@@ -11,6 +11,7 @@ from sweeps.report.page.cubes import NAMED, TRUE, Axis, Cube, hole
 from sweeps.report.page.layout import Cell
 
 LARGE = 15  # points of difference that are coloured strongly
+SMALL = 10_000  # whole numbers below are shown with all digits
 LEVELS = 9  # shades of a confusion matrix
 
 
@@ -39,14 +40,12 @@ class Cells:
         value = None if index is None else cube.values[index]
         if index is None or value is None:
             return Shown(NOTHING)
-        percent = cube.units == "%"
-        text = f"{value:.0f}" if percent else number(value)
+        text = _said(value, cube)
         low = cube.low[index] if cube.low else None
         high = cube.high[index] if cube.high else None
         interval = ""
         if low is not None and high is not None:
-            ends = (f"{end:.0f}" if percent else number(end) for end in (low, high))
-            interval = "–".join(ends)
+            interval = f"{_said(low, cube)}–{_said(high, cube)}"
         theirs = cube.source[index] if cube.source else None
         if theirs is None or low is None or high is None:
             return Shown(text, interval)
@@ -125,6 +124,7 @@ class Cells:
                 "n": cube.count,
                 "s": cube.source,
                 "p": cube.units == "%",
+                "i": cube.counted,
                 "k": cube.code,
                 "o": cube.codes,
             }
@@ -133,9 +133,19 @@ class Cells:
         return {"axes": axes, "cubes": cubes, "named": NAMED, "true": TRUE}
 
 
-def number(value: float) -> str:
-    """Return a number to four digits, whole ones as they are."""
-    return str(value) if isinstance(value, int) else f"{value:.4g}"
+def _said(value: float, cube: Cube) -> str:
+    """Return a number of a cube: a percentage to a whole one, another to four digits."""
+    return f"{value:.0f}" if cube.units == "%" else number(value, counted=cube.counted)
+
+
+def number(value: float, *, counted: bool = False) -> str:
+    """Return a number to four digits; whole ones as they are if small or `counted`.
+
+    The script of the page has the same rule, where 2.0 and 2 are the same number.
+    """
+    if float(value).is_integer() and (counted or abs(value) < SMALL):
+        return str(int(value))
+    return f"{value:.4g}"
 
 
 def look(points: int, low: float, high: float, theirs: float) -> str:

@@ -11,7 +11,6 @@ from sweeps.report.page.cubes import BIN, OVERALL, Axis, Cube, Place
 
 WIDTH, HEIGHT = 340, 226
 LEFT, RIGHT, TOP, BOTTOM = 42, 12, 20, 40  # margins
-APART = 38  # between labels of values
 LETTERS = 11  # of a label
 SHAPES = ("circle", "square", "diamond", "triangle")
 COLOURS = 8

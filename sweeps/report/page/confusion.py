@@ -90,7 +90,7 @@ def _cube(answers: xr.Dataset, group: str, store: str, axes: Axes, split: Sequen
     named_ships = [*ships, NONE] if counts[..., -1].any() else ships
     counts = counts[..., : len(named_ships)]
     ends = [answers.aspect.values[index == k] for k in range(len(labels) - 1)]
-    slices = [f", aspect=slice({one.min():g}, {one.max():g})" for one in ends]
+    slices = [f", aspect=slice({float(one.min())!r}, {float(one.max())!r})" for one in ends]
     axes.add(BIN, SweepAxis(xr.DataArray(0, name=BIN)), labels, [repr(one) for one in labels])
     axes.add(TRUE, SweepAxis(xr.DataArray(0, name=TRUE)), ships, [repr(one) for one in ships])
     axes.add(

@@ -78,6 +78,11 @@ class Cube:
     source: tuple[int | None, ...] = ()
     codes: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
+    @property
+    def counted(self) -> bool:
+        """Whether its values are integers, which are shown with all digits."""
+        return all(isinstance(one, int) for one in self.values)
+
     def index(self, place: Place) -> int | None:
         """Return the index of the value at a place on the page's axes; None if it is absent."""
         found = 0

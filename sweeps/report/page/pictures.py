@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import base64
 import io
+import shlex
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sweeps.report.rows import groups
+from sweeps.report.rows import groups, read
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,12 +22,16 @@ Draw = Callable[[str, Path], "Figure"]  # of a kind and a store
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of figure: groups of a store that it needs, and its texts."""
+    """A kind of figure: groups of a store that it needs, and its texts.
+
+    The first group must have several values of the dimension `swept`, if given.
+    """
 
     needs: tuple[str, ...]
     title: str
     source: str
     alt: str
+    swept: str = ""
 
 
 # Curves of scores are charts of the page itself, so their kinds are not listed.
@@ -78,6 +83,7 @@ KINDS = {
         "Errors from wrong flight parameters, with and without autofocus",
         "",
         "Errors of corrected images and profiles against the error of each flight parameter.",
+        swept="error",
     ),
     "scan": Kind(
         ("scan", "tables/scan"),
@@ -111,17 +117,20 @@ class Picture:
 def pictures_of(path: Path, store: Any, draw: Draw) -> Iterator[Picture]:
     """Yield the figures for which a store has the groups, as PNG in base64."""
     for kind, one in KINDS.items():
-        if all(_has(store, group) for group in one.needs):
+        if _has(store, one):
             drawn, why = _drawn(kind, path, draw)
-            if why and kind == "sensitivity":  # flights without errors have none
-                continue
-            command = f"python -m sweeps.report.figures {kind} {path.name} {kind}.png"
+            named = shlex.quote(path.name)
+            command = f"python -m sweeps.report.figures {kind} {named} {kind}.png"
             yield Picture(kind, one.title, one.source, one.alt, command, drawn, why)
 
 
-def _has(store: Any, group: str) -> bool:
-    under, _, name = group.rpartition("/")
-    return name in groups(store, under)
+def _has(store: Any, kind: Kind) -> bool:
+    """Return whether a store has what a kind of figure shows."""
+    for group in kind.needs:
+        under, _, name = group.rpartition("/")
+        if name not in groups(store, under):
+            return False
+    return not kind.swept or read(store, kind.needs[0]).sizes.get(kind.swept, 1) > 1
 
 
 def _drawn(kind: str, path: Path, draw: Draw) -> tuple[str, str]:

@@ -126,6 +126,7 @@ def provenance(attributes: Mapping[str, Any]) -> list[tuple[str, list[tuple[str,
     known = (
         ("Versions", "versions"),
         ("Digests of the ships' meshes", "mesh_digests"),
+        ("Transforms of the ships' meshes", "mesh_transforms"),
         ("Digests of code by stage", "code"),
         ("Digests of results by stage", "cells"),
     )

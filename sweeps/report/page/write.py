@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from sweeps.report.work import read_work
 
 HIDDEN = (TRUE, NAMED)  # axes without a selector
 LARGEST = 200_000  # values of a variable; images and profiles have more
+SOURCES = (".py", ".html", ".css", ".js")
 STAMP = "ncti-store"  # name of the meta element that identifies the store of a page
 
 
@@ -38,7 +40,7 @@ def write_page(store: Path, draw: Draw) -> Path:
 
 
 def is_current(store: Path) -> bool:
-    """Return whether the page beside a store was made from it by this version."""
+    """Return whether the page beside a store was made from it by this code."""
     try:
         with rows.page_file(store).open(encoding="utf-8") as file:
             return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(4096)
@@ -47,13 +49,24 @@ def is_current(store: Path) -> bool:
 
 
 def _stamp(store: Path) -> str:
-    """Return a digest of a store's attributes and of the report's version."""
+    """Return a digest of a store's attributes, of the version and of the report's sources."""
     try:
         known = version("ncti-sweep")
     except PackageNotFoundError:
         known = ""
-    content = (store / "zarr.json").read_bytes()
-    return hashlib.sha256(known.encode() + content).hexdigest()[:32]
+    digest = hashlib.sha256(known.encode() + (store / "zarr.json").read_bytes())
+    for content in _sources(files("sweeps.report")):
+        digest.update(hashlib.sha256(content).digest())
+    return digest.hexdigest()[:32]
+
+
+def _sources(folder: Traversable) -> Iterator[bytes]:
+    """Yield the content of every module and template below a folder, by name."""
+    for one in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if one.is_dir():
+            yield from _sources(one)
+        elif one.name.endswith(SOURCES):
+            yield one.read_bytes()
 
 
 def page_of(path: Path, draw: Draw) -> str:

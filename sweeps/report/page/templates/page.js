@@ -33,16 +33,19 @@
     return text;
   };
 
-  // Numbers as the page begins with them: ties to even, four digits.
+  // Numbers as the page begins with them: ties to even, four digits; counts with all digits.
   const whole = (v) => {
     const low = Math.floor(v), rest = v - low;
     return String(rest === 0.5 ? low + (low % 2) : Math.round(v));
   };
-  const digits = (v) => {
-    if (Number.isInteger(v) && Math.abs(v) < 1e4) return String(v);
-    const [mantissa, power] = v.toExponential(3).split("e");
+  const digits = (v, counted) => {
+    if (Number.isInteger(v) && (counted || Math.abs(v) < 1e4)) return String(v);
+    let [mantissa, power] = v.toExponential(3).split("e");
+    // toExponential rounds ties away from zero: from an odd last digit, one back is even.
+    const tie = /^-?\d\.\d{3}50{16}e/.test(v.toExponential(20));
+    if (tie && Number(mantissa.slice(-1)) % 2) mantissa = mantissa.slice(0, -1) + (mantissa.slice(-1) - 1);
     const p = Number(power);
-    if (p >= -4 && p < 4) return String(Number(v.toPrecision(4)));
+    if (p >= -4 && p < 4) return String(Number(mantissa + "e" + power));
     return Number(mantissa) + "e" + (p < 0 ? "-" : "+") + String(Math.abs(p)).padStart(2, "0");
   };
 
@@ -50,7 +53,7 @@
     const cube = cubes[cell.dataset.c];
     const at = indexOf(cube, placeOf(cell.dataset.at));
     const value = at < 0 ? null : cube.v[at];
-    const said = cube.p ? whole : digits;
+    const said = (v) => (cube.p ? whole(v) : digits(v, cube.i));
     const [text, interval, source] = cell.querySelectorAll(".v, .ci, .src");
     text.textContent = value === null ? "–" : said(value);
     interval.textContent = source.textContent = cell.className = "";

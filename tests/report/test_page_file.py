@@ -1,0 +1,200 @@
+"""Figures of the report page, and its file: when it is written, and what if it cannot be."""
+
+import base64
+import io
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import zarr
+from made import scores
+from pages import page_of, parsed, stored
+from PIL import Image
+from stores import reported
+
+import sweeps.report
+from sweeps.app import report_page
+from sweeps.engine.run import Finished
+from sweeps.engine.schedule import Progress
+from sweeps.report.page import write
+from sweeps.report.page.pictures import KINDS, pictures_of
+from sweeps.report.page.ships import ships_of
+from sweeps.report.rows import page_file
+from sweeps.report.work import read_work, write_work
+
+# figures ------------------------------------------------------------------------------------------
+
+
+def pictures_without_drawing(path):
+    """The figures of a store by kind, each of which fails."""
+
+    def fail(kind, store):
+        raise RuntimeError("no ink")
+
+    return {one.kind: one for one in pictures_of(path, zarr.open_group(path, mode="r"), fail)}
+
+
+def test_commands_of_figures_are_quoted_for_a_shell(tmp_path):
+    name = "a b$(id).zarr"
+    path = stored(tmp_path / name, range_profile=xr.Dataset({"expected": ("bin", [1.0])}))
+    command = pictures_without_drawing(path)["profiles"].command
+    words = shlex.split(command)
+    assert words == ["python", "-m", "sweeps.report.figures", "profiles", name, "profiles.png"]
+    written = subprocess.run(
+        ["sh", "-c", f"printf '%s\\n' {command}"], capture_output=True, text=True
+    )
+    assert written.stdout.splitlines() == words
+
+
+@pytest.mark.parametrize("errors", [1, 3])
+def test_only_flights_with_errors_have_a_figure_of_them(errors, tmp_path):
+    """A figure that should be there but fails says why."""
+    flights = xr.Dataset({"profile_correlation": ("error", np.ones(errors))})
+    found = pictures_without_drawing(stored(tmp_path / "s.zarr", validation=flights))
+    assert ("sensitivity" in found) == (errors > 1)
+    assert all(one.why == "RuntimeError: no ink" and not one.data for one in found.values())
+    assert {"flight", "validation"} <= set(found)
+
+
+def test_every_figure_of_the_sources_flights_has_ours_or_a_reason():
+    ends = re.findall(r"(\d+)(?: to (\d+))?", " ".join(one.source for one in KINDS.values()))
+    drawn = {number for low, high in ends for number in range(int(low), int(high or low) + 1)}
+    assert set(range(10, 17)) - drawn == {12}
+    text = Path(__file__).parents[2].joinpath("docs/report.md").read_text(encoding="utf-8")
+    assert "Figure 12, a sketch of the velocity vectors" in text
+
+
+# files --------------------------------------------------------------------------------------------
+
+
+def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
+    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
+    assert reported(monkeypatch, "--html", path) == 0
+    before = page_file(path).read_bytes()
+    capsys.readouterr()
+
+    def cut(self, text, **how):
+        self.open("w").write(text[:100])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_text", cut)
+    assert reported(monkeypatch, "--html", path) == 2
+    told = capsys.readouterr().err
+    assert (
+        told.startswith("ncti-report: the report page is not written: ") and told.count("\n") == 1
+    )
+    assert page_file(path).read_bytes() == before
+    assert [one.name for one in tmp_path.iterdir() if "partial" in one.name] == []
+
+
+def test_a_page_in_the_way_costs_the_sweep_a_sentence(tmp_path, capsys):
+    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
+    page_file(path).mkdir()
+    report_page(path, Finished(written=True))
+    told = capsys.readouterr().err
+    assert told.startswith("ncti-sweep: the report page is not written: ") and told.count("\n") == 1
+
+
+def test_a_page_is_written_again_when_the_store_changes(tmp_path, monkeypatch):
+    path = stored(tmp_path / "s.zarr", {"seed": 1}, tables__o=scores(a=[1, 2]))
+    pages = []
+    monkeypatch.setattr(
+        "sweeps.report.command.write_report", lambda store: pages.append(store) or store
+    )
+    assert not write.is_current(path)
+    page_file(path).write_text(page_of(path), encoding="utf-8")
+    report_page(path, Finished(written=False))
+    assert pages == []
+    stored(path, {"seed": 2})
+    report_page(path, Finished(written=False))
+    assert pages == [path]
+
+
+@pytest.mark.parametrize("name", ["page/cells.py", "page/templates/page.js", "figures.py"])
+def test_a_page_is_written_again_when_the_report_changes(name, tmp_path, monkeypatch):
+    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
+    copy = tmp_path / "report"
+    shutil.copytree(Path(sweeps.report.__file__).parent, copy)
+    monkeypatch.setattr(write, "files", lambda package: copy)
+    page_file(path).write_text(f'<meta name="{write.STAMP}" content="{write._stamp(path)}">')
+    assert write.is_current(path)
+    (copy / "page/__pycache__").mkdir(exist_ok=True)
+    (copy / "page/__pycache__/more.pyc").write_bytes(b"compiled")
+    assert write.is_current(path)
+    with (copy / name).open("a") as file:
+        file.write("\n")
+    assert not write.is_current(path)
+
+
+DAMAGED = {  # what is broken, and how the sentence begins
+    "empty": "store is ",
+    "metadata": "store is ",
+    "table": "store is ",
+    "answers": "the report page is not written: ",
+}
+
+
+@pytest.mark.parametrize("what", DAMAGED)
+def test_a_damaged_store_has_no_page_but_a_sentence(what, tmp_path, monkeypatch, capsys):
+    path, table = tmp_path / "s.zarr", scores(a=[1, 2])
+    if what == "empty":
+        path.mkdir()
+    else:
+        named = xr.Dataset(
+            {"predicted": (("ship", "aspect"), np.ones((2, 2), dtype="i2"))},
+            {"ship": [0, 1], "aspect": [0.0, 90.0]},
+        )
+        stored(path, tables__o=table, classification__acn=named)
+    if what == "metadata":
+        (path / "zarr.json").write_text("{")
+    group = {"table": "tables/o/accuracy", "answers": "classification/acn/predicted"}.get(what, "c")
+    for one in (path / group / "c").rglob("*"):
+        if one.is_file():
+            one.write_bytes(b"?")
+    assert reported(monkeypatch, "--html", path) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"ncti-report: {DAMAGED[what]}") and told.count("\n") == 1
+    assert "JSON" not in told.partition("(")[0] and "Traceback" not in told
+    assert not page_file(path).exists()
+
+
+def test_work_is_kept_beside_the_tables_and_shown(tmp_path):
+    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
+    assert read_work(path) == []
+    write_work(path, {"fast": Progress(total=3, reused=2, done=1, seconds=0.25), "=x": Progress(1)})
+    kept = read_work(path)
+    first = kept[0]
+    assert (first.stage, first.done, first.reused, first.seconds) == ("fast", 1, 2, 0.25)
+    page = parsed(page_of(path))
+    rows = page.root.one("section", id="work").all("tr")[1:]
+    assert [row.all("th")[0].text for row in rows] == ["fast", kept[1].stage]
+    assert [cell.text for cell in rows[0].all("td")][:4] == ["1", "2", "0", "0.25"]
+
+
+def test_ships_have_their_measures_and_a_picture(tmp_path):
+    picture = np.full((2, 3, 5), np.nan)
+    picture[0, 0] = 1.0  # a bright keel, in the lowest row
+    table = xr.Dataset(
+        {
+            "length": ("ship", [135.62, 20.0]),
+            "facets": ("ship", [43672, 12]),
+            "picture": (("ship", "row", "column"), picture),
+            "warning": ("ship", ["", "stands on its stern"]),
+        },
+        {"ship": ["duncan", "own"]},
+    )
+    table.length.attrs["units"] = "m"
+    path = stored(tmp_path / "s.zarr", ships=table)
+    one, other = ships_of(zarr.open_group(path))
+    assert one.measures == [("length", "135.6 m"), ("facets", "43,672")]
+    assert other.picture == "" and other.warning == "stands on its stern"
+    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(one.picture))))
+    assert pixels.shape == (3, 5, 4)
+    assert (pixels[2, :, 3] == 255).all() and (pixels[:2, :, 3] == 0).all()
+    page = parsed(page_of(path))
+    assert "own: length 20.0 m, facets 12" in page.root.one("section", id="ships").text
