@@ -16,6 +16,8 @@ import yaml
 import zarr
 
 from sweeps.report.axes import NOMINAL, OF_ARRAYS, Axis, axes_of
+from sweeps.report.fair import OF_STORE, Comparison
+from sweeps.stages.likelihood import Likelihood
 
 Row = dict[str, Any]
 Column = tuple[str, Callable[[Any], Any]]  # variable, and function that formats a cell
@@ -42,8 +44,14 @@ def groups(store: Any, under: str = "") -> list[str]:
 
 
 def read(store: Any, group: str) -> xr.Dataset:
-    """Return a group of a store, each variable read lazily. Raises KeyError without it."""
-    return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
+    """Return a group of a store, each variable read lazily. Raises KeyError without it.
+
+    Its attributes include those of the store that decide what the source's figures compare with.
+    """
+    dataset = xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
+    return dataset.assign_attrs(
+        {name: store.attrs[name] for name in OF_STORE if name in store.attrs}
+    )
 
 
 def setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
@@ -189,6 +197,32 @@ def of_one(rows: Sequence[Row], names: Iterable[str] = RULES) -> list[Row]:
     return list(rows)
 
 
+@lru_cache
+def main_setting() -> dict[str, Any]:
+    """Return the value of each axis that is shown first: the source's, or else the nominal one."""
+    source = source_figures()
+    profiles, silhouettes = source["table4_percent_correct"], source["table5_percent_correct"]
+    return NOMINAL | {
+        "pulse_width": profiles["pulse_width"],
+        "vigilance": profiles["vigilance"],
+        "frame_count": silhouettes["frame_count"],
+        "infrared_frame_count": silhouettes["frame_count"],
+        "range": source["experiment"]["range"],
+        "super_resolution": "none",
+        "gain_sigma": Likelihood.gain_sigma.default,
+    }
+
+
+def preferred(name: str, there: Sequence[Any]) -> Any:
+    """Return the value of an axis that is shown first: of numbers the nearest, else the first."""
+    value: Any = main_setting().get(name)
+    if value in there:
+        return value
+    if all(type(one) in (int, float) and math.isfinite(one) for one in (value, *there)):
+        return nearest(value, there)
+    return there[0]
+
+
 def nearest(wanted: float, there: Iterable[Any]) -> Any:
     """Return the value nearest to another, the lesser of two."""
     return min(there, key=lambda value: (abs(value - wanted), value))
@@ -217,11 +251,6 @@ def source_figures() -> dict[str, Any]:
     return figures
 
 
-def has_source_views(tables: xr.Dataset) -> bool:
-    """Return whether a sweep has as many views as the article's: four ships, 31 aspects."""
-    return bool((tables.view_count.values == source_figures()["experiment"]["views"]).all())
-
-
 def as_in_source(row: Mapping[str, Any]) -> bool:
     """Return whether range and receiver are the article's."""
     given = source_figures()["experiment"]
@@ -229,11 +258,13 @@ def as_in_source(row: Mapping[str, Any]) -> bool:
 
 
 def beside_source(rows: list[Row], tables: xr.Dataset, table: str) -> list[Row]:
-    """Return rows with the source's figures from one of its tables."""
+    """Return rows with the source's figures from one of its tables where the comparison is fair."""
     lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
+    compared = Comparison(tables, table)
     for row in rows:
         there = {"receiver": tables.attrs.get("receiver")} | row
-        row["source_percent"] = source_percent(table, there, lowest[row[BIN]])
+        theirs = source_percent(table, there, lowest[row[BIN]]) if compared.is_fair(row) else None
+        row["source_percent"] = theirs
     return rows
 
 

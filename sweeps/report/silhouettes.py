@@ -9,6 +9,7 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import axes_of, printable, shown
+from sweeps.report.fair import Comparison
 from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
@@ -114,11 +115,12 @@ def print_sensor(rows: list[Row], console: Console) -> None:
 def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
     """Return categories formed from silhouettes, a row per training, over its phases and orders."""
     source, rows = source_figures()["table5_percent_correct"], []
+    compared = Comparison(tables, "acn_infrared")
     for row in formation_rows(tables):
         row["of_first_phase_and_order"] = row.pop("first")
         row["training_silhouettes"] = row.pop("views")
         row["settled"] = row.pop("settled")
-        asked = row["vigilance"] == source["vigilance"]
+        asked = row["vigilance"] == source["vigilance"] and compared.is_fair(row)
         rows.append(row | {"source_categories": source["categories"] if asked else None})
     return rows
 

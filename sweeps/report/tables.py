@@ -8,6 +8,7 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import NOTHING, Axis, printable, shown, told
+from sweeps.report.fair import Comparison
 from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
@@ -20,7 +21,6 @@ from sweeps.report.rows import (
     finite,
     formation_rows,
     grouped,
-    has_source_views,
     nearest,
     of_one,
     percent,
@@ -32,7 +32,7 @@ from sweeps.report.rows import (
 )
 from sweeps.report.screen import by_frames, frames_text, note, print_grid, print_scores, settings
 
-__all__ = ["accuracy_rows", "category_rows", "has_source_views", "source_figures"]
+__all__ = ["accuracy_rows", "category_rows", "source_figures"]
 
 CELL = ("range", "target_free_ifovs", "pulse_width")  # given in every title
 BOUND = "likelihood"
@@ -52,9 +52,10 @@ AT_LEAST = "correct_where_rejected"
 def category_rows(tables: xr.Dataset) -> list[Row]:
     """Return categories formed (the article's Table 3), a row per training, over all orders."""
     source, rows = source_figures()["table3_categories"], []
+    compared = Comparison(tables, "acn")
     for row in formation_rows(tables):
         asked = as_in_source({"receiver": tables.attrs.get("receiver")} | row)
-        asked = asked and row["vigilance"] == source["vigilance"]
+        asked = asked and row["vigilance"] == source["vigilance"] and compared.is_fair(row)
         theirs = source["categories"].get(row["pulse_width_ns"]) if asked else None
         del row["first"]
         views, settled = row.pop("views"), row.pop("settled")
