@@ -11,6 +11,7 @@ import xarray as xr
 from ncti import ships
 from sweeps.engine.kinds import Draws
 from sweeps.engine.settings import Settings, flatten
+from sweeps.report import rows
 from sweeps.report.axes import Axis
 from sweeps.stages.categories import Network
 from sweeps.stages.classifier import Classifier
@@ -19,9 +20,6 @@ from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.mnn import Mnn
 from sweeps.stages.views import Grid, Scene
-
-OF_STORE = ("configuration", "mesh_digests")
-"""Attributes of a store on which a comparison depends; `rows.read` hands them on to its groups."""
 
 GROUPS: dict[str, tuple[type[Settings], ...]] = {
     "acn": (Scene, Ladar, Classifier, Network),
@@ -32,9 +30,19 @@ GROUPS: dict[str, tuple[type[Settings], ...]] = {
 of the grid."""
 
 
-def has_source_views(tables: xr.Dataset) -> bool:
+def read_compared(store: Any, group: str) -> xr.Dataset:
+    """Return a group of tables of a store, to which the source's figures may be added."""
+    return compared(rows.read(store, group), store.attrs)
+
+
+def compared(tables: xr.Dataset, attributes: Mapping[str, Any]) -> xr.Dataset:
+    """Return tables with a test of their rows by classifier, for `rows.is_fair`."""
+    tests = {name: Comparison(tables, attributes, name).is_fair for name in GROUPS}
+    return tables.assign_attrs({rows.COMPARED: tests})
+
+
+def has_source_views(tables: xr.Dataset, attributes: Mapping[str, Any]) -> bool:
     """Return whether tables are of the article's own ships, as packaged, and of its aspects."""
-    attributes = tables.attrs
     given = flatten((Grid.aspect, Fresh.fresh), attributes.get("configuration", {}))
     aspects = set(Grid.aspect.values(given.get(Grid.aspect.key, Grid.aspect.default)))
     theirs = set(Grid.aspect.values(Grid.aspect.default))
@@ -50,10 +58,10 @@ def has_source_views(tables: xr.Dataset) -> bool:
 
 
 class Comparison:
-    """Test of rows of a classifier, given its tables as `rows.read` returns them."""
+    """Test of rows of a classifier, given its tables and the attributes of its store."""
 
-    def __init__(self, tables: xr.Dataset, classifier: str) -> None:
-        self._possible = classifier in GROUPS and has_source_views(tables)
+    def __init__(self, tables: xr.Dataset, attributes: Mapping[str, Any], classifier: str) -> None:
+        self._possible = classifier in GROUPS and has_source_views(tables, attributes)
         self._swept: dict[str, set[Any]] = {}  # default values of settings with others, too
         if not self._possible:
             return
@@ -65,7 +73,7 @@ class Comparison:
             and one is not Classifier.name
             and not isinstance(one.kind, Draws)
         ]
-        for key, written in flatten(checked, tables.attrs.get("configuration", {})).items():
+        for key, written in flatten(checked, attributes.get("configuration", {})).items():
             setting = next(one for one in checked if one.key == key)
             given, default = set(setting.values(written)), set(setting.values(setting.default))
             self._possible &= bool(given & default)

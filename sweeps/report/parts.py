@@ -14,6 +14,7 @@ from rich.console import Console
 from sweeps.engine.errors import ConfigurationError
 from sweeps.report import flights, rows, scans, silhouettes, tables
 from sweeps.report.axes import OF_ARRAYS, printable
+from sweeps.report.fair import read_compared
 from sweeps.report.others import other_rows, print_other
 from sweeps.report.rows import Row, page_file, tables_folder
 from sweeps.report.screen import FILES, line, write_tables
@@ -132,7 +133,7 @@ def located(path: Path) -> str:
 def _parts(path: Path) -> Iterator[Part]:
     store = rows.opened(path)
     top, names = rows.groups(store), rows.groups(store, "tables")
-    read = {name: rows.read(store, f"tables/{name}").load() for name in names}
+    read = {name: read_compared(store, f"tables/{name}").load() for name in names}
     named = [name for name in set(names) - OWN if tables.names_profiles(read[name])]
     several = bool(set(named) - {"acn"})
     for part in _of(read, "acn"):

@@ -16,8 +16,6 @@ import yaml
 import zarr
 
 from sweeps.report.axes import NOMINAL, OF_ARRAYS, Axis, axes_of
-from sweeps.report.fair import OF_STORE, Comparison
-from sweeps.stages.likelihood import Likelihood
 
 Row = dict[str, Any]
 Column = tuple[str, Callable[[Any], Any]]  # variable, and function that formats a cell
@@ -26,6 +24,7 @@ BIN = "aspect_bin_deg"
 RULES = ("label_rule", "score_rule")  # what the source leaves unspecified of its network
 ENDS = ("ci_low", "ci_high")
 SUFFIX = ".zarr"
+COMPARED = "compared"  # attribute of tables with tests of their rows, by classifier
 
 # Tables of the source by classifier.
 TABLES = {"acn": "table4", "mnn": "table2", "acn_infrared": "table5"}
@@ -44,14 +43,8 @@ def groups(store: Any, under: str = "") -> list[str]:
 
 
 def read(store: Any, group: str) -> xr.Dataset:
-    """Return a group of a store, each variable read lazily. Raises KeyError without it.
-
-    Its attributes include those of the store that decide what the source's figures compare with.
-    """
-    dataset = xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
-    return dataset.assign_attrs(
-        {name: store.attrs[name] for name in OF_STORE if name in store.attrs}
-    )
+    """Return a group of a store, each variable read lazily. Raises KeyError without it."""
+    return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
 
 
 def setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
@@ -209,7 +202,7 @@ def main_setting() -> dict[str, Any]:
         "infrared_frame_count": silhouettes["frame_count"],
         "range": source["experiment"]["range"],
         "super_resolution": "none",
-        "gain_sigma": Likelihood.gain_sigma.default,
+        "gain_sigma": 1.0,  # unknown
     }
 
 
@@ -257,13 +250,23 @@ def as_in_source(row: Mapping[str, Any]) -> bool:
     return (row.get("range_km"), row.get("receiver")) == (given["range"], given["receiver"])
 
 
+def is_fair(row: Row, tables: xr.Dataset, table: str) -> bool:
+    """Return whether a row is of the article's ships, aspects and settings.
+
+    False for tables that `fair.compared` did not prepare.
+    """
+    test = tables.attrs.get(COMPARED, {}).get(table)
+    return test is not None and test(row)
+
+
 def beside_source(rows: list[Row], tables: xr.Dataset, table: str) -> list[Row]:
     """Return rows with the source's figures from one of its tables where the comparison is fair."""
     lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
-    compared = Comparison(tables, table)
     for row in rows:
         there = {"receiver": tables.attrs.get("receiver")} | row
-        theirs = source_percent(table, there, lowest[row[BIN]]) if compared.is_fair(row) else None
+        theirs = (
+            source_percent(table, there, lowest[row[BIN]]) if is_fair(row, tables, table) else None
+        )
         row["source_percent"] = theirs
     return rows
 

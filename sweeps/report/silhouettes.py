@@ -9,7 +9,6 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import axes_of, printable, shown
-from sweeps.report.fair import Comparison
 from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
@@ -19,6 +18,7 @@ from sweeps.report.rows import (
     finite,
     formation_rows,
     grouped,
+    is_fair,
     nearest,
     of_one,
     rounded,
@@ -115,12 +115,11 @@ def print_sensor(rows: list[Row], console: Console) -> None:
 def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
     """Return categories formed from silhouettes, a row per training, over its phases and orders."""
     source, rows = source_figures()["table5_percent_correct"], []
-    compared = Comparison(tables, "acn_infrared")
     for row in formation_rows(tables):
         row["of_first_phase_and_order"] = row.pop("first")
         row["training_silhouettes"] = row.pop("views")
         row["settled"] = row.pop("settled")
-        asked = row["vigilance"] == source["vigilance"] and compared.is_fair(row)
+        asked = row["vigilance"] == source["vigilance"] and is_fair(row, tables, "acn_infrared")
         rows.append(row | {"source_categories": source["categories"] if asked else None})
     return rows
 

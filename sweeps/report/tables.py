@@ -8,7 +8,6 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.report.axes import NOTHING, Axis, printable, shown, told
-from sweeps.report.fair import Comparison
 from sweeps.report.layout import sheet, show
 from sweeps.report.rows import (
     BIN,
@@ -21,6 +20,7 @@ from sweeps.report.rows import (
     finite,
     formation_rows,
     grouped,
+    is_fair,
     nearest,
     of_one,
     percent,
@@ -52,10 +52,9 @@ AT_LEAST = "correct_where_rejected"
 def category_rows(tables: xr.Dataset) -> list[Row]:
     """Return categories formed (the article's Table 3), a row per training, over all orders."""
     source, rows = source_figures()["table3_categories"], []
-    compared = Comparison(tables, "acn")
     for row in formation_rows(tables):
         asked = as_in_source({"receiver": tables.attrs.get("receiver")} | row)
-        asked = asked and row["vigilance"] == source["vigilance"] and compared.is_fair(row)
+        asked = asked and row["vigilance"] == source["vigilance"] and is_fair(row, tables, "acn")
         theirs = source["categories"].get(row["pulse_width_ns"]) if asked else None
         del row["first"]
         views, settled = row.pop("views"), row.pop("settled")

@@ -161,7 +161,7 @@ def test_rules_for_what_is_right(classified):
     text = screen.getvalue()
     assert "ACN, right by ship" in text and "ACN, right by category" in text
     assert not re.search(r"\b(nan|None|inf)\b", text)
-    assert "gain unknown by 100%, has more" in " ".join(text.split())
+    assert "gain unknown by 100%, overall" in " ".join(text.split())
 
 
 def test_the_source_has_no_figures_beside_other_ships(classified):

@@ -12,6 +12,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from stores import contents, printed, reported, rows_of
 
+from sweeps.report.fair import compared
 from sweeps.report.headline import SCORE, _print_sections, at_common_setting, at_one_setting
 from sweeps.report.parts import parts_of
 from sweeps.report.rows import BIN, beside_source, page_file, score_rows, tables_folder
@@ -175,10 +176,11 @@ def test_silhouettes_of_the_page_and_the_screen_are_at_the_range_that_is_named(s
         assert re.split(r" {2,}", line.strip())[1:] == figures and len(figures) == 4
 
 
-def with_settings(table, **changed):
+def with_settings(table, digests=None, **changed):
     """That table of the article's ships and aspects, with some settings changed."""
     configuration = SOURCE["configuration"] | changed
-    return table.assign_attrs(SOURCE | {"configuration": configuration})
+    digests = SOURCE["mesh_digests"] | (digests or {})
+    return compared(table, {"configuration": configuration, "mesh_digests": digests})
 
 
 @pytest.mark.parametrize(
@@ -199,8 +201,7 @@ def with_settings(table, **changed):
 )
 def test_the_source_is_beside_its_own_ships_aspects_and_settings_alone(changed, digests, fair):
     axes = {"pulse_width": 30.0, "frame_count": [8, 16], "range": 100.0, "vigilance": 0.95}
-    table = with_settings(scores(**axes, prefixes=("", "training_")), **changed)
-    table.attrs["mesh_digests"] = SOURCE["mesh_digests"] | digests
+    table = with_settings(scores(**axes, prefixes=("", "training_")), digests, **changed)
     theirs = [63, 20, None, 78, 40, None] if fair else [None] * 6
     rows = beside_source(score_rows(table), table, "acn")
     assert [row["source_percent"] for row in rows] == theirs
