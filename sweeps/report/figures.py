@@ -70,6 +70,7 @@ def draw(kind: str, path: Path) -> Figure:
         ship_figures,
         spacing_figures,
     )
+    from sweeps.report.fair import read_compared
     from sweeps.report.silhouettes import fusion_rows
     from sweeps.report.tables import TITLES, classifier_rows
 
@@ -81,7 +82,7 @@ def draw(kind: str, path: Path) -> Figure:
             profiles = read(store, "range_profile")[["expected", "averaged"]]
             return ship_figures.draw_profiles(profiles)
         case "tables":
-            return score_figures.draw_tables(read(store, "tables/acn").load())
+            return score_figures.draw_tables(read_compared(store, "tables/acn").load())
         case "runtime_vs_error":
             table = read(store, "tables/run_time_samplings").load()
             return run_time_figures.draw_run_time(table)
@@ -94,7 +95,7 @@ def draw(kind: str, path: Path) -> Figure:
             return score_figures.draw_fusion(fusion_rows(read(store, "tables/fusion").load()))
         case "classifiers":
             names = [name for name in groups(store, "tables") if name in TITLES]
-            there = {name: read(store, f"tables/{name}").load() for name in names}
+            there = {name: read_compared(store, f"tables/{name}").load() for name in names}
             return score_figures.draw_classifiers(classifier_rows(there))
         case "spacing":
             names = [name for name in groups(store, "tables")]
@@ -111,7 +112,7 @@ def draw(kind: str, path: Path) -> Figure:
             classified = read(store, "classification/acn_infrared")
             if kind == "formation":
                 return formation_figures.draw_formation(classified, formation_figures.SILHOUETTES)
-            tables = read(store, "tables/acn_infrared").load()
+            tables = read_compared(store, "tables/acn_infrared").load()
             return score_figures.draw_table5(tables, ships=classified.sizes["ship"])
     flights = read(store, "validation")
     if kind == "flight":

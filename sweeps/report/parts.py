@@ -14,12 +14,12 @@ from rich.console import Console
 from sweeps.engine.errors import ConfigurationError
 from sweeps.report import flights, rows, scans, silhouettes, tables
 from sweeps.report.axes import OF_ARRAYS, printable
+from sweeps.report.fair import read_compared
 from sweeps.report.others import other_rows, print_other
 from sweeps.report.rows import Row, page_file, tables_folder
-from sweeps.report.screen import FILES, line, note, write_tables
+from sweeps.report.screen import FILES, line, write_tables
 from sweeps.report.work import COLUMNS, print_work, read_work
 
-OTHER_VIEWS = "The source's figures are for its own 124 views: four ships, bow to beam."
 REJECTION = "rejection_"
 OWN = {"acn_infrared", "fusion", "detection", "super_resolution", "measured", "scan"}
 """Groups of tables with a special layout."""
@@ -54,7 +54,6 @@ TABLES: dict[str, tuple[tuple[str, Callable[..., list[Row]], Callable[..., None]
     "measured": (("measured", flights.measured_rows, flights.print_measured),),
     "scan": (("scan", scans.scan_rows, scans.print_scan),),
 }
-BESIDE = {"acn", "acn_infrared"}  # groups with the source's figures
 
 
 class Part(NamedTuple):
@@ -134,7 +133,7 @@ def located(path: Path) -> str:
 def _parts(path: Path) -> Iterator[Part]:
     store = rows.opened(path)
     top, names = rows.groups(store), rows.groups(store, "tables")
-    read = {name: rows.read(store, f"tables/{name}").load() for name in names}
+    read = {name: read_compared(store, f"tables/{name}").load() for name in names}
     named = [name for name in set(names) - OWN if tables.names_profiles(read[name])]
     several = bool(set(named) - {"acn"})
     for part in _of(read, "acn"):
@@ -183,20 +182,11 @@ def _other(name: str, title: str, found: list[Row]) -> Part:
 
 
 def _of(read: Mapping[str, xr.Dataset], group: str) -> Iterator[Part]:
-    """Yield the tables of a group, with a note if its views are not the source's."""
+    """Yield the tables of a group."""
     if group in read:
-        beside = group in BESIDE and not rows.has_source_views(read[group])
         for file, made, write in TABLES[group]:
             found = made(read[group])
-            printed = partial(write, found)
-            yield Part(file, found, partial(_noted, printed, found) if beside else printed)
-
-
-def _noted(write: Callable[[Console], None], found: list[Row], console: Console) -> None:
-    """Print a table, and a note that the source's figures are for other views."""
-    write(console)
-    if any(figure is not None for row in found for key, figure in row.items() if "source_" in key):
-        note(OTHER_VIEWS, console)
+            yield Part(file, found, partial(write, found))
 
 
 def without_arrays(dataset: xr.Dataset) -> xr.Dataset:

@@ -24,6 +24,7 @@ BIN = "aspect_bin_deg"
 RULES = ("label_rule", "score_rule")  # what the source leaves unspecified of its network
 ENDS = ("ci_low", "ci_high")
 SUFFIX = ".zarr"
+COMPARED = "compared"  # attribute of tables with tests of their rows, by classifier
 
 # Tables of the source by classifier.
 TABLES = {"acn": "table4", "mnn": "table2", "acn_infrared": "table5"}
@@ -189,6 +190,32 @@ def of_one(rows: Sequence[Row], names: Iterable[str] = RULES) -> list[Row]:
     return list(rows)
 
 
+@lru_cache
+def main_setting() -> dict[str, Any]:
+    """Return the value of each axis that is shown first: the source's, or else the nominal one."""
+    source = source_figures()
+    profiles, silhouettes = source["table4_percent_correct"], source["table5_percent_correct"]
+    return NOMINAL | {
+        "pulse_width": profiles["pulse_width"],
+        "vigilance": profiles["vigilance"],
+        "frame_count": silhouettes["frame_count"],
+        "infrared_frame_count": silhouettes["frame_count"],
+        "range": source["experiment"]["range"],
+        "super_resolution": "none",
+        "gain_sigma": 1.0,  # unknown
+    }
+
+
+def preferred(name: str, there: Sequence[Any]) -> Any:
+    """Return the value of an axis that is shown first: of numbers the nearest, else the first."""
+    value: Any = main_setting().get(name)
+    if value in there:
+        return value
+    if all(type(one) in (int, float) and math.isfinite(one) for one in (value, *there)):
+        return nearest(value, there)
+    return there[0]
+
+
 def nearest(wanted: float, there: Iterable[Any]) -> Any:
     """Return the value nearest to another, the lesser of two."""
     return min(there, key=lambda value: (abs(value - wanted), value))
@@ -217,23 +244,30 @@ def source_figures() -> dict[str, Any]:
     return figures
 
 
-def has_source_views(tables: xr.Dataset) -> bool:
-    """Return whether a sweep has as many views as the article's: four ships, 31 aspects."""
-    return bool((tables.view_count.values == source_figures()["experiment"]["views"]).all())
-
-
 def as_in_source(row: Mapping[str, Any]) -> bool:
     """Return whether range and receiver are the article's."""
     given = source_figures()["experiment"]
     return (row.get("range_km"), row.get("receiver")) == (given["range"], given["receiver"])
 
 
+def is_fair(row: Row, tables: xr.Dataset, table: str) -> bool:
+    """Return whether a row is of the article's ships, aspects and settings.
+
+    False for tables that `fair.compared` did not prepare.
+    """
+    test = tables.attrs.get(COMPARED, {}).get(table)
+    return test is not None and test(row)
+
+
 def beside_source(rows: list[Row], tables: xr.Dataset, table: str) -> list[Row]:
-    """Return rows with the source's figures from one of its tables."""
+    """Return rows with the source's figures from one of its tables where the comparison is fair."""
     lowest = dict(zip(tables.aspect_bin.values, tables.aspect_low.values.tolist(), strict=True))
     for row in rows:
         there = {"receiver": tables.attrs.get("receiver")} | row
-        row["source_percent"] = source_percent(table, there, lowest[row[BIN]])
+        theirs = (
+            source_percent(table, there, lowest[row[BIN]]) if is_fair(row, tables, table) else None
+        )
+        row["source_percent"] = theirs
     return rows
 
 

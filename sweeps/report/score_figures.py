@@ -16,7 +16,6 @@ from sweeps.report.rows import (
     BIN,
     RULES,
     Row,
-    has_source_views,
     nearest,
     of_one,
     several,
@@ -226,7 +225,7 @@ def draw_table5(tables: xr.Dataset, *, ships: int) -> Figure:
     kept = ("vigilance", "range", "super_resolution", "frame_count", "aspect_bin", "phase", "order")
     here = nominal(tables, keep=kept).sel(OF_SILHOUETTES, method="nearest")
     rows = silhouette_accuracy_rows(here)
-    beside = has_source_views(here) and any(row["source_percent"] is not None for row in rows)
+    beside = any(row["source_percent"] is not None for row in rows)
     ranges = sorted(here.range.values.tolist())
     figure, every, bins = by_bin(rows, high=4.5)
     keys: dict[str, Any] = {}

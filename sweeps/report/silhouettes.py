@@ -18,6 +18,7 @@ from sweeps.report.rows import (
     finite,
     formation_rows,
     grouped,
+    is_fair,
     nearest,
     of_one,
     rounded,
@@ -118,7 +119,7 @@ def silhouette_category_rows(tables: xr.Dataset) -> list[Row]:
         row["of_first_phase_and_order"] = row.pop("first")
         row["training_silhouettes"] = row.pop("views")
         row["settled"] = row.pop("settled")
-        asked = row["vigilance"] == source["vigilance"]
+        asked = row["vigilance"] == source["vigilance"] and is_fair(row, tables, "acn_infrared")
         rows.append(row | {"source_categories": source["categories"] if asked else None})
     return rows
 

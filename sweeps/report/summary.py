@@ -41,7 +41,7 @@ def summarize(
     failure = write_parts(path, parts)
     with page(console) as aside:
         note(f"\n{swept(axes)}", aside)
-        headline(path, parts, aside)
+        headline(parts, aside)
         print_places(path, parts, aside)
         for number, words in enumerate(next_commands(path, parts, choices, axes, given)):
             first = f"{'' if number else 'next':<{len(LABEL)}}"

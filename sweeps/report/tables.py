@@ -20,7 +20,7 @@ from sweeps.report.rows import (
     finite,
     formation_rows,
     grouped,
-    has_source_views,
+    is_fair,
     nearest,
     of_one,
     percent,
@@ -32,7 +32,7 @@ from sweeps.report.rows import (
 )
 from sweeps.report.screen import by_frames, frames_text, note, print_grid, print_scores, settings
 
-__all__ = ["accuracy_rows", "category_rows", "has_source_views", "source_figures"]
+__all__ = ["accuracy_rows", "category_rows", "source_figures"]
 
 CELL = ("range", "target_free_ifovs", "pulse_width")  # given in every title
 BOUND = "likelihood"
@@ -54,7 +54,7 @@ def category_rows(tables: xr.Dataset) -> list[Row]:
     source, rows = source_figures()["table3_categories"], []
     for row in formation_rows(tables):
         asked = as_in_source({"receiver": tables.attrs.get("receiver")} | row)
-        asked = asked and row["vigilance"] == source["vigilance"]
+        asked = asked and row["vigilance"] == source["vigilance"] and is_fair(row, tables, "acn")
         theirs = source["categories"].get(row["pulse_width_ns"]) if asked else None
         del row["first"]
         views, settled = row.pop("views"), row.pop("settled")

@@ -3,6 +3,8 @@
 import numpy as np
 import xarray as xr
 
+from ncti import ships
+
 ATTRIBUTES = {
     "range": {"units": "km", "long_name": "slant range"},
     "pulse_width": {"units": "ns", "long_name": "pulse width, full width at 1/e^2"},
@@ -22,6 +24,12 @@ ATTRIBUTES = {
     "flown_pulse_width": {"units": "ns"},
     "nedt": {"units": "K"},
 }
+SHIPS = ("duncan", "horne", "spruance", "texas")
+SOURCE = {
+    "configuration": {"grid": {"ship": list(SHIPS), "aspect": list(range(0, 91, 3))}},
+    "mesh_digests": {name: ships.digest(name) for name in SHIPS},
+}
+"""Attributes of a store of the article's own ships and aspects, all settings at their defaults."""
 FIGURES = ("accuracy", "ci_low", "ci_high", "n")
 
 

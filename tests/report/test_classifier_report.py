@@ -164,23 +164,9 @@ def test_rules_for_what_is_right(classified):
     assert "gain unknown by 100%, overall" in " ".join(text.split())
 
 
-def test_the_sources_figures_stand_where_it_has_some(classified):
-    """30 ns, 4 frames, by aspect group; of the ACN at its vigilance, of the network as scored."""
-    tables = {
-        "4": {"0": "48", "45": "25", "90": "23", "overall": ""},
-        "": {"0": "100", "45": "93", "90": "43", "overall": ""},  # of what they were trained with
-    }
-    found = 0
-    for row in rows_of(classified, "classifiers"):
-        asked = row["classifier"] == "mnn" or (
-            row["classifier"] == "acn" and row["vigilance"] == "0.95"
-        )
-        table = tables.get(row["frame_count"])
-        there = asked and row["pulse_width_ns"] == "30.0" and table is not None
-        wanted = table[row["aspect_bin_deg"]] if there else ""
-        assert row["source_percent"] == wanted
-        found += wanted != ""
-    assert found == 2 * 3 * (1 + 4)
+def test_the_source_has_no_figures_beside_other_ships(classified):
+    assert {row["source_percent"] for row in rows_of(classified, "classifiers")} == {""}
+    assert {row["source_categories"] for row in rows_of(classified, "categories")} == {""}
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 import xarray as xr
-from made import scores
+from made import SOURCE, scores
 from pages import page_of, parsed, read_page, stored
 from stores import opened
 
@@ -78,13 +78,17 @@ def test_figures_of_the_source_stand_beside_ours_where_the_sweep_has_its_views(t
     fixed = {"accuracy": 0.8, "ci_low": 0.65, "ci_high": 0.9}
     for name, value in fixed.items():
         table[name] = value + 0 * table[name]
-    page = parsed(page_of(stored(tmp_path / "s.zarr", tables__acn=table)))
+    page = parsed(page_of(stored(tmp_path / "s.zarr", SOURCE, tables__acn=table)))
     row = page.root.one("section", id="scores").all("table")[0].all("tr")[1]
     cells = row.all("td")[:2]  # 16 frames, 30 ns: 78 and 40, the article's Table 4
     assert [cell.one("span", **{"class": "src"}).text for cell in cells] == ["78 +2", "40 +40"]
     assert [cell.attrs["class"] for cell in cells] == ["same", "above strong"]
     few = of_the_source(view_count=table.view_count - 1)
-    page = parsed(page_of(stored(tmp_path / "few.zarr", tables__acn=few)))
+    page = parsed(page_of(stored(tmp_path / "few.zarr", SOURCE, tables__acn=few)))
+    assert not any(one.text for one in page.root.all("span", **{"class": "src"}))
+    digests = SOURCE["mesh_digests"] | {"texas": "of another mesh"}
+    given = SOURCE | {"mesh_digests": digests}
+    page = parsed(page_of(stored(tmp_path / "own.zarr", given, tables__acn=table)))
     assert not any(one.text for one in page.root.all("span", **{"class": "src"}))
 
 

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 from commands import chosen, prepared
-from made import formed, scores
+from made import SOURCE, formed, scores
 from rich.cells import cell_len
 from rich.console import Console
 from stores import contents, printed, reported, rows_of
 
-from sweeps.report.headline import SCORE, at_one_setting, is_fair, wanted
+from sweeps.report.fair import compared
+from sweeps.report.headline import SCORE, _print_sections, at_common_setting, at_one_setting
 from sweeps.report.parts import parts_of
-from sweeps.report.rows import BIN, page_file, score_rows, tables_folder
+from sweeps.report.rows import BIN, beside_source, page_file, score_rows, tables_folder
 from sweeps.report.summary import continued, extended, summarize, swept
-from sweeps.stages.infrared import Infrared
-from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Grid, Scene
+from sweeps.report.tables import accuracy_rows
+from sweeps.stages.views import Grid
 
 GIVEN = ["+experiment=smoke", "store=sweep.zarr", "cache=cache"]
 AXES = {"grid.ship": 2, "grid.aspect": 7, "grid.pulse_width": 3}
@@ -125,46 +125,95 @@ def test_names_of_paths_are_shown_as_they_are(name, tmp_path, monkeypatch):
 # which figures ------------------------------------------------------------------------------------
 
 
-def test_each_axis_has_the_wished_the_nominal_or_the_first_value():
+def test_each_axis_has_the_preferred_or_the_first_value():
     axes = {"pulse_width": [10.0, 50.0], "cnr": [26.0, 29.0], "frame_count": [4, 15, 20]}
     rows = score_rows(scores(**axes, label_rule=["any", "majority"]))
-    chosen_rows = at_one_setting(rows, wanted("range profiles"))
+    chosen_rows = at_one_setting(rows)
     at = {"pulse_width_ns": 10.0, "cnr_db": 26.0, "frame_count": 15, "label_rule": "majority"}
     assert all(at.items() <= row.items() for row in chosen_rows)
     assert [row[BIN] for row in chosen_rows] == ["0-27", "30-57", "overall"]
 
 
-def test_the_source_is_beside_its_own_ships_aspects_and_settings_alone():
-    choices = chosen("+experiment=paper")
-    configuration = {
-        group: {one.name: list(choices[one]) for one in of.declared if one.key in choices.values}
-        for group, of in (
-            ("grid", Grid),
-            ("scene", Scene),
-            ("ladar", Ladar),
-            ("infrared", Infrared),
-        )
-    }
-    configuration["ladar"]["phases"] = configuration["infrared"]["phases"] = 1
-    rows = score_rows(scores(pulse_width=30.0, frame_count=16))
+def test_rows_of_a_sensor_are_at_one_setting_where_they_have_it():
+    def of(*ranges):
+        return score_rows(scores(range=list(ranges), frame_count=16))
 
-    def fair(given, **axes):
-        rows = score_rows(scores(pulse_width=30.0, frame_count=16, **axes))
-        return is_fair(rows, given, (Scene, Ladar))
-
-    assert fair(configuration)
-    for group, name, values in (
-        ("grid", "ship", ["duncan", "spruance"]),
-        ("grid", "aspect", [0, 45, 90]),
-        ("ladar", "cnr", [26]),
-        ("scene", "depression", 6.7),
+    for ranges, found in (
+        (([25.0, 50.0, 100.0], [100.0]), [100.0, 100.0]),
+        (([25.0, 50.0, 100.0], [50.0]), [50.0, 50.0]),
+        (([25.0, 50.0], [75.0, 200.0]), [50.0, 75.0]),
     ):
-        other = {**configuration, group: {**configuration[group], name: values}}
-        assert not fair(other), name
-    # Of a setting that is swept, rows at the default are fair and others are not.
-    several = {**configuration, "ladar": {**configuration["ladar"], "cnr": [26, 32]}}
-    assert fair(several, cnr=32.0) and not fair(several, cnr=26.0)
-    assert not is_fair(rows, configuration, ())
+        lines = at_common_setting([of(*one) for one in ranges])
+        assert [{row["range_km"] for row in line} for line in lines] == [{one} for one in found]
+
+
+def test_a_row_at_another_setting_names_it():
+    section = [
+        (name, at_one_setting(score_rows(scores(range=[distance], frame_count=16))))
+        for name, distance in (("ACN", 50.0), ("similarity", 100.0))
+    ]
+    console = Console(file=io.StringIO(), width=100)
+    _print_sections({"silhouettes": section}, console)
+    text = console.file.getvalue()
+    assert "similarity, 100 km" in text and "ACN " in text and "ACN, " not in text
+    assert "silhouettes: 50 km, 16 frames. " in text
+
+
+def test_silhouettes_of_the_page_and_the_screen_are_at_the_range_that_is_named(smoke_store):
+    text = " ".join(page(smoke_store).split())
+    assert "silhouettes: 100 km, vigilance 0.87, 16 frames" in text
+    at = {"range_km": "100.0", "frame_count": "16", "super_resolution": "none"}
+    acn = [
+        row
+        for row in rows_of(smoke_store, "infrared_accuracy")
+        if at.items() <= row.items() and row["silhouettes"] != "training"
+    ]
+    at |= {"infrared_frame_count": "16", "pulse_width_ns": "30.0", "channel": "infrared"}
+    both = [row for row in rows_of(smoke_store, "fusion") if at.items() <= row.items()]
+    section = page(smoke_store).split("silhouettes", 1)[1].splitlines()
+    for line, rows in zip(section[1:3], (acn, both), strict=True):
+        figures = ["{:.0f} [{:.0f}-{:.0f}]".format(*(float(row[s]) for s in SCORE)) for row in rows]
+        assert re.split(r" {2,}", line.strip())[1:] == figures and len(figures) == 4
+
+
+def with_settings(table, digests=None, **changed):
+    """That table of the article's ships and aspects, with some settings changed."""
+    configuration = SOURCE["configuration"] | changed
+    digests = SOURCE["mesh_digests"] | (digests or {})
+    return compared(table, {"configuration": configuration, "mesh_digests": digests})
+
+
+@pytest.mark.parametrize(
+    ("changed", "digests", "fair"),
+    [
+        ({}, {}, True),
+        ({"ladar": {"cnr": 32}}, {}, True),
+        ({"ladar": {"cnr": 12}}, {}, False),
+        ({"scene": {"depression": 6.7}}, {}, False),
+        ({"classifier": {"template_spacing": 6}}, {}, False),
+        ({"classifier": {"learn_in_test": True}}, {}, False),
+        ({"infrared": {"nedt": 1}}, {}, True),  # profiles do not depend on it
+        ({"grid": {"aspect": [0, 45, 90]}}, {}, False),
+        ({"grid": {"aspect": [*range(0, 91, 3), 1]}}, {}, False),
+        ({}, {"texas": "another mesh"}, False),
+        ({}, {"iowa": "a fifth ship"}, False),
+    ],
+)
+def test_the_source_is_beside_its_own_ships_aspects_and_settings_alone(changed, digests, fair):
+    axes = {"pulse_width": 30.0, "frame_count": [8, 16], "range": 100.0, "vigilance": 0.95}
+    table = with_settings(scores(**axes, prefixes=("", "training_")), digests, **changed)
+    theirs = [63, 20, None, 78, 40, None] if fair else [None] * 6
+    rows = beside_source(score_rows(table), table, "acn")
+    assert [row["source_percent"] for row in rows] == theirs
+    rows = accuracy_rows(table)
+    assert [row["source_percent"] for row in rows if row["frame_count"]] == theirs
+
+
+def test_of_a_setting_that_is_swept_only_rows_at_its_default_are_compared():
+    axes = {"pulse_width": 30.0, "frame_count": 16, "range": 100.0, "vigilance": 0.95}
+    table = with_settings(scores(**axes, cnr=[26.0, 32.0]), ladar={"cnr": [26, 32]})
+    rows = beside_source(score_rows(table), table, "acn")
+    assert {row["cnr_db"] for row in rows if row["source_percent"] is not None} == {32.0}
 
 
 # one table ----------------------------------------------------------------------------------------

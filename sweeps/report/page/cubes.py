@@ -12,9 +12,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sweeps.report.axes import DRAWS, NOMINAL, OF_ARRAYS, Column, axes_of, printable, shown
+from sweeps.report.axes import DRAWS, OF_ARRAYS, Column, axes_of, printable, shown
 from sweeps.report.axes import Axis as SweepAxis
-from sweeps.report.rows import beside_source, has_source_views, nearest, score_rows, source_figures
+from sweeps.report.rows import beside_source, preferred, score_rows
 
 ENDS = (("ci_low", "ci_high"), ("low", "high"))  # of intervals, after the name of their variable
 COUNTS = ("n", "of")  # suffixes of the total of which a variable is a fraction
@@ -141,7 +141,7 @@ def _axis(name: str, known: _Known) -> Axis:
         tuple(_text(name, one) for one in values),
         tuple(known.values[one] for one in values),
         tuple(map(float, values)) if finite else None,
-        _default(name, values, finite),
+        _default(name, values),
     )
 
 
@@ -161,24 +161,10 @@ def _text(name: str, value: Any) -> str:
     return shown(value)
 
 
-def _default(name: str, values: Sequence[Any], numeric: bool) -> int:
-    """Return the place of the source's main setting, the nominal one, or the first."""
-    source = source_figures()
-    wanted = NOMINAL | {
-        "pulse_width": source["table4_percent_correct"]["pulse_width"],
-        "vigilance": source["table4_percent_correct"]["vigilance"],
-        "frame_count": source["table5_percent_correct"]["frame_count"],
-        "infrared_frame_count": source["table5_percent_correct"]["frame_count"],
-        "range": source["experiment"]["range"],
-        BIN: OVERALL,
-        "channel": "both",
-    }
-    value = wanted.get(name)
-    if value in values:
-        return values.index(value)
-    if numeric and isinstance(value, int | float):
-        return values.index(nearest(value, values))
-    return 0
+def _default(name: str, values: Sequence[Any]) -> int:
+    """Return the place of the value that is shown first."""
+    own = {BIN: OVERALL, "channel": "both"}.get(name)
+    return values.index(own if own in values else preferred(name, values))
 
 
 def placed(cube: Cube, axes: Mapping[str, Axis]) -> Cube:
@@ -326,11 +312,11 @@ def _numbers(
 def _source(
     table: xr.Dataset, group: str, prefix: str, dims: Sequence[str]
 ) -> tuple[int | None, ...]:
-    """Return the source's percentages for a table of scores, if its views are the source's."""
+    """Return the source's percentages for a table of scores, where the comparison is fair."""
     name = f"{group.rpartition('/')[2]}{'_ship' if prefix == 'ship_' else ''}"
     if prefix and name == "acn_infrared":  # the source has only test silhouettes
         return ()
-    if "view_count" not in table or "aspect_low" not in table.coords or not has_source_views(table):
+    if "view_count" not in table or "aspect_low" not in table.coords:
         return ()
     single = [dim for dim in map(str, table.dims) if table.sizes[dim] == 1]
     rows = beside_source(score_rows(table.squeeze(single), prefix), table, name)

@@ -13,6 +13,7 @@ from typing import Any
 
 from sweeps.report import rows
 from sweeps.report.axes import printable
+from sweeps.report.fair import read_compared
 from sweeps.report.page import confusion, layout, summary
 from sweeps.report.page.cells import Cells
 from sweeps.report.page.charts import shape_of
@@ -113,7 +114,7 @@ def _read(store: Any, name: str) -> tuple[dict[str, Axis], list[Cube], dict[str,
     given = [f"tables/{one}" for one in rows.groups(store, "tables")]
     given += ["validation"] * ("validation" in rows.groups(store))
     for group in given:
-        table = rows.read(store, group)
+        table = read_compared(store, group)
         small = [one for one in table.data_vars if table[one].size <= LARGEST]
         table = table[small].load()
         found += cubes_of(table, group, name, axes)
