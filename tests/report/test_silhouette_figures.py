@@ -6,8 +6,8 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.colors import to_rgb
 from made import SOURCE
+from matplotlib.colors import to_rgb
 from stores import attributes_of, opened
 
 from ncti.features import log_polar
