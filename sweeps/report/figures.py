@@ -60,7 +60,6 @@ def main() -> None:
 def draw(kind: str, path: Path) -> Figure:
     """Draw the ships, or a picture of a store. Raises ValueError if it lacks what is drawn."""
     from sweeps.report import (
-        flight_figures,
         formation_figures,
         infrared_figures,
         run_time_figures,
@@ -115,12 +114,15 @@ def draw(kind: str, path: Path) -> Figure:
             tables = read_compared(store, "tables/acn_infrared").load()
             return score_figures.draw_table5(tables, ships=classified.sizes["ship"])
     flights = read(store, "validation")
+    if kind == "sensitivity":
+        return sensitivity_figures.draw_sensitivity(flights)
+    # Imported here because simulating flights takes a third of a second to import.
+    from sweeps.report import flight_figures
+
     if kind == "flight":
         place = flight_figures.flights_of(flights)[0]
         return flight_figures.draw_flight(store.attrs, flights, place)
-    if kind == "validation":
-        return flight_figures.draw_validation(flights)
-    return sensitivity_figures.draw_sensitivity(flights)
+    return flight_figures.draw_validation(flights)
 
 
 if __name__ == "__main__":
