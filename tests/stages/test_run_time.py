@@ -251,7 +251,7 @@ def test_engines_that_are_not_here_are_named_and_left_out(monkeypatch):
     choices = chosen("sensor=run_time", "grid.ship=duncan", "render.engine=[egl,embree,lines]")
     assert choices[Render.engine] == ("embree", "lines")
     said = EXPERIMENT.remarks(choices)
-    assert [line.split()[4].strip(",") for line in said] == ["osmesa", "egl"]
+    assert [line.split()[4].strip(":") for line in said] == ["osmesa", "egl"]
 
 
 WRONG = {

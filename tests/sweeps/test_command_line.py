@@ -120,6 +120,6 @@ def test_a_scan_that_fails_everywhere_is_a_store_that_can_be_reported(
     said = capsys.readouterr()
     assert "scan_found frame_count=2 (RuntimeError: out of [time])" in said.err.splitlines()[-1]
     assert "cannot" not in said.err and "Traceback" not in said.err
-    assert "failed  2 cells: the tables are of the others" in said.out
+    assert "failed  2 cells: the tables cover the others" in said.out
     assert "failed  2 cells" in printed(folder / "s.zarr", 80)
     assert set(contents(folder / "s-tables")) == {"scan.csv", "stages.csv"}

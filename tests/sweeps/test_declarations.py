@@ -89,7 +89,7 @@ def test_anything_is_values_or_a_sentence(setting, value):
         values = setting.values(value)
     except ConfigurationError as error:
         assert str(error).startswith(setting.key)
-        assert "must" in str(error) or "no key" in str(error)
+        assert "must" in str(error) or "not a key" in str(error)
         assert "\n" not in str(error)
     else:
         assert len(set(values)) == len(values) >= 1
