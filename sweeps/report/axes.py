@@ -79,6 +79,7 @@ NOMINAL: dict[str, Any] = {
     },
     **{"segmentation": "matched", "interpolation": "nearest", "learning_rate": 0.1},
     **{"transom_gain": 1.0, "mast_gain": 1.0, "error_parameter": "none", "autofocus": False},
+    **{"cnr": 32.0, "target_free_ifovs": 4000},
     **{"chain": "exact", "azimuth": "pixel", "mirror": "exact", "range_filter": "cluster"},
 }
 

@@ -129,7 +129,7 @@ def test_each_axis_has_the_preferred_or_the_first_value():
     axes = {"pulse_width": [10.0, 50.0], "cnr": [26.0, 29.0], "frame_count": [4, 15, 20]}
     rows = score_rows(scores(**axes, label_rule=["any", "majority"]))
     chosen_rows = at_one_setting(rows)
-    at = {"pulse_width_ns": 10.0, "cnr_db": 26.0, "frame_count": 15, "label_rule": "majority"}
+    at = {"pulse_width_ns": 10.0, "cnr_db": 29.0, "frame_count": 15, "label_rule": "majority"}
     assert all(at.items() <= row.items() for row in chosen_rows)
     assert [row[BIN] for row in chosen_rows] == ["0-27", "30-57", "overall"]
 
