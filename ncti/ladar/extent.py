@@ -13,7 +13,7 @@ from ncti.ladar.pixels import bin_boxes, boxes, places, tile
 from ncti.ladar.pulse import target_response
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
-from ncti.render.view import View
+from ncti.render.view import View, far_field_error
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +49,9 @@ class RangeExtent:
         the sum of `fraction`. None if made from a range image.
     shift : (float, float)
         Position of the ship origin, right and up from the lower left corner of cell (0, 0) [IFOV].
+    far_field_error : float
+        Bound on the error of having drawn the far field at this range, as of
+        `ncti.render.far_field_error`; 0 if drawn at the slant range.
 
     See Also
     --------
@@ -85,14 +88,15 @@ class RangeExtent:
     slant_range: float
     difference: NDArray[np.float64] | None = None
     shift: tuple[float, float] = (0.0, 0.0)
+    far_field_error: float = 0.0
 
     @property
     def error(self) -> float:
-        """Estimated error sum |p - q| / sum q of the summed extent; NaN for a range image."""
+        """Bound on the error sum |p - q| / sum q of the summed extent; NaN for a range image."""
         return self.error_after(0.0)
 
     def error_after(self, pulse_width: float) -> float:
-        """Return the estimated error of the summed range extent after convolution with a pulse.
+        """Return a bound on the error of the summed range extent after convolution with a pulse.
 
         Parameters
         ----------
@@ -102,7 +106,7 @@ class RangeExtent:
         Returns
         -------
         float
-            Estimate of sum |p - q| / sum q, p the extent summed over IFOVs and convolved with the
+            Bound on sum |p - q| / sum q, p the extent summed over IFOVs and convolved with the
             power response of the pulse, q the exact one. NaN for a range image, which has no
             error estimate, and if nothing is visible.
 
@@ -111,13 +115,15 @@ class RangeExtent:
         Odd and even lines are two estimates of equal spacing. Their difference overestimates the
         error of both together: for three ships, lines 1 m to 1/8 m apart, with and without a
         pulse, 95 % of the errors were below 0.4 to 0.73 of it. With `ERROR` = 0.75 the estimate
-        is a bound for nearly all views, and twice the error of most.
+        is a bound for nearly all views, and twice the error of most. `far_field_error` is added:
+        the whole is the error at the slant range, also of a view that was drawn in the far field.
         """
         if self.difference is None:
             return math.nan
-        return estimated_error(
+        sampling = estimated_error(
             self.difference, self.fraction.sum(axis=0), pulse_width, bin_width=self.bin_width
         )
+        return sampling + self.far_field_error
 
     @property
     def density(self) -> NDArray[np.float64]:
@@ -291,11 +297,13 @@ def range_extent(
         cell = parts.cell
         even, odd = parts.area[:, 0] / side**2, parts.area[:, 1] / side**2
         fraction, difference = even + odd, (even - odd).sum(axis=0)
+        reach = parts.reach
     # Pixels are spread over boxes in range, sorted into IFOVs and binned.
     else:
         _check_clear(image, image.down_range[image.hit], slant_range)
         r, horizontal, vertical = places(image, slant_range)
-        _check_reach(float(np.abs(r).max(initial=0.0)), half_window)
+        reach = float(np.abs(r).max(initial=0.0))
+        _check_reach(reach, half_window)
         area, half_width = boxes(image, side=side, spread=spread, lambertian=lambertian)
         cell, index = tile(horizontal / side + right, vertical / side + up)
         fraction = bin_boxes(
@@ -315,6 +323,7 @@ def range_extent(
         slant_range=slant_range,
         difference=difference,
         shift=(right, up),
+        far_field_error=far_field_error(reach, slant_range) if image.slant_range is None else 0.0,
     )
 
 

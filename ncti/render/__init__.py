@@ -7,6 +7,7 @@ from ncti.render.flight import depression_angle
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage, line_image, refined
 from ncti.render.rays import RayHits, cast_rays
+from ncti.render.view import far_field_error
 
 __all__ = [
     "EngineError",
@@ -16,6 +17,7 @@ __all__ = [
     "available_engines",
     "cast_rays",
     "depression_angle",
+    "far_field_error",
     "line_image",
     "range_image",
     "refined",

@@ -27,6 +27,9 @@ ROLL = math.degrees(math.atan((math.sqrt(5) - 1) / 2))
 one hardest to approximate by fractions, so a ship's level and upright edges cross the pixels at
 evenly spread phases and point sampling converges several times faster than on a level lattice."""
 
+FAR_FIELD = 1.5
+"""Error of drawing the far field at a finite range, over reach / range; see `far_field_error`."""
+
 MAX_SIDE = 16384
 """Longest side of an image [pixel]: the largest framebuffer that Mesa's software renderer has."""
 
@@ -100,6 +103,38 @@ class View:
         up = np.array([-sin_d * cos_a, -sin_d * sin_a, x * cos_a + y * sin_a])
         away = -np.array([x, y, sin_d])
         return np.array([right * cos_g + up * sin_g, up * cos_g - right * sin_g, away])
+
+
+def far_field_error(reach: float, slant_range: float) -> float:
+    """Return a bound on the error of a range extent drawn in the far field.
+
+    Parameters
+    ----------
+    reach : float
+        Largest distance down-range from the ship origin of what is seen, either way [m].
+    slant_range : float
+        Distance from the sensor to the ship origin [m], at which the ship is not drawn.
+
+    Returns
+    -------
+    float
+        Bound on sum |p - q| / sum q, p the extent of a far-field view with the curvature of the
+        wavefront, q that of the view at its range. It falls as 1 / range.
+
+    See Also
+    --------
+    ncti.render.line_image : Draws a view at its own range, without this error.
+
+    Notes
+    -----
+    At a finite range, what lies at a distance r behind the ship origin shrinks to 1 / (1 + r/R) of
+    its width and height, and the depression of the line of sight changes over the ship, by s / R
+    at a distance s across it: decks show more or less of themselves, and other parts obscure them.
+    Of 200 random views (six ships, any aspect, depression 0.5 to 60 degrees, 1 to 200 km), the
+    error is 1.1 reach / range in the median; it is below the bound in all but 1 of 141 after pulses
+    of 10 to 60 ns, and in 97 % without a pulse in bins of 0.25 and 0.5 m.
+    """
+    return FAR_FIELD * reach / slant_range
 
 
 @dataclass(frozen=True)

@@ -132,6 +132,7 @@ def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
     Output("down_range", ("down_range",), "f8", label="centres of the bins", unit="m"),
     Output("cell", ("ifov", "side"), "i8", label="column and row of each IFOV"),
     Output("difference", ("down_range",), "f8", label="odd less even lines; NaN without lines"),
+    Output("far_field_error", dtype="f8", label="bound on the error of drawing the far field"),
     uses=(Grid, Ladar),
     status=STATUS,
 )
@@ -162,6 +163,7 @@ def extent(
         "down_range": found.down_range,
         "cell": found.cell,
         "difference": unknown if found.difference is None else found.difference,
+        "far_field_error": np.array(found.far_field_error),
     }
 
 
@@ -176,8 +178,14 @@ def ifovs(
     shift: Shift,
 ) -> RangeExtent:
     """Return the library's range extent, mirrored where the other side was drawn."""
+    arrays = dict(extent)
     found = RangeExtent(
-        **extent, bin_width=bin_width, ifov=ifov * 1e-6, slant_range=range * 1e3, shift=shift
+        far_field_error=float(arrays.pop("far_field_error")),
+        bin_width=bin_width,
+        ifov=ifov * 1e-6,
+        slant_range=range * 1e3,
+        shift=shift,
+        **arrays,
     )
     return found if aspect == drawn_aspect else found.mirrored()
 

@@ -7,8 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plates import hit_area, plane
 
+import ncti.ships
 from ncti.ladar import range_extent
 from ncti.ladar.pixels import bin_boxes
+from ncti.ladar.pulse import target_response
 from ncti.render import LineImage, line_image
 
 
@@ -246,3 +248,23 @@ def test_bad_parameters_are_named(parameters, named):
 def test_an_image_of_another_range_is_refused():
     with pytest.raises(ValueError, match="4000"):
         range_extent(plane(width=9, height=9, slant_range=4e3), slant_range=5e3)
+
+
+@pytest.mark.parametrize(("slant_range", "error"), [(1e3, 0.088), (4e3, 0.022), (25e3, 0.0035)])
+def test_the_bound_of_a_far_field_view_covers_its_error_at_any_range(slant_range, error):
+    """The error is known of finer views at the range itself, by lines and by the reference."""
+    view = {"aspect": 20.3, "depression": 3.84}
+    texas = ncti.ships.load("texas")
+    binning = {"slant_range": slant_range, "ifov": 1e3 / slant_range}
+    found = range_extent(line_image(texas, spacing=0.125, **view), **binning)
+    exact = range_extent(
+        line_image(texas, spacing=0.125, slant_range=slant_range, **view), **binning
+    )
+    assert exact.far_field_error == 0
+    response = target_response(pulse_width=30e-9, bin_width=1.0) ** 2
+    p, q = (np.convolve(extent.fraction.sum(axis=0), response) for extent in (found, exact))
+    truth = np.abs(p - q).sum() / q.sum()
+    assert truth == pytest.approx(error, rel=0.05)
+    assert truth < found.error_after(30e-9) < 2 * truth
+    assert exact.error_after(30e-9) < truth / 2
+    assert found.mirrored().far_field_error == found.far_field_error
