@@ -10,6 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+class NothingSeenError(ValueError):
+    """An image or profile shows nothing of the ship to measure, although its values are valid.
+
+    A caller that can do without the measurement catches this type, and no other `ValueError`.
+
+    See Also
+    --------
+    ncti.irar.measured_extent, ncti.irar.landmarks, ncti.irar.autofocus : Raise it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.irar import landmarks
+    >>> landmarks(np.zeros(9), np.arange(9.0))
+    Traceback (most recent call last):
+    ncti.checks.NothingSeenError: hangar is None, but must be where the profile has a return above 0
+    """
+
+
 def require(
     name: str,
     value: float,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import NothingSeenError, require
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
 
@@ -117,8 +117,9 @@ def silhouette(
     Raises
     ------
     ValueError
-        If a parameter is out of range, the ship exceeds the extent, or there is neither a ship nor
-        an extent.
+        If a parameter is out of range, or the ship exceeds the extent.
+    ncti.checks.NothingSeenError
+        If there is neither a ship nor an extent.
 
     See Also
     --------
@@ -285,7 +286,7 @@ def _window(
         if part >= 1:
             raise ValueError(f"{name} is {part!r}, but must be below 1")
     if extent is None and not horizontal.size:
-        raise ValueError("the ship shows no pixel, so an extent must be given")
+        raise NothingSeenError("the ship shows no pixel, so an extent must be given")
     cells = int(subdivision)
     side = footprint / cells
     left, right, bottom, top = (None,) * 4 if extent is None else extent

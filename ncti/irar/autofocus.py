@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import NothingSeenError, require
 from ncti.irar.chain import Correction, correct, segmented
 from ncti.irar.flight import Flight
 from ncti.irar.mirror import compass
@@ -84,7 +84,9 @@ def autofocus(scan: Scan, belief: Flight, *, reach: float = 0.1) -> Flight:
     Raises
     ------
     ValueError
-        If the reach is out of range, or nothing in the corrected image is a deck high.
+        If the reach is out of range.
+    ncti.checks.NothingSeenError
+        If nothing in the corrected image is a deck high.
 
     See Also
     --------
@@ -148,7 +150,7 @@ def _commonest_slope(scan: Scan, flight: Flight, *, reach: float) -> float:
     unbroken = np.isfinite(level[:-rows]) & (gaps[rows:] == gaps[:-rows])
     slopes = (level[rows:] - level[:-rows])[unbroken] / (rows * apart)
     if not slopes.size:
-        raise ValueError(
+        raise NothingSeenError(
             f"scan shows nothing {RISE:g} m high after correction, but must show a ship"
         )
     slope, count = slope_spectrum(slopes, steepest=reach * flight.closing_speed / flight.climb)

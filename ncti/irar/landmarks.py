@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
+from ncti.checks import NothingSeenError, require
 
 MAST = (40.0, 50.0)  # m past the hangar, for frigates of the Perry class
 FORWARD = (57.0, 64.0)
@@ -135,8 +135,10 @@ def landmarks(
     Raises
     ------
     ValueError
-        If the shapes differ, the bins are uneven, a value is not finite, a parameter is out of
-        range, or nothing returns where the hangar should be.
+        If the shapes differ, the bins are uneven, a value is not finite, or a parameter is out of
+        range.
+    ncti.checks.NothingSeenError
+        If nothing returns where the hangar should be.
 
     See Also
     --------
@@ -182,7 +184,7 @@ def landmarks(
     low, high = (centres[0], centres[-1]) if hangar is None else _window("hangar", hangar)
     inside = (centres >= low) & (centres <= high)
     if not inside.any() or not values[inside].max() > 0:
-        raise ValueError(
+        raise NothingSeenError(
             f"hangar is {hangar!r}, but must be where the profile has a return above 0"
         )
     # The hangar's spike is the reference of all places, heights and energies.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncti.checks import require
+from ncti.checks import NothingSeenError, require
 from ncti.irar.flight import Flight
 from ncti.irar.snapshot import Snapshot
 from ncti.ladar import RangeExtent
@@ -44,7 +44,9 @@ def measured_extent(
     Raises
     ------
     ValueError
-        If a parameter is not positive, or the image shows nothing inside the window.
+        If a parameter is not positive.
+    ncti.checks.NothingSeenError
+        If the image shows nothing inside the window.
 
     See Also
     --------
@@ -91,7 +93,9 @@ def measured_extent(
     place = np.floor(down_range / bin_width + bins / 2).astype(np.intp)
     inside = (place >= 0) & (place < bins)
     if not inside.any():
-        raise ValueError(f"window is {window:g} m, but must contain part of the ship in the image")
+        raise NothingSeenError(
+            f"window is {window:g} m, but must contain part of the ship in the image"
+        )
     row, column, place = row[inside], column[inside], place[inside]
     # IFOVs of the wider sensor that the pixels belong to.
     side = ifov * slant_range

@@ -8,6 +8,7 @@ from manifold3d import CrossSection, FillRule
 from warm_views import SHIPS, plate, points, ship
 
 import ncti.ships
+from ncti.checks import NothingSeenError
 from ncti.infrared import coverage_of, silhouette
 from ncti.render import line_image
 from ncti.render.view import View
@@ -230,7 +231,7 @@ def test_bad_rules_and_empty_images_are_named():
         with pytest.raises(ValueError, match="rule"):
             silhouette(image, footprint=3.75).target(rule)
     image.down_range[:] = np.nan
-    with pytest.raises(ValueError, match="extent must be given"):
+    with pytest.raises(NothingSeenError, match="extent must be given"):
         silhouette(image, footprint=3.75)
 
 

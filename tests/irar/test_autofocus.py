@@ -8,6 +8,7 @@ from flown import flight
 from trimesh.creation import box
 
 from ncti import ships
+from ncti.checks import NothingSeenError
 from ncti.irar import autofocus, correct, fly, profile, segmented, ship_window, true_snapshot
 from ncti.irar.autofocus import RISE, WIDTH, closing_per_speed, slope_spectrum
 
@@ -91,5 +92,5 @@ def test_what_is_refused():
     scan = fly(block, flown).noiseless()
     with pytest.raises(ValueError, match="reach is 0, but must be"):
         autofocus(scan, flown, reach=0)
-    with pytest.raises(ValueError, match=r"shows nothing 3\.2 m high"):
+    with pytest.raises(NothingSeenError, match=r"shows nothing 3\.2 m high"):
         autofocus(replace(scan, intensity=np.zeros_like(scan.intensity)), flown)

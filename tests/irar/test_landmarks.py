@@ -8,6 +8,7 @@ import pytest
 from scipy.special import erf
 
 from ncti import ships
+from ncti.checks import NothingSeenError
 from ncti.irar import landmarks, profile_correlation
 from ncti.render import range_image
 
@@ -230,8 +231,10 @@ def test_flat_profile_is_like_nothing():
 )
 def test_refusals(change, message):
     given = {"profile": schematic(), "down_range": CENTRES} | change
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as refused:
         landmarks(given.pop("profile"), given.pop("down_range"), **given)
+    # Only an absent return has the type that callers catch.
+    assert isinstance(refused.value, NothingSeenError) == message.startswith("hangar")
 
 
 def test_refusals_of_correlation():

@@ -5,6 +5,7 @@ import pytest
 from flown import CLEAN, flight
 
 from ncti import ships
+from ncti.checks import NothingSeenError
 from ncti.irar import (
     Snapshot,
     Window,
@@ -71,7 +72,7 @@ def test_pixels_without_range_or_outside_the_window_do_not_count():
         measured_extent(whole, flown, slant_range=100e3).fraction.sum() / 2
     )
     image.range[:] = np.nan
-    with pytest.raises(ValueError, match="window is 250 m, but must contain part"):
+    with pytest.raises(NothingSeenError, match="window is 250 m, but must contain part"):
         measured_extent(image, flown, slant_range=100e3)
 
 
