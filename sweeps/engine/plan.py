@@ -14,6 +14,7 @@ from typing import Any
 from sweeps.engine.code import code_digest
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Value
+from sweeps.engine.seeds import STREAM_VERSION
 from sweeps.engine.settings import Choices, Joint, Noting, Run, Setting
 from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
 
@@ -71,7 +72,7 @@ class Plan:
             for number, axis in enumerate(self.axes)
             for position, setting in enumerate(axis.settings)
         }
-        self._every = bind(experiment)
+        self._every = bind(experiment, choices.joint)
         self.targets = tuple(
             bound
             for bound in self._every.values()
@@ -97,6 +98,13 @@ class Plan:
                         f"{axis.settings[0].key} runs together with other settings, but must run "
                         f"alone because {bound.name} uses all of its values"
                     )
+        self._places_at = {
+            (bound, source, one): self._moved(bound, source, one, other)
+            for bound in self.bound.values()
+            for one, other in bound.stage.at.items()
+            for source in bound.inputs
+            if one.key in source.needs
+        }
 
     def unread(self, keys: Iterable[str]) -> list[str]:
         """Return which of some keys the experiment's stages read, but none of this plan does."""
@@ -194,11 +202,51 @@ class Plan:
         if not moved and not bound.stage.at:
             return tuple([place[at] for at in self._taken(bound, source)])
         own = dict(zip(self.axes_on(bound), place, strict=True)) | dict(moved or {})
+        there = dict(own)
         for one, other in bound.stage.at.items():
-            number, _ = self._axis_of[one.key]
-            if one.key in source.needs and self.axes[number].several:
-                own[number] = self.choices[one].index(self.value(bound, other.key, place))
-        return tuple([own[number] for number in self.axes_on(source)])
+            if (bound, source, one) in self._places_at:
+                number, _ = self._axis_of[one.key]
+                value = self.value(bound, other.key, place)
+                there[number] = self._places_at[bound, source, one][value, own.get(number)]
+        return tuple([there[number] for number in self.axes_on(source)])
+
+    def _moved(
+        self, bound: Bound, source: Bound, one: Setting, other: Setting
+    ) -> dict[tuple[Value, int | None], int]:
+        """Return places of an input on the axis of a setting that takes the value of another.
+
+        By that value, and by the stage's own place on that axis, if it has one.
+
+        Raises
+        ------
+        ConfigurationError
+            If the axis lacks a value, or settings that run together leave the place open.
+        """
+        number, position = self._axis_of[one.key]
+        axis, (at, part) = self.axes[number], self._axis_of[other.key]
+        read = [k for k, member in enumerate(axis.settings) if member.key in source.needs]
+        owned = number in self.axes_on(bound)
+        found: dict[tuple[Value, int | None], int] = {}
+        for own in range(len(axis.points)) if owned else (None,):
+            others = self.axes[at].points if own is None or at != number else [axis.points[own]]
+            for value in (point[part] for point in others):
+                fitting = [k for k, point in enumerate(axis.points) if point[position] == value]
+                if not fitting:
+                    raise ConfigurationError(
+                        f"{other.key} has {_word(value)}, but every value must be one of "
+                        f"{one.key}, because {bound.name} takes {source.name} there"
+                    )
+                several = len({tuple(axis.points[k][r] for r in read) for k in fitting}) > 1
+                if own in fitting:
+                    found[value, own] = own
+                elif several or (owned and len(read) > 1):
+                    raise ConfigurationError(
+                        f"{one.key} runs together with other settings, but must run alone "
+                        f"because {bound.name} takes {source.name} at the value of {other.key}"
+                    )
+                else:
+                    found[value, own] = fitting[0]
+        return found
 
     def _taken_from(self, bound: Bound, source: Bound) -> tuple[int, ...]:
         """Return which places on the axes of a stage are those of an input's cell."""
@@ -283,7 +331,7 @@ class Plan:
                 there = self.source_place(bound, source, place)
                 parts.append(f"{argument.name}:{self.key(source, there)}")
         if bound.random:
-            parts.append(repr(self.stream(bound, place)))
+            parts.append(repr((STREAM_VERSION, *self.stream(bound, place))))
         return digest("\0".join(parts))
 
     def _key_of_all(self, bound: Bound, source: Bound, first: Place) -> str:
@@ -314,7 +362,10 @@ class Plan:
         roots, without = frozenset(self.experiment.code), frozenset({ENGINE})
         return {
             name: code_digest(
-                bound.stage.function, roots=roots, without=without, also=bound.stage.also
+                bound.stage.function,
+                roots=roots,
+                without=without,
+                also=(*bound.stage.also, *(("numpy",) if bound.random else ())),  # of its draws
             ).digest
             for name, bound in self.bound.items()
         }

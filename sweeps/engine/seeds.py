@@ -8,6 +8,10 @@ from typing import Any
 
 import numpy as np
 
+# Part of the keys of results that draw. Raise it with any change of what a stream draws: of
+# `cell_rng` or `Plan.stream`.
+STREAM_VERSION = 1
+
 
 def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
     """Return the generator of one cell's noise, independent of every other cell's.
@@ -17,4 +21,5 @@ def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
     """
     name = json.dumps(cell, sort_keys=True).encode()
     words = np.frombuffer(hashlib.sha256(name).digest(), dtype="<u4")
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=words.tolist()))
+    sequence = np.random.SeedSequence(seed, spawn_key=words.tolist())
+    return np.random.Generator(np.random.PCG64(sequence))

@@ -13,7 +13,7 @@ on, and so its cells, its key, its dimensions and its progress line, is derived 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sweeps.engine.kinds import Value
-from sweeps.engine.settings import ENGINE_SETTINGS, Choices, Run, Setting, Settings
+from sweeps.engine.settings import ENGINE_SETTINGS, Choices, Joint, Run, Setting, Settings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -107,7 +107,8 @@ class Stage:
     status: str = ""  # group and variable of its state, such as `status:view`
     also: tuple[str, ...] = ()  # distributions that it depends on without importing them
     coordinates: bool = False  # whether its outputs are coordinates of their group
-    at: Mapping[Setting, Setting] = field(default_factory=dict)  # inputs are of the other's value
+    # Inputs are of the other's value; settings that run together with it are as they are there.
+    at: Mapping[Setting, Setting] = field(default_factory=dict)
     names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in its group
 
     @cached_property
@@ -239,8 +240,10 @@ class DeclarationError(TypeError):
     """Inconsistent declarations of an experiment: a mistake of its author."""
 
 
-def bind(experiment: Experiment) -> dict[str, Bound]:
+def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound]:
     """Return stages by name with resolved arguments, every stage after those that it needs.
+
+    `joint` are the settings that run together in a sweep.
 
     Raises
     ------
@@ -249,6 +252,7 @@ def bind(experiment: Experiment) -> dict[str, Bound]:
     """
     bound: dict[str, Bound] = {}
     under_way: list[str] = []
+    together = {key: one.keys for one in joint if len(one.points) > 1 for key in one.keys}
 
     def visit(name: str) -> Bound:
         if name in under_way:
@@ -257,7 +261,8 @@ def bind(experiment: Experiment) -> dict[str, Bound]:
             under_way.append(name)
             declared = experiment.by_name[name]
             named = [one for one in declared.arguments if one not in (RNG, THERE)]
-            bound[name] = _bound(declared, tuple(argument(declared, one) for one in named))
+            arguments = tuple(argument(declared, one) for one in named)
+            bound[name] = _bound(declared, arguments, together)
             under_way.pop()
         return bound[name]
 
@@ -280,12 +285,17 @@ def bind(experiment: Experiment) -> dict[str, Bound]:
     return bound
 
 
-def _bound(declared: Stage, arguments: tuple[Argument, ...]) -> Bound:
+def _bound(
+    declared: Stage, arguments: tuple[Argument, ...], together: Mapping[str, tuple[str, ...]]
+) -> Bound:
     inputs = tuple(one.source for one in arguments if one.source is not None)
     needs = {one.setting.key for one in arguments if one.setting is not None}
     at = {one.key: other.key for one, other in declared.at.items()}
     for source in inputs:
-        needs.update(at.get(key, key) for key in source.needs)
+        taken = set(source.needs)
+        for key in at.keys() & source.needs:  # with all that runs together with it
+            taken.difference_update(together.get(key, (key,)))
+        needs.update(taken, (at[key] for key in at.keys() & source.needs))
     if RNG in declared.arguments:
         needs.add(Run.seed.key)
         needs.update(one.key for one in declared.stream or ())

@@ -1,0 +1,73 @@
+"""Draws of every kind of stream, pinned: results in caches were made with them."""
+
+from dataclasses import replace
+
+import pytest
+from toys import SPRINGS, Measured, noisy
+
+from sweeps.engine import plan as planning
+from sweeps.engine.plan import Plan
+from sweeps.engine.seeds import STREAM_VERSION, cell_rng
+from sweeps.engine.settings import read_choices
+
+RAISE = "streams draw other numbers: raise STREAM_VERSION of sweeps.engine.seeds, and pin these"
+
+NAMED = {
+    "a stage and numbers": (0, {"stage": "noisy", "stiffness": 4.0, "mass": 2.0, "draw": 1}),
+    "a word and null": (7, {"stage": "x", "word": "Å", "nothing": None}),
+    "a flag and a tuple": (2**63, {"flag": True, "listed": (1, 2.5)}),
+    "nothing": (1, {}),
+}
+PINNED = {
+    "a stage and numbers": [8429893072068033818, 6921488181819985363],
+    "a word and null": [2043669674844759975, 16488868804915923567],
+    "a flag and a tuple": [15539549332621547411, 3714506883557514991],
+    "nothing": [1626417862388722985, 18185730258830339999],
+}
+
+
+@pytest.mark.parametrize("kind", NAMED)
+def test_draws_of_a_stream_are_pinned(kind):
+    seed, name = NAMED[kind]
+    found = cell_rng(seed, **name).bit_generator.random_raw(2).tolist()
+    assert found == PINNED[kind], RAISE
+
+
+def test_the_names_of_streams_are_pinned():
+    """Named settings, all settings, another stage's noise, and settings that may be left out."""
+    stages = {
+        "named": noisy,
+        "every": replace(noisy, name="every", stream=None),
+        "shared": replace(noisy, name="shared", noise="noisy"),
+        "optional": replace(noisy, name="optional", optional=(Measured.draw,)),
+    }
+    experiment = replace(SPRINGS, stages=(*SPRINGS.stages[:3], *stages.values()), tables=())
+    plan = Plan(experiment, read_choices(SPRINGS.declared, {"seed": 3}))
+    place = (2, 1, 0, 0)
+    own = {"stiffness": 4.0, "mass": 2.0}
+    expected = {
+        "named": {"stage": "noisy", **own, "draw": 0},
+        "every": {
+            "stage": "every",
+            "spring.stiffness": 4.0,
+            "spring.mass": 2.0,
+            "spring.limit": 100.0,
+            "measured.length": 2,
+            "measured.draw": 0,
+            "measured.pause": 0.0,
+        },
+        "shared": {"stage": "noisy", **own, "draw": 0},
+        "optional": {"stage": "optional", **own},
+    }
+    for kind, one in stages.items():
+        assert plan.stream(plan.bound[one.name], place) == (3, expected[kind]), RAISE
+
+
+def test_a_version_of_streams_changes_the_keys_of_what_draws(monkeypatch):
+    def keys(version):
+        monkeypatch.setattr(planning, "STREAM_VERSION", version)
+        plan = Plan(SPRINGS, read_choices(SPRINGS.declared, {}))
+        return {one.name: plan.fingerprint(one) for one in plan.bound.values()}
+
+    before, after = keys(STREAM_VERSION), keys(STREAM_VERSION + 1)
+    assert {name for name in before if before[name] != after[name]} == {"noisy", "trace", "answers"}
