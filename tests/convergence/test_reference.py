@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 from scipy.stats import chi2
 
 import ncti.ships
@@ -66,17 +67,41 @@ def test_tilted_plate_in_every_cell(slope):
     assert found.area.sum() == pytest.approx(21.0, abs=GRID_AREA)
 
 
-def test_sphere_is_approached_as_its_facets_shrink():
+@pytest.mark.parametrize("slant_range", [None, 1e3, 100.0])
+def test_sphere_is_approached_as_its_facets_shrink(slant_range):
     """Facets of side h lie h^2 below a sphere: halving them leaves a quarter of the error."""
     edges = np.arange(-11.0, 2.0)
-    expected = closed_forms.sphere(10.0, edges)
+    expected = closed_forms.sphere(10.0, edges, slant_range or np.inf)
     errors = []
     for subdivisions in (3, 4, 5):
         mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=10.0)
-        found = reference_range_extent(mesh, **VIEW, bin_edges=edges)
+        found = reference_range_extent(mesh, **VIEW, bin_edges=edges, slant_range=slant_range)
         errors.append(np.abs(found.area[0] - expected).sum())
     ratios = np.divide(errors[:-1], errors[1:])
     assert np.all((ratios > 3.5) & (ratios < 4.5)), ratios
+
+
+@pytest.mark.parametrize(("aspect", "depression"), [(20.0, 5.0), (90.0, 90.0), (140.0, 40.0)])
+@pytest.mark.parametrize("slant_range", [300.0, 3e3])
+def test_outline_of_a_box_at_a_finite_range(aspect, depression, slant_range):
+    """A convex solid shows the hull of its corners, each seen through the sensor's pinhole."""
+    mesh = trimesh.creation.box((60.0, 14.0, 9.0))
+    h, v, r = closed_forms.axes_of(aspect, depression) @ mesh.vertices.T
+    corners = np.stack([h, v], axis=1) / (1.0 + r[:, None] / slant_range)
+    found = reference_range_extent(
+        mesh, aspect=aspect, depression=depression, bin_edges=EDGES, slant_range=slant_range
+    )
+    assert found.area.sum() == pytest.approx(ConvexHull(corners).volume, abs=GRID_AREA)
+
+
+@pytest.mark.parametrize("depression", [0.0, 90.0])
+def test_a_face_on_the_edge_of_two_bins_is_in_the_bin_behind(depression):
+    mesh = trimesh.creation.box((40.0, 12.0, 8.0))
+    view = {"aspect": 0.0, "depression": depression, "bin_edges": EDGES}
+    area = reference_range_extent(mesh, **view).area[0]
+    seen, place = (12.0 * 8.0, -20.0) if depression == 0 else (40.0 * 12.0, -4.0)
+    assert area[EDGES[:-1] == place] == pytest.approx(seen, abs=GRID_AREA)
+    assert area.sum() == pytest.approx(seen, abs=GRID_AREA)
 
 
 def test_what_is_nearer_hides_what_is_farther():
@@ -134,7 +159,8 @@ def test_solids_that_intersect_look_like_their_union(aspect):
     )
 
 
-def test_ship_under_random_rays():
+@pytest.mark.parametrize("slant_range", [1e9, 5e3])
+def test_ship_under_random_rays(slant_range):
     """Rays that fall at random hit each bin with the probability of its visible area.
 
     150,000 rays; bins that expect fewer than 25 are pooled. The chi-square of the counts is
@@ -143,18 +169,23 @@ def test_ship_under_random_rays():
     mesh, view = ncti.ships.load("roberts"), {"aspect": 33.0, "depression": 6.7}
     right, up, away = closed_forms.axes_of(**view)
     h, v, r = (np.asarray(mesh.vertices) @ axis for axis in (right, up, away))
+    near = 1.0 + (r.min() - 1.0) / slant_range  # of a plane in front of the ship
+    low, high = (np.array(ends) / near for ends in ((h.min(), v.min()), (h.max(), v.max())))
     rng = np.random.default_rng(11)
     count = 150_000
-    points = rng.uniform([h.min(), v.min()], [h.max(), v.max()], (count, 2))
-    start = points @ np.stack([right, up]) + (r.min() - 1.0) * away
-    facet = mesh.ray.intersects_first(start, np.broadcast_to(away, start.shape))
-    start, facet = start[facet >= 0], facet[facet >= 0]
+    points = rng.uniform(low, high, (count, 2))
+    start = points * near @ np.stack([right, up]) + (r.min() - 1.0) * away
+    towards = points @ np.stack([right, up]) / slant_range + away
+    facet = mesh.ray.intersects_first(start, towards)
+    start, towards, facet = start[facet >= 0], towards[facet >= 0], facet[facet >= 0]
     corner, normal = mesh.triangles[facet, 0], mesh.face_normals[facet]
-    depth = np.einsum("ij,ij->i", corner - start, normal) / (normal @ away) + (r.min() - 1.0)
+    further = np.einsum("ij,ij->i", corner - start, normal) / np.einsum("ij,ij->i", towards, normal)
+    sight = start + further[:, None] * towards + slant_range * away
+    down_range = np.linalg.norm(sight, axis=1) - slant_range
 
-    area = reference_range_extent(mesh, **view, bin_edges=EDGES).area[0]
-    expected = area * count / (np.ptp(h) * np.ptp(v))
-    assert chi_square_tail(np.histogram(depth, EDGES)[0], expected, count) > 1e-4
+    area = reference_range_extent(mesh, **view, bin_edges=EDGES, slant_range=slant_range).area[0]
+    expected = area * count / np.prod(high - low)
+    assert chi_square_tail(np.histogram(down_range, EDGES)[0], expected, count) > 1e-4
 
 
 def chi_square_tail(counts: NDArray, expected: NDArray, total: int) -> float:
