@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import event
 
-from ncti.machine_code import Loops, folder
+from ncti.machine_code import Loops, folder, folder_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -24,19 +26,44 @@ def compiled(function: F) -> F:
 
     Notes
     -----
-    If the folder is not writable, or writable by another user, the code is compiled in each
+    If the folder is full, not writable, or writable by another user, the code is compiled in each
     process. Division by zero gives infinity, as with arrays, and the function releases the
     interpreter's lock.
     """
     config: Any = numba.config  # its attributes are created on import
     before = config.CACHE_DIR
-    config.CACHE_DIR = folder()
+    config.CACHE_DIR = folder_of(function.__code__.co_filename)
+    compile_ = partial(numba.njit, nogil=True, error_model="numpy")
     try:
-        kept = bool(config.CACHE_DIR)
-        dispatcher: Any = numba.njit(cache=kept, nogil=True, error_model="numpy")(function)
+        if not config.CACHE_DIR:
+            return cast(F, compile_()(function))
+        try:
+            dispatcher: Any = compile_(cache=True)(function)
+        except RuntimeError:  # nothing can be written there
+            return cast(F, compile_()(function))
+        if not dispatcher.stats.cache_path.startswith(config.CACHE_DIR):  # numba's next choice
+            return cast(F, compile_()(function))
+        _keep_if_possible(dispatcher._cache)
         return cast(F, dispatcher)
     finally:
         config.CACHE_DIR = before
+
+
+def _keep_if_possible(kept: Any) -> None:
+    """Let a cache of numba go without what it cannot read or write, as on a full disk."""
+    load, save = kept.load_overload, kept.save_overload
+
+    def load_overload(*given: Any) -> Any:
+        try:
+            return load(*given)
+        except OSError:
+            return None
+
+    def save_overload(*given: Any) -> None:
+        with suppress(OSError):
+            save(*given)
+
+    kept.load_overload, kept.save_overload = load_overload, save_overload
 
 
 def inlined(function: F) -> F:

@@ -23,16 +23,35 @@ def folder() -> str:
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     chosen = Path(given) if given else user_cache_path("ncti-sweep") / "compiled"
+    return str(chosen) if _is_private(chosen) else ""
+
+
+@cache
+def folder_of(source: str) -> str:
+    """Return `folder()`, or "" if its folder for functions of a source file is not private."""
+    return folder() if folder() and _is_private(_place(Path(source).absolute())) else ""
+
+
+def _is_private(place: Path) -> bool:
+    """Return whether a folder, made if missing, is writable by this user alone."""
     try:
-        chosen.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = chosen.stat()
+        for part in reversed((place, *place.parents)):
+            if not part.is_dir():
+                part.mkdir(mode=0o700, exist_ok=True)
+        found = place.stat()
     except OSError:
-        return ""
+        return False
     # numba runs what it loads from there, so no other user may write to it.
     alone = not hasattr(os, "geteuid") or (
         found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )
-    return str(chosen) if alone and os.access(chosen, os.W_OK | os.X_OK) else ""
+    return alone and os.access(place, os.W_OK | os.X_OK)
+
+
+def _place(source: Path) -> Path:
+    """Return the folder of the functions of a source file, named as numba does."""
+    digest = hashlib.sha1(str(source.parent).encode()).hexdigest()
+    return Path(folder(), f"{source.parent.name}_{digest}")
 
 
 @dataclass(frozen=True)
@@ -69,10 +88,8 @@ def _kept(*names: str) -> bool:
     """Return whether the machine code of a function exists, given [package,] module and name."""
     *room, module, function = names
     source = Path(__file__).absolute().parent.joinpath(*room, f"{module}.py")
-    # Folder and file names as numba composes them.
-    digest = hashlib.sha1(str(source.parent).encode()).hexdigest()
-    place = Path(folder(), f"{source.parent.name}_{digest}")
+    # File names as numba composes them.
     return any(
         kept.stat().st_mtime >= source.stat().st_mtime
-        for kept in place.glob(f"{module}.{function}-*.nbi")
+        for kept in _place(source).glob(f"{module}.{function}-*.nbi")
     )

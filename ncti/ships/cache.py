@@ -19,8 +19,13 @@ def default_folder() -> Path:
 
 
 def read(path: Path) -> Ship | None:
-    """Return the ship in a file, bit for bit as written, or None if it is absent or damaged."""
+    """Return the ship in a file, bit for bit as written.
+
+    None if it is absent, damaged or another user's.
+    """
     try:
+        if hasattr(os, "geteuid") and path.stat().st_uid != os.geteuid():
+            return None
         with zipfile.ZipFile(path) as archive:
             if archive.testzip() is not None:  # every byte against its checksum
                 return None
@@ -35,10 +40,13 @@ def read(path: Path) -> Ship | None:
 def write(path: Path, ship: Ship) -> None:
     """Write a ship to a file; two processes may write the same one at once.
 
-    If the folder cannot be written, the ship is built again next time.
+    If the folder cannot be written, the ship is built again next time. Folders are made for this
+    user alone.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        for folder in reversed(path.parents):
+            if not folder.is_dir():
+                folder.mkdir(mode=0o700, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:

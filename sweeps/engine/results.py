@@ -1,5 +1,7 @@
 """Finished results on disk: packs, each a file with results of many cells, and their index.
 
+Their folders and files are made for this user alone, and files of other users are not read.
+
 A pack is a sealed line with its stage, the keys of its cells, the checksums of their records and
 their layout, followed by the records: the arrays of a cell, one after another. Everything needed to
 cell stands in the packs, and when a pack was last used is the time of its file. The index saves
@@ -9,6 +11,7 @@ several processes may use one folder.
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -22,7 +25,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +34,7 @@ ROOM, INDEX = "cells", "cells.index"
 ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
 UNREADABLE = "(unreadable)"
 FORGOTTEN = 32 * "0"  # replaces the key of a damaged cell
+PRIVATE = 0o700  # mode of the folders of a cache
 ORPHANED = 86400.0  # s, after which a partial file counts as abandoned
 
 # Weight of earlier costs when the next is added: about ten of them matter.
@@ -106,12 +110,28 @@ def _record(outputs: Mapping[str, NDArray[Any]]) -> tuple[Any, bytes]:
     return tuple(layout), b"".join(parts)
 
 
+def make_folder(path: Path, mode: int) -> None:
+    """Make a folder and its missing parents, with at most this mode; the umask may say less."""
+    for part in reversed((path, *path.parents)):
+        if not part.is_dir():
+            with suppress(FileExistsError):  # made by another process just now
+                part.mkdir(mode)
+
+
+def is_own(file: int | Path) -> bool:
+    """Return whether a file, given by its path or descriptor, belongs to the user of this process.
+
+    Another user might have written anything into it.
+    """
+    return not hasattr(os, "geteuid") or os.stat(file).st_uid == os.geteuid()
+
+
 def write_whole(folder: Path, path: str, parts: Iterable[bytes]) -> None:
     """Write a file of a folder under another name first, so that readers see all or nothing."""
     partial = folder / ROOM / f"{uuid.uuid4().hex}.partial"
-    partial.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(partial.parent, PRIVATE)
     try:
-        with partial.open("xb") as file:
+        with open(partial, "xb", opener=_private) as file:
             file.writelines(parts)
         partial.replace(folder / path)
     except BaseException:
@@ -119,18 +139,32 @@ def write_whole(folder: Path, path: str, parts: Iterable[bytes]) -> None:
         raise
 
 
+def _private(name: str, flags: int) -> int:
+    """Open a new file that others may neither read nor write."""
+    return os.open(name, flags, 0o600)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    """Open a file to read it; raise PermissionError if it is another user's."""
+    with path.open("rb") as file:
+        if not is_own(file.fileno()):
+            raise PermissionError(errno.EPERM, "belongs to another user", str(path))
+        yield file
+
+
 def read_cells(folder: Path, requests: Sequence[tuple[str, int]]) -> list[Cell | None]:
     """Return outputs of cells, given by path of a pack and row in it; open each pack once.
 
-    None for a cell that is absent or differs from its checksum; no content of a file makes it
-    raise. Arrays are writable and share no element.
+    None for a cell that is absent, differs from its checksum or is in a file of another user; no
+    content of a file makes it raise. Arrays are writable and share no element.
     """
     found: list[Cell | None] = [None] * len(requests)
     places: dict[str, list[tuple[int, int]]] = defaultdict(list)
     for place, (path, row) in enumerate(requests):
         places[path].append((row, place))
     for path, wanted in places.items():
-        with suppress(Exception), (folder / path).open("rb") as file:
+        with suppress(Exception), _opened(folder / path) as file:
             header = unseal(file.readline())
             layouts = list(map(_laid_out, header["layouts"]))
             of = header["layout_of"]
@@ -201,8 +235,9 @@ class CellIndex:
         self._changed = False
         self._costs: dict[str, list[float]] = {}
         known: dict[str, Known] = {}
-        with suppress(OSError, ValueError):  # absent or damaged
-            self._costs, known = unseal((folder / INDEX).read_bytes())
+        # It may be absent, damaged or another user's.
+        with suppress(OSError, ValueError), _opened(folder / INDEX) as file:
+            self._costs, known = _checked_index(unseal(file.read()))
         packs: dict[str, Known] = {}
         for path in sorted(list_files(folder)[0]):  # in the order of their time
             with suppress(FileNotFoundError):  # deleted by another process just now
@@ -313,13 +348,35 @@ class CellIndex:
         return sorted(ages)
 
 
+def _checked_index(document: Any) -> tuple[dict[str, list[float]], dict[str, Known]]:
+    """Return the costs and packs of an index file; raise ValueError if it holds anything else."""
+    match document:
+        case [dict(costs), dict(packs)] if all(map(_is_cost, costs.values())):
+            if all(map(_is_known, packs.values())):
+                return costs, packs
+    raise ValueError("it is not an index")
+
+
+def _is_cost(found: Any) -> bool:
+    match found:
+        case [int() | float() as cells, int() | float() as seconds, int() | float() as size]:
+            return cells > 0 and min(seconds, size) >= 0 and math.isfinite(cells + seconds + size)
+    return False
+
+
+def _is_known(found: Any) -> bool:
+    match found:
+        case [str(), int(size), [*keys]]:
+            return size >= 0 and all(isinstance(key, str) for key in keys)
+    return False
+
+
 def _described(path: Path) -> Known:
     """Return stage, bytes and keys of a pack from its header."""
     size = path.stat().st_size
-    try:
-        with path.open("rb") as file:
-            header = unseal(file.readline())
-    except (OSError, ValueError):
-        # Indexed without cells, so that it is not read each time and can be evicted.
-        return UNREADABLE, size, ()
-    return header["stage"], size, header["keys"]
+    with suppress(OSError, ValueError), _opened(path) as file:
+        match unseal(file.readline()):
+            case {"stage": str(stage), "keys": [*keys]} if _is_known([stage, size, keys]):
+                return stage, size, keys
+    # Indexed without cells, so that it is not read each time and can be evicted.
+    return UNREADABLE, size, ()

@@ -2,8 +2,10 @@
 
 import errno
 import hashlib
+import json
 import os
 import signal
+import stat
 import subprocess
 import sys
 import tempfile
@@ -25,8 +27,10 @@ from sweeps.engine.results import (
     INDEX,
     Pack,
     list_files,
+    make_folder,
     open_index,
     read_cells,
+    seal,
     write_pack,
 )
 
@@ -133,13 +137,13 @@ def test_what_cannot_be_kept_is_refused(tmp_path, values):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("step", ["replace", "open"])
+@pytest.mark.parametrize("step", ["pathlib.Path.replace", "builtins.open"])
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
 def test_nothing_is_left_of_a_failed_write(tmp_path, monkeypatch, step, error):
-    def fail(*arguments):
+    def fail(*arguments, **others):
         raise error
 
-    monkeypatch.setattr(Path, step, fail)
+    monkeypatch.setattr(step, fail)
     with pytest.raises(error):
         written(tmp_path, 1)
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
@@ -312,6 +316,79 @@ def test_any_damage_to_the_index_leaves_all_cells_found(six, said):
         with open_index(six, said.append) as index:
             assert whole(six, index, range(6)) and index.costs() == {}
     assert said == []
+
+
+MALFORMED = [
+    *(
+        None,
+        1,
+        [],
+        {},
+        [{}, {}, {}],
+        [None, {}],
+        [{}, None],
+        [{"a": None}, {}],
+        [{"a": [1, 2]}, {}],
+    ),
+    *([{"a": [0, 1, 1]}, {}], [{"a": ["1", 1, 1]}, {}], [{"a": [1, 1, -1]}, {}]),
+    *([{"a": [1, float("nan"), 1]}, {}], [{}, {"PATH": None}], [{}, {"PATH": ["a", 1]}]),
+    *([{}, {"PATH": [1, 1, []]}], [{}, {"PATH": ["a", 1, [1]]}], [{}, {"PATH": ["a", 1, "key"]}]),
+]
+
+
+@pytest.mark.parametrize("document", MALFORMED, ids=str)
+def test_a_sealed_index_of_anything_else_leaves_all_cells_found(six, said, document):
+    path = sorted(list_files(six)[0])[0]
+    content = seal(json.loads(json.dumps(document).replace("PATH", path)))
+    (six / INDEX).write_bytes(content)
+    with open_index(six, said.append) as index:
+        assert whole(six, index, range(6)) and index.costs() == {}
+        index.shrink(0, 0.0)
+        index.summary()
+
+
+@pytest.mark.parametrize(
+    "header", [None, [], {}, {"stage": "a"}, {"stage": 1, "keys": ["k"]}], ids=str
+)
+def test_a_sealed_pack_of_anything_else_has_no_cells(six, said, header):
+    path = six / "cells" / f"{0:032x}.pack"
+    path.write_bytes(seal(header))
+    (six / INDEX).unlink()
+    with open_index(six, said.append) as index:
+        assert whole(six, index, range(6))
+    assert read_cells(six, [(f"cells/{path.name}", 0)]) == [None] and said == []
+
+
+def test_a_cache_is_made_for_this_user_alone(tmp_path, said):
+    before = os.umask(0)
+    try:
+        with open_index(tmp_path / "home" / "cache", said.append) as index:
+            index.add("a", [written(tmp_path / "home" / "cache", 1)], 1.0)
+    finally:
+        os.umask(before)
+    made = [*(tmp_path / "home").rglob("*")]
+    modes = {one.is_dir(): stat.S_IMODE(one.stat().st_mode) for one in made}
+    assert len(made) == 4 and modes == {True: 0o700, False: 0o600}
+    assert stat.S_IMODE((tmp_path / "home").stat().st_mode) == 0o700
+
+
+def test_a_stricter_umask_stays(tmp_path):
+    before = os.umask(0o377)
+    try:
+        make_folder(tmp_path / "cache", 0o700)
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "cache").stat().st_mode) == 0o400
+
+
+def test_files_of_another_user_are_not_read(six, said, monkeypatch):
+    with open_index(six, said.append) as index:
+        spots = list(index.find([key(one) for one in range(6)]).values())
+        assert spots and None not in read_cells(six, spots)
+    monkeypatch.setattr(os, "geteuid", lambda: os.stat(six).st_uid + 1)
+    assert not any(read_cells(six, spots))
+    with open_index(six, said.append) as index:
+        assert not index.find([key(one) for one in range(6)]) and index.costs() == {}
 
 
 def test_an_index_that_cannot_be_saved_costs_nothing(six, said, monkeypatch):

@@ -1,12 +1,15 @@
 """Compiled once, loops are found by every process that starts later."""
 
+import errno
 import os
+import stat
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from ncti import machine_code
 from ncti.render import available_engines
 
 ENGINES = [*[one for one in available_engines() if one != "embree"][:1], "embree", "lines"]
@@ -55,3 +58,57 @@ def test_kept_loops_are_all_that_an_engine_runs(tmp_path, engine):
         assert done.stderr == ""  # nothing is told of what was asked for
         kept.append({file.name for file in tmp_path.rglob("*.nbc")})
     assert kept[0] and kept[0] == kept[1]  # nothing was compiled to draw
+
+
+@pytest.fixture
+def compiled(tmp_path, monkeypatch):
+    """What compiles a new function with a folder of machine code of its own, as if for any user."""
+    before = os.umask(0)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "made" / "compiled"))
+    for one in (machine_code.folder, machine_code.folder_of):
+        one.cache_clear()
+
+    def compiled():
+        from ncti.compiled import compiled
+
+        def halved(x):
+            return x / 2
+
+        return compiled(halved)
+
+    yield compiled
+    os.umask(before)
+    for one in (machine_code.folder, machine_code.folder_of):
+        one.cache_clear()
+
+
+def test_a_full_disk_costs_the_machine_code_and_no_result(compiled, monkeypatch, tmp_path):
+    caching = pytest.importorskip("numba.core.caching")
+
+    def full(*given, **others):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    for name in ("save", "load"):
+        monkeypatch.setattr(caching.IndexDataCacheFile, name, full)
+    assert compiled()(5.0) == 2.5
+    monkeypatch.setattr("tempfile.TemporaryFile", full)  # with which numba tries the folder
+    assert compiled()(7.0) == 3.5
+    assert not list(tmp_path.rglob("*.nbc"))
+
+
+def test_machine_code_is_of_this_user_alone(compiled, tmp_path):
+    assert compiled()(5.0) == 2.5
+    made = [one for one in tmp_path.rglob("*") if one.is_dir()]
+    assert len(made) == 3 and list(tmp_path.rglob("*.nbc"))
+    assert {stat.S_IMODE(one.stat().st_mode) for one in made} == {0o700}
+
+
+def test_machine_code_that_others_may_have_written_is_not_loaded(compiled, tmp_path):
+    assert compiled()(5.0) == 2.5
+    kept = list(tmp_path.rglob("*.nbc"))
+    kept[0].parent.chmod(0o777)
+    machine_code.folder_of.cache_clear()
+    again = compiled()
+    assert (
+        again(5.0) == 2.5 and not again.stats.cache_hits and list(tmp_path.rglob("*.nbc")) == kept
+    )

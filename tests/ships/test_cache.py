@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import threading
 from pathlib import Path
 
@@ -90,6 +92,26 @@ def test_folder_that_cannot_be_written_is_no_obstacle(sheet, tmp_path) -> None:
     (tmp_path / "file").write_text("not a folder")
     assert ships.load(sheet, cache=tmp_path / "file").is_volume
     assert ships.load(sheet, cache=tmp_path / "file" / "deeper").is_volume
+
+
+def test_files_of_another_user_are_not_read(sheet, tmp_path, monkeypatch) -> None:
+    folder = tmp_path / "home" / "kept"
+    fresh = ships.load(sheet, cache=folder)
+    (file,) = folder.rglob("*.npz")
+    assert store.read(file) is not None
+    monkeypatch.setattr(os, "geteuid", lambda: os.stat(file).st_uid + 1)
+    assert store.read(file) is None
+    assert_same(ships.load(sheet, cache=folder), fresh)
+
+
+def test_folders_are_made_for_this_user_alone(sheet, tmp_path) -> None:
+    before = os.umask(0)
+    try:
+        ships.load(sheet, cache=tmp_path / "home" / "kept")
+    finally:
+        os.umask(before)
+    made = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
+    assert len(made) >= 3 and not any(stat.S_IMODE(one.stat().st_mode) & 0o077 for one in made)
 
 
 def test_writers_at_once_leave_one_whole_file(sheet, tmp_path) -> None:
