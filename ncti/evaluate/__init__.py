@@ -1,15 +1,18 @@
 """Scores of classifiers by aspect bin, with confidence intervals, and category formation."""
 
 from ncti.evaluate.categories import CategoryFormation, category_formation
+from ncti.evaluate.open_set import OpenSetScores, open_set_scores
 from ncti.evaluate.replicates import replicated_accuracy
 from ncti.evaluate.scores import AspectAccuracy, accuracy_by_aspect, aspect_bins, wilson_interval
 
 __all__ = [
     "AspectAccuracy",
     "CategoryFormation",
+    "OpenSetScores",
     "accuracy_by_aspect",
     "aspect_bins",
     "category_formation",
+    "open_set_scores",
     "replicated_accuracy",
     "wilson_interval",
 ]

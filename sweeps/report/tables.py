@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import xarray as xr
 from rich.console import Console
@@ -24,6 +25,7 @@ from sweeps.report.rows import (
     nearest,
     of_one,
     percent,
+    rounded,
     score_rows,
     several,
     source_figures,
@@ -47,6 +49,7 @@ REJECTING = {"acn": "ACN", "acn_infrared": "ACN on silhouettes"}
 COUNTS = ("n_known", "n_unknown")  # of answers
 REJECTED = ("rejected_unknown", "rejected_known", "correct_known")
 AT_LEAST = "correct_where_rejected"
+AREAS = ("auroc", "oscr")
 
 
 def category_rows(tables: xr.Dataset) -> list[Row]:
@@ -251,7 +254,7 @@ def curve_rows(tables: Mapping[str, xr.Dataset]) -> list[Row]:
         "rejected_up_to": ("rejected_up_to", finite),
         "percent_correct": (AT_LEAST, percent),
         **{end: (f"{AT_LEAST}_{end}", percent) for end in ENDS},
-        "percent_area": ("area", percent),
+        **{name: (name, partial(rounded, digits=3)) for name in AREAS},
         **{name: (name, int) for name in COUNTS},
     }
     rows = []
@@ -276,27 +279,27 @@ def print_rejection(rows: list[Row], console: Console) -> None:
         "Known ships identified correctly [%], by share of unknown ships rejected",
         "known +\nunknown",
         *(f"{least:g}%" if least else "none" for least in leasts),
-        "area",
+        *("AUROC", "OSCR"),
         left=("classifier",),
     )
     for place, group in grouped(rows, shared).items():
         table.add_row(", ".join(told(dict(zip(shared, place, strict=True)), shared)))
         for (name, *_), line in grouped(group, ("classifier", *own)).items():
             found = {row["least_percent_rejected"]: row for row in line}
-            area = line[0]["percent_area"]
+            areas = (line[0][name] for name in AREAS)
             words = [REJECTING.get(name, TITLES.get(name, printable(str(name))))]
             table.add_row(
                 "  " + ", ".join([*words, *told(line[0], own)]),
                 f"{line[0]['n_known']} +\n{line[0]['n_unknown']}",
                 *(_with_interval(found.get(least)) for least in leasts),
-                NOTHING if area is None else f"{area:.0f}",
+                *(NOTHING if area is None else f"{area:.2f}" for area in areas),
             )
     show(table, console)
     note(
         "At the least test vigilance that rejects at least that share. known + unknown: numbers of "
-        "answers. Area: under the curve of known ships identified over unknown ships accepted; 100 "
-        "if all known ships are identified before any unknown one is accepted. Below each figure "
-        "its 95 % Wilson interval, for that test vigilance; answers that are alike for one view, "
+        "answers. AUROC, OSCR: areas under the curves of known ships accepted, and of those "
+        "accepted and identified, over unknown ships accepted; by chance 0.5 and half the "
+        "accuracy. Below each figure its 95 % Wilson interval, for that test vigilance; answers that are alike for one view, "
         "or in one draw, count for less (Kish's design effect).",
         console,
     )

@@ -127,7 +127,7 @@ NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
     ),
 )
 def fusion(
-    profile_scores: Arrays,
+    profile_scores: Floats,
     silhouette_scores: NDArray[np.float32],
     silhouette_sharpness: Floats,
     profile_doubt: Floats,
@@ -143,7 +143,7 @@ def fusion(
     neither outweighs the other by more than aspects left out support. An empty silhouette carries
     no information: all its scores are 0.
     """
-    of_profiles = profile_scores["log_density"]
+    of_profiles = profile_scores
     seen = compared(of_profiles) & compared(silhouette_scores)
     views, lessons = seen.nonzero()[0], (training_views.reshape(-1) & seen).nonzero()[0]
     draws = max(len(of_profiles), len(silhouette_scores))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncti.classify.fusion import label_posterior
 from ncti.features.profile import estimated_floor
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Choices, Settings, number, switch, word
+from sweeps.engine.settings import Choices, Settings, number, switch
 from sweeps.engine.stage import Output, Stage, in_memory, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import (
@@ -30,12 +30,10 @@ if TYPE_CHECKING:
 
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
-FIT, POSTERIOR = "fit", "posterior"
 NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
 
 
 KNOWN = "classifier.aspect_known has True, but must be false where {}"
-COMPARED = "log_density", "distance"
 
 
 class Likelihood(Settings, key="classifier"):
@@ -69,13 +67,6 @@ class Likelihood(Settings, key="classifier"):
         *(None, 0, 1000),
         label="variance of profiles between templates, relative to half their second difference",
         help="0: templates are exact; null: calibrated on aspects left out",
-    )
-    rejection = word(
-        FIT,
-        (FIT, POSTERIOR),
-        label="similarity by which the likelihood accepts an answer or rejects it as 'unknown'",
-        help="fit: bins / (bins + squared distance of the nearest template), 1/2 where the model "
-        "holds; posterior: the probability of the predicted ship",
     )
 
 
@@ -163,7 +154,6 @@ def _templates(
 
 @stage(
     Output("log_density", ("view", "template"), "f8"),
-    Output("distance", ("view", "template"), "f8"),
     uses=(Grid, Likelihood),
     along=(Likelihood.gain_sigma, Grid.frame_count),
     gather=GATHERED,
@@ -175,28 +165,26 @@ def profile_scores(
     gain_sigma: tuple[float, ...],
     frame_count: tuple[int, ...],
     floor_estimated: bool = False,
-) -> Arrays:
-    """Return (gain_sigma, frame_count, view, template) log densities and squared distances.
+) -> Floats:
+    """Return (gain_sigma, frame_count, view, template) log densities.
 
     NaN for missing views and for templates that are not learned. `gain_sigma` is the prior
     standard deviation of the gain.
     """
     templates, known = profile_moments
     views = there.reshape(-1)
-    whole = (2, len(gain_sigma), len(frame_count), views.size, views.size)
+    whole = len(gain_sigma), len(frame_count), views.size, views.size
     found = np.full(whole, np.nan)
     for f, count in enumerate(frame_count):
         seen = _levelled(averaged[f][there], floor_estimated)
-        one = templates.compare(seen, count, gain_sigma=gain_sigma)
-        found[:, :, f, views[:, None] & known.reshape(-1)] = one.reshape(*whole[:2], -1)
-    return {"log_density": found[0], "distance": found[1]}
+        one = templates.log_likelihood(seen, count, gain_sigma=gain_sigma)
+        found[:, f, views[:, None] & known.reshape(-1)] = one.reshape(len(gain_sigma), -1)
+    return found
 
 
 @NAMING.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
-    Output(
-        "similarity", classifier.VIEW, label="fit, or posterior probability of the predicted ship"
-    ),
+    Output("similarity", classifier.VIEW, label="posterior probability of the predicted ship"),
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
     along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
@@ -211,13 +199,12 @@ def profile_scores(
 )
 def likelihood(
     profile_moments: tuple[GaussianTemplates, Views],
-    profile_scores: Arrays,
+    profile_scores: Floats,
     averaged: Profiles,
     there: Views,
     gain_sigma: tuple[float, ...],
     left_out: tuple[bool, ...],
     frame_count: tuple[int, ...],
-    rejection: str,
     aspect_known: bool,
     floor_estimated: bool = False,
 ) -> Arrays:
@@ -227,15 +214,14 @@ def likelihood(
     it reach as far as it.
     """
     templates, known = profile_moments
-    bins = averaged.shape[-1]
     classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(there), np.nonzero(known)
-    places: tuple[Any, ...] = (..., *np.ix_(there.reshape(-1), known.reshape(-1)))
+    rows_of, columns_of = np.ix_(there.reshape(-1), known.reshape(-1))
     whole = (len(gain_sigma), len(left_out), len(frame_count), *there.shape)
     named, probability = np.full(whole, NONE), np.full(whole, np.nan)
     similarity = np.full(whole, np.nan)
     for k, f in np.ndindex(whole[1:3]):
-        compared = np.stack([profile_scores[one][:, f][places] for one in COMPARED])
+        compared = profile_scores[:, f, rows_of, columns_of]
         same = of_view[:, None] == of_template
         exclude = (same & left_out[k]) | (~same & aspect_known)
         if left_out[k] and templates.template_error_:
@@ -243,18 +229,14 @@ def likelihood(
             for column in np.unique(of_view):
                 rows, others = of_view == column, of_template != column
                 rest = templates.without(~others)
-                compared[(..., *np.ix_(rows, others))] = rest.compare(
+                compared[(..., *np.ix_(rows, others))] = rest.log_likelihood(
                     seen[rows], frame_count[f], gain_sigma=gain_sigma
                 )
-        for g, (logs, distance) in enumerate(zip(*compared, strict=True)):
+        for g, logs in enumerate(compared):
             posterior = label_posterior(logs, of_ship, exclude=exclude)
             answer = named[g, k, f], probability[g, k, f], similarity[g, k, f]
             answer[0][there], answer[1][there] = classifier.most_probable(posterior, true)
-            if rejection == FIT:
-                nearest = np.where(exclude, np.inf, distance).min(axis=1)
-                answer[2][there] = bins / (bins + nearest)
-            else:
-                answer[2][there] = posterior[1].max(axis=1)
+            answer[2][there] = posterior[1].max(axis=1)
     error = np.full(whole[:3], templates.template_error_)
     return classifier.judged(named, there) | {
         "probability": probability,

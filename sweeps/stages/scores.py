@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.evaluate import accuracy_by_aspect, aspect_bins, replicated_accuracy
+from ncti.evaluate import (
+    accuracy_by_aspect,
+    aspect_bins,
+    open_set_scores,
+    replicated_accuracy,
+)
 
 if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
     import xarray as xr
@@ -153,7 +158,10 @@ MEANINGS = {
     "correct_where_rejected": "fraction of answers to known ships that are right and not rejected "
     "where at least so many of those to unknown ones are",
     "rejected_up_to": "largest cosine that must be rejected for that, none where all are accepted",
-    "area": "area under right over let through, as fractions of all answers",
+    "auroc": "probability that an answer to a known ship is more similar than one to an unknown "
+    "ship (area under the receiver operating characteristic)",
+    "oscr": "probability that an answer to a known ship is right and more similar than one to an "
+    "unknown ship (area under the open-set classification rate)",
 }
 
 
@@ -169,15 +177,13 @@ def tabulate_rejection(
     being unknown, (aspect,) flags of some kinds by name, and cosines below which a test answers
     "unknown": `MEANINGS` over the classifier's axes and `aspects`, NaN without answers; means over
     all draws, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`,
-    `rejected_up_to` and `area` are of the whole characteristic, for any test vigilances.
+    `rejected_up_to`, `auroc` and `oscr` are of the whole characteristic, for any test vigilances;
+    see `ncti.evaluate.open_set_scores`.
 
     Notes
     -----
     The characteristic has a corner at every similarity of an answer to an unknown ship. To reject
     a share of these answers, all answers up to a quantile of the similarity are rejected.
-    The area under it, of known ships right over unknown ships let through, is the probability
-    that an answer to a known ship is right and more similar than one to an unknown ship, a tie
-    counting half (J. A. Hanley and B. J. McNeil 1982, Radiology 143, 29).
     """
     import xarray as xr
 
@@ -201,7 +207,8 @@ def tabulate_rejection(
         }
         part = {"n_unknown": of_unknown.sum(pooled), "n_known": of_known.sum(pooled)}
         part["rejected_up_to"] = up_to.where(up_to > -np.inf)
-        part["area"] = _over(pooled, _area, similarity, right & of_known, of_known, of_unknown)
+        areas = _over(pooled, _areas, similarity, right, of_known, of_unknown, gives=["score"])
+        part |= {name: areas.isel(score=k) for k, name in enumerate(("auroc", "oscr"))}
         for figure, (hits, answers) in counted.items():
             for suffix, values in zip(("", *ENDS), _share(hits, answers, draws), strict=True):
                 part[figure + suffix] = values
@@ -242,12 +249,11 @@ def _quantiles(similarity: Floats, unknown: Flags) -> Floats:
     return np.where(count > 0, ranked[np.maximum(count - 1, 0)], -np.inf)
 
 
-def _area(similarity: Floats, right: Flags, known: Flags, unknown: Flags) -> float:
-    """Return the area under the characteristic, by counting pairs; NaN without any."""
-    ranked = np.sort(similarity[unknown])
-    pairs = known.sum() * ranked.size
-    below, upto = (np.searchsorted(ranked, similarity[right], side) for side in ("left", "right"))
-    return float((below + upto).sum() / 2 / pairs) if pairs else np.nan
+def _areas(similarity: Floats, right: Flags, known: Flags, unknown: Flags) -> Floats:
+    """Return AUROC and OSCR of answers; NaN without any."""
+    asked = known | unknown
+    scores = open_set_scores(similarity[asked], right[asked], known[asked])
+    return np.array([scores.auroc, scores.oscr])
 
 
 def _share(

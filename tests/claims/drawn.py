@@ -276,7 +276,7 @@ def figures(seed: int, folder: Path) -> dict[str, float]:
     profiles = profile_sweep(seed, folder)
     right = shares_of_profiles(profiles) | shares_of_both(sweep_of_both(seed, folder))
     found = {name: float(answer.mean()) for name, answer in right.items()}
-    found["area of rejection"] = float(rejection(profiles).area)
+    found["OSCR"] = float(rejection(profiles).oscr)
     return found | category_counts(seed) | flown(seed)
 
 

@@ -209,7 +209,7 @@ def test_to_reject_unknown_ships_costs_most_of_the_known_ones(profiles):
     unknown, known = int(table.n_unknown), int(table.n_known)
     assert (unknown, known) == (2 * 61 * DRAWS, VIEWS * DRAWS)
     off = [math.sqrt(math.log(2 / LEVEL) / (2 * n)) for n in (unknown, known)]
-    assert abs(float(table.area) - AREA) < off[0] + UNSURE
+    assert abs(float(table.oscr) - AREA) < off[0] + UNSURE
     # Where nine in ten are rejected of a sample, 76 % are in the long run, or more.
     assert 0.9 - off[0] > 0.76
     kept = float(table.correct_where_rejected.sel(least_rejected=0.9))

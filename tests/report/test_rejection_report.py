@@ -25,7 +25,8 @@ def rejected(**axes):
         *((name, "test_vigilance") for name in FIGURES),
         ("correct_where_rejected", "least_rejected"),
         ("rejected_up_to", "least_rejected"),
-        ("area", None),
+        ("auroc", None),
+        ("oscr", None),
     ):
         dims = [*along, *([own] if own else [])]
         sizes = {"test_vigilance": 2, "least_rejected": len(LEAST)}
@@ -58,13 +59,14 @@ def test_rows_are_the_cells_of_the_table():
         wanted = 100 * float(at.correct_where_rejected)
         assert row["percent_correct"] == pytest.approx(wanted, abs=0.0501)
         assert row["rejected_up_to"] == float(at.rejected_up_to)
-        assert row["percent_area"] == pytest.approx(100 * float(at.area), abs=0.0501)
+        for name in ("auroc", "oscr"):
+            assert row[name] == pytest.approx(float(at[name]), abs=0.000501)
 
 
 def test_the_screen_shows_figures_over_their_intervals():
     table = rejected(cnr=[10.0, 20.0])
-    table["correct_where_rejected"][{"aspects": 0}] = np.nan
-    table["area"][{"aspects": 0}] = np.nan
+    for name in ("correct_where_rejected", "auroc", "oscr"):
+        table[name][{"aspects": 0}] = np.nan
     curve = curve_rows({"correlation": table, "acn": rejected()})
     screen = io.StringIO()
     print_rejection(curve, Console(file=screen))
@@ -78,9 +80,9 @@ def test_the_screen_shows_figures_over_their_intervals():
     for k, first in zip(shown, range(0, 9, 3), strict=True):
         rows = learned[first : first + 3]
         label, _, figures_of = lines[k].partition("60 +")
-        above = re.findall(r"[\d-]+", figures_of)
+        above = re.findall(r"[\d.-]+", figures_of)
         figures = [f"{row['percent_correct']:.0f}" for row in rows]
-        assert above == [*figures, f"{rows[0]['percent_area']:.0f}"]
+        assert above == [*figures, *(f"{rows[0][name]:.2f}" for name in ("auroc", "oscr"))]
         ends = [f"{row['ci_low']:.0f}-{row['ci_high']:.0f}" for row in rows]
         assert re.findall(r"[\d-]+", lines[k + 1])[-4:] == ["40", *ends]
         noise = rows[0]["cnr_db"]

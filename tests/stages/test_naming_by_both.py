@@ -56,10 +56,7 @@ def compared(cell, templates, seen, there=None, **training_views):
     known = cell.expected, bands(cell, VARIANCE), cell.there, learned(**training_views), ASPECTS
     moments = profile_moments(*known, NUGGET, 1.0, np.array(0.0))  # exact, as by hand
     profiles = np.stack(
-        [
-            profile_scores(moments, averaged, cell.there, GAINS, FRAMES)["log_density"]
-            for averaged in cell.averaged
-        ]
+        [profile_scores(moments, averaged, cell.there, GAINS, FRAMES) for averaged in cell.averaged]
     )
     silhouettes = fusion.silhouette_scores(templates, seen, there)
     worth = [fusion.silhouette_sharpness(one, learned(**training_views)) for one in silhouettes]
@@ -67,7 +64,7 @@ def compared(cell, templates, seen, there=None, **training_views):
 
 
 def named_by(profiles, silhouettes, worth, g, m, n, **training_views):
-    scores = {"log_density": profiles[:, g, n]}, silhouettes[m], worth[m], np.array(0.0)
+    scores = profiles[:, g, n], silhouettes[m], worth[m], np.array(0.0)
     return fusion.fusion(*scores, learned(**training_views), NAMED, ASPECTS)
 
 
@@ -222,8 +219,7 @@ def test_a_score_does_not_depend_on_its_company():
             alone = profile_scores(
                 moments, cell.averaged[0, [k]], cell.there, (GAINS[g],), (FRAMES[k],)
             )
-            for name, values in alone.items():
-                np.testing.assert_array_equal(values[0, 0], profiles[name][g, k])
+            np.testing.assert_array_equal(alone[0, 0], profiles[g, k])
         alone = fusion.silhouette_scores(templates, seen[[k]], there)
         np.testing.assert_array_equal(alone[0], silhouettes[k])
 

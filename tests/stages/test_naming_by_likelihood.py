@@ -27,14 +27,13 @@ def moments_of(cell, covariance, nugget=1e-3, error=0.0, floor_sigma=1.0, **trai
 def answered(
     cell, gains=(1.0,), left_out=(False,), frames=FRAMES, replicate=0, nugget=1e-3, **given
 ):
-    rejection = given.pop("rejection", "fit")
     aspect_known = given.pop("aspect_known", False)
     covariance = given.pop("covariance", None)
     covariance = bands(cell) if covariance is None else covariance
     moments = moments_of(cell, covariance, nugget, **given)
     averaged = cell.averaged[replicate, [FRAMES.index(count) for count in frames]]
     scores = likelihood.profile_scores(moments, averaged, cell.there, gains, frames)
-    given = scores, averaged, cell.there, gains, left_out, frames, rejection, aspect_known
+    given = scores, averaged, cell.there, gains, left_out, frames, aspect_known
     return likelihood.likelihood(moments, *given)
 
 
@@ -144,7 +143,7 @@ def test_a_test_that_is_lost_is_a_template_all_the_same():
     lost = cell.without(1, 3)
     given = lost.averaged[0], lost.there, (1.0,)
     scores = likelihood.profile_scores(moments, *given, FRAMES)
-    found = likelihood.likelihood(moments, scores, *given, (False,), FRAMES, "fit", False)
+    found = likelihood.likelihood(moments, scores, *given, (False,), FRAMES, False)
     kept = lost.there
     np.testing.assert_allclose(
         found["probability"][..., kept], whole["probability"][..., kept], atol=1e-12
@@ -162,17 +161,12 @@ def test_moments_of_one_receiver_are_known(receiver):
     likelihood.check(choose(**given | {"classifier__name": "acn"}))
 
 
-def test_rejection_by_fit_and_by_posterior():
-    """Bins over bins plus squared distance, least of all templates; and the largest probability."""
+def test_an_answer_is_as_sure_as_its_ship_is_probable():
     cell = made(noise=3.0)
-    fit, sure = (answered(cell, rejection=one)["similarity"] for one in ("fit", "posterior"))
-    moments = moments_of(cell, bands(cell))
-    templates, _ = moments
+    sure = answered(cell)["similarity"]
+    templates, _ = moments_of(cell, bands(cell))
     for f, count in enumerate(FRAMES):
-        seen = cell.averaged[0, f][cell.there]
-        distance = templates.compare(seen, count)[1].min(axis=1)
-        np.testing.assert_allclose(fit[0, 0, f].ravel(), BINS / (BINS + distance))
-        posterior = templates.posterior(seen, count).max(axis=1)
+        posterior = templates.posterior(cell.averaged[0, f][cell.there], count).max(axis=1)
         np.testing.assert_allclose(sure[0, 0, f].ravel(), posterior, rtol=1e-9)
 
 
@@ -221,7 +215,7 @@ def test_an_estimated_floor_is_whatever_the_edges_hold():
             given = here.expected, covariance, here.there, learned(), ASPECTS, 1e-3, 0.0
             moments = likelihood.profile_moments(*given, np.array(0.0), estimated)
             seen = here.averaged[0], here.there, (0.0,), FRAMES, estimated
-            found[name, estimated] = likelihood.profile_scores(moments, *seen)["log_density"]
+            found[name, estimated] = likelihood.profile_scores(moments, *seen)
     scale = np.nanmax(np.abs(found["as it is", True]))
     np.testing.assert_allclose(found["lifted", True], found["as it is", True], atol=1e-4 * scale)
     assert np.nanmax(np.abs(found["lifted", False] - found["as it is", False])) > scale / 10

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from range_channel import choose
+from sklearn.metrics import roc_auc_score
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
 from sweeps.stages.classifier import Naming, names_by
@@ -77,9 +78,12 @@ def test_the_characteristic_is_counted_by_hand():
         for known in similarity[:2][correct[:2] == 1]
         for unknown in similarity[2:].ravel()
     )
-    assert table.area == pytest.approx(pairs / 64)
+    assert table.oscr == pytest.approx(pairs / 64)
+    given = similarity.ravel(), np.repeat([1, 0], 8)
+    assert table.auroc == pytest.approx(roc_auc_score(given[1], given[0]))
     nothing = tabulate(classified, learned, (0.5,)).sel(aspects="between")
-    assert np.isnan(nothing.area)
+    assert np.isnan(nothing.oscr)
+    assert np.isnan(nothing.auroc)
     assert np.isnan(nothing.correct_where_rejected).all()
 
 
@@ -94,7 +98,7 @@ def test_the_characteristic_does_not_hang_on_the_list_of_vigilances(vigilances):
     for threshold in np.sort(similarity.ravel()):
         through.append((unknown > threshold).mean())
         named.append((right & (known > threshold)).mean())
-    assert table.area == pytest.approx(-np.trapezoid(named, through), rel=1e-12)
+    assert table.oscr == pytest.approx(-np.trapezoid(named, through), rel=1e-12)
     for least, found in zip(LEAST, table.correct_where_rejected.values, strict=True):
         best = max(n for t, n in zip(through, named, strict=True) if 1 - t >= least - 1e-12)
         assert found == pytest.approx(best, rel=1e-12)

@@ -91,7 +91,6 @@ PUBLISHED = {
     "classifier.floor_estimated": ((False,), OURS + "the floor is integrated out instead"),
     "classifier.template_error": ((None,), "calibrated on aspects left out"),
     "classifier.aspect_known": ((False,), "source: no track gives the heading"),
-    "classifier.rejection": (("fit",), OURS + "what needs no other ship"),
     "classifier.orders": ((0,), OURS + "the grid's own order"),
     "ladar.phases": ((0,), OURS + "the ship's origin on a corner of IFOVs"),
     "classifier.gain_sigma": ((1,), OURS + "a gain not known, as of a normalised profile"),

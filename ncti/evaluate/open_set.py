@@ -1,0 +1,114 @@
+"""Scores of classifiers that meet classes absent from training."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ncti.checks import require_all
+
+
+@dataclass(frozen=True)
+class OpenSetScores:
+    """Areas under two curves of a threshold that rejects answers of low similarity.
+
+    Attributes
+    ----------
+    auroc : float
+        Area under the receiver operating characteristic: known answers accepted over unknown ones
+        accepted, in [0, 1]; 0.5 by chance.
+    oscr : float
+        Area under the open-set classification rate: known answers accepted and right over unknown
+        ones accepted; at most the accuracy, and half of it by chance.
+
+    See Also
+    --------
+    open_set_scores : Returns them.
+
+    Examples
+    --------
+    >>> from ncti.evaluate import OpenSetScores
+    >>> OpenSetScores(auroc=0.5, oscr=0.4).auroc
+    0.5
+    """
+
+    auroc: float
+    oscr: float
+
+
+def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike) -> OpenSetScores:
+    """Return AUROC and OSCR of answers, some of which are to classes absent from training.
+
+    Parameters
+    ----------
+    similarity : (...) array_like
+        Similarity of the samples to the classes named, higher where they are more alike.
+    correct : (...) array_like of bool
+        True where the class named is the true one; of unknown classes it is not read.
+    known : (...) array_like of bool
+        True where the true class was learned.
+
+    Returns
+    -------
+    OpenSetScores
+        NaN without an answer to a known class, or without one to an unknown class.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ, `correct` or `known` is not boolean, or a similarity is not finite.
+
+    See Also
+    --------
+    accuracy_by_aspect : Fractions of correct answers to known classes.
+
+    Notes
+    -----
+    Both areas are probabilities over pairs of an answer to a known class and one to an unknown
+    class [1]_: that the known one is more similar, a tie counting half, and that it is so and
+    right, too. The second curve is that of [2]_, with all answers to known classes counted.
+
+    References
+    ----------
+    .. [1] J. A. Hanley and B. J. McNeil, "The meaning and use of the area under a receiver
+       operating characteristic (ROC) curve", Radiology 143, 29-36 (1982).
+    .. [2] A. R. Dhamija, M. Guenther and T. E. Boult, "Reducing network agnostophobia", Advances
+       in Neural Information Processing Systems 31 (2018).
+
+    Examples
+    --------
+    Of three known samples one is misnamed, and one is less similar than an unknown one:
+
+    >>> from ncti.evaluate import open_set_scores
+    >>> known = [True, True, True, False, False]
+    >>> correct = [True, True, False, False, False]
+    >>> scores = open_set_scores([0.9, 0.5, 0.8, 0.6, 0.2], correct, known)
+    >>> round(scores.auroc, 3), scores.oscr
+    (0.833, 0.5)
+    """
+    values = require_all("similarity", similarity)
+    right = _flags("correct", correct, values.shape)
+    learned = _flags("known", known, values.shape)
+    ranked = np.sort(values[~learned])
+    pairs = np.count_nonzero(learned) * ranked.size
+    if not pairs:
+        return OpenSetScores(auroc=np.nan, oscr=np.nan)
+    # Unknown answers less similar than each known one, ties counting half.
+    below, upto = (np.searchsorted(ranked, values[learned], side) for side in ("left", "right"))
+    beaten = (below + upto) / 2
+    return OpenSetScores(
+        auroc=float(beaten.sum() / pairs), oscr=float(beaten[right[learned]].sum() / pairs)
+    )
+
+
+def _flags(name: str, flags: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return flags of answers as an array."""
+    array = np.asarray(flags)
+    if array.dtype != np.bool_ or array.shape != shape:
+        raise ValueError(
+            f"{name} has dtype {array.dtype} and shape {array.shape}, but must be boolean with the "
+            f"shape of similarity, {shape}"
+        )
+    return array
