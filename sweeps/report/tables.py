@@ -299,8 +299,8 @@ def print_rejection(rows: list[Row], console: Console) -> None:
         "At the least test vigilance that rejects at least that share. known + unknown: numbers of "
         "answers. AUROC, OSCR: areas under the curves of known ships accepted, and of those "
         "accepted and identified, over unknown ships accepted; by chance 0.5 and half the "
-        "accuracy. Below each figure its 95 % Wilson interval, for that test vigilance; answers that are alike for one view, "
-        "or in one draw, count for less (Kish's design effect).",
+        "accuracy. Below each figure its 95 % Wilson interval, for that test vigilance; answers "
+        "that are alike for one view, or in one draw, count for less (Kish's design effect).",
         console,
     )
 
