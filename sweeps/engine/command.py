@@ -40,6 +40,7 @@ from sweeps.engine.front import (
     replaceable,
 )
 from sweeps.engine.multirun import Job, batches, crossed, fused, jobs_of, read_job, swept
+from sweeps.engine.packs import SHORTAGES
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import Stopped, forgiving, say, show, stopping
 from sweeps.engine.results import open_index
@@ -99,8 +100,9 @@ class Command:
                 return SOME_FAILED
             except OSError as error:
                 where = f" {error.filename!r}" if error.filename else ""
-                say(self.name, f"cannot write{where}: {error.strerror or error}")
-                disk = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+                verb = "read" if error.errno in SHORTAGES else "write"
+                say(self.name, f"cannot {verb}{where}: {error.strerror or error}")
+                disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | SHORTAGES
                 return SOME_FAILED if error.errno in disk else WRONG
 
     def _main(self, given: list[str]) -> int:

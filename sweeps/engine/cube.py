@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sweeps.engine.packs import Spot
 from sweeps.engine.plan import Axis, Plan
 from sweeps.engine.settings import Setting
 from sweeps.engine.stage import Bound, DeclarationError, Output
-from sweeps.engine.tasks import Arrays, Damaged, Spot
+from sweeps.engine.tasks import Arrays, Damaged
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
@@ -127,8 +128,8 @@ def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
 class Cube:
     """The arrays of a store, made of the cells of a plan.
 
-    By key, `spots` has the location of a cell, `failed` the reason of its failure, and `kept_as`
-    the key it is kept under. `read` gives None for a damaged one.
+    By key, `spots` has the location of a cell, and `failed` the reason of its failure. `read` gives
+    None for a damaged one.
     """
 
     def __init__(
@@ -137,13 +138,11 @@ class Cube:
         spots: Mapping[str, Spot],
         failed: Mapping[str, str],
         read: Reader,
-        kept_as: Callable[[str], str] = str,
     ) -> None:
         self.plan = plan
         self.spots = spots
         self.failed = failed
         self._read_cells = read
-        self._kept_as = kept_as
         self._lock = threading.Lock()
         self._memory: dict[Spot, Arrays] = {}
         self._held = 0
@@ -291,8 +290,7 @@ class Cube:
         lacking = [spot for spot in dict.fromkeys(spots) if spot not in found]
         for spot, arrays in zip(lacking, self._read_cells(lacking), strict=True):
             if arrays is None:
-                there = (key for key, one in self.spots.items() if one == spot)
-                raise Damaged(tuple(map(self._kept_as, there)))
+                raise Damaged((spot.key,))
             found[spot] = arrays
         with self._lock:
             for spot in lacking:

@@ -22,7 +22,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.results import seal, unseal
+from sweeps.engine.packs import seal, unseal
 
 MANIFEST = "manifest"
 PARTIAL = "partial"  # suffix of a folder that is incomplete or being deleted

@@ -27,16 +27,17 @@ from sweeps.engine.folders import (
     remove_folder,
     verify,
 )
+from sweeps.engine.packs import Spot, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.provenance import check_extends, provenance
-from sweeps.engine.results import CellIndex, open_index, read_cells
+from sweeps.engine.results import CellIndex, open_index
 from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Bound, Experiment
 from sweeps.engine.store import read_attributes, write_store
 from sweeps.engine.tables import add_tables
 from sweeps.engine.takeover import OldStore
-from sweeps.engine.tasks import Call, Damaged, Report, Spot, reason, run_calls
+from sweeps.engine.tasks import Call, Damaged, Report, reason, run_calls
 
 WRITERS = 2  # threads that write chunks
 AT_ONCE = 512  # cells that are read again after damage
@@ -118,7 +119,7 @@ def preview(
 
     def find(bound: Bound, keys: Sequence[str]) -> dict[str, Spot]:
         there = before.has(bound, keys) if before is not None else ()
-        return dict.fromkeys(there, ("", 0)) | index.find(keys)
+        return {key: Spot("", 0, key) for key in there} | index.find(keys)
 
     schedule, costs = Schedule(plan), index.costs()
     schedule.resolve(find)
@@ -213,7 +214,7 @@ def _sweep(
                 )
                 failures += failed
             elif old is not None and _is_whole(plan, place.store, old, watch):
-                index.used(path for path, _ in schedule.spots.values())
+                index.used(path for path, *_ in schedule.spots.values())
                 return Finished(schedule.progress, failures)
         if not damaged:
             try:
@@ -221,11 +222,11 @@ def _sweep(
             except Damaged:
                 damaged = _damaged(schedule, place)
             else:
-                index.used(path for path, _ in schedule.spots.values())
+                index.used(path for path, *_ in schedule.spots.values())
                 return Finished(schedule.progress, failures, written=True)
         watch.say(f"{len(damaged):,} results in the cache are damaged and are computed again")
         index.forget(sorted(damaged))
-        for key in [key for key in schedule.spots if schedule.kept_as(key) in damaged]:
+        for key in [key for key, spot in schedule.spots.items() if spot.key in damaged]:
             del schedule.spots[key]
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
 
@@ -352,13 +353,12 @@ def _import_for_tables() -> None:
 
 def _damaged(schedule: Schedule, place: Place) -> set[str]:
     """Return keys of all cells that cannot be read back."""
-    spots = sorted((spot, key) for key, spot in schedule.spots.items())
+    spots = sorted(schedule.spots.values())
     damaged: set[str] = set()
     for start in range(0, len(spots), AT_ONCE):
         part = spots[start : start + AT_ONCE]
-        found = read_cells(place.cache, [spot for spot, _ in part])
-        lost = zip(part, found, strict=True)
-        damaged |= {schedule.kept_as(key) for (_, key), arrays in lost if arrays is None}
+        found = zip(part, read_cells(place.cache, part), strict=True)
+        damaged |= {spot.key for spot, arrays in found if arrays is None}
     return damaged
 
 
@@ -380,7 +380,6 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
         schedule.spots,
         schedule.failed,
         lambda spots: read_cells(place.cache, spots),
-        schedule.kept_as,
     )
     failed = schedule.failed
     failures = {

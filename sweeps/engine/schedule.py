@@ -11,9 +11,10 @@ from statistics import median
 
 import numpy as np
 
+from sweeps.engine.packs import Spot
 from sweeps.engine.plan import Place, Plan, digest
 from sweeps.engine.stage import Bound
-from sweeps.engine.tasks import Call, Made, Read, Recipe, Source, Spot, Step
+from sweeps.engine.tasks import Call, Made, Read, Recipe, Source, Step
 
 SHORTEST, LONGEST = 0.2, 1.5  # s, range of a task's duration
 TOGETHER = 5.0  # s, longest task if cells share costly objects
@@ -262,10 +263,6 @@ class Schedule:
             self._renamed[key] = digest(repr((key, odd))) if odd else key
         return self._renamed[key]
 
-    def kept_as(self, key: str) -> str:
-        """Return the key under which the cell of a key is stored; see `stored_key`."""
-        return self._renamed.get(key, key)
-
     # calls ----------------------------------------------------------------------------------
 
     def call(self, bound: Bound, places: Sequence[Place]) -> Call:
@@ -330,18 +327,16 @@ class Schedule:
                 axes[number] = every if key in bound.gather else values.get(number, alone)
         if not axes:
             at = plan.source_place(bound, source, place)
-            key = self.stored_key(source, at)
-            return Read(step, (key,), (self.spots[plan.key(source, at)],)), None
+            return Read(step, (self.spots[plan.key(source, at)],)), None
         shape = tuple(map(len, axes.values()))
-        flat, keys, spots = [], [], []
+        flat, spots = [], []
         for number, point in enumerate(product(*axes.values())):
             at = plan.source_place(bound, source, place, dict(zip(axes, point, strict=True)))
             spot = self.spots.get(plan.key(source, at))
             if spot is not None:
                 flat.append(number)
-                keys.append(self.stored_key(source, at))
                 spots.append(spot)
-        read = Read(step, tuple(keys), tuple(spots), shape, tuple(flat))
+        read = Read(step, tuple(spots), shape, tuple(flat))
         if not bound.gather:
             return read, None
         flags = np.zeros(math.prod(shape), dtype=bool)

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from sweeps.engine.cube import Layout, Spans, layouts_of, within
 from sweeps.engine.folders import verify
 from sweeps.engine.kinds import Value
+from sweeps.engine.packs import Spot, write_pack
 from sweeps.engine.plan import Place, Plan
 from sweeps.engine.provenance import choices_of
-from sweeps.engine.results import write_pack
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Bound
 from sweeps.engine.store import RAGGED
-from sweeps.engine.tasks import Arrays, Spot
+from sweeps.engine.tasks import Arrays
 
 AT_ONCE = 256  # cells that are read before they are packed
 KEPT_CHUNKS = 64  # decoded ones, usually of at most 1 MiB
@@ -65,7 +65,7 @@ class OldStore:
             part = wanted[start : start + AT_ONCE]
             cells = [(key, self._cell(*self._places[key])) for key in part]
             pack = write_pack(folder, bound.name, cells)
-            found |= {key: (str(folder / pack.path), row) for row, key in enumerate(part)}
+            found |= {key: Spot(str(folder / pack.path), row, key) for row, key in enumerate(part)}
         return found
 
     def _possible(self, bound: Bound) -> set[str]:

@@ -20,12 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.results import Pack, read_cells, write_pack
+from sweeps.engine.packs import Pack, Spot, read_cells, write_pack
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.stage import RNG, THERE, Stage
 
 Arrays = dict[str, NDArray[Any]]
-Spot = tuple[str, int]  # a cell on disk: its pack and its row in there
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_RECIPES = 512
@@ -74,7 +73,6 @@ class Read:
     """
 
     step: Step
-    keys: tuple[str, ...]
     spots: tuple[Spot, ...]
     shape: tuple[int, ...] | None = None
     places: tuple[int, ...] = ()
@@ -175,7 +173,10 @@ def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) 
             pack = write_pack(spill, name, found)
             packs[name] = Pack(str(spill / pack.path), pack.size, pack.keys)
     finished = tuple(
-        replace(done, spots=tuple((packs[name].path, row) for row in rows))
+        replace(
+            done,
+            spots=tuple(Spot(packs[name].path, row, packs[name].keys[row]) for row in rows),
+        )
         for done, name, rows in outcomes
     )
     return Report(finished, tuple(packs.items()), spilled)
@@ -255,7 +256,7 @@ class Inputs:
         wanted = _spots(recipe)
         if lacking := [spot for spot in wanted if spot not in there]:
             there |= zip(lacking, read_cells(self._folder, lacking), strict=True)
-        if lost := tuple(key for spot, key in wanted.items() if there[spot] is None):
+        if lost := tuple(spot.key for spot in wanted if there[spot] is None):
             raise Damaged(lost)
         spots = {spot: arrays for spot, arrays in there.items() if arrays is not None}
         arguments = {name: self._value(source, spots) for name, source in recipe.sources.items()}
@@ -297,13 +298,10 @@ def _with_those_made(recipe: Recipe, seen: set[str]) -> Iterator[Recipe]:
                 yield from _with_those_made(source.recipe, seen)
 
 
-def _spots(recipe: Recipe) -> dict[Spot, str]:
-    """Return keys of the cells that a recipe itself reads, by their spots."""
-    wanted: dict[Spot, str] = {}
-    for source in recipe.sources.values():
-        if isinstance(source, Read):
-            wanted.update(zip(source.spots, source.keys, strict=True))
-    return wanted
+def _spots(recipe: Recipe) -> list[Spot]:
+    """Return spots of the cells that a recipe itself reads, each once."""
+    sources = (one for one in recipe.sources.values() if isinstance(one, Read))
+    return list(dict.fromkeys(spot for one in sources for spot in one.spots))
 
 
 def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.packs import read_cells
 from sweeps.engine.plan import Plan
-from sweeps.engine.results import open_index, read_cells
+from sweeps.engine.results import open_index
 from sweeps.engine.run import execute
 from sweeps.engine.schedule import Job, Schedule, Watch
 from sweeps.engine.settings import Choices

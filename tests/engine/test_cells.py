@@ -22,17 +22,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
 from sweeps.engine import results
-from sweeps.engine.results import (
-    FADING,
-    INDEX,
+from sweeps.engine.packs import (
     Pack,
+    Spot,
     list_files,
     make_folder,
-    open_index,
     read_cells,
     seal,
     write_pack,
 )
+from sweeps.engine.results import FADING, INDEX, open_index
 
 
 def key(name) -> str:
@@ -113,7 +112,7 @@ def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
         pack = write_pack(folder, "stage", [(key(n), cell) for n, cell in enumerate(contents)])
         assert pack.keys == tuple(map(key, range(len(contents))))
         assert pack.size == (folder / pack.path).stat().st_size
-        found = read_cells(folder, [(pack.path, row) for row in asked])
+        found = read_cells(folder, [Spot(pack.path, row, pack.keys[row]) for row in asked])
     arrays = [array for cell in found for array in cell.values()]
     for row, cell in zip(asked, found, strict=True):
         assert same(cell, contents[row])
@@ -154,6 +153,7 @@ def test_every_changed_byte_is_noticed(tmp_path):
     made = [{"a": np.float64(n), "b": np.arange(n + 1)} for n in range(3)]
     pack = write_pack(tmp_path, "s", [(key(n), cell) for n, cell in enumerate(made)])
     path = tmp_path / pack.path
+    spots = [Spot(pack.path, row, key(row)) for row in range(3)]
     content = path.read_bytes()
     start = content.index(b"\n") + 1
     ends = start + np.cumsum([0, 32, 32, 48])
@@ -163,7 +163,7 @@ def test_every_changed_byte_is_noticed(tmp_path):
         flipped = bytearray(content)
         flipped[place] ^= 1 << place % 8
         path.write_bytes(flipped)
-        found = read_cells(tmp_path, [(pack.path, row) for row in range(3)])
+        found = read_cells(tmp_path, spots)
         assert [cell is None for cell in found] == [owner in (-1, row) for row in range(3)]
         assert all(cell is None or same(cell, one) for cell, one in zip(found, made, strict=True))
 
@@ -171,21 +171,23 @@ def test_every_changed_byte_is_noticed(tmp_path):
 def test_what_is_cut_off_is_absent(tmp_path):
     pack = written(tmp_path, 0, 1, 2)
     path = tmp_path / pack.path
+    spots = [Spot(pack.path, row, key(row)) for row in range(3)]
     content = path.read_bytes()
     for length in range(0, len(content), 7):
         path.write_bytes(content[:length])
-        for number, cell in enumerate(read_cells(tmp_path, [(pack.path, n) for n in range(3)])):
+        for number, cell in enumerate(read_cells(tmp_path, spots)):
             assert cell is None or same(cell, small(number))
         assert cell is None
     path.unlink()
-    assert read_cells(tmp_path, [(pack.path, 0), (".", 0), ("nul\0", 3)]) == [None] * 3
+    strange = [spots[0], Spot(".", 0, ""), Spot("nul\0", 3, "")]
+    assert read_cells(tmp_path, strange) == [None] * 3
 
 
 def test_only_the_asked_cells_are_read(tmp_path):
     made = [{"a": np.full(2**18, n)} for n in range(20)]
     pack = write_pack(tmp_path, "stage", [(key(n), cell) for n, cell in enumerate(made)])
     tracemalloc.start()
-    found = read_cells(tmp_path, [(pack.path, 3), (pack.path, 17)])
+    found = read_cells(tmp_path, [Spot(pack.path, row, key(row)) for row in (3, 17)])
     assert tracemalloc.get_traced_memory()[1] < 3 * made[0]["a"].nbytes
     tracemalloc.stop()
     assert [cell["a"][0] for cell in found] == [3, 17]
@@ -205,12 +207,14 @@ def test_cells_are_found_until_they_are_forgotten(tmp_path, said):
         assert whole(folder, index, range(1, 300)) and key(300) not in index.find([key(300)])
         assert index.summary() == [("render", 299, sum(pack.size for pack in packs))]
         index.forget([key(1)])
-        assert index.find([key(1), key(2)]) == {key(2): (packs[0].path, 1)}
+        assert index.find([key(1), key(2)]) == {key(2): Spot(packs[0].path, 1, key(2))}
     with open_index(folder, said.append) as index:
         assert index.find([key(1)]) == {}
         again = written(folder, 1)
         index.add("render", [again], 1.0)
-        assert index.find([key(1)]) == {key(1): (again.path, 0)} and whole(folder, index, [2])
+        assert index.find([key(1)]) == {key(1): Spot(again.path, 0, key(1))} and whole(
+            folder, index, [2]
+        )
     assert said == []
 
 
@@ -225,11 +229,11 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(tmp_path, said
     with open_index(tmp_path, said.append) as index:
         older, newer = written(tmp_path, 1), written(tmp_path, 1, 2)
         index.add("render", [older, newer], 1.0)
-        assert index.find([key(1)]) == {key(1): (newer.path, 0)}
+        assert index.find([key(1)]) == {key(1): Spot(newer.path, 0, key(1))}
     if not indexed:
         (tmp_path / INDEX).unlink()
     with open_index(tmp_path, said.append) as index:
-        assert index.find([key(1)]) == {key(1): (newer.path, 0)}
+        assert index.find([key(1)]) == {key(1): Spot(newer.path, 0, key(1))}
         index.forget([key(1)])
         assert index.find([key(1)]) == {}
 
@@ -253,7 +257,7 @@ import os, signal, sys
 from pathlib import Path
 import numpy as np
 from sweeps.engine.results import open_index
-from sweeps.engine.results import write_pack
+from sweeps.engine.packs import write_pack
 folder, keys = Path(sys.argv[1]), sys.argv[3:]
 die = lambda *arguments: os.kill(os.getpid(), signal.SIGKILL)
 with open_index(folder, print) as index:
@@ -448,7 +452,7 @@ def test_what_was_used_stays(six, said):
         os.utime(six / path, (1, 1))
     with open_index(six, said.append) as index:
         before = time.time() - 1
-        index.used([path for path, _ in index.find([key(2)]).values()])
+        index.used([path for path, *_ in index.find([key(2)]).values()])
         index.shrink(0, before)
         assert sorted(index.find([key(n) for n in range(6)])) == sorted([key(2), key(3)])
 

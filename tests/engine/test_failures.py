@@ -15,7 +15,7 @@ from sweeps.engine import tasks
 from sweeps.engine.cluster import InlineExecutor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import MANIFEST
-from sweeps.engine.results import list_files
+from sweeps.engine.packs import list_files
 from sweeps.engine.settings import Settings, count, read_choices
 from sweeps.engine.stage import Experiment, Output, in_memory, stage
 
