@@ -6,7 +6,7 @@ import math
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -202,7 +202,7 @@ class Cube:
         dims = (*(names[number] for number in layout.axes), *output.dims)
         dtype = np.dtype(output.dtype)
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(output.dims))
-        words = dtype.kind in "OU"
+        words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if words else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
         if output.measured:
@@ -218,8 +218,11 @@ class Cube:
         given: Any = (tuple(one[k] for k in layout.order) for one in (dims, shape, chunks))
         named, sizes, parts = given
         fill = None if words else output.empty
+        found = Array(named, sizes, dtype, fill, attrs, parts, read)
+        if words:  # few, and stored no wider than the longest
+            found = replace(found, read=read(tuple(slice(0, size) for size in sizes)))
         into = group.coordinates if layout.bound.stage.coordinates else group.arrays
-        into[output.name] = Array(named, sizes, dtype, fill, attrs, parts, read)
+        into[output.name] = found
 
     def _keys(self, layout: Layout, ranges: Sequence[range]) -> list[str]:
         """Return keys of the cells in ranges of the variable's axes, the last fastest."""
@@ -366,7 +369,7 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
         return _setting_coordinates(axis.settings[0], name, columns[0])
     labels = axis.labels or tuple(map(str, range(len(axis.points))))
     about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
-    found = {name: Array.of((name,), np.array(labels, dtype=object), about)}
+    found = {name: Array.of((name,), np.array(labels), about)}
     for setting, values in zip(axis.settings, columns, strict=True):
         label = setting.name if setting.name not in found else setting.key.replace(".", "_")
         found[label] = Array.of((name,), value_array(values), setting.attrs)
@@ -389,8 +392,8 @@ def _setting_coordinates(
 
 
 def value_array(values: Sequence[Any]) -> NDArray[Any]:
-    """Return a (value,) ndarray: floats (NaN for null), integers, booleans, or texts as objects."""
+    """Return a (value,) ndarray: floats (NaN for null), integers, booleans or texts."""
     if any(isinstance(value, str | tuple) for value in values):
         # Convert subclasses to plain types.
-        return np.array([str(value) for value in values], dtype=object)
+        return np.array([str(value) for value in values])
     return np.array(values, dtype=float if None in values else None)

@@ -50,7 +50,7 @@ class Output:
     dtype: str = "f4"
     label: str = ""
     unit: str = "1"
-    fill: float | None = None  # value of missing results; None: NaN of floats, -1 of integers
+    fill: float | None = None  # value of missing results; None: NaN, -1 of integers, no text
     failed: float | None = None  # value of failed cells; None: as `fill`
     pad: float | None = None  # padding up to the largest cell's array; None: as `fill`
     # Own dimension: the output, a whole number, at which a cell's array begins on it. Its
@@ -66,8 +66,10 @@ class Output:
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def empty(self) -> float:
+    def empty(self) -> float | str:
         """Value of missing results."""
+        if np.dtype(self.dtype).kind == "U":
+            return ""
         if self.fill is not None:
             return self.fill
         return np.nan if np.dtype(self.dtype).kind == "f" else -1

@@ -36,7 +36,7 @@ class Step:
 
     name: str
     function: Any  # its module and qualified name, or itself if it is in no module
-    outputs: tuple[tuple[str, str, float], ...]  # name, type and empty value
+    outputs: tuple[tuple[str, str, float | str], ...]  # name, type and empty value
     keep: int  # number of results in memory, of a stage not kept on disk
     drawn: bool  # whether it takes `rng`
     asks: bool  # whether it takes `there`

@@ -10,10 +10,10 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numcodecs.vlen import VLenUTF8
 from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
@@ -24,7 +24,7 @@ LEVEL = 1  # level 3 compresses results no better and takes three times as long
 Region = tuple[slice, ...]
 
 _ZSTD = Zstd(level=LEVEL, checksum=True)
-_STRING = np.dtype(object)
+_CHARACTER = 4  # bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Array:
 
     dims: tuple[str, ...]
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]  # integers, floats, bool (stored as int8) or strings of any numpy kind
+    dtype: np.dtype[Any]  # integers, floats, bool (stored as int8) or texts of any numpy kind
     fill: float | int | str | None  # of what is not written; None is NaN, 0 or the empty string
     attrs: Mapping[str, Any]  # integers that count steps have `scale_factor` here
     chunks: tuple[int, ...]
@@ -54,22 +54,30 @@ class Array:
         chunks = suggest_chunks(array.shape, max(array.itemsize, 1))
         return cls(tuple(dims), array.shape, array.dtype, fill, attrs or {}, chunks, array)
 
-    @property
+    @cached_property
     def stored(self) -> np.dtype[Any]:
-        """Stored dtype: little-endian, object for strings; raises TypeError if impossible."""
+        """Stored dtype: little-endian, texts as wide as the longest; TypeError if impossible."""
         dtype = np.dtype(self.dtype)
-        if dtype.kind in "OTU":
-            return _STRING  # fixed-width strings are not part of the zarr 3 format
+        if dtype.kind in "OTU" and (width := self._width()) is not None:
+            return np.dtype(f"<U{max(width, 1)}")
         if dtype.kind == "b":
             return np.dtype(np.int8)
         if dtype.kind in "iuf" and dtype.itemsize <= 8:
             return dtype.newbyteorder("<")
-        raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and strings can")
+        raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and texts can")
+
+    def _width(self) -> int | None:
+        """Return the characters of the longest text; None if they are not known, or no texts."""
+        if not isinstance(self.read, np.ndarray):
+            dtype = np.dtype(self.dtype)
+            return dtype.itemsize // _CHARACTER or None if dtype.kind == "U" else None
+        texts = self.read.ravel().tolist()
+        return max(map(len, texts), default=0) if all(isinstance(t, str) for t in texts) else None
 
     @property
     def opened(self) -> np.dtype[Any]:
         """Dtype that zarr reads back: the stored one, in the byte order of this machine."""
-        return np.dtypes.StringDType() if self.stored == _STRING else self.stored.newbyteorder("=")
+        return self.stored.newbyteorder("=")
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -79,7 +87,7 @@ class Array:
     @property
     def empty(self) -> Any:
         """Stored value of elements that are not written."""
-        if self.stored == _STRING:
+        if self.stored.kind == "U":
             return self.fill or ""
         default = math.nan if self.stored.kind == "f" else 0
         return self.stored.type(default if self.fill is None else self.fill)
@@ -134,19 +142,20 @@ def metadata(array: Array) -> dict[str, Any]:
     """Return the zarr 3 metadata of an array."""
     stored, fill = array.stored, array.empty
     serializer: dict[str, Any] = {"name": "bytes"}
-    if stored == _STRING:
-        serializer = {"name": "vlen-utf8", "configuration": {}}
-    elif stored.itemsize > 1:
+    kind: Any = stored.name
+    if stored.kind == "U":  # opens as numpy's own texts, which can be plotted and learned
+        kind = {"name": "fixed_length_utf32", "configuration": {"length_bytes": stored.itemsize}}
+    if stored.itemsize > 1:
         serializer["configuration"] = {"endian": "little"}
     if stored.kind == "f":
         words = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
         fill = words.get(str(float(fill)), float(fill))
     return {
         "shape": list(array.shape),
-        "data_type": "string" if stored == _STRING else stored.name,
+        "data_type": kind,
         "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": list(array.chunks)}},
         "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
-        "fill_value": fill if stored.kind in "fO" else int(fill),
+        "fill_value": fill if stored.kind in "fU" else int(fill),
         "codecs": [
             serializer,
             {"name": "zstd", "configuration": {"level": LEVEL, "checksum": True}},
@@ -175,14 +184,12 @@ def encode(array: Array, region: Region) -> bytes | None:
         padded = np.full(array.chunks, array.empty, array.stored)
         padded[tuple(map(slice, shape))] = values
         values = padded
-    if array.stored == _STRING:
-        values = VLenUTF8().encode(values.ravel())
-    return bytes(_ZSTD.encode(np.ascontiguousarray(values)))
+    return bytes(_ZSTD.encode(np.ascontiguousarray(values).view(np.uint8)))
 
 
 def _is_empty(values: NDArray[Any], fill: Any) -> bool:
     """Return whether all values are the fill value, bit by bit: NaN is NaN, -0.0 is not 0.0."""
-    if values.dtype == _STRING:
+    if values.dtype.kind == "U":
         return bool(np.all(values == fill))
     bits = np.dtype(f"u{values.itemsize}")
     return bool((np.ascontiguousarray(values).view(bits) == np.asarray(fill).view(bits)).all())

@@ -167,7 +167,7 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     labels, index = aspect_bins(images.aspect.values)
     bins = [*(np.flatnonzero(index == k) for k in range(len(labels))), np.arange(len(index))]
     pooled = [found.isel(aspect=chosen) for chosen in bins]
-    name = xr.Variable("aspect_bin", np.array([*labels, "overall"], dtype=object))
+    name = xr.Variable("aspect_bin", [*labels, "overall"])
     return data_set(
         {
             "probability": (

@@ -104,7 +104,7 @@ class Errors(Kind):
         named = {"long_name": "recorded flight parameter in error"}
         return {
             "error": (np.arange(len(values)), Irar.errors.attrs),
-            "error_parameter": (np.array(parameters, dtype=object), named),
+            "error_parameter": (np.array(parameters), named),
             "error_value": (np.array(errors), {"units": "1", "long_name": ERROR_VALUE}),
         }
 

@@ -61,7 +61,7 @@ def scored(correct: xr.DataArray, prefix: str, what: str) -> Scored:
     coords: dict[Any, Any] = {
         name: coord for name, coord in answers.coords.items() if not {name, *coord.dims} & {*gone}
     }
-    coords["aspect_bin"] = np.array(score.labels, dtype=object)
+    coords["aspect_bin"] = np.array(score.labels)
     dims = (*answers.dims[: -len(gone)], "aspect_bin")
     more: list[tuple[str, Floats, str]] = []
     if draws:
@@ -99,7 +99,7 @@ def by_aspects(
     parts = [score(correct.where(where, -1)) for where in aspects.values()]
     names = xr.DataArray(list(aspects), dims="aspects", attrs=OF_ASPECTS, name="aspects")
     return {
-        name: (xr.concat([part[name][0] for part in parts], names.astype(object)), what)
+        name: (xr.concat([part[name][0] for part in parts], names), what)
         for name, (_, what) in parts[0].items()
     }
 
@@ -212,7 +212,7 @@ def tabulate_rejection(
         for figure, (hits, answers) in counted.items():
             for suffix, values in zip(("", *ENDS), _share(hits, answers, draws), strict=True):
                 part[figure + suffix] = values
-        parts.append(xr.Dataset(part).expand_dims(aspects=np.array([name], dtype=object)))
+        parts.append(xr.Dataset(part).expand_dims(aspects=[name]))
     table = xr.concat(parts, "aspects")
     said = MEANINGS | {
         "test_vigilance": "cosine that an answer must reach",

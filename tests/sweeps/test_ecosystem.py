@@ -1,0 +1,57 @@
+"""A store in the hands of other libraries: as xarray opens it, without a word of conversion."""
+
+import warnings
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from commands import groups_of
+from sklearn.ensemble import RandomForestClassifier
+
+
+@pytest.fixture(scope="module")
+def groups(smoke_store):
+    """All groups of a store; a warning of a library that opens them is an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return groups_of(smoke_store)
+
+
+def test_every_group_is_plotted_along_every_axis(groups):
+    axes, seen = plt.figure().subplots(), set()
+    for group, dataset in groups.items():
+        for variable in dataset.data_vars.values():
+            new = [dim for dim in variable.dims if (group, dim) not in seen]
+            for dim in new:
+                if variable.dtype.kind == "U":  # texts are plotted along, not plotted
+                    continue
+                variable.isel({other: 0 for other in variable.dims if other != dim}).plot.line(
+                    x=dim, ax=axes
+                )
+                seen.add((group, dim))
+                axes.clear()
+    plt.close(axes.figure)
+    lacking = {(group, dim) for group, one in groups.items() for dim in one.dims} - seen
+    assert lacking == set()
+    assert len(seen) > 100
+
+
+def test_texts_are_those_of_numpy(groups):
+    for group, dataset in groups.items():
+        for name, variable in dataset.variables.items():
+            assert variable.dtype.kind in "Ufiub", (group, name, variable.dtype)
+    assert groups["ships"].ship.dtype == "<U8"  # spruance
+
+
+def test_names_of_ships_are_classes_of_a_classifier(smoke_store):
+    profiles = xr.open_zarr(smoke_store, group="range_profile")
+    views = profiles.averaged.sel(pulse_width=30, range=100).stack(
+        view=("ship", "aspect", "frame_count")
+    )
+    found, ships = views.transpose("view", ...), views.ship
+    forest = RandomForestClassifier(10, random_state=0).fit(found, ships)
+    assert forest.classes_.tolist() == ["duncan", "spruance"]
+    assert forest.score(found, ships) > 0.9
+    along_ship = profiles.ship[np.arange(6) % 2]
+    assert forest.fit(np.eye(6), along_ship).classes_.tolist() == ["duncan", "spruance"]
