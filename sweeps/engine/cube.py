@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sweeps.engine.coordinates import axis_coordinates, setting_coordinates
 from sweeps.engine.packs import Spot
-from sweeps.engine.plan import Axis, Plan
-from sweeps.engine.settings import Setting
+from sweeps.engine.plan import Plan
 from sweeps.engine.stage import Bound, DeclarationError, Output
 from sweeps.engine.tasks import Arrays, Damaged
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
@@ -315,7 +315,7 @@ class Cube:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
                     if setting.noted:
                         label = setting.name if axis.is_joint else name
-                        found |= _setting_coordinates(setting, label, [value], scalar=True)
+                        found |= setting_coordinates(setting, label, [value], scalar=True)
         return found
 
     def _statuses(self) -> Iterator[tuple[str, dict[str, Array], dict[str, Array]]]:
@@ -357,43 +357,3 @@ class Cube:
             labels |= axis_coordinates(axis, axis_name)
         attrs = {"units": "1", "long_name": label, **STATE}
         return {name: Array.of(tuple(names), worst, attrs, MISSING)}, labels
-
-
-def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
-    """Return coordinates of an axis: its values, or the label of each place of a joint axis.
-
-    The kind of a setting may add others.
-    """
-    columns = list(zip(*axis.points, strict=True))
-    if not axis.is_joint:
-        return _setting_coordinates(axis.settings[0], name, columns[0])
-    labels = axis.labels or tuple(map(str, range(len(axis.points))))
-    about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
-    found = {name: Array.of((name,), np.array(labels), about)}
-    for setting, values in zip(axis.settings, columns, strict=True):
-        label = setting.name if setting.name not in found else setting.key.replace(".", "_")
-        found[label] = Array.of((name,), value_array(values), setting.attrs)
-    return found
-
-
-def _setting_coordinates(
-    setting: Setting, name: str, values: Sequence[Any], *, scalar: bool = False
-) -> dict[str, Array]:
-    """Yield coordinates of a setting's values as its kind defines them, its own first."""
-    offered = getattr(setting.kind, "coordinates", None)
-    if offered is None:
-        found = {name: (value_array(values), setting.attrs)}
-    else:
-        (_, own), *others = offered(tuple(values)).items()
-        found = {**({} if scalar else {name: own}), **dict(others)}
-    if scalar:
-        return {label: Array.of((), array[0], attrs) for label, (array, attrs) in found.items()}
-    return {label: Array.of((name,), array, attrs) for label, (array, attrs) in found.items()}
-
-
-def value_array(values: Sequence[Any]) -> NDArray[Any]:
-    """Return a (value,) ndarray: floats (NaN for null), integers, booleans or texts."""
-    if any(isinstance(value, str | tuple) for value in values):
-        # Convert subclasses to plain types.
-        return np.array([str(value) for value in values])
-    return np.array(values, dtype=float if None in values else None)

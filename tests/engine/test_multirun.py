@@ -188,6 +188,10 @@ def test_settings_run_together_by_zip(command, tmp_path):
     assert springs.period.dims == ("stiffness", "mass_limit")
     assert springs.mass.values.tolist() == [1, 3, 3]
     assert springs.limit.values.tolist() == [9, 5, 9]
+    labels = ["mass=1,limit=9", "mass=3,limit=5", "mass=3,limit=9"]
+    assert springs.mass_limit.values.tolist() == labels
+    one = springs.sel(mass_limit="mass=3,limit=5")
+    assert (one.mass, one.limit) == (3, 5)
     assert CALLS["period"] == 3 * 3
     assert springs.energy.sizes == {"stiffness": 3, "mass_limit": 3}
 

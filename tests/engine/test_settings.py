@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toys import SPRINGS, Measured, Spring
 
-from sweeps.engine.cube import value_array
+from sweeps.engine.coordinates import value_array
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Vector, Word
 from sweeps.engine.provenance import written
@@ -213,7 +213,7 @@ def test_the_table_of_settings_has_each_of_them():
 def test_values_in_coordinates():
     assert value_array([1.0, None]).tolist()[0] == 1 and math.isnan(value_array([1.0, None])[1])
     assert value_array([2, 3]).dtype.kind == "i" and value_array([True]).dtype.kind == "b"
-    assert value_array(["a", "bb"]).dtype == object
+    assert value_array(["a", "bb"]).dtype == "U2"
 
 
 def test_choices_with_other_values():
