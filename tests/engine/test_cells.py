@@ -360,7 +360,7 @@ def test_a_sealed_pack_of_anything_else_has_no_cells(six, said, header):
     (six / INDEX).unlink()
     with open_index(six, said.append) as index:
         assert whole(six, index, range(6))
-    assert read_cells(six, [(f"cells/{path.name}", 0)]) == [None] and said == []
+    assert read_cells(six, [Spot(f"cells/{path.name}", 0, "k")]) == [None] and said == []
 
 
 def test_a_cache_is_made_for_this_user_alone(tmp_path, said):
