@@ -66,10 +66,11 @@ def command(*modules: Any, given: Sequence[str] = ()) -> Command:
     """
     from sweeps.engine.command import Command
     from sweeps.experiment import EXPERIMENT, MODULES, assemble
+    from sweeps.report.places import beside
 
     packages = tuple(one.__name__ for one in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    return Command(experiment, partial(report, given=given))
+    return Command(experiment, partial(report, given=given), beside)
 
 
 @contextmanager

@@ -27,7 +27,7 @@ from platformdirs import user_cache_path
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
-from sweeps.engine.folders import check_folder, check_target, remove_folder
+from sweeps.engine.folders import check_apart, check_folder, check_target, remove_folder
 from sweeps.engine.front import (
     FUSED,
     composing,
@@ -62,10 +62,14 @@ Report = Callable[[Path, Choices, Finished], None]
 
 @dataclass(frozen=True)
 class Command:
-    """The command line of an experiment; `report` is called with the store, choices and outcome."""
+    """The command line of an experiment; `report` is called with the store, choices and outcome.
+
+    `beside` returns the paths that the report of a store writes to.
+    """
 
     experiment: Experiment
     report: Report = lambda path, choices, finished: None
+    beside: Callable[[Path], Iterable[Path]] = lambda store: ()
     # Errors that ended jobs of Hydra's own launchers.
     raised: list[Exception] = field(default_factory=list, init=False, compare=False)
 
@@ -209,13 +213,15 @@ class Command:
 
     def _checked(self, jobs: Sequence[Job]) -> list[tuple[Choices, str | None]]:
         """Return the sweeps of some jobs; refuse invalid ones and those whose store differs."""
-        for job in jobs:
-            if job.store is not None:
-                check_target(job.store)  # as it was written: made absolute, a URL would be a folder
+        # As they were written: made absolute, a URL would be a folder.
+        stores = dict.fromkeys(job.store for job in jobs if job.store is not None)
+        for path in stores:
+            check_target(path)
         sweeps = fused(self.experiment, jobs)
         for choices, store in sweeps:
             _cluster(choices)
-            check_folder("cache", self._cache_folder(choices))
+            check_folder("cache", cache := self._cache_folder(choices))
+            check_apart(map(Path, stores), Path(cache), self.beside)
             if store is not None:
                 existing(self.experiment, Path(store), Plan(self.experiment, choices))
         return sweeps
@@ -270,6 +276,7 @@ class Command:
 
     def run(self, choices: Choices, store: Path) -> Finished:
         """Run one sweep into a store, and report it."""
+        check_apart([store], Path(self._cache_folder(choices)), self.beside)
         with ThreadPoolExecutor(1, "removing") as thread:  # the old store, during the report
             place = self.place(choices, store)
             place = replace(place, remove=lambda folder: thread.submit(remove_folder, folder))

@@ -16,17 +16,19 @@ import socket
 import tempfile
 import uuid
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.packs import seal, unseal
+from sweeps.engine.packs import make_folder, seal, unseal
 
 MANIFEST = "manifest"
 PARTIAL = "partial"  # suffix of a folder that is incomplete or being deleted
 ASIDE = "aside"  # suffix of the old folder, where two folders cannot be exchanged
+OPEN, READABLE = 0o755, 0o644  # modes of folders and files of a store: others may read them
+OF_ZARR = ("zarr.json", ".zgroup", ".zarray")  # files that only a folder of zarr has
 
 Remove = Callable[[Path], object]  # of a folder
 
@@ -42,21 +44,79 @@ def real_place(path: Path) -> Path:
 
 
 def check_target(path: str | Path) -> None:
-    """Refuse a path that is neither new nor a store with a readable manifest."""
+    """Refuse a path that is neither new nor a store with a readable manifest and its files alone.
+
+    A store is replaced whole, with everything in it. Nor may it be inside another one.
+    """
     place = _checked_place("store", path)
+    _check_outside("store", path, place.parents)
     if place.exists():
         if not (place / MANIFEST).is_file():
             reason = (
                 "which exists but is not a store of a sweep; it must be a new path or such a store"
             )
             raise _wrong("store", path, reason)
-        read_manifest(place)
+        if foreign := sorted(set(_names(place)) - set(read_manifest(place))):
+            more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
+            reason = f"in which no sweep wrote {foreign[0]!r}{more}; move that elsewhere"
+            raise _wrong("store", path, reason)
     _check_writable("store", path, place.parent)
 
 
 def check_folder(key: str, path: str | Path) -> None:
-    """Refuse a setting's path that is not a folder and cannot become one."""
-    _check_writable(key, path, _checked_place(key, path))
+    """Refuse a setting's path that is in a store, or is not a folder and cannot become one."""
+    place = _checked_place(key, path)
+    _check_outside(key, path, (place, *place.parents))
+    _check_writable(key, path, place)
+
+
+def check_apart(
+    stores: Iterable[Path], cache: Path, beside: Callable[[Path], Iterable[Path]]
+) -> None:
+    """Refuse stores in one another or around a cache, and where others' reports are written.
+
+    `beside` returns the paths that the report of a store writes to. Any of the stores may be there
+    already, or be written by this command.
+    """
+    places = {real_place(path): path for path in stores}
+
+    def around(path: Path) -> Path | None:
+        place = real_place(path)
+        one = next((one for one in (place, *place.parents) if one in places or is_store(one)), None)
+        return places.get(one, one) if one else None
+
+    if store := around(cache):
+        raise _wrong("cache", cache, f"but must not be in the store {str(store)!r}")
+    for place, path in places.items():
+        if store := around(place.parent):
+            raise _wrong("store", path, f"but must not be in another store, {str(store)!r}")
+        for written in beside(path):
+            if store := around(written):
+                reason = f"whose report would be written into the store {str(store)!r}"
+                raise _wrong("store", path, f"{reason}; give another path")
+        for other in _folders(place.parent):
+            if is_store(other) and place in map(real_place, beside(other)):
+                reason = f"where the report of the store {str(other)!r} is written"
+                raise _wrong("store", path, f"{reason}; give another path")
+
+
+def is_store(folder: Path) -> bool:
+    """Return whether a folder is a zarr store or part of one."""
+    return any((folder / name).is_file() for name in OF_ZARR)
+
+
+def _folders(path: Path) -> list[Path]:
+    """Return the folders in a folder, as far as it can be listed."""
+    with suppress(OSError), os.scandir(path) as entries:
+        return [Path(entry) for entry in entries if entry.is_dir()]
+    return []
+
+
+def _check_outside(key: str, path: str | Path, folders: Iterable[Path]) -> None:
+    """Refuse a path if one of some folders around it is a store."""
+    for folder in folders:
+        if is_store(folder):
+            raise _wrong(key, path, f"but must not be in the store {str(folder)!r}")
 
 
 def _wrong(key: str, path: str | Path, reason: str) -> ConfigurationError:
@@ -115,7 +175,7 @@ def locked(path: Path) -> Iterator[None]:
     place = real_place(path)
     file = place.with_name(f".{place.name}.lock")
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(place.parent, OPEN)
         held = _acquire(file)
     except BlockingIOError:
         raise ConfigurationError(
@@ -213,10 +273,18 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 def write_file(file: Path, content: bytes) -> int:
-    """Write a file, with any folders that it needs, and return its checksum."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(content)
+    """Write a file, with any folders that it needs, and return its checksum.
+
+    Others may read it as far as the umask lets them, and never write it.
+    """
+    make_folder(file.parent, OPEN)
+    with open(file, "wb", opener=_readable) as opened:
+        opened.write(content)
     return zlib.crc32(content)
+
+
+def _readable(name: str, flags: int) -> int:
+    return os.open(name, flags, READABLE)
 
 
 def write_manifest(path: Path, known: Mapping[str, int]) -> None:
@@ -233,6 +301,8 @@ def read_manifest(path: Path) -> dict[str, int]:
     """
     try:
         files: dict[str, int] = unseal((path / MANIFEST).read_bytes())
+        if not (isinstance(files, dict) and all(isinstance(one, int) for one in files.values())):
+            raise ValueError("it is not a list of files")
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f"store is {str(path)!r}, whose {MANIFEST} cannot be read; "
@@ -258,8 +328,10 @@ def verify(path: Path) -> list[str]:
 
 
 def _names(path: Path) -> Iterator[str]:
-    for folder, _, files in os.walk(path):
-        for file in files:
+    """Yield files of a store, and links to folders, by name relative to it."""
+    for folder, inner, files in os.walk(path):
+        links = (one for one in inner if os.path.islink(f"{folder}/{one}"))
+        for file in (*files, *links):
             name = f"{folder}/{file}"[len(str(path)) + 1 :]
             if name != MANIFEST:
                 yield name

@@ -115,6 +115,8 @@ def _record(outputs: Mapping[str, NDArray[Any]]) -> tuple[Any, bytes]:
 
 def make_folder(path: Path, mode: int) -> None:
     """Make a folder and its missing parents, with at most this mode; the umask may say less."""
+    if path.is_dir():
+        return
     for part in reversed((path, *path.parents)):
         if not part.is_dir():
             with suppress(FileExistsError):  # made by another process just now

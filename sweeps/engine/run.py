@@ -19,6 +19,7 @@ from sweeps.engine.cube import Cube
 from sweeps.engine.folders import (
     PARTIAL,
     Remove,
+    check_apart,
     check_folder,
     check_target,
     hidden,
@@ -27,7 +28,7 @@ from sweeps.engine.folders import (
     remove_folder,
     verify,
 )
-from sweeps.engine.packs import Spot, read_cells
+from sweeps.engine.packs import PRIVATE, Spot, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.provenance import check_extends, provenance
 from sweeps.engine.results import CellIndex, open_index
@@ -147,6 +148,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     start, begun = time.perf_counter(), time.time()
     check_target(place.store)
     check_folder("cache", place.cache)
+    check_apart([place.store], place.cache, lambda store: ())
     plan = Plan(experiment, choices)
     with locked(place.store), open_index(place.cache, watch.say) as index:
         old = existing(experiment, place.store, plan)
@@ -162,7 +164,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
 def _spill(store: Path) -> Iterator[Path]:
     """Yield a temporary folder beside the store for results that the cache cannot hold."""
     folder = hidden(real_place(store), PARTIAL)  # a name by which it is found after a crash
-    folder.mkdir(parents=True)
+    folder.mkdir(PRIVATE)
     try:
         yield folder
     finally:

@@ -18,6 +18,7 @@ import numpy as np
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import (
+    OPEN,
     PARTIAL,
     Remove,
     check_target,
@@ -29,6 +30,7 @@ from sweeps.engine.folders import (
     write_file,
     write_manifest,
 )
+from sweeps.engine.packs import make_folder
 from sweeps.engine.zarr_array import METADATA, Array, Group, Region, encode, metadata, regions
 
 RAGGED = "ragged"  # file with the extents of a group's ragged arrays, ignored by zarr
@@ -54,7 +56,7 @@ def write_store(
     """
     check_target(path)
     place = real_place(path)
-    place.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(place.parent, OPEN)
     partial = hidden(place, PARTIAL)
     try:
         known = _write_groups(partial, attributes, groups, threads)

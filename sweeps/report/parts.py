@@ -16,7 +16,8 @@ from sweeps.report import flights, rows, scans, silhouettes, tables
 from sweeps.report.axes import OF_ARRAYS, printable
 from sweeps.report.fair import read_compared
 from sweeps.report.others import other_rows, print_other
-from sweeps.report.rows import Row, page_file, tables_folder
+from sweeps.report.places import page_file, tables_folder
+from sweeps.report.rows import Row
 from sweeps.report.screen import FILES, line, write_tables
 from sweeps.report.work import COLUMNS, print_work, read_work
 

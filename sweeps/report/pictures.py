@@ -13,6 +13,7 @@ from rich.progress import track
 
 from sweeps.report import rows
 from sweeps.report.axes import printable
+from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page, write_whole
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def write_pictures(
     store = rows.opened(path)
     if "validation" not in store:
         raise ValueError(f"{str(path)!r} has no flights, but must be the store of a sweep of irar")
-    given, flights, folder = store.attrs, rows.read(store, "validation"), rows.tables_folder(path)
+    given, flights, folder = store.attrs, rows.read(store, "validation"), tables_folder(path)
     folder.mkdir(exist_ok=True)
     load, places = ship or partial(known_ship, given), flights_of(flights)
     meshes = {place.ship: load(place.ship) for place in places}

@@ -23,7 +23,6 @@ Column = tuple[str, Callable[[Any], Any]]  # variable, and function that formats
 BIN = "aspect_bin_deg"
 RULES = ("label_rule", "score_rule")  # what the source leaves unspecified of its network
 ENDS = ("ci_low", "ci_high")
-SUFFIX = ".zarr"
 COMPARED = "compared"  # attribute of tables with tests of their rows, by classifier
 
 # Tables of the source by classifier.
@@ -53,23 +52,6 @@ def setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) ->
         return known(dataset[name].item())
     value = configuration[name]
     return value[0] if isinstance(value, list) else value
-
-
-def tables_folder(path: Path) -> Path:
-    """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
-    return beside(path, "tables")
-
-
-def page_file(path: Path) -> Path:
-    """Return the file of a store's page: of `q.zarr` `q-report.html`, of `q` `q.report.html`."""
-    return beside(path, "report.html")
-
-
-def beside(path: Path, what: str) -> Path:
-    """Return the path beside a store under which its tables or its page are written."""
-    if path.name.endswith(SUFFIX):
-        return path.with_name(f"{path.name.removesuffix(SUFFIX)}-{what}")
-    return path.with_name(f"{path.name}.{what}")
 
 
 def cells(dataset: xr.Dataset, **which: Any) -> Iterator[tuple[Row, Row]]:

@@ -11,7 +11,8 @@ from typing import Protocol
 from rich.console import Console
 
 from sweeps.report.layout import sheet, show
-from sweeps.report.rows import Row, tables_folder
+from sweeps.report.places import tables_folder
+from sweeps.report.rows import Row
 from sweeps.report.screen import neutral, write_whole
 
 FILE = "stages.csv"

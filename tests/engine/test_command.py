@@ -163,6 +163,23 @@ def test_a_store_of_another_experiment_is_refused(start, tmp_path, capsys):
     assert listing(tmp_path) == before
 
 
+@pytest.mark.parametrize("same", [False, True], ids=["later", "one command"])
+def test_reports_are_never_written_into_a_store(start, tmp_path, capsys, same):
+    report = Command(SPRINGS, beside=lambda store: [store.with_name(f"{store.stem}-tables")])
+    given = ["cache=cache", "cluster=inline", "spring.stiffness=1", "spring.mass=1"]
+    if same:
+        stores = ["-m", "store=z-tables,z.zarr"]
+    else:
+        assert report.main([*given, "store=z-tables"]) == 0
+        stores = ["store=z.zarr"]
+    before = listing(tmp_path)
+    capsys.readouterr()
+    assert report.main([*given, *stores]) == 2
+    (sentence,) = capsys.readouterr().err.splitlines()
+    assert sentence.startswith("springs: store is 'z.zarr', whose report would be written into")
+    assert listing(tmp_path) == before
+
+
 def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     asked = ("store=s.zarr", "dry_run=true")
     assert start(*asked) == 0

@@ -1,6 +1,7 @@
 """Where a store may be put, and by one writer at a time."""
 
 import os
+import stat
 import threading
 import time
 from pathlib import Path
@@ -10,7 +11,8 @@ import pytest
 from small_stores import array, files, opened, small
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import check_folder, check_target, locked
+from sweeps.engine.folders import MANIFEST, check_apart, check_folder, check_target, locked
+from sweeps.engine.packs import seal
 from sweeps.engine.store import write_store
 
 
@@ -76,6 +78,99 @@ def test_a_foreign_folder_is_never_touched(tmp_path, appears):
         write_store(path, groups, {})
     assert files(path) == {"zarr.json": b"mine"}
     assert os.listdir(tmp_path) == ["s.zarr"]
+
+
+@pytest.mark.parametrize("appears", [False, True])
+@pytest.mark.parametrize("name", ["notes.txt", "one/x/notes.txt", "one/link"])
+def test_a_store_with_foreign_files_is_not_replaced(tmp_path, name, appears):
+    path = tmp_path / "s.zarr"
+    write_store(path, small(1), {})
+    before = files(path)
+    (tmp_path / "theirs").mkdir()
+    groups = small(2)
+
+    def put(_=None):
+        mine = path / name
+        mine.symlink_to(tmp_path / "theirs") if "link" in name else mine.write_text("mine")
+        return np.zeros((1, 6), "f4")
+
+    if appears:  # while the store is written
+        groups["one"].arrays["x"] = array(np.zeros((1, 6), "f4"), chunks=(1, 6), read=put)
+    else:
+        put()
+    with pytest.raises(ConfigurationError, match=f"^store is .* no sweep wrote '{name}'; move "):
+        write_store(path, groups, {})
+    mine = {} if "link" in name else {name: b"mine"}
+    assert files(path) == before | mine and (path / name).exists()
+    assert sorted(os.listdir(tmp_path)) == ["s.zarr", "theirs"]
+
+
+def test_nothing_is_put_into_a_store(tmp_path):
+    store = tmp_path / "s.zarr"
+    write_store(store, small(1), {})
+    (tmp_path / "link").symlink_to(store / "one")
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs" / ".zgroup").write_text("{}")
+    for inside in (store / "new", store / "one" / "a" / "b", tmp_path / "link" / "new"):
+        with pytest.raises(ConfigurationError, match=r"must not be in the store '.*s\.zarr"):
+            check_target(inside)
+    for inside in (store, store / "cache"):
+        with pytest.raises(ConfigurationError, match=r"^cache .* in the store '.*s\.zarr'$"):
+            check_folder("cache", inside)
+    with pytest.raises(ConfigurationError, match="must not be in the store"):
+        check_target(tmp_path / "theirs" / "new")
+
+
+def reported_at(store):
+    """Where the report of a store is written."""
+    name = store.name.removesuffix(".zarr")
+    return [store.with_name(f"{name}-tables"), store.with_name(f"{name}.html")]
+
+
+@pytest.mark.parametrize("there", [False, True], ids=["planned", "written"])
+def test_reports_and_stores_are_apart(tmp_path, there):
+    def apart(*names, cache="cache"):
+        stores = [tmp_path / name for name in names]
+        check_apart(stores[-1:] if there else stores, tmp_path / cache, reported_at)
+
+    def refused(sentence, *names, **others):
+        with pytest.raises(ConfigurationError, match=sentence) as error:
+            apart(*names, **others)
+        assert "\n" not in str(error.value)
+
+    if there:
+        write_store(tmp_path / "z-tables", small(1), {})
+        write_store(tmp_path / "y.html", small(1), {})
+        write_store(tmp_path / "x.zarr", small(1), {})
+    for name in ("z-tables", "y.html"):
+        store = f"{name[0]}.zarr"
+        refused(f"{store}', whose report would be written into the store '.*{name}'", name, store)
+    refused("x-tables', where the report of|x.zarr', whose report", "x.zarr", "x-tables")
+    refused(r"^store is .*in another store, '.*x\.zarr'$", "x.zarr", "x.zarr/a/b")
+    refused("^cache is .* must not be in the store", "x.zarr", cache="x.zarr/cache")
+    apart("z-tables", "other.zarr")
+    apart("x.zarr", cache="x-tables")
+
+
+@pytest.mark.parametrize("umask", [0, 0o022, 0o077])
+def test_others_never_write_a_store(tmp_path, umask):
+    before = os.umask(umask)
+    try:
+        write_store(tmp_path / "new" / "s.zarr", small(1), {})
+    finally:
+        os.umask(before)
+    found = [tmp_path / "new", *(tmp_path / "new").rglob("*")]
+    modes = {one.is_dir(): stat.S_IMODE(one.stat().st_mode) for one in found}
+    assert modes == {True: 0o755 & ~umask, False: 0o644 & ~umask}
+    assert len({(one.is_dir(), one.stat().st_mode) for one in found}) == 2
+
+
+@pytest.mark.parametrize("document", [None, 1, [], "a", {"a": None}, {"a": [1]}])
+def test_a_sealed_manifest_of_anything_else_is_one_sentence(tmp_path, document):
+    write_store(tmp_path / "s.zarr", small(1), {})
+    (tmp_path / "s.zarr" / MANIFEST).write_bytes(seal(document))
+    with pytest.raises(ConfigurationError, match=f"whose {MANIFEST} cannot be read; [^\n]*$"):
+        check_target(tmp_path / "s.zarr")
 
 
 def test_a_second_writer_is_told_of_the_first(tmp_path):

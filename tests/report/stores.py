@@ -13,7 +13,7 @@ from rich.console import Console
 
 from sweeps.app import command
 from sweeps.report.command import main, report
-from sweeps.report.rows import tables_folder
+from sweeps.report.places import tables_folder
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]
 CLASSIFIERS = [

@@ -9,7 +9,8 @@ import xarray as xr
 from rich.console import Console
 from stores import contents, opened, printed, rows_of
 
-from sweeps.report.rows import source_percent, tables_folder
+from sweeps.report.places import tables_folder
+from sweeps.report.rows import source_percent
 from sweeps.report.tables import classifier_rows, print_classifiers
 
 NAMES = ("acn", "mnn", "correlation", "likelihood")

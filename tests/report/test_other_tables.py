@@ -11,7 +11,7 @@ from rich.console import Console
 from stores import contents, printed, rows_of
 
 from sweeps.report.others import MOST, other_rows, print_other
-from sweeps.report.rows import tables_folder
+from sweeps.report.places import tables_folder
 
 BINS = ["0-27", "overall"]
 AXES = {"ripeness": [10.0, 20.0, 30.0], "colour": ["green", "red"], "aspect_bin": BINS}

@@ -15,7 +15,7 @@ from stores import contents, reported, rows_of
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.report.command import report
-from sweeps.report.rows import tables_folder
+from sweeps.report.places import tables_folder
 from sweeps.report.screen import FILES, WRITTEN, neutral, write_tables
 
 GROUP = "tables/acn"

@@ -18,7 +18,7 @@ from sweeps.report.page import confusion
 from sweeps.report.page.cells import Cells
 from sweeps.report.page.cubes import Axes, placed
 from sweeps.report.page.layout import Cell
-from sweeps.report.rows import page_file
+from sweeps.report.places import page_file
 
 LARGEST = 10e6  # bytes
 

@@ -24,7 +24,7 @@ from sweeps.engine.schedule import Progress
 from sweeps.report.page import write
 from sweeps.report.page.pictures import KINDS, pictures_of
 from sweeps.report.page.ships import ships_of
-from sweeps.report.rows import page_file
+from sweeps.report.places import page_file
 from sweeps.report.work import read_work, write_work
 
 # figures ------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from pages import read_page
 
 from sweeps.report.page.cells import number
 from sweeps.report.page.write import write_page
-from sweeps.report.rows import page_file
+from sweeps.report.places import page_file
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (

@@ -15,7 +15,8 @@ from stores import contents, printed, reported, rows_of
 from sweeps.report.fair import compared
 from sweeps.report.headline import SCORE, _print_sections, at_common_setting, at_one_setting
 from sweeps.report.parts import parts_of
-from sweeps.report.rows import BIN, beside_source, page_file, score_rows, tables_folder
+from sweeps.report.places import page_file, tables_folder
+from sweeps.report.rows import BIN, beside_source, score_rows
 from sweeps.report.summary import continued, extended, summarize, swept
 from sweeps.report.tables import accuracy_rows
 from sweeps.stages.views import Grid

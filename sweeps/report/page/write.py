@@ -20,6 +20,7 @@ from sweeps.report.page.charts import shape_of
 from sweeps.report.page.cubes import NAMED, TRUE, Axes, Axis, Cube, cubes_of, placed
 from sweeps.report.page.pictures import Draw, pictures_of
 from sweeps.report.page.ships import ships_of
+from sweeps.report.places import page_file
 from sweeps.report.screen import write_whole
 from sweeps.report.work import read_work
 
@@ -35,7 +36,7 @@ def write_page(store: Path, draw: Draw) -> Path:
     `draw` draws a kind of figure from a store, like `sweeps.report.figures.draw`. Raises
     OSError if the store cannot be read, or the page cannot be written.
     """
-    path, text = rows.page_file(store), page_of(store, draw)
+    path, text = page_file(store), page_of(store, draw)
     write_whole(path, lambda made: made.write_text(text, encoding="utf-8", errors="replace"))
     return path
 
@@ -43,7 +44,7 @@ def write_page(store: Path, draw: Draw) -> Path:
 def is_current(store: Path) -> bool:
     """Return whether the page beside a store was made from it by this code."""
     try:
-        with rows.page_file(store).open(encoding="utf-8") as file:
+        with page_file(store).open(encoding="utf-8") as file:
             return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(4096)
     except (OSError, UnicodeDecodeError):
         return False
