@@ -3,6 +3,7 @@
 from ncti.render.choice import available_engines
 from ncti.render.draw import range_image
 from ncti.render.engine import EngineError
+from ncti.render.far_field import drawn_range
 from ncti.render.flight import depression_angle
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage, line_image, refined
@@ -17,6 +18,7 @@ __all__ = [
     "available_engines",
     "cast_rays",
     "depression_angle",
+    "drawn_range",
     "far_field_error",
     "line_image",
     "range_image",

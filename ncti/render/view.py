@@ -123,6 +123,7 @@ def far_field_error(reach: float, slant_range: float) -> float:
 
     See Also
     --------
+    ncti.render.drawn_range : Chooses between the range and the far field.
     ncti.render.line_image : Draws a view at its own range, without this error.
 
     Notes
@@ -133,6 +134,13 @@ def far_field_error(reach: float, slant_range: float) -> float:
     Of 200 random views (six ships, any aspect, depression 0.5 to 60 degrees, 1 to 200 km), the
     error is 1.1 reach / range in the median; it is below the bound in all but 1 of 141 after pulses
     of 10 to 60 ns, and in 97 % without a pulse in bins of 0.25 and 0.5 m.
+
+    Examples
+    --------
+    Parts up to 70 m before and behind the ship origin, at 100 km:
+
+    >>> print(f"{far_field_error(70.0, 100e3):.5f}")
+    0.00105
     """
     return FAR_FIELD * reach / slant_range
 

@@ -16,6 +16,7 @@ from ncti.ladar.extent import RangeExtent, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks
 from ncti.ladar.pulse import MOST_BINS, noise_floor, shortest_pulse
 from ncti.ladar.tolerance import lines_within
+from ncti.render.far_field import drawn_range, sampling_tolerance
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
     SPACING,
@@ -24,6 +25,7 @@ from ncti.simulate.subject import (
     coordinates,
     generator,
     mesh_of,
+    reach_of,
     roll_at,
     seed_of,
 )
@@ -74,7 +76,8 @@ def range_profile(
         Frames averaged.
     accuracy : float
         Largest error of the range extent after the pulse, sum |p - q| / sum q: lines across the
-        ship are halved in spacing until their error bound is below it, down to 1/64 m.
+        ship are halved in spacing until their error bound is below it, down to 1/64 m. The ship is
+        drawn at its slant range, unless `ncti.render.drawn_range` allows the far field.
     depression : float
         Angle of the line of sight below the horizontal [deg].
     ifov : float
@@ -157,14 +160,16 @@ def range_profile(
         "cnr": ratio,
         "target_free_ifovs": target_free_ifovs,
     }
+    drawn = drawn_range(reach_of(mesh), slant_range, tolerance=accuracy)
     extents, expected, averaged = [], [], []
     for each in np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist():
         lines = lines_within(
             mesh,
             aspect=each,
             depression=depression,
-            tolerance=accuracy,
+            tolerance=sampling_tolerance(accuracy, drawn),
             pulse_width=pulse_width,
+            slant_range=drawn,
             roll=roll_at(each),
             bin_width=bin_width,
             spacing=min(SPACING, ifov * slant_range),

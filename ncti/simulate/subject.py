@@ -46,6 +46,11 @@ def mesh_of(ship: Ship) -> trimesh.Trimesh:
     )
 
 
+def reach_of(mesh: trimesh.Trimesh) -> float:
+    """Return the largest distance of a vertex from the ship origin [m]."""
+    return float(np.linalg.norm(mesh.vertices, axis=1).max(initial=0.0))
+
+
 def coordinates(mesh: trimesh.Trimesh, *, aspect: Any) -> dict[str, Any]:
     """Return coordinates of a result: the ship, and the aspect [deg].
 

@@ -1,6 +1,6 @@
 """Range extents without sampling: the reference that samplings are compared with.
 
-Wavefronts are flat, so that what differs from them errs by its sampling alone.
+Both are seen from the slant range, so that what differs from them errs by its sampling alone.
 """
 
 from __future__ import annotations
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
-
-FAR = 1e12  # [m]: wavefronts are flat to 1e-8 m
 
 
 class RunTime(Settings, key="run_time"):
@@ -70,13 +68,14 @@ def exact_extent(
         depression=depression,
         bin_edges=bin_width * (np.arange(bins + 1, dtype=np.float64) - bins / 2),
         side=ifov * 1e-6 * range * 1e3,
+        slant_range=range * 1e3,
     )
     return {"area": exact.area, "cell": exact.cell}
 
 
 @in_memory(uses=(Grid, Ladar), reads={"bin_width": RunTime.bin_width})
 def exact_ifovs(exact_extent: Arrays, range: float, ifov: float, bin_width: float) -> RangeExtent:
-    """Return the exact extent as the library has it, seen from far away."""
+    """Return the exact extent as the library has it."""
     area, cell = exact_extent["area"], exact_extent["cell"]
     side, bins = ifov * 1e-6 * range * 1e3, area.shape[1]
     return RangeExtent(
@@ -84,8 +83,8 @@ def exact_ifovs(exact_extent: Arrays, range: float, ifov: float, bin_width: floa
         down_range=bin_width * (np.arange(bins) - (bins - 1) / 2),
         bin_width=bin_width,
         cell=cell,
-        ifov=side / FAR,
-        slant_range=FAR,
+        ifov=ifov * 1e-6,
+        slant_range=range * 1e3,
     )
 
 

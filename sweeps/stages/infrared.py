@@ -17,7 +17,7 @@ from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws
 from sweeps.engine.stage import Output, Stage, in_memory, stage
 from sweeps.stages import views
 from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at, pack_hits
-from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, Grid, image_stage, looks, quantity
+from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, Grid, looks, quantity
 
 SENSOR = INFRARED
 IMPORTS = ("ncti.infrared.cells",)  # by its stages, when they are called; takes long
@@ -137,8 +137,12 @@ infrared_depression = replace(
 training_depression = replace(
     views.depression, name="training_depression", reads={"range": Infrared.training_range}
 )
-infrared_image = image_stage("infrared_image", depression="infrared_depression")
-training_image = image_stage("training_image", depression="training_depression")
+infrared_images = views.image_stages(
+    "infrared_image", range=Infrared.range, depression="infrared_depression"
+)
+training_images = views.image_stages(
+    "training_image", range=Infrared.training_range, depression="training_depression"
+)
 
 hits = stage(
     Output("bits", ("byte",), "u1"),
@@ -211,6 +215,6 @@ def check_window(choices: Choices, ship: Value) -> None:
 
 SETTINGS: tuple[type[Settings], ...] = (Infrared,)
 STAGES: tuple[Stage, ...] = (
-    *(infrared_depression, training_depression, infrared_image, training_image),
+    *(infrared_depression, training_depression, *infrared_images, *training_images),
     *(hits, training_hits, look),
 )

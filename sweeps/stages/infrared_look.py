@@ -222,7 +222,11 @@ def whole_window(
     half, down = length / 2, np.radians(depression)
     bottom = -half * np.sin(down)
     top = half * np.sin(down) + height * np.cos(down)
-    frame: dict[str, Any] = {"extent": (-half, half, bottom, top), "margin": MARGIN}
+    # The nearest part of the ship looks this much larger than at the range of the ship origin.
+    nearest = half * np.cos(down) + height * np.sin(down)
+    larger = 1.0 / (1.0 - min(nearest / (slant_range * 1e3), 0.5))
+    sides = (-half * larger, half * larger, bottom * larger, top * larger)
+    frame: dict[str, Any] = {"extent": sides, "margin": MARGIN}
     pixel = footprint_at(slant_range, ifov)
     sea = np.zeros(0)
     return coverage_of(sea, sea, area=1.0, footprint=pixel, phase=place, **frame, subdivision=2)

@@ -147,16 +147,9 @@ def extent(
     shift: Shift,
 ) -> Arrays:
     """Return the fractions of the IFOVs that see the ship, bin by range bin."""
-    found = library.range_extent(
-        image,
-        slant_range=range * 1e3,
-        ifov=ifov * 1e-6,
-        bin_width=bin_width,
-        window=window,
-        spread=spread,
-        reflectance=reflectance,
-        shift=shift,
-    )
+    beam: Any = {"slant_range": range * 1e3, "ifov": ifov * 1e-6, "bin_width": bin_width}
+    how: Any = {"window": window, "spread": spread, "reflectance": reflectance, "shift": shift}
+    found = library.range_extent(image, **beam, **how)
     unknown = np.full(found.down_range.shape, np.nan)
     return {
         "fraction": found.fraction,

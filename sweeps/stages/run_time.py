@@ -1,7 +1,7 @@
 """Run time against error: every engine, pixel, roll and spread beside the exact range extent.
 
-An error is sum |p - q| over sum q, of range extents p and the sampling-free ones q. Wavefronts are
-flat in both, so that errors are of the sampling alone.
+An error is sum |p - q| over sum q, of range extents p and the sampling-free ones q. Both are seen
+from the slant range, so that errors are of the sampling alone.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from sweeps.engine.stage import Output, Stage, Table, in_memory
 from sweeps.stages import run_time_tables
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
-from sweeps.stages.exact import FAR, RunTime, of_extents, signature_of
+from sweeps.stages.exact import RunTime, of_extents, signature_of
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.run_time_tables import SPREAD
 from sweeps.stages.views import RUN_TIME, Grid, Render, image, looks
@@ -48,13 +48,15 @@ VIEWS, VIEW_SETTINGS = ("ship", "aspect"), (Grid.ship, Grid.aspect)
 
 @dataclass(frozen=True)
 class Look:
-    """Parameters of a view except its sampling; angles [deg], lengths [m]."""
+    """Parameters of a view except its sampling; angles [deg], IFOV [rad], lengths [m]."""
 
     aspect: float
     depression: float
+    drawn_range: float | None
     engine: str
     samples: int
-    side: float
+    slant_range: float
+    ifov: float
     bin_width: float
     window: float
 
@@ -64,15 +66,15 @@ class Look:
 
     def drawn(self, mesh: trimesh.Trimesh, pixel: float, roll: float) -> Any:
         """Return the image, or the lines."""
-        place = (self.aspect, self.depression, self.engine)
+        place = (self.aspect, self.depression, self.drawn_range, self.engine)
         return image(mesh, *place, pixel, self.samples, roll, ())
 
     def binned(self, seen: Any, spread: float) -> RangeExtent:
         """Return the range extent of an image."""
         return library.range_extent(
             seen,
-            slant_range=FAR,
-            ifov=self.side / FAR,
+            slant_range=self.slant_range,
+            ifov=self.ifov,
             bin_width=self.bin_width,
             window=self.window,
             spread=spread,
@@ -83,6 +85,7 @@ class Look:
 def sighting(
     aspect: float,
     depression: float,
+    drawn_range: float | None,
     drawing_engine: str,
     samples: int,
     range: float,
@@ -91,8 +94,8 @@ def sighting(
     window: float,
 ) -> Look:
     """Return the parameters common to all samplings of a view."""
-    side = ifov * 1e-6 * range * 1e3
-    return Look(aspect, depression, drawing_engine, samples, side, bin_width, window)
+    sight = (aspect, depression, drawn_range, drawing_engine, samples)
+    return Look(*sight, range * 1e3, ifov * 1e-6, bin_width, window)
 
 
 @of_extents(

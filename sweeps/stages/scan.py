@@ -172,7 +172,8 @@ def view_of(
     down = math.radians(depression)
     up = search.elevation(far, middle_range=slant_range, depression=down) if down else 0.0
     engine, pixel, samples, roll = drawn
-    image = views.image(mesh, aspect, math.degrees(down - up), engine, pixel, samples, roll, ())
+    below = math.degrees(down - up)
+    image = views.image(mesh, aspect, below, far, engine, pixel, samples, roll, ())
     ifov, bin_width, window, spread = bins
     extent = ladar.range_extent(
         image, slant_range=far, ifov=ifov, bin_width=bin_width, window=window, spread=spread

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from ncti.irar import measured_extent
 from ncti.ladar import expected_profile
 from sweeps.engine.stage import Output, Stage, stage
-from sweeps.stages import ladar
+from sweeps.stages import ladar, views
 from sweeps.stages.irar import DIMS, GROUP, Arrays, Irar, Pairs, flight_of, image_of
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import IRAR, STATUS, Grid, Render, image, looks
+from sweeps.stages.views import IRAR, STATUS, Grid, Render, looks
 
 KINDS = ("learned", "test", "measured")
 NAMES = {  # a flight has settings of the same words
@@ -30,7 +30,9 @@ NAMES = {  # a flight has settings of the same words
 SIGHT = {"ifovs": "flight_ifovs", "signal": "flight_signal"}
 UNSTORED: dict[str, Any] = {"group": None, "dims": ()}
 
-flight_image = replace(image, name="flight_image", reads={"depression": Irar.depression})
+flight_images = views.image_stages(
+    "flight_image", range=Irar.profile_range, depression=Irar.depression
+)
 flight_cnr = replace(ladar.cnr_at_range, name="flight_cnr", reads={"range": Irar.profile_range})
 flight_signal = replace(ladar.signal, name="flight_signal", reads={"cnr_at_range": "flight_cnr"})
 flight_extent = replace(
@@ -125,6 +127,6 @@ def signature_kinds() -> NDArray[np.str_]:
 
 
 STAGES: tuple[Stage, ...] = (
-    *(flight_image, flight_cnr, flight_signal, flight_extent, flight_ifovs),
+    *(*flight_images, flight_cnr, flight_signal, flight_extent, flight_ifovs),
     *(learned_signature, test_signature, signature, signature_kinds),
 )

@@ -10,12 +10,15 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from platformdirs import user_cache_path
 
+import ncti.render
 import ncti.ships
 from ncti.ladar import lines_within
 from ncti.render import EngineError, LineImage, RangeImage, line_image, range_image, refined
 from ncti.render.choice import choose_engine, engines
+from ncti.render.far_field import sampling_tolerance
 from ncti.render.flight import DEPRESSION, depression_angle
 from ncti.render.view import ROLL
 from ncti.ships import Transform
@@ -136,7 +139,9 @@ class Render(Settings, key="render"):
         "all",
         ("all", "none"),
         label="views that are not rendered",
-        help="all: aspects above 180 of a symmetric ship are mirrored from its other side",
+        help="all: aspects above 180 of a symmetric ship are mirrored from its other side, and "
+        "ranges share one far-field view where it errs by at most a tenth of tolerance (1e-4 "
+        "where that is null); none: every view is drawn, at its own range",
     )
 
 
@@ -215,11 +220,20 @@ def drawn_aspect(hull: Hull, aspect: float, skip: str) -> float:
     return round(360 - aspect, 9)  # so that it is the value that the grid has on that side
 
 
+@plain(uses=(Grid, Render))
+def drawn_range(hull: Hull, range: float, tolerance: float | None, skip: str) -> float | None:
+    """Return the slant range [m] to draw a ship at, or None in the far field."""
+    if skip == "none":
+        return range * 1e3
+    return ncti.render.drawn_range(_reach(hull), range * 1e3, tolerance=tolerance)
+
+
 @in_memory(uses=(Grid, Render), also=("embreex", "numba", "PyOpenGL", "pyrender"))
 def image(
     mesh: trimesh.Trimesh,
     drawn_aspect: float,
     depression: float,
+    drawn_range: float | None,
     drawing_engine: str,
     pixel: float,
     samples: int,
@@ -234,9 +248,11 @@ def image(
     """
     turn = roll if drawn_aspect <= 180 else -roll
     view: dict[str, Any] = {"aspect": drawn_aspect, "depression": depression, "roll": turn}
+    view["slant_range"] = drawn_range
     if fineness:
         tolerance, pulse_width, bin_width = fineness
-        within = {"tolerance": tolerance, "pulse_width": pulse_width * 1e-9, "bin_width": bin_width}
+        within = {"pulse_width": pulse_width * 1e-9, "bin_width": bin_width}
+        within["tolerance"] = sampling_tolerance(tolerance, drawn_range)
         return lines_within(mesh, spacing=pixel, **within, **view)
     if drawing_engine == LINES:
         lines = line_image(mesh, spacing=pixel, **view)
@@ -251,12 +267,13 @@ def image(
     return drawn
 
 
-def image_stage(name: str, *, depression: str) -> Stage:
-    """Return a stage that draws with the depression of another plain stage.
+def image_stages(name: str, *, range: Setting, depression: str | Setting) -> tuple[Stage, Stage]:
+    """Return a stage that draws ships at another range and depression, and that of its range.
 
-    Images of equal depression are one result, whichever stage asks for them.
+    Images of equal depression and drawn range are one result, whichever stage asks for them.
     """
-    return replace(image, name=name, reads={"depression": depression})
+    at = replace(drawn_range, name=f"{name}_range", reads={"range": range})
+    return at, replace(image, name=name, reads={"depression": depression, "drawn_range": at.name})
 
 
 def cache_folder() -> Path:
@@ -277,6 +294,11 @@ def read_mesh(hull: Hull) -> trimesh.Trimesh:
 @lru_cache(maxsize=16)
 def _is_symmetric(hull: Hull) -> bool:
     return ncti.ships.is_symmetric(read_mesh(hull))
+
+
+@lru_cache(maxsize=4096)
+def _reach(hull: Hull) -> float:
+    return float(np.linalg.norm(description(hull).vertices, axis=1).max())
 
 
 @lru_cache(maxsize=16)
@@ -345,6 +367,8 @@ def check_beam(
 
 
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
-STAGES: tuple[Stage, ...] = (hull, drawing_engine, depression, drawn_aspect, mesh, image)
+STAGES: tuple[Stage, ...] = (
+    *(hull, drawing_engine, depression, drawn_aspect, drawn_range, mesh, image),
+)
 STATUS = "status:view"
 STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of the sensors' results for a view"),)

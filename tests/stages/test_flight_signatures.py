@@ -28,9 +28,10 @@ def test_synthetic_signatures_are_those_of_the_range_channel(folder):
     given = {"depression": 5, "profile_frames": [8, 16], "grid__replicate": 2}
     found = opened(flown(folder, "deep", **given))
     mesh = ncti.ships.load("roberts")
-    image = range_image(mesh, aspect=175.0, depression=5.0, pixel=0.5, engine="embree")
+    view = {"aspect": 175.0, "depression": 5.0, "slant_range": 100e3, "engine": "embree"}
+    image = range_image(mesh, pixel=0.5, **view)
     finer = 0.5 * max(math.sqrt(int(image.hit.sum()) / 20_000), 0.25)
-    image = range_image(mesh, aspect=175.0, depression=5.0, pixel=finer, engine="embree")
+    image = range_image(mesh, pixel=finer, **view)
     extent = range_extent(image, slant_range=100e3)
     sensor = {"pulse_width": 30e-9, "cnr": 10**3.2, "target_free_ifovs": 4000}
     learned = expected_profile(extent, **sensor).astype(np.float32)

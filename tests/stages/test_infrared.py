@@ -68,17 +68,23 @@ def test_hits_come_back_where_they_were():
     assert PATCHES.extent == pytest.approx((-LENGTH / 2, LENGTH / 2, 0, HEIGHT), abs=0.5)
 
 
-def test_images_of_one_depression_are_drawn_once_for_all_sensors():
-    """The range channel's, the imager's and that of the training range; not at one altitude."""
+def test_images_of_one_view_are_drawn_once_for_all_sensors():
+    """The range channel's, the imager's and, in the far field, that of the training range."""
     given = {"sensor": "both", "grid__ship": "duncan", "grid__aspect": 60}
     given |= {"grid__range": 50, "infrared__range": 50, "infrared__training_range": 25}
-    names = ("image", "infrared_image", "training_image")
-    fixed = Plan(EXPERIMENT, choose(**given))
-    (keys,) = {tuple(fixed.key(fixed.bound[name], ()) for name in names)}
-    assert keys[0] == keys[1] == keys[2]
-    flown = Plan(EXPERIMENT, choose(**given, scene__geometry="altitude"))
-    keys = [flown.key(flown.bound[name], ()) for name in names]
-    assert keys[0] == keys[1] != keys[2]
+
+    def keys(**more):
+        plan = Plan(EXPERIMENT, choose(**given, **more))
+        names = ("image", "infrared_image", "training_image")
+        return [plan.key(plan.bound[name], ()) for name in names]
+
+    of_range, of_imager, of_training = keys()
+    assert of_range == of_imager != of_training
+    far = {"render__tolerance": 0.05}  # 1.5 reach / range is 0.41 % at 25 km
+    of_range, of_imager, of_training = keys(**far)
+    assert of_range == of_imager == of_training
+    of_range, of_imager, of_training = keys(**far, scene__geometry="altitude")
+    assert of_range == of_imager != of_training
 
 
 def test_templates_are_seen_from_the_training_range_whatever_is_tested():
@@ -258,7 +264,7 @@ SEEN = MASKS | MAPS | DETECTED | ERRORS | IMAGE
         ({"infrared__window_length": 260}, IMAGE),
         ({"infrared__orders": 7}, set()),
         ({"infrared__vigilance": 0.5}, set()),
-        ({"infrared__range": [25, 50]}, SEEN),
+        ({"infrared__range": [25, 50]}, SEEN | HITS_OF),
         ({"infrared__inner_radius": [0.5, 0.6]}, MAPS | TEMPLATE),
         ({"infrared__interpolation": "bilinear"}, MAPS | TEMPLATE),
         ({"infrared__segmentation": ["matched", "li"]}, MASKS | MAPS),
@@ -267,7 +273,7 @@ SEEN = MASKS | MAPS | DETECTED | ERRORS | IMAGE
         ({"infrared__super_resolution": "none"}, set()),
         ({"infrared__ifov": 120}, SEEN | TEMPLATE),
         ({"infrared__coverage_rule": 0.3}, SEEN | TEMPLATE),
-        ({"infrared__training_range": 50}, TEMPLATE),
+        ({"infrared__training_range": 50}, TEMPLATE | TEMPLATE_HITS),
         ({"render__pixel": 0.5}, SEEN | TEMPLATE | HITS_OF | TEMPLATE_HITS),
         ({"scene__depression": 3.0}, SEEN | TEMPLATE | HITS_OF | TEMPLATE_HITS),
     ],

@@ -27,7 +27,7 @@ def signal(cnr, receiver="full_profile"):
 @pytest.fixture(scope="module")
 def image():
     mesh = views.mesh(views.hull(ship_name("duncan")))
-    return views.image(mesh, 63.0, 3.84, "embree", 0.5, 0, views.ROLL, ())
+    return views.image(mesh, 63.0, 3.84, None, "embree", 0.5, 0, views.ROLL, ())
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,17 +64,17 @@ def areas(extent):
 
 def test_errors_are_those_of_the_library_beside_the_reference(measured):
     ship = ncti.ships.load("texas")
-    exact = reference_range_extent(ship, **VIEW, bin_edges=EDGES, side=15.0)
-    image = range_image(ship, **VIEW, pixel=1.0, roll=31.7, engine="embree")
-    lines = line_image(ship, **VIEW, spacing=1.0, roll=31.7)
+    sight = {"slant_range": 100e3}
+    exact = reference_range_extent(ship, **VIEW, **sight, bin_edges=EDGES, side=15.0)
+    image = range_image(ship, **VIEW, **sight, pixel=1.0, roll=31.7, engine="embree")
+    lines = line_image(ship, **VIEW, **sight, spacing=1.0, roll=31.7)
     kernel = target_kernel(pulse_width=30e-9, bin_width=1.0, bin_count=250) ** 2
-    far = {"slant_range": 1e12, "ifov": 15e-12}
     for engine, seen, spread in (
         ("embree", image, 0.5),
         ("embree", image, 0.0),
         ("lines", lines, 0),
     ):
-        extent = range_extent(seen, spread=spread, **far)
+        extent = range_extent(seen, spread=spread, **sight)
         found = measured.sel(PLACE | {"engine": engine, "spread": spread})
         p, q = areas(extent).sum(axis=0), exact.area.sum(axis=0)
         assert found.extent_error == pytest.approx(np.abs(p - q).sum() / q.sum(), rel=1e-5)
@@ -129,7 +130,7 @@ def test_samplings_take_turns_beside_the_yardstick(monkeypatch):
 
     monkeypatch.setattr(run_time, "_stopwatch", stopwatch)
     monkeypatch.setattr(Look, "extent", lambda *_: None)
-    look = Look(0.0, 0.0, "lines", 0, 15.0, 1.0, 250.0)
+    look = Look(0.0, 0.0, None, "lines", 0, 100e3, 150e-6, 1.0, 250.0)
     seconds, ratio = run_time._times(None, look, (1.0, 2.0), (0.0,), (0.0, 0.5), 2)
     unit = ("embree", (0.25, run_time.ROLL, 0.5))
     a, b, c, d = (("lines", (pixel, 0.0, spread)) for pixel in (1.0, 2.0) for spread in (0.0, 0.5))
@@ -283,9 +284,9 @@ def test_a_call_apart_is_the_call(monkeypatch):
     with pytest.raises(ZeroDivisionError):
         apart.call_apart("egl", divmod, 1, 0)
     ship = ncti.ships.load("texas")
-    look = Look(60.0, 3.84, "egl", 0, 15.0, 1.0, 250.0)
+    look = Look(60.0, 3.84, 100e3, "egl", 0, 100e3, 150e-6, 1.0, 250.0)
     found = apart.call_apart("egl", Look.extent, look, ship, (2.0, 31.7, 0.5))
-    cast = Look(60.0, 3.84, "embree", 0, 15.0, 1.0, 250.0).extent(ship, (2.0, 31.7, 0.5))
+    cast = replace(look, engine="embree").extent(ship, (2.0, 31.7, 0.5))
     # Pixels at an outline may differ: a few of some hundred.
     assert relative_error(found.fraction.sum(axis=0), cast.fraction.sum(axis=0)) < 0.05
     with pytest.raises(EngineError, match="has ended"):

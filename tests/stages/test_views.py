@@ -148,7 +148,8 @@ def drawn(monkeypatch):
 
 def image_of(aspect, samples=20_000):
     hull = views.hull(ship_name("duncan"))
-    return views.image(views.mesh(hull), aspect, 3.84, "embree", 0.25, samples, views.ROLL, ())
+    view = (aspect, 3.84, None, "embree", 0.25, samples, views.ROLL, ())
+    return views.image(views.mesh(hull), *view)
 
 
 def test_ends_are_drawn_finer_and_broadsides_once(drawn):
@@ -177,7 +178,7 @@ def test_depressions_are_of_the_scene():
 
 
 def images_of(**given):
-    """Keys of images over range, and of those at a depression of their own."""
+    """Keys of images over range, and of those that are read with a depression of their own."""
 
     @plain(name="own_depression")
     def own_depression():
@@ -193,7 +194,7 @@ def images_of(**given):
         settings=(*views.SETTINGS, *ladar.SETTINGS),
         stages=(
             *(*views.STAGES, ladar.fineness, own_depression),
-            views.image_stage("own_image", depression="own_depression"),
+            *views.image_stages("own_image", range=Grid.range, depression="own_depression"),
             size,
         ),
     )
@@ -204,14 +205,48 @@ def images_of(**given):
     ]
 
 
-def test_images_of_equal_depression_are_one_result():
-    """Whatever the range, and whichever stage has them drawn."""
-    of_ranges, own = images_of(**{"grid.ship": "duncan", "grid.aspect": 30})
-    assert of_ranges == own and len(own) == 1
-    of_ranges, own = images_of(
-        **{"grid.ship": "duncan", "grid.aspect": 30, "scene.geometry": "altitude"}
-    )
-    assert len(of_ranges) == 2 and not of_ranges & own
+def test_images_of_equal_depression_and_drawn_range_are_one_result():
+    """Whichever stage has them drawn."""
+    view = {"grid.ship": "duncan", "grid.aspect": 30}
+    of_ranges, own = images_of(**view)
+    assert of_ranges == own and len(own) == 2
+    of_ranges, own = images_of(**view, **{"scene.geometry": "altitude"})
+    assert len(of_ranges) == 2 and not set(of_ranges) & set(own)
+
+
+def test_ranges_share_the_far_field_where_a_tolerance_allows_it():
+    """Duncan reaches 68.5 m: 1.5 reach / range is 0.41 % at 25 km and 0.103 % at 100 km."""
+    view = {"grid.ship": "duncan", "grid.aspect": 30}
+    assert len(images_of(**view, **{"render.tolerance": 0.042})[0]) == 1
+    assert len(images_of(**view, **{"render.tolerance": 0.011})[0]) == 2
+    drawn_each = {"render.tolerance": 0.042, "render.skip": "none"}
+    assert len(images_of(**view, **drawn_each)[0]) == 2
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "skip", "drawn"),
+    [
+        (None, "all", 100e3),
+        (0.01, "all", 100e3),
+        (0.011, "all", None),
+        (0.011, "none", 100e3),
+    ],
+)
+def test_a_ship_is_drawn_at_its_range_unless_the_far_field_costs_a_tenth_of_the_tolerance(
+    tolerance, skip, drawn
+):
+    hull = views.hull(ship_name("duncan"))
+    assert views.drawn_range(hull, 100.0, tolerance, skip) == drawn
+
+
+@pytest.mark.parametrize(
+    ("engine", "fineness"), [("embree", ()), ("lines", ()), ("lines", (0.1, 30, 1))]
+)
+def test_every_image_is_of_its_drawn_range(box, engine, fineness):
+    mesh = ncti.ships.load(str(box))
+    for drawn in (None, 4e3):
+        image = views.image(mesh, 30.0, 3.84, drawn, engine, 0.5, 0, views.ROLL, fineness)
+        assert image.slant_range == drawn
 
 
 def test_an_engine_that_is_not_there_is_refused(monkeypatch):

@@ -20,7 +20,8 @@ def profiles(folder, cache, *overrides):
 
 def test_profiles_by_lines_are_those_of_the_library(tmp_path, cache):
     found = profiles(tmp_path, cache, "render.engine=lines", "render.samples=0", "render.pixel=0.5")
-    lines = line_image(ncti.ships.load("texas"), aspect=40, depression=3.84, spacing=0.5)
+    view = {"aspect": 40, "depression": 3.84, "slant_range": 100e3}
+    lines = line_image(ncti.ships.load("texas"), **view, spacing=0.5)
     extent = range_extent(lines, slant_range=100e3)
     plain = expected_profile(extent, pulse_width=30e-9, cnr=10**3.2, target_free_ifovs=10)
     view = found.sel(ship="texas", aspect=40, pulse_width=30)

@@ -1,0 +1,73 @@
+"""Choice between drawing a ship at its slant range, and in the far field for several ranges."""
+
+from __future__ import annotations
+
+from ncti.checks import require
+from ncti.render.view import far_field_error
+
+SHARE = 0.1
+"""Share of a tolerance that drawing the far field may use up."""
+
+NEGLIGIBLE = 1e-4
+"""Largest error of drawing the far field where there is no tolerance."""
+
+
+def drawn_range(
+    reach: float, slant_range: float, *, tolerance: float | None = None
+) -> float | None:
+    """Return the slant range to draw a ship at, or None where the far field is good enough.
+
+    Parameters
+    ----------
+    reach : float
+        Largest distance of a point of the ship from its origin [m].
+    slant_range : float
+        Distance from the sensor to the ship origin [m].
+    tolerance : float, optional
+        Largest relative error of a range extent. A tenth of it is left to the far field; 1e-4
+        when not given.
+
+    Returns
+    -------
+    float or None
+        The slant range [m], or None for the far field, whose image serves all ranges from there
+        on.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+
+    See Also
+    --------
+    ncti.render.far_field_error : Bound on the error of drawing the far field.
+    ncti.render.line_image : Draws a view at a range, or in the far field.
+
+    Notes
+    -----
+    The bound is taken of the whole ship, so that all its views at a range are drawn alike.
+
+    Examples
+    --------
+    A ship of 140 m at 100 km, for errors of 0.1 % and 2 %:
+
+    >>> from ncti.render import drawn_range
+    >>> drawn_range(70.0, 100e3, tolerance=0.001)
+    100000.0
+    >>> print(drawn_range(70.0, 100e3, tolerance=0.02))
+    None
+    """
+    require("reach", reach, minimum=0.0)
+    require("slant_range", slant_range, positive=True)
+    if tolerance is not None:
+        require("tolerance", tolerance, positive=True)
+    allowed = NEGLIGIBLE if tolerance is None else SHARE * tolerance
+    return None if far_field_error(reach, slant_range) <= allowed else float(slant_range)
+
+
+def sampling_tolerance(tolerance: float, drawn: float | None) -> float:
+    """Return what a tolerance leaves to the sampling of a view that is drawn at some range.
+
+    All of it at a slant range [m], and what its share leaves in the far field (None).
+    """
+    return tolerance if drawn is not None else (1.0 - SHARE) * tolerance

@@ -1,0 +1,139 @@
+"""Views at their own slant range: what sweeps state of their error holds from 1 to 100 km."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from commands import opened, swept
+
+import ncti.ships
+from ncti.ladar import RangeExtent, range_extent
+from ncti.ladar.pulse import target_response
+from ncti.ladar.reference import reference_range_extent
+from ncti.render import far_field_error, line_image
+from ncti.render.view import ROLL
+from sweeps.stages import ladar, views
+from sweeps.stages.ships import ship_name
+
+ASPECT, DEPRESSION = 20.3, 3.84  # a view in which the far field errs most
+RANGES = (1.0, 4.0, 25.0, 100.0)  # [km]
+TOLERANCE = 1e-3
+PULSE = 30.0  # [ns]
+PIXEL = 0.14  # of lines that start; an IFOV at 1 km is 0.15 m wide
+EDGES = np.arange(-125.0, 126.0)
+
+
+def drawn_in_sweeps(slant_range: float, tolerance: float = TOLERANCE) -> RangeExtent:
+    """Range extent of the texas at a range [km], by the stages of a sweep."""
+    hull = views.hull(ship_name("texas"))
+    drawn = views.drawn_range(hull, slant_range, tolerance, "all")
+    how = (drawn, views.LINES, PIXEL, 0, ROLL, (tolerance, PULSE, 1.0))
+    image = views.image(views.mesh(hull), ASPECT, DEPRESSION, *how)
+    beam = (slant_range, 150.0, 1.0)
+    extent = ladar.extent(image, *beam, 250.0, 0.5, "projected_area", (0.0, 0.0))
+    return ladar.ifovs(extent, ASPECT, ASPECT, *beam, (0.0, 0.0))
+
+
+def after_pulse(extent: np.ndarray) -> np.ndarray:
+    return np.convolve(extent, target_response(pulse_width=PULSE * 1e-9, bin_width=1.0) ** 2)
+
+
+def error(found: np.ndarray, exact: np.ndarray) -> float:
+    """Sum of absolute differences over the sum, after the pulse."""
+    p, q = after_pulse(found), after_pulse(exact)
+    return float(np.abs(p - q).sum() / q.sum())
+
+
+def as_seen_from(mesh: trimesh.Trimesh, slant_range: float) -> trimesh.Trimesh:
+    """Return a mesh whose far-field view is that of another from a slant range [m].
+
+    Facets of at most 3 m stay flat within 2 mm at 1 km.
+    """
+    fine = mesh.copy().subdivide_to_size(3.0)
+    a, d = np.radians([ASPECT, DEPRESSION])
+    towards = np.array([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    axes = np.stack([right, np.cross(towards, right), -towards])
+    h, v, r = (np.asarray(fine.vertices) @ axes.T).T
+    scale = 1.0 / (1.0 + r / slant_range)
+    distance = np.sqrt(h**2 + v**2 + (slant_range + r) ** 2) - slant_range
+    seen = np.stack([h * scale, v * scale, distance], axis=1) @ axes
+    return trimesh.Trimesh(seen, fine.faces, process=False)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory, cache):
+    """Profiles of the texas at all ranges."""
+    path = tmp_path_factory.mktemp("ranges") / "s.zarr"
+    swept(
+        path,
+        cache,
+        *("grid.ship=texas", f"grid.aspect={ASPECT}", f"grid.pulse_width={PULSE}"),
+        *(f"grid.range={list(RANGES)}", f"render.pixel={PIXEL}", "render.samples=0"),
+        *(f"render.tolerance={TOLERANCE}", "grid.frame_count=1", "classifier.name=acn"),
+        "ladar.target_free_ifovs=10",
+    )
+    return opened(path, "range_profile").squeeze()
+
+
+@pytest.mark.parametrize("slant_range", [1.0, 25.0])
+def test_the_error_that_a_sweep_states_covers_the_truth_at_any_range(stored, slant_range):
+    """Against outlines united exactly, of a mesh that is bent by the perspective of the range.
+
+    Drawn in the far field, the texas errs by 8.8 % at 1 km and by 0.1 % at 100 km.
+    """
+    extent = drawn_in_sweeps(slant_range)
+    bent = as_seen_from(ncti.ships.load("texas"), slant_range * 1e3)
+    exact = reference_range_extent(
+        bent, aspect=ASPECT, depression=DEPRESSION, bin_edges=EDGES
+    ).area.sum(axis=0)
+    side = slant_range * 1e3 * 150e-6
+    truth = error(extent.fraction.sum(axis=0) * side**2, exact)
+    view = stored.sel(range=slant_range)
+    assert float(view.profile_error) == pytest.approx(extent.error_after(PULSE * 1e-9), rel=1e-6)
+    assert truth <= float(view.profile_error) <= TOLERANCE
+    assert int(view.within_tolerance) == 1
+
+
+@pytest.mark.parametrize("slant_range", [40.0, 100.0])
+def test_a_shared_view_errs_by_no_more_than_its_share(slant_range):
+    """One far-field view for all ranges from 1.5 reach / (tolerance / 10) on: 27 km at 5 %."""
+    hull, tolerance = views.hull(ship_name("texas")), 0.05
+    assert views.drawn_range(hull, slant_range, tolerance, "all") is None
+    shared, own = (
+        range_extent(
+            line_image(
+                views.mesh(hull),
+                aspect=ASPECT,
+                depression=DEPRESSION,
+                spacing=0.125,
+                slant_range=drawn and drawn * 1e3,
+            ),
+            slant_range=slant_range * 1e3,
+        )
+        for drawn in (None, slant_range)
+    )
+    moved = error(shared.fraction.sum(axis=0), own.fraction.sum(axis=0))
+    assert 1e-4 < moved <= shared.far_field_error <= tolerance / 10
+    assert own.far_field_error == 0.0
+    reach = float(np.linalg.norm(views.mesh(hull).vertices, axis=1).max())
+    assert shared.far_field_error <= far_field_error(reach, slant_range * 1e3)
+
+
+def test_every_view_is_drawn_where_nothing_is_skipped(cache, tmp_path):
+    """The stored error says which are shared: theirs has the far field in it."""
+    swept(
+        tmp_path / "s.zarr",
+        cache,
+        *("grid.ship=texas", f"grid.aspect={ASPECT}", "grid.range=[4,100]", "grid.frame_count=1"),
+        *("render.skip=[all,none]", "render.tolerance=0.05", "classifier.name=acn"),
+        *("render.samples=0", "ladar.target_free_ifovs=10"),
+    )
+    found = opened(tmp_path / "s.zarr", "range_profile").squeeze()
+    every, shared = (found.sel(skip=word) for word in ("none", "all"))
+    assert every.sel(range=4).equals(shared.sel(range=4).assign_coords(skip="none"))
+    more = (shared.profile_error - every.profile_error).sel(range=100)
+    assert 0 < float(more) <= 0.005
+    moved = abs(shared.expected - every.expected).sel(range=100).sum()
+    assert 0 < float(moved / every.floor_removed.sel(range=100).sum()) < 0.005
