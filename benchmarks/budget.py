@@ -31,8 +31,8 @@ from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
 from ncti.render import drawn_range, line_image
 from ncti.render.choice import choose_engine
+from ncti.render.far_field import reach_of
 from ncti.render.view import ROLL
-from ncti.simulate.subject import reach_of
 from sweeps.stages.views import Render, image
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "error_budget.md"
@@ -164,7 +164,7 @@ def _drawn(ship: str, aspect: float, *, engine: str, slant_range: float = SLANT_
         ncti.ships.load(ship),
         drawn_aspect=aspect,
         depression=DEPRESSION,
-        drawn_range=drawn_range(reach_of(ncti.ships.load(ship)), slant_range),
+        drawn_range=drawn_range(reach_of(ncti.ships.load(ship).vertices), slant_range),
         drawing_engine=engine,
         pixel=Render.pixel.default,
         samples=Render.samples.default,

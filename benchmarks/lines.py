@@ -41,8 +41,8 @@ from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
 from ncti.render import drawn_range, threads
 from ncti.render.choice import choose_engine
+from ncti.render.far_field import reach_of
 from ncti.render.view import ROLL
-from ncti.simulate.subject import reach_of
 from sweeps.stages.views import LINES, Render, image
 
 FAR = 1e12  # [m]: wavefronts are as flat as those of the reference
@@ -253,7 +253,7 @@ def _extent(mesh: trimesh.Trimesh, aspect: float, how: How, slant_range: float) 
         mesh,
         drawn_aspect=aspect,
         depression=DEPRESSION,
-        drawn_range=drawn_range(reach_of(mesh), slant_range),
+        drawn_range=drawn_range(reach_of(mesh.vertices), slant_range),
         drawing_engine=engine,
         pixel=Render.pixel.default,
         samples=Render.samples.default,

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
 from ncti.checks import require
 from ncti.render.view import far_field_error
 
@@ -63,6 +68,12 @@ def drawn_range(
         require("tolerance", tolerance, positive=True)
     allowed = NEGLIGIBLE if tolerance is None else SHARE * tolerance
     return None if far_field_error(reach, slant_range) <= allowed else float(slant_range)
+
+
+def reach_of(vertices: ArrayLike) -> float:
+    """Return the largest distance of (vertex, 3) vertices from the ship origin [m]."""
+    points = np.asarray(vertices)
+    return math.sqrt(np.einsum("ij,ij->i", points, points).max(initial=0.0))
 
 
 def sampling_tolerance(tolerance: float, drawn: float | None) -> float:

@@ -315,11 +315,12 @@ def _solid(
 
 
 def _find(name_or_path: str | Path) -> _Source:
-    known = ", ".join(names())
+    packaged = names()
+    known = ", ".join(packaged)
     kinds = ", ".join(SHEET_SUFFIXES + MESH_SUFFIXES)
     if not isinstance(name_or_path, str | Path):
         raise ShipError(f"ship {shown(name_or_path)} must be one of {known}, or a path ({kinds}).")
-    if name_or_path in names():
+    if name_or_path in packaged:
         sheet = resources.files("ncti.ships") / "sheets" / f"{name_or_path}.yaml"
         return _Source(str(name_or_path), ".yaml", sheet.read_bytes())
     path = Path(name_or_path)

@@ -11,6 +11,7 @@ from ncti.infrared.radiometry import IFOV, contrast
 from ncti.infrared.silhouette import silhouette
 from ncti.infrared.synthesis import image
 from ncti.render import drawn_range, line_image
+from ncti.render.far_field import reach_of
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
     SPACING,
@@ -19,7 +20,6 @@ from ncti.simulate.subject import (
     coordinates,
     generator,
     mesh_of,
-    reach_of,
     roll_at,
     seed_of,
 )
@@ -132,7 +132,7 @@ def infrared_image(
         depression=depression,
         roll=roll_at(aspect),
         spacing=min(SPACING, footprint / LINES_A_PIXEL),
-        slant_range=drawn_range(reach_of(mesh), slant_range),
+        slant_range=drawn_range(reach_of(mesh.vertices), slant_range),
     )
     temperature = image(
         lines,

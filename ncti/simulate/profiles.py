@@ -16,7 +16,7 @@ from ncti.ladar.extent import RangeExtent, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks
 from ncti.ladar.pulse import MOST_BINS, noise_floor, shortest_pulse
 from ncti.ladar.tolerance import lines_within
-from ncti.render.far_field import drawn_range, sampling_tolerance
+from ncti.render.far_field import drawn_range, reach_of, sampling_tolerance
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
     SPACING,
@@ -25,7 +25,6 @@ from ncti.simulate.subject import (
     coordinates,
     generator,
     mesh_of,
-    reach_of,
     roll_at,
     seed_of,
 )
@@ -160,7 +159,7 @@ def range_profile(
         "cnr": ratio,
         "target_free_ifovs": target_free_ifovs,
     }
-    drawn = drawn_range(reach_of(mesh), slant_range, tolerance=accuracy)
+    drawn = drawn_range(reach_of(mesh.vertices), slant_range, tolerance=accuracy)
     extents, expected, averaged = [], [], []
     for each in np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist():
         lines = lines_within(

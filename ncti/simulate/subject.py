@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,13 +10,16 @@ import numpy as np
 
 from ncti.checks import require
 from ncti.render.view import ROLL
-from ncti.ships import load
+from ncti.ships import digest, load
 
 if TYPE_CHECKING:
     import trimesh
 
 Ship = Any
 """A name of `ncti.ships.names()`, the path of a sheet or mesh, or a mesh in the ship frame."""
+
+KEPT = 8
+"""Ships kept: the packaged ones and two of the user's, as of `ncti.render`."""
 
 SPACING = 0.25
 """Distance between lines [m] that views start from, as the pixel of sweeps."""
@@ -24,13 +28,16 @@ SPACING = 0.25
 def mesh_of(ship: Ship) -> trimesh.Trimesh:
     """Return the mesh of a ship, which is a name, a path, or the mesh itself.
 
+    Meshes of names and paths are kept while their files have the same content, and are not for
+    callers of this package, who might change them.
+
     Raises
     ------
     ValueError
         If it is none of these, cannot be loaded, or is not a closed surface.
     """
     if isinstance(ship, str | Path):
-        return load(ship)
+        return _loaded(ship, digest(ship))
     # Imported here because trimesh takes half a second.
     import trimesh
 
@@ -46,9 +53,13 @@ def mesh_of(ship: Ship) -> trimesh.Trimesh:
     )
 
 
-def reach_of(mesh: trimesh.Trimesh) -> float:
-    """Return the largest distance of a vertex from the ship origin [m]."""
-    return float(np.linalg.norm(mesh.vertices, axis=1).max(initial=0.0))
+@lru_cache(maxsize=KEPT)
+def _loaded(ship: str | Path, digest: str) -> trimesh.Trimesh:
+    """Return the mesh of a name or path whose content has a digest."""
+    mesh = load(ship)
+    if mesh.metadata["digest"] != digest:
+        raise ValueError(f"ship {ship} was changed while it was read")
+    return mesh
 
 
 def coordinates(mesh: trimesh.Trimesh, *, aspect: Any) -> dict[str, Any]:

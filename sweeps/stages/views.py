@@ -10,7 +10,6 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from platformdirs import user_cache_path
 
 import ncti.render
@@ -18,7 +17,7 @@ import ncti.ships
 from ncti.ladar import lines_within
 from ncti.render import EngineError, LineImage, RangeImage, line_image, range_image, refined
 from ncti.render.choice import choose_engine, engines
-from ncti.render.far_field import sampling_tolerance
+from ncti.render.far_field import reach_of, sampling_tolerance
 from ncti.render.flight import DEPRESSION, depression_angle
 from ncti.render.view import ROLL
 from ncti.ships import Transform
@@ -298,7 +297,7 @@ def _is_symmetric(hull: Hull) -> bool:
 
 @lru_cache(maxsize=4096)
 def _reach(hull: Hull) -> float:
-    return float(np.linalg.norm(description(hull).vertices, axis=1).max())
+    return reach_of(description(hull).vertices)
 
 
 @lru_cache(maxsize=16)

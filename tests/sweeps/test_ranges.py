@@ -12,6 +12,7 @@ from ncti.ladar import RangeExtent, range_extent
 from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
 from ncti.render import far_field_error, line_image
+from ncti.render.far_field import reach_of
 from ncti.render.view import ROLL
 from sweeps.stages import ladar, views
 from sweeps.stages.ships import ship_name
@@ -117,7 +118,7 @@ def test_a_shared_view_errs_by_no_more_than_its_share(slant_range):
     moved = error(shared.fraction.sum(axis=0), own.fraction.sum(axis=0))
     assert 1e-4 < moved <= shared.far_field_error <= tolerance / 10
     assert own.far_field_error == 0.0
-    reach = float(np.linalg.norm(views.mesh(hull).vertices, axis=1).max())
+    reach = reach_of(views.mesh(hull).vertices)
     assert shared.far_field_error <= far_field_error(reach, slant_range * 1e3)
 
 
