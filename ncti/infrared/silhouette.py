@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ncti.checks import NothingSeenError, require
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
+from ncti.render.view import MAX_SIDE
 
 Extent = tuple[float, float, float, float]  # left, right, bottom, top [m]
 
@@ -243,6 +244,10 @@ def coverage_of(
     return window.silhouette(counts * (area / window.side**2))
 
 
+SMALLEST, LARGEST = 1e-6, 1e12
+"""Lengths [m], between which pixels can be counted."""
+
+
 class _Window(NamedTuple):
     """Window of a silhouette in cells: first column and row, shape, side [m] and origin [m]."""
 
@@ -274,11 +279,11 @@ def _window(
     subdivision: int,
 ) -> _Window:
     """Return the window of whole pixels that contains the points, or the extent, and a margin."""
-    require("footprint", footprint, positive=True)
-    require("margin", margin, minimum=0.0)
+    require("footprint", footprint, minimum=SMALLEST, maximum=LARGEST)
+    require("margin", margin, minimum=0.0, maximum=MAX_SIDE)
     if margin != int(margin):
         raise ValueError(f"margin is {margin!r}, but must be a whole number of pixels")
-    require("subdivision", subdivision, minimum=1.0)
+    require("subdivision", subdivision, minimum=1.0, maximum=MAX_SIDE)
     if subdivision != int(subdivision):
         raise ValueError(f"subdivision is {subdivision!r}, but must be a whole number")
     for name, part in zip(("phase[0]", "phase[1]"), phase, strict=True):
@@ -297,9 +302,15 @@ def _window(
     (first_column, last_column), (first_row, last_row) = (
         (first - int(margin), last + int(margin)) for first, last in pixels
     )
+    shape = (last_row - first_row + 1) * cells, (last_column - first_column + 1) * cells
+    if max(shape) > MAX_SIDE:
+        raise ValueError(
+            f"footprint is {footprint:g} m, margin {margin:g} and subdivision {cells}, which make "
+            f"{shape[1]} by {shape[0]} cells, but neither side may exceed {MAX_SIDE}"
+        )
     return _Window(
         (first_column * cells, first_row * cells),
-        ((last_row - first_row + 1) * cells, (last_column - first_column + 1) * cells),
+        shape,
         side,
         (
             (first_column - phase[0]) * footprint + side / 2,
@@ -331,8 +342,8 @@ def _pixels(
         ends = np.array([points.min(), points.max()])
         first, last = _cell(ends, footprint, phase, 1).tolist()
         return first, last
-    require(f"extent ({axis}, low end)", low)
-    require(f"extent ({axis}, high end)", high, minimum=low)
+    require(f"extent ({axis}, low end)", low, minimum=-LARGEST)
+    require(f"extent ({axis}, high end)", high, minimum=low, maximum=LARGEST)
     if points.size and not (low <= points.min() and points.max() <= high):
         raise ValueError(
             f"extent is {low:g} to {high:g} m {axis}, but must hold the ship, which reaches "

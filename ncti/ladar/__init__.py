@@ -1,6 +1,6 @@
 """Laser radar: range extents, link budget, expected profiles, sampled frames and their moments."""
 
-from ncti.ladar.budget import carrier_to_noise
+from ncti.ladar.budget import carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks, sample_frames
@@ -18,6 +18,7 @@ __all__ = [
     "frame_moments",
     "lines_within",
     "noise_floor",
+    "power_ratio",
     "range_extent",
     "sample_frames",
 ]

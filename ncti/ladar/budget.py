@@ -1,9 +1,47 @@
-"""Link budget: the carrier-to-noise ratio as a function of range."""
+"""Link budget: the carrier-to-noise ratio as a function of range, and decibels as a ratio."""
 
 from __future__ import annotations
 
 from ncti.checks import require
 from ncti.ladar.expected import STRONGEST
+
+LOUDEST = 200.0
+"""Largest level [dB]; that of `STRONGEST`."""
+
+
+def power_ratio(decibels: float) -> float:
+    """Return the power ratio of a level in decibels.
+
+    Functions of `ncti.ladar` take carrier-to-noise ratios as power ratios, `ncti.simulate` and the
+    command line in decibels.
+
+    Parameters
+    ----------
+    decibels : float
+        Level [dB], from -200 to 200.
+
+    Returns
+    -------
+    float
+        10^(decibels / 10).
+
+    Raises
+    ------
+    ValueError
+        If the level is out of range.
+
+    See Also
+    --------
+    carrier_to_noise : Carrier-to-noise ratio by range.
+
+    Examples
+    --------
+    >>> from ncti.ladar import power_ratio
+    >>> round(power_ratio(32), 1)
+    1584.9
+    """
+    require("decibels", decibels, minimum=-LOUDEST, maximum=LOUDEST)
+    return float(10 ** (decibels / 10))
 
 
 def carrier_to_noise(
@@ -20,8 +58,8 @@ def carrier_to_noise(
     slant_range : float
         Distance from sensor to target [m].
     reference : float
-        CNR at `reference_range`, as a power ratio, not in decibels; 32 dB by default, the
-        design value of the article.
+        CNR at `reference_range`, as a power ratio, not in decibels (see `power_ratio`); 32 dB by
+        default, the design value of the article.
     reference_range : float
         Range at which `reference` holds [m].
     extinction : float
@@ -39,6 +77,7 @@ def carrier_to_noise(
 
     See Also
     --------
+    power_ratio : Power ratio of a level in decibels.
     expected_profile : Range profile at a given CNR.
 
     Notes

@@ -34,7 +34,8 @@ def expected_profile(
     pulse_width : float
         1/e^2 pulse width [s].
     cnr : float
-        Carrier-to-noise ratio of a filled IFOV at this range, as a power ratio, not in decibels.
+        Carrier-to-noise ratio of a filled IFOV at this range, **as a power ratio, not in
+        decibels**: 32 dB is 1585, or ``power_ratio(32)``. 32 would be 15 dB.
     target_free_ifovs : int
         Number of IFOVs without target that are added to the frame.
     receiver : str

@@ -46,7 +46,8 @@ def sample_frames(
     pulse_width : float
         1/e^2 pulse width [s].
     cnr : float
-        Carrier-to-noise ratio of a filled IFOV at this range, as a power ratio, not in decibels.
+        Carrier-to-noise ratio of a filled IFOV at this range, as a power ratio, not in decibels;
+        ``power_ratio(32)`` is that of 32 dB.
     frame_count : int
         Number of independent frames.
     rng : numpy.random.Generator

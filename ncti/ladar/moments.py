@@ -90,7 +90,8 @@ def frame_moments(
     pulse_width : float
         1/e^2 pulse width [s].
     cnr : float
-        Carrier-to-noise ratio of a filled IFOV, as a power ratio, not in decibels.
+        Carrier-to-noise ratio of a filled IFOV, as a power ratio, not in decibels;
+        ``power_ratio(32)`` is that of 32 dB.
     target_free_ifovs : int
         Number of IFOVs without target that are added to each frame.
     frame_count : int

@@ -49,6 +49,10 @@ class Box(NamedTuple):
         return np.all((cells >= self[:2]) & (cells < self[2:]), axis=-1)
 
 
+MOST_PIXELS = 1e8
+"""Pixels of a field: an image of them takes 0.8 GB."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Field:
     """Field of regard, divided into square pixels.
@@ -82,6 +86,12 @@ class Field:
     def __post_init__(self) -> None:
         for name in ("width", "height", "ifov"):
             require(name, getattr(self, name), positive=True, maximum=math.pi)
+        least = math.sqrt(self.width * self.height / MOST_PIXELS)
+        if self.ifov < least:
+            raise ValueError(
+                f"ifov is {self.ifov!r} rad, but must be at least {least:.3g} rad, of which a "
+                f"field of {self.width:g} by {self.height:g} rad has {MOST_PIXELS:g} pixels"
+            )
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -14,12 +14,14 @@ from ncti.irar.flight import Flight, ship_heading
 from ncti.irar.scan import Scan, fly
 from ncti.irar.snapshot import Snapshot, ship_window
 from ncti.irar.time_delay import time_delay_integrate
+from ncti.ladar.budget import LOUDEST, power_ratio
 from ncti.simulate.subject import Ship, coordinates, generator, mesh_of, seed_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-PARAMETERS = frozenset(field.name for field in fields(Flight)) - {"slant_range", "ship_heading"}
+GIVEN = {"slant_range", "ship_heading", "cnr"}  # otherwise than by the names of a flight
+PARAMETERS = (frozenset(field.name for field in fields(Flight)) - GIVEN) | {"cnr_db"}
 AZIMUTHS = ("aircraft_heading", "offset")  # whose sum is that of the line of sight
 INTENSITY, TEMPERATURE = "intensity over noise power", "temperature above the sea"  # of plots
 
@@ -49,8 +51,8 @@ def flight(
     rng : int or numpy.random.Generator
         Seed, or source of randomness.
     **parameters
-        Other parameters of `ncti.irar.Flight`, as depression, aircraft_speed, cnr, jitter; the
-        heading of the ship follows from the aspect.
+        Other parameters of `ncti.irar.Flight`, as depression, aircraft_speed, jitter; in place of
+        its `cnr`, a power ratio, `cnr_db` [dB]. The heading of the ship follows from the aspect.
 
     Returns
     -------
@@ -58,7 +60,8 @@ def flight(
         `intensity`, `range` and `infrared` (line, sample), as recorded, and the same after
         correction, with the sea removed from the first two, (vertical, horizontal) on the target:
         `corrected_intensity` in noise powers, `corrected_range` from the ship origin [m],
-        `corrected_infrared` above the sea [K]. Every parameter of the flight is an attribute.
+        `corrected_infrared` above the sea [K]. Every parameter of the flight is an attribute, its
+        `cnr` as a power ratio.
 
     Raises
     ------
@@ -107,6 +110,10 @@ def flight(
         require(name, azimuth, minimum=-360.0, maximum=360.0)
     sight = sum(azimuths)
     heading = ship_heading(aspect=aspect, sight=sight)
+    if "cnr_db" in parameters:
+        level = parameters.pop("cnr_db")
+        require("cnr_db", level, minimum=-LOUDEST, maximum=90.0)
+        parameters["cnr"] = power_ratio(level)
     passed = Flight(slant_range=slant_range, ship_heading=heading, **parameters)
     stream = generator(rng, aspect=aspect)
     mesh = mesh_of(ship)

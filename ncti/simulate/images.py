@@ -17,6 +17,7 @@ from ncti.simulate.subject import (
     SPACING,
     Ship,
     check_frames,
+    check_sight,
     coordinates,
     generator,
     mesh_of,
@@ -120,8 +121,7 @@ def infrared_image(
             f"{unknown[0]} is no parameter of an image, but must be one of {', '.join(SCENE)}"
         )
     require("aspect", aspect, minimum=-360.0, maximum=360.0)
-    require("slant_range", slant_range, positive=True, maximum=1e9)
-    require("ifov", ifov, positive=True, maximum=1.0)
+    check_sight(slant_range, ifov)
     frames = check_frames(frames)
     stream = generator(rng, aspect=aspect)
     mesh = mesh_of(ship)

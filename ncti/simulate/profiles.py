@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_all
-from ncti.ladar.budget import carrier_to_noise
+from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks
@@ -22,6 +22,7 @@ from ncti.simulate.subject import (
     SPACING,
     Ship,
     check_frames,
+    check_sight,
     coordinates,
     generator,
     mesh_of,
@@ -38,8 +39,8 @@ Floats = NDArray[np.float64]
 TARGET_FREE_IFOVS = 4000
 """IFOVs of sea that a frame accumulates."""
 
-NEAREST, LONGEST = 1e3, 1e-6
-"""Shortest slant range [m] and longest pulse [s], as in sweeps."""
+LONGEST = 1e-6
+"""Longest pulse [s], as in sweeps."""
 
 
 def range_profile(
@@ -54,7 +55,7 @@ def range_profile(
     ifov: float = 150e-6,
     bin_width: float = 1.0,
     window: float = 250.0,
-    cnr: float | None = None,
+    cnr_db: float | None = None,
     target_free_ifovs: int = TARGET_FREE_IFOVS,
     rng: int | np.random.Generator = 0,
 ) -> xr.DataArray:
@@ -85,8 +86,8 @@ def range_profile(
         Range bin [m].
     window : float
         Length of the range window [m], centred on the ship origin.
-    cnr : float, optional
-        Carrier-to-noise power ratio (not decibels) of a filled IFOV; when not given,
+    cnr_db : float, optional
+        Carrier-to-noise ratio of a filled IFOV [dB]; when not given,
         `ncti.ladar.carrier_to_noise` at the slant range, 32 dB at 100 km.
     target_free_ifovs : int
         IFOVs without target that each frame accumulates besides.
@@ -144,8 +145,9 @@ def range_profile(
         raise ValueError(f"aspect has shape {np.shape(aspect)}, but must be one number or a list")
     frames = check_frames(frames)
     require("accuracy", accuracy, positive=True, maximum=1.0)
-    require("slant_range", slant_range, minimum=NEAREST, maximum=1e9)
-    require("ifov", ifov, positive=True, maximum=1.0)
+    check_sight(slant_range, ifov)
+    if cnr_db is not None:
+        require("cnr_db", cnr_db, minimum=-LOUDEST, maximum=LOUDEST)
     require("window", window, positive=True)
     require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
     # A hair less than the shortest pulse is a rounding of it.
@@ -153,7 +155,7 @@ def range_profile(
     require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
     generator(rng, aspect=0.0)
     mesh = mesh_of(ship)
-    ratio = carrier_to_noise(slant_range) if cnr is None else cnr
+    ratio = carrier_to_noise(slant_range) if cnr_db is None else power_ratio(cnr_db)
     signal: dict[str, Any] = {
         "pulse_width": pulse_width,
         "cnr": ratio,
@@ -188,7 +190,7 @@ def range_profile(
         "depression_deg": float(depression),
         "pulse_width_ns": round(pulse_width * 1e9, 9),
         "frame_count": frames,
-        "cnr_db": 10 * math.log10(ratio) if ratio else -math.inf,
+        "cnr_db": 10 * math.log10(ratio),
         "target_free_ifovs": int(target_free_ifovs),
         "ifov_urad": round(ifov * 1e6, 9),
         **seed_of(rng),

@@ -25,6 +25,30 @@ SPACING = 0.25
 """Distance between lines [m] that views start from, as the pixel of sweeps."""
 
 
+NEAREST, FARTHEST = 1e3, 1e9
+"""Slant ranges [m]; 25 for 25 km would cut a ship into pixels of millimetres."""
+
+NARROWEST = 0.1
+"""Smallest beam at the ship [m]."""
+
+
+def check_sight(slant_range: float, ifov: float) -> None:
+    """Raise unless a ship at a slant range [m] is within reach of beams of some width [rad].
+
+    Raises
+    ------
+    ValueError
+        If the range is out of bounds, or a beam is too narrow there.
+    """
+    require("slant_range", slant_range, minimum=NEAREST, maximum=FARTHEST)
+    require("ifov", ifov, positive=True, maximum=1.0)
+    if ifov * slant_range < NARROWEST:
+        raise ValueError(
+            f"ifov is {ifov!r} rad, but must be at least {NARROWEST / slant_range:.3g} rad, "
+            f"{NARROWEST:g} m at a slant range of {slant_range:g} m"
+        )
+
+
 def mesh_of(ship: Ship) -> trimesh.Trimesh:
     """Return the mesh of a ship, which is a name, a path, or the mesh itself.
 

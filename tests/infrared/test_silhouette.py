@@ -216,6 +216,11 @@ def test_no_ship_in_an_extent_is_all_sea():
         ({"extent": (-5.0, 5.0, -50.0, 50.0)}, "extent is -5 to 5 m horizontal, .* ship"),
         ({"extent": (-50.0, 50.0, -50.0, 1.0)}, "extent is -50 to 1 m vertical"),
         ({"extent": (50.0, -50.0, -50.0, 50.0)}, "extent"),
+        ({"margin": 10**6}, "margin is 1000000, but must be .* at most 16384"),
+        ({"margin": 8200}, "which make 1641[12] by 16404 cells, but neither side may exceed 16384"),
+        ({"subdivision": 10**6}, "subdivision is 1000000, but must be .* at most 16384"),
+        ({"extent": (-1e9, 1e9, -50.0, 50.0)}, "neither side may exceed 16384"),
+        ({"extent": (-1e300, 50.0, -50.0, 50.0)}, "extent"),
         ({"extent": (-np.inf, 50.0, -50.0, 50.0)}, "extent"),
     ],
 )
@@ -223,6 +228,12 @@ def test_bad_parameters_are_named(parameters, named):
     with pytest.raises(ValueError, match=named) as refused:
         silhouette(plate(width=40, height=12), **{"footprint": 3.75} | parameters)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("footprint", [1e-4, 1e-300])
+def test_points_in_pixels_too_small_to_count_are_refused(footprint):
+    with pytest.raises(ValueError, match=r"^footprint is "):
+        coverage_of(np.array([0.0, 90.0]), np.zeros(2), area=0.1, footprint=footprint)
 
 
 def test_bad_rules_and_empty_images_are_named():

@@ -140,6 +140,10 @@ def test_what_is_farther_on_a_flat_sea_is_higher():
     ("call", "said"),
     [
         (lambda: Field(width=0.0, height=1.0, ifov=IFOV), "width is 0.0, but must be"),
+        (
+            lambda: Field(width=0.3, height=0.1, ifov=1e-7),
+            "ifov is 1e-07 rad, but must be at least",
+        ),
         (lambda: detect(np.zeros((2, 2)), threshold=math.nan, reach=(1, 1)), "threshold is nan"),
         (lambda: detect(np.zeros((2, 2)), threshold=1.0, reach=(1, -1)), "reach is -1"),
         (lambda: cue(Box(0, 0, 1, 1), reach=(1, 1), detector=0), "detector is 0"),

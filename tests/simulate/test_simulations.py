@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import ncti
 from ncti import simulate
-from ncti.ladar import noise_floor
+from ncti.ladar import noise_floor, power_ratio
 
 BOX = trimesh.creation.box((40.0, 8.0, 6.0))
 BOX.apply_translation((0.0, 0.0, 3.0))
@@ -243,7 +243,8 @@ def test_a_flight_takes_parameters_and_corrections():
         (image, {"foo": 3}, "foo is no parameter of an image, but must be one of contrast_at_zero"),
         (flight, {"correction": "x"}, "correction is 'x', but must be an ncti.irar.Correction"),
         (profile, {"window": 20.0}, "window is 20 m, but must be at least"),
-        (profile, {"cnr": -1.0}, "cnr is -1.0"),
+        (profile, {"cnr_db": 1584.9}, "cnr_db is 1584.9, but must be .* at most 200"),
+        (profile, {"ifov": 1e-7}, "ifov is 1e-07 rad, but must be at least 1e-06 rad, 0.1 m at"),
         (profile, {"target_free_ifovs": -1}, "target_free_ifovs is -1"),
         (profile, {"rng": -1}, "rng is -1, but must be a seed"),
         (profile, {"rng": "today"}, "rng is 'today'"),
@@ -251,6 +252,8 @@ def test_a_flight_takes_parameters_and_corrections():
         (image, {"ship": None}, "ship is of type NoneType"),
         (image, {"aspect": math.inf}, "aspect is inf"),
         (image, {"slant_range": 0.0}, "slant_range is 0.0"),
+        (image, {"slant_range": 25}, "slant_range is 25, but must be .* at least 1000"),
+        (image, {"ifov": 1e-9}, "ifov is 1e-09 rad, but must be at least 2e-06 rad, 0.1 m at"),
         (image, {"frames": 0}, "frames is 0"),
         (image, {"super_resolution": "deep"}, "super_resolution is 'deep'"),
         (image, {"phase": (0.0, 1.0)}, r"phase\[1\] is 1.0"),
@@ -260,7 +263,8 @@ def test_a_flight_takes_parameters_and_corrections():
         (flight, {"slant_range": 1.0}, "slant_range is 1.0"),
         (flight, {"ship_heading": 3.0}, "ship_heading is no parameter of a flight, but must be"),
         (flight, {"speed": 3.0}, "speed is no parameter of a flight, but must be one of aircraft_"),
-        (flight, {"cnr": -3.0}, "cnr is -3.0"),
+        (flight, {"cnr": 100.0}, "cnr is no parameter of a flight, but must be one of .*cnr_db"),
+        (flight, {"cnr_db": 100.0}, "cnr_db is 100.0, but must be .* at most 90"),
         (flight, {"aircraft_heading": "north"}, "aircraft_heading is 'north'"),
         (flight, {"rng": None}, "rng is None"),
     ],
@@ -269,3 +273,18 @@ def test_a_mistake_is_one_sentence(simulated, given, message):
     with pytest.raises(ValueError, match=message) as told:
         simulated(**given)
     assert "\n" not in str(told.value)
+
+
+def test_decibels_are_those_of_the_command_line():
+    """32 dB are 10^3.2, the ratio that the sensors' functions take, and the default at 100 km."""
+    asked, given = profile(cnr_db=32), profile()
+    np.testing.assert_allclose(asked, given, rtol=1e-12)
+    assert asked.attrs["cnr_db"] == pytest.approx(32)
+    assert power_ratio(32) == pytest.approx(10**3.2, rel=1e-15)
+    # Without noise, Equation C: amplitudes far above the floor grow as the root of the ratio.
+    weak, strong = (profile(cnr_db=level).expected.max() for level in (100, 120))
+    assert float(strong / weak) == pytest.approx(10, rel=1e-3)
+
+
+def test_a_flight_takes_decibels_and_stores_the_ratio():
+    assert flight(cnr_db=20).attrs["cnr"] == pytest.approx(100)
