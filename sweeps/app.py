@@ -97,44 +97,57 @@ def _workers_ahead(arguments: Sequence[str]) -> Iterator[None]:
 
 
 def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence[str] = ()) -> None:
-    """Write the report of a finished store and its tables, print a page, and draw pictures."""
+    """Write the report of a finished store and its tables, print a page, and draw pictures.
+
+    Raises SweepIncomplete if another file is in the place of one of these; all others are written.
+    """
+    from sweeps.engine.errors import SweepIncomplete
     from sweeps.engine.process import say
+    from sweeps.report.own import sentence_of
     from sweeps.report.screen import screen
     from sweeps.report.summary import summarize
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
 
-    report_page(store, finished)
-    summarize(store, choices, finished.axes, screen(), given=given)
-    if not looks("irar")(choices) or not choices.one(Irar.pictures):
-        return
-    from sweeps.report.pictures import write_pictures
+    kept = report_page(store, finished)
+    kept += summarize(store, choices, finished.axes, screen(), given=given)
+    if looks("irar")(choices) and choices.one(Irar.pictures):
+        from sweeps.report.pictures import write_pictures
 
-    ships = {str(ship): ship for ship in choices[Grid.ship]}
-    try:
-        write_pictures(store, screen(), ship=lambda label: read_mesh(hull.function(ships[label])))
-    except (OSError, ValueError) as error:
-        say(NAME, f"pictures are not drawn: {error}")
+        ships = {str(ship): ship for ship in choices[Grid.ship]}
+        try:
+            kept += write_pictures(
+                store, screen(), ship=lambda label: read_mesh(hull.function(ships[label]))
+            )
+        except (OSError, ValueError) as error:
+            say(NAME, f"pictures are not drawn: {error}")
+    if kept:
+        raise SweepIncomplete(sentence_of(list(dict.fromkeys(kept))))
 
 
-def report_page(store: Path, finished: Finished) -> None:
-    """Write the report page of a finished store, unless the one beside it is of the same store."""
+def report_page(store: Path, finished: Finished) -> list[Path]:
+    """Write the report page of a finished store, unless the one beside it is of the same store.
+
+    Returns the paths at which other files are in the way.
+    """
     from sweeps.engine.process import say
     from sweeps.report.command import write_report
     from sweeps.report.page.write import is_current
     from sweeps.report.work import write_work
 
+    kept: list[Path] = []
     if not finished.written and is_current(store):
-        return
+        return kept
     gc.disable()  # figures are many small objects: collecting garbage takes 0.4 s
     try:
         if finished.written:
-            write_work(store, finished.progress)
-        write_report(store)
+            kept += write_work(store, finished.progress)
+        kept += write_report(store)
     except Exception as error:  # the tables are complete without it
         say(NAME, f"the report page is not written: {type(error).__name__}: {error}")
     finally:
         gc.enable()
+    return kept
 
 
 if __name__ == "__main__":

@@ -253,9 +253,10 @@ class Command:
         Raises
         ------
         SweepIncomplete
-            If cells of some failed.
+            If cells of some failed, or their report is not complete.
         """
         failures: list[tuple[str, str]] = []
+        left: list[str] = []
         for choices, store in fused(self.experiment, jobs):
             keys = {key.lstrip("+~") for job in jobs for key in job.overrides}
             unread = Plan(self.experiment, choices).unread(keys)
@@ -265,14 +266,18 @@ class Command:
             if choices.one(Run.dry_run):  # if Hydra has expanded the jobs
                 self._preview(choices, store)
                 continue
-            failures += self.run(choices, Path(store) if store else folder / "sweep.zarr").failures
+            finished = self.run(choices, Path(store) if store else folder / "sweep.zarr")
+            failures += finished.failures
+            left += [finished.left] * bool(finished.left)
         if failures:
             named = "; ".join(f"{what} ({why})" for what, why in failures[:NAMED_FAILURES])
             more = len(failures) - NAMED_FAILURES
-            raise SweepIncomplete(
+            left.append(
                 f"{len(failures):,} cell{'s' * (len(failures) > 1)} failed: {named}"
                 + (f"; and {more:,} more" if more > 0 else "")
             )
+        if left:
+            raise SweepIncomplete("; ".join(left))
 
     def run(self, choices: Choices, store: Path) -> Finished:
         """Run one sweep into a store, and report it."""
@@ -285,6 +290,8 @@ class Command:
             say(self.name, summary(finished.progress, finished.seconds))
             try:
                 self.report(store, choices, finished)
+            except SweepIncomplete as error:
+                finished.left = str(error)
             except Exception as error:  # the store is complete without it
                 say(self.name, f"the store is written, but not its report: {reason(error)}")
         return finished

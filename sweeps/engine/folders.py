@@ -28,7 +28,8 @@ MANIFEST = "manifest"
 PARTIAL = "partial"  # suffix of a folder that is incomplete or being deleted
 ASIDE = "aside"  # suffix of the old folder, where two folders cannot be exchanged
 OPEN, READABLE = 0o755, 0o644  # modes of folders and files of a store: others may read them
-OF_ZARR = ("zarr.json", ".zgroup", ".zarray")  # files that only a folder of zarr has
+METADATA = "zarr.json"
+OF_ZARR = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
 
 Remove = Callable[[Path], object]  # of a folder
 
@@ -311,12 +312,23 @@ def read_manifest(path: Path) -> dict[str, int]:
     return files
 
 
-def verify(path: Path) -> list[str]:
+def verify(path: Path, groups: Iterable[str] | None = None) -> list[str]:
     """Return sorted names of files of a store that are missing, changed or unexpected.
 
-    A file that is not in the manifest counts as damage, because zarr would read it as a chunk.
+    A file that is not in the manifest counts as damage, because zarr would read it as a chunk. If
+    `groups` are given, only their files and all metadata are verified.
     """
     files, there = read_manifest(path), set(_names(path))
+    if groups is not None:
+        inside = tuple(f"{group}/" for group in groups)
+
+        def asked(name: str) -> bool:
+            return name.startswith(inside) or name.endswith(METADATA)
+
+        files, there = (
+            {name: files[name] for name in files if asked(name)},
+            set(filter(asked, there)),
+        )
     damaged = there ^ set(files)
     for name in there - damaged:
         try:

@@ -66,7 +66,7 @@ class Finished:
     """Outcome of a sweep: progress by stage, and the cells that failed with the reason of each.
 
     `axes` has the number of values of everything that was swept, by key; keys of settings that
-    run together are joined by `+`.
+    run together are joined by `+`. `left` says which part of the report could not be written.
     """
 
     progress: Mapping[str, Progress] = field(default_factory=dict)
@@ -74,6 +74,7 @@ class Finished:
     written: bool = False  # whether the store is new or changed
     seconds: float = 0.0
     axes: Mapping[str, int] = field(default_factory=dict)
+    left: str = ""
 
 
 @dataclass(frozen=True)

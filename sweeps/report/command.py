@@ -16,16 +16,21 @@ NAME, DISTRIBUTION = "ncti-report", "ncti-sweep"
 
 
 def main() -> None:
-    """Run the command line; exits with 2 when the store cannot be read."""
+    """Run the command line.
+
+    Exits with 1 if another file is in the place of one to be written, and with 2 if the store
+    cannot be read.
+    """
     arguments = _parser().parse_args()
     # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.errors import ConfigurationError
+    from sweeps.report.own import sentence_of
     from sweeps.report.pictures import write_pictures
     from sweeps.report.screen import complain, screen
 
     path, console = arguments.store.absolute(), screen()
     try:
-        report(path, console, table=arguments.table, html=arguments.html)
+        kept = report(path, console, table=arguments.table, html=arguments.html)
     except ConfigurationError as error:
         complain(str(error))
         sys.exit(2)
@@ -34,10 +39,13 @@ def main() -> None:
         sys.exit(2)
     if arguments.pictures:
         try:
-            write_pictures(path, console)
+            kept += write_pictures(path, console)
         except (OSError, ValueError) as error:
             complain(f"pictures are not drawn: {error}")
             sys.exit(2)
+    if kept:
+        complain(sentence_of(kept))
+        sys.exit(1)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -63,8 +71,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def write_report(path: Path) -> Path:
-    """Write the report page of a store beside it; return its path.
+def write_report(path: Path) -> list[Path]:
+    """Write the report page of a store beside it; return the path if another file is there.
 
     Raises OSError if it cannot be written, and what zarr raises for a damaged store.
     """
@@ -75,37 +83,42 @@ def write_report(path: Path) -> Path:
     return write_page(path, draw)
 
 
-def report(path: Path, console: Console, *, table: str | None = None, html: bool = False) -> None:
+def report(
+    path: Path, console: Console, *, table: str | None = None, html: bool = False
+) -> list[Path]:
     """Write the tables of a store beside it, then print them.
 
     With `table`, print only the table of that name; with `html`, write the report page first.
-    Raises ConfigurationError if the store cannot be read, has no tables or lacks that one, or if
+    Returns the paths at which other files are in the way. Raises ConfigurationError if files of the
+    store that are read are not as they were written, if it has no tables or lacks that one, or if
     the page cannot be written, and OSError if tables cannot be written beside it; they are printed
     anyway.
     """
     from sweeps.engine.errors import ConfigurationError
-    from sweeps.report.parts import chosen, parts_of, print_places, write_parts
+    from sweeps.report.parts import check_whole, chosen, parts_of, print_places, write_parts
     from sweeps.report.screen import explain, note, page, unforeseen
 
-    parts = parts_of(path)
+    check_whole(path, **({"groups": None} if html else {}))
+    parts, kept = parts_of(path), []
     shown = [part for part in parts if part.listed] if table is None else [chosen(parts, table)]
     if html:
         try:
-            write_report(path)
+            kept += write_report(path)
         # zarr and xarray raise various errors for damaged groups without a table.
         except Exception as error:
             why = str(error).partition("\n")[0]
             why = why if isinstance(error, OSError) else f"{type(error).__name__}: {why}"
             raise ConfigurationError(f"the report page is not written: {why}") from error
-    failure = write_parts(path, parts)
+    others, failure = write_parts(path, parts)
     with page(console) as aside:
         for part in shown:
             (part.write if table is None else part.whole or part.write)(aside)
         if table is None:
             explain(unforeseen([row for part in shown for row in part.rows]), aside)
-            others = [part.name for part in parts if not part.listed]
-            if others:
-                note(f"Not printed: {', '.join(others)} (--table NAME).", aside)
+            unlisted = [part.name for part in parts if not part.listed]
+            if unlisted:
+                note(f"Not printed: {', '.join(unlisted)} (--table NAME).", aside)
         print_places(path, parts, aside)
     if failure:
         raise failure
+    return kept + others

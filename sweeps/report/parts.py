@@ -12,6 +12,7 @@ import xarray as xr
 from rich.console import Console
 
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.folders import verify
 from sweeps.report import flights, rows, scans, silhouettes, tables
 from sweeps.report.axes import OF_ARRAYS, printable
 from sweeps.report.fair import read_compared
@@ -21,6 +22,7 @@ from sweeps.report.rows import Row
 from sweeps.report.screen import FILES, line, write_tables
 from sweeps.report.work import COLUMNS, print_work, read_work
 
+READ = ("tables", "infrared", "validation")  # groups that tables are made of
 REJECTION = "rejection_"
 OWN = {"acn_infrared", "fusion", "detection", "super_resolution", "measured", "scan"}
 """Groups of tables with a special layout."""
@@ -71,19 +73,37 @@ class Part(NamedTuple):
     whole: Callable[[Console], None] | None = None
 
 
+def check_whole(path: Path, *, groups: Iterable[str] | None = READ) -> None:
+    """Refuse a store of which files are damaged, missing or of something else.
+
+    By default, in the groups that tables are made of; with None, everywhere. Raises
+    ConfigurationError.
+    """
+    try:
+        bad = verify(path, groups)
+    except (OSError, ConfigurationError) as error:
+        raise ConfigurationError(_refusal(path, str(error))) from error
+    if bad:
+        many = f"{len(bad):,} of its files are" if len(bad) > 1 else "one of its files is"
+        why = f"{many} damaged, missing or of something else: {bad[0]}"
+        raise ConfigurationError(_refusal(path, why))
+
+
+def _refusal(path: Path, why: str) -> str:
+    refusal = "but must be the zarr store of a sweep with its tables written"
+    return f"store is {str(path)!r}, {refusal}" + (f" ({why})" if why else "")
+
+
 def parts_of(path: Path) -> list[Part]:
     """Return the tables of a store. Raises ConfigurationError if it has none or cannot be read."""
-    refusal = (
-        f"store is {str(path)!r}, but must be the zarr store of a sweep with its tables written"
-    )
     try:
         found = [part for part in _parts(path) if part.rows]
     # zarr and xarray raise various errors for damaged or other files.
     except Exception as error:
         why = f"{type(error).__name__}: {error}".split("\n")[0]
-        raise ConfigurationError(f"{refusal} ({why})") from error
+        raise ConfigurationError(_refusal(path, why)) from error
     if not found:
-        raise ConfigurationError(refusal)
+        raise ConfigurationError(_refusal(path, ""))
     work = [dict(zip(COLUMNS, astuple(one), strict=True)) for one in read_work(path)]
     if work:
         found.append(Part("stages", work, partial(print_work, work), listed=False))
@@ -103,13 +123,15 @@ def failed_cells(path: Path) -> dict[str, str]:
     return dict(rows.opened(path).attrs.get("failures", {}))
 
 
-def write_parts(path: Path, parts: Iterable[Part]) -> OSError | None:
-    """Write the tables of a store as CSV files beside it; return the error if that fails."""
+def write_parts(path: Path, parts: Iterable[Part]) -> tuple[list[Path], OSError | None]:
+    """Write the tables of a store as CSV files beside it.
+
+    Returns the paths at which other files are in the way, and the error if it fails.
+    """
     try:
-        write_tables(tables_folder(path), {part.name: part.rows for part in parts})
+        return write_tables(tables_folder(path), {part.name: part.rows for part in parts}), None
     except OSError as error:
-        return error
-    return None
+        return [], error
 
 
 def print_places(path: Path, parts: Sequence[Part], console: Console) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable
 from functools import partial
@@ -13,8 +14,9 @@ from rich.progress import track
 
 from sweeps.report import rows
 from sweeps.report.axes import printable
+from sweeps.report.own import OwnFiles
 from sweeps.report.places import tables_folder
-from sweeps.report.screen import line, page, write_whole
+from sweeps.report.screen import line, page
 
 if TYPE_CHECKING:
     import trimesh
@@ -25,12 +27,12 @@ TOLD = 6  # names of pictures that are printed
 
 def write_pictures(
     path: Path, console: Console, *, ship: Callable[[str], trimesh.Trimesh] | None = None
-) -> None:
+) -> list[Path]:
     """Draw every stage of the corrections of each flight, and near-stern profiles.
 
     One flight for each ship, range and aspect, nominal on any other axis. `ship` returns
-    the mesh of a label, instead of the known ship of that name. Raises ValueError if the store has
-    no flights, or its ships are unknown.
+    the mesh of a label, instead of the known ship of that name. Returns the paths at which other
+    files are in the way. Raises ValueError if the store has no flights, or its ships are unknown.
     """
     # Imported here, since only flights need it and it is slow to import.
     from sweeps.report.flight_figures import draw_flight, draw_validation, flights_of, known_ship
@@ -39,7 +41,7 @@ def write_pictures(
     if "validation" not in store:
         raise ValueError(f"{str(path)!r} has no flights, but must be the store of a sweep of irar")
     given, flights, folder = store.attrs, rows.read(store, "validation"), tables_folder(path)
-    folder.mkdir(exist_ok=True)
+    files = OwnFiles(folder)
     load, places = ship or partial(known_ship, given), flights_of(flights)
     meshes = {place.ship: load(place.ship) for place in places}
     drawn: dict[str, Callable[[], Figure]] = {}
@@ -51,8 +53,11 @@ def write_pictures(
         drawn["validation.png"] = partial(draw_validation, flights)
     aside = Console(stderr=True)
     for name, make in track(drawn.items(), description="  pictures        ", console=aside):
-        write_whole(folder / name, partial(make().savefig, format="png"))
+        content = io.BytesIO()
+        make().savefig(content, format="png")
+        files.put(name, content.getvalue())
     names = list(drawn)
     more = f" and {len(names) - TOLD} more" if len(names) > TOLD else ""
     with page(console) as there:
         line(f"pictures  {printable(str(folder))}: {', '.join(names[:TOLD])}{more}", there)
+    return files.kept

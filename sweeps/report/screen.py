@@ -1,14 +1,12 @@
-"""Output of the report: tables on any screen, and CSV files, written atomically."""
+"""Output of the report: tables on any screen, and as CSV files."""
 
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import math
 import os
 import sys
-import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,64 +16,39 @@ from rich.console import Console
 
 from sweeps.report.axes import NOTHING, Axis, Column, printable, shown, told
 from sweeps.report.layout import plain, sheet, show
+from sweeps.report.own import OwnFiles
 from sweeps.report.rows import BIN, Row, axes_in, grouped, several
 
 SOURCE = "source"
 PIPED = 80  # cells of a line where there is no terminal
 PUT_IN = "* Assumed: reflectivity of the transom and the masts, relative to the rest of the ship."
 
-# Files that may be in any folder of tables.
+# Names of tables with a layout of their own.
 FILES = (
     *("categories", "accuracy", "classifiers", "fusion", "infrared_sensor", "infrared_categories"),
     *("infrared_accuracy", "infrared_detection", "infrared_super_resolution", "rejection"),
     *("rejection_curve", "flights", "measured", "scan", "stages"),
 )
-WRITTEN = ".written"  # digests and names of a folder's files, as of sha256sum
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
 PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
 
 Lines = Iterable[tuple[str, list[Row]]]
 
 
-def write_tables(folder: Path, tables: Mapping[str, list[Row]]) -> list[str]:
-    """Write rows as CSV by name; returns the names of the files. Raises OSError if it cannot.
+def write_tables(folder: Path, tables: Mapping[str, list[Row]]) -> list[Path]:
+    """Write rows as CSV by name; returns the paths at which other files are in the way.
 
-    Other files of an earlier run are removed, unless they were changed since.
+    Tables of an earlier run are removed, unless they were changed since. Raises OSError if it
+    cannot.
     """
-    folder.mkdir(exist_ok=True)
     contents = {f"{name}.csv": _csv(rows) for name, rows in tables.items() if rows}
-    stale = {name: digest for name, digest in _written(folder).items() if name not in contents}
-    ours = stale | {name: _digest(content) for name, content in contents.items()}
-    # Written before the files, so that the list is complete even if this is interrupted.
-    listed = "".join(f"{digest}  {name}\n" for name, digest in ours.items()).encode()
-    _put(folder / WRITTEN, listed)
+    files = OwnFiles(folder)
     for name, content in contents.items():
-        _put(folder / name, content)
-    for name in {*stale, *(f"{name}.csv" for name in FILES)} - set(contents):
-        (folder / name).unlink(missing_ok=True)
-    return list(contents)
-
-
-def _written(folder: Path) -> dict[str, str]:
-    """Return unchanged files of an earlier run, with their digests."""
-    try:
-        listed = (folder / WRITTEN).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError):
-        return {}
-    found = {}
-    for digest, _, name in (line.partition("  ") for line in listed):
-        path = folder / name
-        if path.name == name and path.is_file() and _digest(path.read_bytes()) == digest:
-            found[name] = digest
-    return found
-
-
-def _put(path: Path, content: bytes) -> None:
-    write_whole(path, lambda made: made.write_bytes(content))
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+        files.put(name, content)
+    for name in files.names:
+        if name.endswith(".csv") and name not in contents:
+            files.remove(name)
+    return files.kept
 
 
 def _csv(rows: list[Row]) -> bytes:
@@ -84,16 +57,6 @@ def _csv(rows: list[Row]) -> bytes:
     lines = ([*map(neutral, line)] for line in (rows[0], *(row.values() for row in rows)))
     csv.writer(text).writerows(lines)
     return text.getvalue().encode("utf-8", "backslashreplace")
-
-
-def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
-    """Write a file under another name, then move it, so that it is never seen incomplete."""
-    made = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
-    try:
-        write(made)
-        made.replace(path)
-    finally:
-        made.unlink(missing_ok=True)
 
 
 def neutral(value: Any) -> Any:

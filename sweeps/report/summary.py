@@ -30,15 +30,16 @@ def summarize(
     console: Console,
     *,
     given: Sequence[str] = (),
-) -> None:
+) -> list[Path]:
     """Write the tables of a finished store beside it, and print a summary.
 
     `axes` are the numbers of values of what was swept, by key, and `given` the arguments of the
-    command. Raises ConfigurationError if the store has no tables, and OSError if tables cannot be
-    written; the summary is printed anyway.
+    command. Returns the paths at which other files are in the way of tables. Raises
+    ConfigurationError if the store has no tables, and OSError if tables cannot be written; the
+    summary is printed anyway.
     """
     parts = parts_of(path)
-    failure = write_parts(path, parts)
+    kept, failure = write_parts(path, parts)
     with page(console) as aside:
         note(f"\n{swept(axes)}", aside)
         headline(parts, aside)
@@ -48,6 +49,7 @@ def summarize(
             line(first + continued(words, aside.width), aside)
     if failure:
         raise failure
+    return kept
 
 
 def swept(axes: Mapping[str, int]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -11,9 +12,10 @@ from typing import Protocol
 from rich.console import Console
 
 from sweeps.report.layout import sheet, show
+from sweeps.report.own import OwnFiles
 from sweeps.report.places import tables_folder
 from sweeps.report.rows import Row
-from sweeps.report.screen import neutral, write_whole
+from sweeps.report.screen import neutral
 
 FILE = "stages.csv"
 COLUMNS = ("stage", "done", "reused", "failed", "work_s")
@@ -39,21 +41,20 @@ class Work:
     seconds: float
 
 
-def write_work(store: Path, stages: Mapping[str, Progress]) -> None:
-    """Write the work of a sweep beside the tables of its store. Raises OSError if that fails."""
-    folder = tables_folder(store)
-    folder.mkdir(exist_ok=True)
+def write_work(store: Path, stages: Mapping[str, Progress]) -> list[Path]:
+    """Write the work of a sweep beside the tables of its store.
+
+    Returns the paths at which other files are in the way. Raises OSError if it cannot.
+    """
     rows = [
         Work(name, one.done, one.reused, one.failed, round(one.seconds, 3))
         for name, one in stages.items()
     ]
-
-    def write(path: Path) -> None:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            lines = ([*map(neutral, astuple(one))] for one in rows)
-            csv.writer(file).writerows([COLUMNS, *lines])
-
-    write_whole(folder / FILE, write)
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows([COLUMNS, *([*map(neutral, astuple(one))] for one in rows)])
+    files = OwnFiles(tables_folder(store))
+    files.put(FILE, text.getvalue().encode())
+    return files.kept
 
 
 def read_work(store: Path) -> list[Work]:

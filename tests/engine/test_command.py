@@ -20,6 +20,7 @@ from toys import CALLS, SPRINGS, go
 
 from sweeps.engine import command as commands
 from sweeps.engine.command import Command
+from sweeps.engine.errors import SweepIncomplete
 from sweeps.engine.process import show
 from sweeps.engine.results import CellIndex
 from sweeps.engine.watching import summary, watching
@@ -70,6 +71,20 @@ def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
         "springs: 1 cell failed: period stiffness=4 mass=1 (ValueError: too [stiff])"
     )
     assert start("store=s.zarr", "spring.limit=1.5") == 1 and CALLS["period"] == 1
+
+
+def test_a_report_that_is_not_complete_exits_with_1(start, tmp_path, capsys):
+    def report(path, choices, finished):
+        raise SweepIncomplete("'mine.csv' stays as it is")
+
+    given = ["cache=cache", "cluster=inline", "store=s.zarr"]
+    assert Command(SPRINGS, report).main(given) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == "springs: 'mine.csv' stays as it is"
+    go(tmp_path / "t.zarr")
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert Command(SPRINGS, report).main([*given[:2], "store=u.zarr", "spring.limit=1.5"]) == 1
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("springs: 'mine.csv' stays as it is; 1 cell failed: period ")
 
 
 REFUSED = {

@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import zarr
+from stores import signed
 
 from sweeps.report.page import write
 
@@ -111,7 +112,7 @@ def stored(path, attributes=None, **groups):
     for name, dataset in groups.items():
         dataset.to_zarr(path, group=name.replace("__", "/"), mode="a", consolidated=False)
     zarr.open_group(path, mode="a").attrs.update(attributes or {})
-    return path
+    return signed(path)
 
 
 def page_of(path):

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import warnings
 from contextlib import chdir
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from once import made_once
 from rich.console import Console
 
 from sweeps.app import command
+from sweeps.engine.folders import write_manifest
 from sweeps.report.command import main, report
 from sweeps.report.places import tables_folder
 
@@ -57,6 +59,14 @@ def sweep(folder: Path, *overrides: str, code: int = 0) -> Path:
 def swept_once(factory: Any, name: str, *overrides: str) -> Path:
     """The store of a sweep of that name, made by one of the processes that run tests."""
     return made_once(factory, name, lambda folder: sweep(folder, *overrides)) / "s.zarr"
+
+
+def signed(path: Path) -> Path:
+    """A store that xarray wrote, with the metadata and the manifest that a sweep gives its own."""
+    with warnings.catch_warnings(action="ignore"):
+        zarr.consolidate_metadata(path)
+    write_manifest(path, {})
+    return path
 
 
 def reported(monkeypatch, *arguments: object) -> int:

@@ -8,7 +8,7 @@ import pytest
 from made import scores
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, sweep
+from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, signed, sweep
 
 import ncti.ships
 from ncti.irar import Correction, Flight, fly, ship_heading
@@ -58,6 +58,7 @@ def test_the_report_draws_when_it_is_told_to(store, monkeypatch, capsys):
 def test_a_store_without_flights_has_no_such_pictures(tmp_path, monkeypatch, capsys):
     path = tmp_path / "s.zarr"
     scores(mass=[1.0, 2.0]).to_zarr(path, group="tables/pears", consolidated=False)
+    signed(path)
     assert reported(monkeypatch, "--pictures", path) == 2
     told = capsys.readouterr().err
     assert "has no flights" in told and told.count("\n") == 1
@@ -67,8 +68,7 @@ def test_a_picture_that_is_not_finished_is_not_there(store, monkeypatch):
     from rich.console import Console
 
     def failing(self, target, **how):
-        target.write_bytes(b"\x89PNG half")
-        assert target.is_file()
+        target.write(b"\x89PNG half")
         raise PermissionError("no more room")
 
     monkeypatch.setattr(Figure, "savefig", failing)

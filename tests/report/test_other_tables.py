@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from made import formed, scores
 from rich.console import Console
-from stores import contents, printed, rows_of
+from stores import contents, printed, rows_of, signed
 
 from sweeps.report.others import MOST, other_rows, print_other
 from sweeps.report.places import tables_folder
@@ -34,7 +34,7 @@ def toy(seed=0, **attributes):
 def stored(path, **tables):
     for name, table in tables.items():
         table.to_zarr(path, group=f"tables/{name}", mode="a", consolidated=False)
-    return path
+    return signed(path)
 
 
 def test_every_cell_is_a_row_with_its_place_and_its_figures():

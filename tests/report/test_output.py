@@ -11,12 +11,15 @@ import pytest
 import xarray as xr
 from made import formed, scores
 from rich.console import Console
-from stores import contents, reported, rows_of
+from stores import contents, reported, rows_of, signed
 
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.folders import MANIFEST
+from sweeps.report import own
 from sweeps.report.command import report
-from sweeps.report.places import tables_folder
-from sweeps.report.screen import FILES, WRITTEN, neutral, write_tables
+from sweeps.report.own import WRITTEN
+from sweeps.report.places import page_file, tables_folder
+from sweeps.report.screen import FILES, neutral, write_tables
 
 GROUP = "tables/acn"
 AXES = {"pulse_width": [30.0], "range": [100.0], "vigilance": [0.95], "frame_count": [4]}
@@ -28,7 +31,7 @@ def made(path, **axes):
     formed(tables, over=("pulse_width", "vigilance")).to_zarr(
         path, group=GROUP, mode="w", consolidated=False
     )
-    return path
+    return signed(path)
 
 
 @pytest.fixture
@@ -163,12 +166,162 @@ def test_what_is_no_good_store_is_refused_in_one_sentence(
 
 
 def test_tables_that_cannot_be_written_are_printed_all_the_same(store, monkeypatch, capsys):
-    tables_folder(store).write_text("in the way")
+    def full(path, content):
+        raise OSError("no more room")
+
+    monkeypatch.setattr(own, "write_whole", full)
     assert reported(monkeypatch, store) == 2
     said = capsys.readouterr()
     assert "Percent correct" in said.out
     told = said.err
     assert told.startswith("ncti-report: tables are not written: ") and told.count("\n") == 1
+
+
+def link_of(path, target):
+    target.write_text("mine")
+    path.symlink_to(target)
+
+
+THEIRS = {  # what a user has there, and what of it is in the way
+    "a table": ({"s-tables/accuracy.csv": "mine", "s-tables/scan.csv": "mine"}, "accuracy.csv"),
+    "tables": ({f"s-tables/{name}.csv": "mine" for name in FILES}, "categories.csv"),
+    "the list": ({"s-tables/.written": "mine"}, ".written"),
+    "a file": ({"s-tables": "mine"}, "s-tables"),
+    "a page": ({"s-report.html": "<html>mine</html>"}, "s-report.html"),
+}
+
+
+def everything(folder):
+    """Every file below a folder, and where links lead."""
+    return {
+        str(one.relative_to(folder)): one.read_bytes()
+        for one in sorted(folder.rglob("*"))
+        if one.is_file()
+    } | {
+        str(one.relative_to(folder)): os.readlink(one)
+        for one in folder.rglob("*")
+        if one.is_symlink()
+    }
+
+
+@pytest.mark.parametrize("through", ["itself", "link"])
+@pytest.mark.parametrize("what", THEIRS)
+def test_what_the_report_did_not_write_stays(what, through, store, tmp_path, monkeypatch, capsys):
+    theirs, first = THEIRS[what]
+    for name, text in theirs.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        if through == "link":
+            link_of(path, tmp_path / f"their {path.name}")
+        else:
+            path.write_text(text)
+    before = everything(tmp_path)
+    assert reported(monkeypatch, "--html", store) == 1
+    said = capsys.readouterr()
+    assert "Percent correct" in said.out and said.err.count("\n") == 1
+    assert said.err.startswith("ncti-report: ") and first in said.err
+    assert said.err.endswith("; everything else is written\n")
+    now = everything(tmp_path)
+    assert before.items() <= now.items()
+    made = {name for name in now if name not in before and not name.startswith("s-tables/.")}
+    wanted = {"s-tables/accuracy.csv", "s-tables/categories.csv", "s-report.html"}
+    gone = {name for name in wanted if what in ("the list", "a file") and "tables" in name}
+    assert made == wanted - set(theirs) - gone
+    for name in theirs:
+        shutil.rmtree(tmp_path / name) if (tmp_path / name).is_dir() else (tmp_path / name).unlink()
+    assert reported(monkeypatch, "--html", store) == 0
+    assert wanted <= set(everything(tmp_path))
+
+
+def test_a_folder_behind_a_link_keeps_what_it_has(store, tmp_path, monkeypatch):
+    (tmp_path / "theirs").mkdir()
+    for name in ("accuracy.csv", "scan.csv"):
+        (tmp_path / "theirs" / name).write_text("mine")
+    tables_folder(store).symlink_to(tmp_path / "theirs")
+    for _ in range(2):
+        assert reported(monkeypatch, store) == 1
+        assert {
+            (tmp_path / "theirs" / name).read_text() for name in ("accuracy.csv", "scan.csv")
+        } == {"mine"}
+    assert files(store) == {"accuracy.csv", "scan.csv", "categories.csv"}
+
+
+def test_changed_tables_and_pages_stay(store, tmp_path, monkeypatch, capsys):
+    assert reported(monkeypatch, "--html", store) == 0
+    page = page_file(store)
+    before = page.read_bytes()
+    assert reported(monkeypatch, "--html", store) == 0 and page.read_bytes() == before
+    for path, change in (
+        (tables_folder(store) / "accuracy.csv", b"?"),
+        (page, b" "),
+        (page, b"<!-- my note -->"),
+    ):
+        whole = path.read_bytes()
+        path.write_bytes(whole + change)
+        capsys.readouterr()
+        assert reported(monkeypatch, "--html", store) == 1
+        assert path.name in capsys.readouterr().err and path.read_bytes() == whole + change
+        path.write_bytes(whole)
+        assert reported(monkeypatch, "--html", store) == 0
+
+
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeypatch, step):
+    write_tables(tmp_path, {"accuracy": [{"a": 1}]})
+    written, write = [], own.write_whole
+
+    def interrupted(path, content):
+        written.append(path)
+        if len(written) == step:
+            raise KeyboardInterrupt
+        write(path, content)
+
+    monkeypatch.setattr(own, "write_whole", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_tables(tmp_path, {"accuracy": [{"a": 2}]})
+    monkeypatch.undo()
+    assert write_tables(tmp_path, {"accuracy": [{"a": 3}]}) == []
+    assert contents(tmp_path) == {"accuracy.csv": b"a\r\n3\r\n"}
+
+
+@pytest.mark.parametrize("umask", [0, 0o077])
+def test_others_never_write_what_the_report_wrote(store, tmp_path, monkeypatch, umask):
+    before = os.umask(umask)
+    try:
+        assert reported(monkeypatch, "--html", store) == 0
+    finally:
+        os.umask(before)
+    folder = tables_folder(store)
+    modes = {one.stat().st_mode & 0o777 for one in (*folder.iterdir(), page_file(store))}
+    assert modes == {0o644 & ~umask} and folder.stat().st_mode & 0o777 == 0o755 & ~umask
+
+
+def files_of(path):
+    return [one for one in sorted(path.rglob("*")) if one.is_file() and one.name != MANIFEST]
+
+
+def test_a_report_is_made_of_whole_files_only(tmp_path, monkeypatch, capsys):
+    path = made(tmp_path / "s.zarr")
+    scores(a=[1, 2]).to_zarr(path, group="range_profile", mode="a", consolidated=False)
+    signed(path)
+    chunks = [one for one in files_of(path) if "/c" in str(one.relative_to(path))]
+    assert len(chunks) > 20
+    for file in files_of(path):
+        content, name = file.read_bytes(), str(file.relative_to(path))
+        read = name.startswith("tables/") or name.endswith("zarr.json")
+        for other in (None, content + b"?"):
+            file.unlink() if other is None else file.write_bytes(other)
+            for options in ([],) if read else (["--html"], []):
+                status = 2 if read or options else 0
+                assert reported(monkeypatch, *options, path) == status
+                said = capsys.readouterr()
+                if status:
+                    assert said.err.startswith("ncti-report: store is '") and not said.out
+                    assert said.err.count("\n") == 1 and name in said.err
+        file.write_bytes(content)
+    (path / GROUP / "accuracy" / "c" / "9").write_bytes(b"")
+    assert reported(monkeypatch, path) == 2
+    assert not page_file(path).exists()
 
 
 def test_every_store_has_a_folder_of_its_own(tmp_path):
@@ -177,17 +330,6 @@ def test_every_store_has_a_folder_of_its_own(tmp_path):
     assert len(folders) == len(names)
     assert tables_folder(tmp_path / "q.zarr").name == "q-tables"
     assert all(folder.parent == tmp_path for folder in folders)
-
-
-def test_files_of_an_earlier_run_go_and_others_stay(store):
-    folder = tables_folder(store)
-    folder.mkdir()
-    for name in (*FILES, "mine"):
-        (folder / f"{name}.csv").write_text("old")
-    (folder / "flight.png").write_text("old")
-    report(store, Console(file=io.StringIO()))
-    assert files(store) == {"accuracy.csv", "categories.csv", "mine.csv", "flight.png"}
-    assert (folder / "accuracy.csv").read_text() != "old"
 
 
 def test_files_of_tables_that_a_new_sweep_lacks_go_and_what_others_wrote_stays(tmp_path):
@@ -210,8 +352,10 @@ def test_a_list_of_files_that_is_damaged_costs_no_file(listed, tmp_path):
     for path in (folder / "theirs.csv", tmp_path / "theirs.csv"):
         path.write_text("kept")
     (folder / WRITTEN).write_bytes(listed)
-    write_tables(folder, {"accuracy": [{"a": 1}]})
-    assert set(contents(tmp_path)) == {"theirs.csv", "tables/theirs.csv", "tables/accuracy.csv"}
+    # It may be the user's own file, which is not replaced.
+    assert write_tables(folder, {"accuracy": [{"a": 1}]}) == [folder / WRITTEN]
+    assert set(contents(tmp_path)) == {"theirs.csv", "tables/theirs.csv"}
+    assert (folder / WRITTEN).read_bytes() == listed
 
 
 def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):

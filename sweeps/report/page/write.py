@@ -14,6 +14,7 @@ from typing import Any
 from sweeps.report import rows
 from sweeps.report.axes import printable
 from sweeps.report.fair import read_compared
+from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, put_page, sealed
 from sweeps.report.page import confusion, layout, summary
 from sweeps.report.page.cells import Cells
 from sweeps.report.page.charts import shape_of
@@ -21,7 +22,6 @@ from sweeps.report.page.cubes import NAMED, TRUE, Axes, Axis, Cube, cubes_of, pl
 from sweeps.report.page.pictures import Draw, pictures_of
 from sweeps.report.page.ships import ships_of
 from sweeps.report.places import page_file
-from sweeps.report.screen import write_whole
 from sweeps.report.work import read_work
 
 HIDDEN = (TRUE, NAMED)  # axes without a selector
@@ -30,22 +30,24 @@ SOURCES = (".py", ".html", ".css", ".js")
 STAMP = "ncti-store"  # name of the meta element that identifies the store of a page
 
 
-def write_page(store: Path, draw: Draw) -> Path:
-    """Write the page of a store beside it, atomically; return its path.
+def write_page(store: Path, draw: Draw) -> list[Path]:
+    """Write the page of a store beside it, atomically.
 
-    `draw` draws a kind of figure from a store, like `sweeps.report.figures.draw`. Raises
-    OSError if the store cannot be read, or the page cannot be written.
+    Returns the path if another file is in its place. `draw` draws a kind of figure from a store,
+    like `sweeps.report.figures.draw`. Raises OSError if the store cannot be read, or the page
+    cannot be written.
     """
-    path, text = page_file(store), page_of(store, draw)
-    write_whole(path, lambda made: made.write_text(text, encoding="utf-8", errors="replace"))
-    return path
+    path = page_file(store)
+    if not is_free(path):  # found before drawing
+        return [path]
+    return [] if put_page(path, page_of(store, draw).encode("utf-8", "replace")) else [path]
 
 
 def is_current(store: Path) -> bool:
     """Return whether the page beside a store was made from it by this code."""
     try:
         with page_file(store).open(encoding="utf-8") as file:
-            return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(4096)
+            return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(BEGINNING)
     except (OSError, UnicodeDecodeError):
         return False
 
@@ -84,6 +86,8 @@ def page_of(path: Path, draw: Draw) -> str:
     content = {
         "store": path.name,
         "stamp": _stamp(path),
+        "own": PAGE,
+        "digest": UNKNOWN,
         "title": str(attributes.get("title", "Parameter sweep")),
         "status": status,
         "settings": [(key, summary.written(value)) for key, value in settings],
@@ -106,7 +110,7 @@ def page_of(path: Path, draw: Draw) -> str:
         "cells": cells,
         "data": cells.data(),
     }
-    return _rendered(content)
+    return sealed(_rendered(content)).decode()
 
 
 def _read(store: Any, name: str) -> tuple[dict[str, Axis], list[Cube], dict[str, str]]:

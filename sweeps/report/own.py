@@ -1,0 +1,159 @@
+"""Files beside a store that the report wrote: only these are replaced or removed, if unchanged.
+
+The folder of tables has a list of them with their digests, as of `sha256sum`. A page contains the
+digest of the rest of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import uuid
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from sweeps.report.axes import printable
+
+WRITTEN = ".written"  # the list of a folder
+PAGE = "ncti-page"  # name of the meta element with the digest of a page
+UNKNOWN = 64 * "0"  # in place of the digest, when it is computed
+BEGINNING = 4096  # bytes of a page in which its digest stands
+FOLDER, FILE = 0o755, 0o644  # modes: others may never write
+
+_LINE = re.compile(r"([0-9a-f]{64})  ([^/\0]+)")
+_PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE.encode())
+
+
+class OwnFiles:
+    """The files of a folder, which is made if missing, that were written by means of this class.
+
+    `kept` has the paths at which others are in the way, so that they were not written. OSError if
+    something cannot be written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.kept: list[Path] = []
+        self._listed: dict[str, tuple[str, ...]] = {}
+        self._closed = True  # whether nothing may be written there
+        if os.path.lexists(folder) and not folder.is_dir():
+            self.kept.append(folder)
+            return
+        folder.mkdir(FOLDER, exist_ok=True)
+        listed = _read_list(folder / WRITTEN)
+        if listed is None:
+            self.kept.append(folder / WRITTEN)
+            return
+        self._listed, self._closed = listed, False
+
+    @property
+    def names(self) -> list[str]:
+        """Return names of the listed files."""
+        return list(self._listed)
+
+    def put(self, name: str, content: bytes) -> None:
+        """Write a file, unless another one is in its place."""
+        path, digest = self.folder / name, _digest(content)
+        if self._closed or _has(path, (digest,)):
+            return
+        before = self._listed.get(name, ())
+        if os.path.lexists(path) and not _has(path, before):
+            self.kept.append(path)
+            return
+        # Listed before and after with both digests, so that an interrupt leaves an own file.
+        self._list({**self._listed, name: (*before, digest)})
+        write_whole(path, content)
+        self._list({**self._listed, name: (digest,)})
+
+    def remove(self, name: str) -> None:
+        """Remove a listed file, unless it was changed; forget it in any case."""
+        if self._closed or name not in self._listed:
+            return
+        if _has(self.folder / name, self._listed[name]):
+            (self.folder / name).unlink()
+        self._list({one: digests for one, digests in self._listed.items() if one != name})
+
+    def _list(self, listed: dict[str, tuple[str, ...]]) -> None:
+        lines = (f"{digest}  {name}\n" for name, digests in listed.items() for digest in digests)
+        write_whole(self.folder / WRITTEN, "".join(lines).encode())
+        self._listed = listed
+
+
+def sealed(page: str) -> bytes:
+    """Return the bytes of a page that contains `UNKNOWN`, with its digest there instead."""
+    content = page.encode("utf-8", "replace")
+    return content.replace(UNKNOWN.encode(), _digest(content).encode(), 1)
+
+
+def put_page(path: Path, content: bytes) -> bool:
+    """Write a sealed page, unless another file is in its place; return whether it was written."""
+    if not is_free(path):
+        return False
+    write_whole(path, content)
+    return True
+
+
+def is_free(path: Path) -> bool:
+    """Return whether a page may be written to a path: nothing or an unchanged page is there."""
+    if not os.path.lexists(path):
+        return True
+    if path.is_symlink() or not path.is_file():
+        return False
+    content = path.read_bytes()
+    found = _PAGE.search(content[:BEGINNING])
+    if not found:
+        return False
+    begin, end = found.span(2)
+    return _digest(content[:begin] + UNKNOWN.encode() + content[end:]) == found[2].decode()
+
+
+def sentence_of(kept: Sequence[Path]) -> str:
+    """Return a sentence on files that are in the way."""
+    first, others = printable(repr(str(kept[0]))), len(kept) - 1
+    if not others:
+        why = "stays as it is, since it was not written by a report or was changed since"
+    else:
+        first += f" and {others} other file{'s' * (others > 1)}"
+        why = "stay as they are, since they were not written by a report or were changed since"
+    return f"{first} {why}; everything else is written"
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file under another name, then move it, so that it is never seen incomplete."""
+    made = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    try:
+        made.touch(FILE, exist_ok=False)
+        made.write_bytes(content)
+        made.replace(path)
+    finally:
+        made.unlink(missing_ok=True)
+
+
+def _read_list(path: Path) -> dict[str, tuple[str, ...]] | None:
+    """Return digests by name as a list has them; None if it is anything else."""
+    if not os.path.lexists(path):
+        return {}
+    if path.is_symlink() or not path.is_file():
+        return None
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")
+    except UnicodeDecodeError:
+        return None
+    if lines.pop() or not all(map(_LINE.fullmatch, lines)):
+        return None
+    listed: dict[str, tuple[str, ...]] = {}
+    for digest, _, name in (line.partition("  ") for line in lines):
+        listed[name] = (*listed.get(name, ()), digest)
+    return listed
+
+
+def _has(path: Path, digests: Iterable[str]) -> bool:
+    """Return whether a path is a file, and no link, with one of some digests."""
+    if path.is_symlink() or not path.is_file():
+        return False
+    return _digest(path.read_bytes()) in digests
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
