@@ -323,8 +323,20 @@ def range_extent(
         slant_range=slant_range,
         difference=difference,
         shift=(right, up),
-        far_field_error=far_field_error(reach, slant_range) if image.slant_range is None else 0.0,
+        far_field_error=_far_field_error(image, reach, slant_range),
     )
+
+
+def _far_field_error(image: RangeImage | LineImage, reach: float, slant_range: float) -> float:
+    """Return the bound on the error of a far-field image that reaches so far down-range [m]."""
+    if image.slant_range is not None:
+        return 0.0
+    if isinstance(image, LineImage):
+        places = image.bounds
+    else:
+        places = image.cross_range_at(*np.nonzero(image.hit))
+    across = max(float(np.abs(place).max(initial=0.0)) for place in places)
+    return far_field_error(reach, slant_range, across=across)
 
 
 def _check_clear(image: RangeImage | LineImage, seen: Floats, slant_range: float) -> None:

@@ -30,6 +30,9 @@ evenly spread phases and point sampling converges several times faster than on a
 FAR_FIELD = 1.5
 """Error of drawing the far field at a finite range, over reach / range; see `far_field_error`."""
 
+ACROSS = 0.2
+"""Part of a distance across the line of sight that counts as reach; see `far_field_error`."""
+
 MAX_SIDE = 16384
 """Longest side of an image [pixel]: the largest framebuffer that Mesa's software renderer has."""
 
@@ -105,7 +108,7 @@ class View:
         return np.array([right * cos_g + up * sin_g, up * cos_g - right * sin_g, away])
 
 
-def far_field_error(reach: float, slant_range: float) -> float:
+def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) -> float:
     """Return a bound on the error of a range extent drawn in the far field.
 
     Parameters
@@ -114,6 +117,8 @@ def far_field_error(reach: float, slant_range: float) -> float:
         Largest distance down-range from the ship origin of what is seen, either way [m].
     slant_range : float
         Distance from the sensor to the ship origin [m], at which the ship is not drawn.
+    across : float
+        Largest distance from the ship origin across the line of sight [m].
 
     Returns
     -------
@@ -133,7 +138,9 @@ def far_field_error(reach: float, slant_range: float) -> float:
     at a distance s across it: decks show more or less of themselves, and other parts obscure them.
     Of 200 random views (six ships, any aspect, depression 0.5 to 60 degrees, 1 to 200 km), the
     error is 1.1 reach / range in the median; it is below the bound in all but 1 of 141 after pulses
-    of 10 to 60 ns, and in 97 % without a pulse in bins of 0.25 and 0.5 m.
+    of 10 to 60 ns, and in 97 % without a pulse in bins of 0.25 and 0.5 m. Abeam the parts across
+    count more than those behind: of 60 views within 12 degrees of it, the error is at most 0.92 of
+    the bound with a fifth of their distance as reach, and up to 1.55 of it without.
 
     Examples
     --------
@@ -142,7 +149,7 @@ def far_field_error(reach: float, slant_range: float) -> float:
     >>> print(f"{far_field_error(70.0, 100e3):.5f}")
     0.00105
     """
-    return FAR_FIELD * reach / slant_range
+    return FAR_FIELD * max(reach, ACROSS * across) / slant_range
 
 
 @dataclass(frozen=True)

@@ -1,3 +1,5 @@
+import re
+
 import pytest
 
 from benchmarks import budget
@@ -21,8 +23,13 @@ def test_errors_stand_in_the_order_that_theory_gives_them(rows):
     """Rounding is below sampling, that below the step between templates, and that below noise."""
     error = {source: row["error"].median for source, row in rows.items()}
     assert error["float"] < 1e-3 < error["line"] < error["pixel"]
-    assert error["curvature"] < error["curvature, left out"]
+    assert error["far field"] < error["far field, plane waves"]
     assert error["pixel"] < error["template spacing"] < error["draws"]
+
+
+def test_the_far_field_errs_within_its_bound(rows):
+    share = float(re.search(r"at most (\S+) of its bound", rows["far field"]["how"])[1])
+    assert 0.3 < share < 1
 
 
 def test_bins_err_by_less_than_half_of_one(rows):

@@ -11,7 +11,7 @@ import ncti.ships
 from ncti.ladar import range_extent
 from ncti.ladar.pixels import bin_boxes
 from ncti.ladar.pulse import target_response
-from ncti.render import LineImage, line_image
+from ncti.render import LineImage, line_image, range_image
 
 
 def plain_boxes(group, start, stop, area, group_count, bin_count):
@@ -268,3 +268,18 @@ def test_the_bound_of_a_far_field_view_covers_its_error_at_any_range(slant_range
     assert truth < found.error_after(30e-9) < 2 * truth
     assert exact.error_after(30e-9) < truth / 2
     assert found.mirrored().far_field_error == found.far_field_error
+
+
+@pytest.mark.parametrize(("ship", "aspect"), [("duncan", 90.0), ("texas", 92.0)])
+def test_the_bound_of_a_far_field_view_holds_abeam(ship, aspect):
+    """Where little lies before and behind the ship origin, and the ends across turn by s / R."""
+    view = {"aspect": aspect, "depression": 3.84}
+    mesh, binning = ncti.ships.load(ship), {"slant_range": 4e3, "ifov": 15 / 4e3}
+    found, exact = (
+        range_extent(line_image(mesh, spacing=1 / 16, slant_range=drawn, **view), **binning)
+        for drawn in (None, 4e3)
+    )
+    p, q = found.fraction.sum(axis=0), exact.fraction.sum(axis=0)
+    assert found.far_field_error / 2 < np.abs(p - q).sum() / q.sum() < found.far_field_error
+    pixels = range_extent(range_image(mesh, pixel=0.25, engine="embree", **view), **binning)
+    assert pixels.far_field_error == pytest.approx(found.far_field_error, rel=0.02)
