@@ -10,11 +10,12 @@ import atexit
 import gc
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sweeps.engine.interrupts import Stopped, heed, stopping
 from sweeps.engine.version import OPTION, version_of
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from sweeps.engine.settings import Choices
 
 NAME = "ncti-sweep"
+_until_exit: list[ExitStack] = []
 MULTIRUN = ("-m", "--multirun")  # the options with which it is a sweep
 
 
@@ -42,14 +44,18 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         sys.exit(0)
     # No garbage collection at exit, which would take 0.2 s.
     atexit.register(gc.freeze)
-    try:
-        if all(one in MULTIRUN for one in given if one.startswith("-")):
-            _say("reading the configuration")
-        with _workers_ahead(given):
-            status = command(*modules, given=given).main(given)
-    except KeyboardInterrupt:
-        _say("interrupted")
-        status = 130
+    with ExitStack() as signals:
+        signals.enter_context(stopping())
+        try:
+            if all(one in MULTIRUN for one in given if one.startswith("-")):
+                _say("reading the configuration")
+            with _workers_ahead(given):
+                status = command(*modules, given=given).main(given)
+        except Stopped as stopped:
+            _say(stopped.words)
+            status = stopped.status
+        if arguments is None:  # this process ends, and a signal that comes too late is only noted
+            _until_exit.append(signals.pop_all())
     sys.exit(status)
 
 
@@ -64,10 +70,14 @@ def command(*modules: Any, given: Sequence[str] = ()) -> Command:
 
     `given` are the arguments that the page at the end varies for its example.
     """
+    heed()
     from sweeps.engine.command import Command
+
+    heed()
     from sweeps.experiment import EXPERIMENT, MODULES, assemble
     from sweeps.report.places import beside
 
+    heed()
     packages = tuple(one.__name__ for one in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
     return Command(experiment, partial(report, given=given), beside)

@@ -54,7 +54,7 @@ def write(path: Path, ship: Ship) -> None:
                     file, vertices=ship.vertices, faces=ship.faces, loa=ship.loa, beam=ship.beam
                 )
             os.replace(temporary, path)
-        except OSError:
+        except BaseException:
             os.unlink(temporary)
             raise
     except OSError:

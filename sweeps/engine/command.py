@@ -39,12 +39,14 @@ from sweeps.engine.front import (
     register,
     replaceable,
 )
+from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
 from sweeps.engine.multirun import Job, batches, crossed, fused, jobs_of, read_job, swept
 from sweeps.engine.packs import SHORTAGES
 from sweeps.engine.plan import Plan
-from sweeps.engine.process import Stopped, forgiving, say, show, stopping
+from sweeps.engine.preview import preview
+from sweeps.engine.process import forgiving, say, show
 from sweeps.engine.results import open_index
-from sweeps.engine.run import Finished, Place, existing, preview, sweep
+from sweeps.engine.run import Finished, Place, existing, sweep
 from sweeps.engine.settings import Choices, Cluster, Run, settings_table
 from sweeps.engine.stage import Experiment, nothing_to_check
 from sweeps.engine.tasks import reason
@@ -87,15 +89,14 @@ class Command:
         with forgiving():
             try:
                 with stopping():
-                    return self._main(given)
+                    status = self._main(given)
+                    heed()
+                    return status
             except SystemExit as ended:  # Hydra's, after its help or a wrong option
                 return ended.code if isinstance(ended.code, int) else ALL_DONE
             except Stopped as stopped:
-                say(self.name, f"stopped by {stopped.name}; the same command resumes the sweep")
-                return 128 + stopped.number
-            except KeyboardInterrupt:
-                say(self.name, "interrupted; the same command resumes the sweep")
-                return 130
+                say(self.name, f"{stopped.words}; the same command resumes the sweep")
+                return stopped.status
             except (ConfigurationError, HydraException, OmegaConfBaseException) as error:
                 say(self.name, explain(self.experiment, error))
                 return WRONG
@@ -134,7 +135,8 @@ class Command:
         elsewhere = (options.config_path, options.config_name, options.config_dir)
         if not (any(asks) or any(elsewhere) or options.shell_completion):
             jobs, master = self._jobs(plain, several=options.multirun)
-            sweeps = self._checked(jobs)
+            with interruptible():
+                sweeps = self._checked(jobs)
             if sweeps and all(choices.one(Run.dry_run) for choices, _ in sweeps):
                 for choices, store in sweeps:
                     self._say_all(experiment.about(choices))
@@ -197,7 +199,7 @@ class Command:
                     composed.store = None  # known when the job runs
                 choices = read(composed)
                 jobs = [Job(swept(own), choices, choices.one(Run.store))]
-        with self._patience():
+        with self._patience(), interruptible():
             return [replace(job, choices=experiment.check(job.choices)) for job in jobs], master
 
     @contextmanager
@@ -289,7 +291,8 @@ class Command:
                 finished = sweep(self.experiment, choices, place, watch)
             say(self.name, summary(finished.progress, finished.seconds))
             try:
-                self.report(store, choices, finished)
+                with interruptible():
+                    self.report(store, choices, finished)
             except SweepIncomplete as error:
                 finished.left = str(error)
             except Exception as error:  # the store is complete without it

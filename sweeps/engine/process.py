@@ -1,13 +1,11 @@
-"""This process: its output, signals, environment and threads."""
+"""This process: its output, environment and threads."""
 
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from types import FrameType
 from typing import Any
 
 from rich.console import Console
@@ -84,35 +82,6 @@ def _settle(stream: Any) -> None:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, stream.fileno())
             os.close(nowhere)
-
-
-# signals
-
-
-class Stopped(BaseException):
-    """The process is asked to end; holds the signal's number."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
-        self.name = signal.Signals(number).name
-
-
-@contextmanager
-def stopping() -> Iterator[None]:
-    """Turn signals into exceptions, so that workers stop in order and a message is printed."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise Stopped(number)
-
-    before = {}
-    with suppress(ValueError):  # only the main thread handles signals
-        before = {one: signal.signal(one, stop) for one in (signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 # environment

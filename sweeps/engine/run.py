@@ -28,6 +28,7 @@ from sweeps.engine.folders import (
     remove_folder,
     verify,
 )
+from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.packs import PRIVATE, Spot, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.provenance import check_extends, provenance
@@ -77,63 +78,12 @@ class Finished:
     left: str = ""
 
 
-@dataclass(frozen=True)
-class Preview:
-    """Cells, results and time of a sweep that has not been run."""
-
-    stages: Mapping[str, tuple[int, int]]  # cells of each stage, and those to be computed
-    calls: int
-    size: float | None  # bytes of the new results; None if some stage was never timed
-    seconds: float | None  # of work on one core, likewise
-
-    @property
-    def sentence(self) -> str:
-        """Return calls, size and time in a sentence."""
-        if not self.calls:
-            return "nothing to compute: all cells are in the cache or the store"
-        work = "unknown" if self.seconds is None else f"{self.seconds:.3g} s"
-        size = "unknown" if self.size is None else f"{self.size / 1e6:.3g} MB"
-        return f"{self.calls:,} calls to run; new results {size}; time on one core {work}"
-
-
 def existing(experiment: Experiment, path: Path, plan: Plan) -> Mapping[str, object] | None:
     """Return attributes of the store that a sweep extends; None if there is none."""
     attributes = read_attributes(path)
     if attributes is not None:
         check_extends(experiment, str(path), attributes, plan)
     return attributes
-
-
-def preview(
-    experiment: Experiment, choices: Choices, cache: Path, store: Path | None = None
-) -> Preview:
-    """Return what a sweep would compute; write nothing, and neither folder need exist.
-
-    Raises
-    ------
-    ConfigurationError
-        If the sweep would be refused.
-    """
-    plan = Plan(experiment, choices)
-    old = existing(experiment, store, plan) if store is not None else None
-    before = OldStore(plan, store, old, lambda sentence: None) if store and old else None
-    index = CellIndex(cache, lambda sentence: None)  # which is not saved
-
-    def find(bound: Bound, keys: Sequence[str]) -> dict[str, Spot]:
-        there = before.has(bound, keys) if before is not None else ()
-        return {key: Spot("", 0, key) for key in there} | index.find(keys)
-
-    schedule, costs = Schedule(plan), index.costs()
-    schedule.resolve(find)
-    shown = {name: one for name, one in schedule.progress.items() if one.total}
-    left = {name: one.left for name, one in shown.items() if one.left}
-    known = all(name in costs for name in left)
-    return Preview(
-        {name: (one.total, one.left) for name, one in shown.items()},
-        len(schedule.missing_cells()),
-        sum(costs[name][1] * cells for name, cells in left.items()) if known else None,
-        sum(costs[name][0] * cells for name, cells in left.items()) if known else None,
-    )
 
 
 def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) -> Finished:
@@ -196,8 +146,9 @@ def _sweep(
         with _workers(place.cluster, plan, watch, thread) as start:
             if place.cluster.kind == "local" and old is None and not index.summary():
                 start(sum(plan.count(bound) for bound in plan.bound.values() if bound.stage.kept))
-            schedule.resolve(find)
-            missing = schedule.missing_cells()
+            with interruptible():
+                schedule.resolve(find)
+                missing = schedule.missing_cells()
             cells = sum(number for _, number in missing)
             total = sum(one.total for one in schedule.progress.values())
             watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
@@ -208,8 +159,9 @@ def _sweep(
                 starting = start(len(missing), quick=quick)
                 if place.cluster.kind == "local":
                     functions = _functions(bound for bound, _ in missing)
-                    plan.experiment.prepare(plan.choices, functions, watch.say)
-                workers = starting.result()
+                    plan.experiment.prepare(plan.choices, functions, heeding(watch.say))
+                with interruptible():
+                    workers = starting.result()
                 if plan.experiment.tables and not isinstance(workers, InlineExecutor):
                     thread.submit(_import_for_tables)  # while they work
                 damaged, failed = execute(
@@ -317,7 +269,9 @@ def execute(
             jobs, calls = schedule.batch(executor.workers)
             if calls:
                 hand_out(jobs, calls)
-        for task, report, error in executor.finished() if under_way else ():
+        with interruptible():
+            finished = executor.finished() if under_way else []
+        for task, report, error in finished:
             jobs, calls = under_way.pop(task)
             if error is None:
                 take_down(jobs, report)
@@ -368,6 +322,7 @@ def _damaged(schedule: Schedule, place: Place) -> set[str]:
 def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -> bool:
     """Return whether a store already has all of a plan, and is undamaged."""
     # As read back from a store.
+    heed()
     if "failures" in old or dict(old) != json.loads(json.dumps(provenance(plan))):
         return False
     bad = verify(path)
@@ -378,6 +333,7 @@ def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -
 
 def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
     """Assemble the store with its tables, and move it to its place."""
+    heed()
     cube = Cube(
         plan,
         schedule.spots,
@@ -393,7 +349,8 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
         if (key := plan.key(bound, at)) in failed
     }
 
-    groups = cube.groups()
-    add_tables(plan, groups)
+    with interruptible():
+        groups = cube.groups()
+        add_tables(plan, groups)
     attributes = provenance(plan, failures)
     write_store(place.store, groups, attributes, threads=WRITERS, remove=place.remove)

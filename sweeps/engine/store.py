@@ -30,6 +30,7 @@ from sweeps.engine.folders import (
     write_file,
     write_manifest,
 )
+from sweeps.engine.interrupts import interruptible
 from sweeps.engine.packs import make_folder
 from sweeps.engine.zarr_array import METADATA, Array, Group, Region, encode, metadata, regions
 
@@ -119,7 +120,13 @@ def _write_groups(
     with ThreadPoolExecutor(threads) as pool:
         jobs = ((name, array, *chunk) for name, array in arrays.items() for chunk in regions(array))
         chunks = pool.map(write, jobs)
-        return written | {name: checksum for name, checksum in chunks if checksum is not None}
+        try:
+            with interruptible():
+                done = dict(chunks)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return written | {name: checksum for name, checksum in done.items() if checksum is not None}
 
 
 def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> dict[str, int]:

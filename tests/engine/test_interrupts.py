@@ -1,0 +1,168 @@
+"""Signals are never lost, never cut short what cleans up, and end a command in one sentence."""
+
+import contextlib
+import os
+import signal
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from small_stores import files
+from toys import SPRINGS, go
+
+from sweeps.engine import run, store
+from sweeps.engine.command import Command
+from sweeps.engine.interrupts import Stopped, heed, heeding, interruptible, stopping
+from sweeps.engine.stage import Table
+
+
+def arrive(number=signal.SIGINT):
+    """A signal arrives now."""
+    os.kill(os.getpid(), number)
+
+
+@pytest.fixture(autouse=True)
+def heard():
+    """Signals are heard, whatever started the tests."""
+    before = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGHUP)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    for one, handler in before.items():
+        signal.signal(one, handler)
+
+
+def test_a_signal_waits_until_it_is_heeded():
+    with stopping():
+        arrive()
+        arrive(signal.SIGTERM)  # later ones change nothing
+        with pytest.raises(Stopped) as stopped:
+            heed()
+        assert (stopped.value.words, stopped.value.status) == ("interrupted", 130)
+        with pytest.raises(Stopped):
+            heeding(print)("nothing")
+        with pytest.raises(Stopped), interruptible():
+            pytest.fail("begun after a signal")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    heed()
+    with stopping():
+        heed()  # that of the earlier context is forgotten
+
+
+def test_a_signal_that_something_swallows_is_raised_again():
+    with stopping():
+        with pytest.raises(Stopped), interruptible():
+            swallowing()
+        with pytest.raises(Stopped):
+            heed()
+
+
+def test_one_that_cannot_be_raised_prints_nothing(capsys):
+    class Noisy:
+        def __del__(self):
+            arrive()
+
+    with stopping(), pytest.raises(Stopped), interruptible():
+        Noisy()
+    assert capsys.readouterr().err == ""
+
+
+def test_signals_that_are_ignored_stay_so():
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with stopping():
+        arrive(signal.SIGHUP)
+        heed()
+        with stopping():  # inside another, it does nothing
+            arrive()
+        with pytest.raises(Stopped):
+            heed()
+    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+
+
+def test_other_threads_are_not_interrupted():
+    with stopping():
+        arrive()
+        ended = []
+
+        def work():
+            with interruptible():
+                heed()
+            with stopping():
+                ended.append(True)
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        thread.join()
+        assert ended
+
+
+def arriving(function):
+    """A function during which a signal arrives."""
+
+    def called(*given, **named):
+        arrive()
+        return function(*given, **named)
+
+    return called
+
+
+def swallowing(*given, **named):
+    """Code that swallows anything."""
+    with contextlib.suppress(BaseException):
+        arrive()
+
+
+def checked(choices):
+    arrive()
+    return SPRINGS.check(choices)
+
+
+WHERE = {  # what happens meanwhile
+    "checking": lambda patch: replace(SPRINGS, check=checked),
+    "checking, swallowed": lambda patch: replace(
+        SPRINGS, check=lambda choices: swallowing() or SPRINGS.check(choices)
+    ),
+    "computing": lambda patch: patch.setattr(run, "execute", arriving(run.execute)),
+    "a table": lambda patch: replace(
+        SPRINGS, tables=(Table("tables/best", ("answers",), swallowing),)
+    ),
+    "the store": lambda patch: patch.setattr(store, "encode", encoding(store.encode)),
+    "exchanging": lambda patch: patch.setattr(store, "put_in_place", arriving(store.put_in_place)),
+}
+
+
+def encoding(encode):
+    """Encoding of chunks, meanwhile a signal arrives."""
+
+    def encoded(*given):
+        arrive()
+        return encode(*given)
+
+    return encoded
+
+
+@pytest.mark.parametrize("where", WHERE)
+def test_a_signal_at_any_moment_is_one_sentence_and_resumed(where, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    given = ["cache=cache", "cluster=inline", "store=s.zarr", "spring.mass=[1,2]"]
+    with monkeypatch.context() as patch:
+        experiment = WHERE[where](patch) or SPRINGS
+        assert Command(experiment).main(given) == 130
+    said = capsys.readouterr()
+    sentence = "springs: interrupted; the same command resumes the sweep"
+    assert said.err.splitlines()[-1] == sentence and said.err.count("interrupted") == 1
+    assert "Traceback" not in said.err and "Exception" not in said.err
+    assert not [one for one in Path().iterdir() if one.name.startswith(".")]
+    assert Command(SPRINGS).main(given) == 0
+    go(tmp_path / "t.zarr", spring__mass=[1, 2])
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+
+
+def test_a_signal_during_the_report_leaves_the_store(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    given = ["cache=cache", "cluster=inline", "store=s.zarr"]
+    assert Command(SPRINGS, swallowing).main(given) == 130
+    assert capsys.readouterr().err.endswith("interrupted; the same command resumes the sweep\n")
+    go(tmp_path / "t.zarr")
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
