@@ -86,9 +86,7 @@ def range_image(
 
     drawing = start_engine(engine)
     facet = drawing.visible(solid, view, lattice, points)
-    down_range, gradient = surface(
-        solid, view, lattice, points, facet, from_behind=drawing.from_behind
-    )
+    down_range, gradient = surface(solid, view, lattice, points, facet)
     return RangeImage(
         down_range,
         gradient,

@@ -10,14 +10,23 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ncti.render.solid import Solid, covered
+from ncti.render.solid import STEEPEST, Solid, covered
 from ncti.render.view import Lattice, View
+
+STEP = 2.0**-20
+"""Distance by which a ray is taken up again behind a facet, over the ship's size: some rounding
+errors of float32."""
+
+Indices = NDArray[np.intp]
+Floats = NDArray[np.float64]
 
 
 class EmbreeEngine:
-    """Embree, one ray through each pixel centre between the first and the last on the ship."""
+    """Embree, one ray through each pixel centre between the first and the last on the ship.
 
-    from_behind = True
+    Rays pass through facets that face away from the sensor, as a rasteriser leaves them out: a
+    closed ship shows none, an open one what is behind its holes.
+    """
 
     def __init__(self) -> None:
         # A scene lasts as long as its solid is kept.
@@ -48,9 +57,35 @@ class EmbreeEngine:
     def cast(
         self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]
     ) -> NDArray[np.intp]:
-        """Return the (ray,) first facets on rays that start near the solid; -1 if none."""
+        """Return the (ray,) first facets that face rays that start near the solid; -1 if none."""
+        facet = self._first(solid, start, direction)
+        ray = _from_behind(solid, facet, direction)
+        if not ray.size:
+            return facet
+        step = STEP * float(np.ptp(solid.vertices, axis=0).max())
+        origin = start[ray].astype(np.float64)
+        along = np.broadcast_to(direction, start.shape)[ray].astype(np.float64)
+        passed = np.zeros(len(ray))  # along each ray
+        # Each round passes one facet; a ray meets each facet once.
+        while ray.size:
+            behind = facet[ray]
+            distance = _distance(solid, behind, origin, along)
+            facet[ray] = _twin(solid, behind, origin + distance[:, None] * along, step)
+            going = facet[ray] < 0
+            ray, origin, along = ray[going], origin[going], along[going]
+            passed = np.maximum(distance[going], passed[going]) + step
+            begin = (origin + passed[:, None] * along).astype(np.float32)
+            facet[ray] = self._first(solid, begin, along.astype(np.float32))
+            left = _from_behind(solid, facet[ray], along)
+            ray, origin, along, passed = ray[left], origin[left], along[left], passed[left]
+        return facet
+
+    def _first(
+        self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]
+    ) -> Indices:
+        """Return the (ray,) first facets on rays, from whichever side; -1 if none."""
         with self._lock:
-            facet: NDArray[np.intp] = self._scene(solid).run(start, direction)
+            facet: Indices = self._scene(solid).run(start, direction)
         return facet
 
     def _scene(self, solid: Solid) -> EmbreeScene:
@@ -59,3 +94,46 @@ class EmbreeEngine:
             scene = self._scenes[solid] = EmbreeScene(robust=True)
             TriangleMesh(scene, solid.vertices.astype(np.float32), solid.faces)
         return scene
+
+
+def _from_behind(solid: Solid, facet: Indices, direction: NDArray[np.float32] | Floats) -> Indices:
+    """Return which rays meet their facet from behind; one edge-on counts as facing them."""
+    if len(direction) == 1:  # parallel rays: one cosine for each facet
+        away = solid.normals @ direction[0] > STEEPEST
+        return np.flatnonzero(away[facet] & (facet >= 0))
+    normal = solid.normals.take(np.maximum(facet, 0), axis=0)
+    cosine = np.einsum("ij,ij->i", normal, direction)
+    return np.flatnonzero((cosine > STEEPEST) & (facet >= 0))
+
+
+def _distance(solid: Solid, facet: Indices, origin: Floats, direction: Floats) -> Floats:
+    """Return the distance along rays of the planes of facets that they cross."""
+    normal = solid.normals.take(facet, axis=0)
+    corner = solid.vertices[solid.faces[facet, 0]]
+    ahead = np.einsum("ij,ij->i", normal, corner - origin)
+    return ahead / np.einsum("ij,ij->i", normal, direction)
+
+
+def _twin(solid: Solid, facet: Indices, place: Floats, step: float) -> Indices:
+    """Return the facets at given places that lie back to back with others; -1 if none.
+
+    Which of two coincident facets Embree returns is chance.
+    """
+    found = np.full(len(facet), -1, dtype=np.intp)
+    for one in np.unique(facet):
+        normal = solid.normals[one]
+        level = solid.vertices @ normal - solid.vertices[solid.faces[one, 0]] @ normal
+        flat = (np.abs(level) <= step)[solid.faces].all(axis=1)
+        others = np.flatnonzero(flat & (solid.normals @ normal < 0))
+        if not others.size:
+            continue
+        corners = solid.vertices[solid.faces[others]]
+        edges = np.roll(corners, -1, axis=1) - corners
+        # Inside a triangle a place is left of all its edges: inwards from each corner's edge.
+        inwards = np.cross(solid.normals[others, None], edges)
+        least = np.einsum("fek,fek->fe", inwards, corners)
+        for ray in np.flatnonzero(facet == one):
+            inside = (inwards @ place[ray] >= least).all(axis=1)
+            if inside.any():
+                found[ray] = others[inside.argmax()]
+    return found

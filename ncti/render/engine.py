@@ -32,15 +32,8 @@ class Engine(Protocol):
 
     An engine does nothing else: range and slope follow from the facets in float64, by the same
     code for all engines (`ncti.render.solid.surface`), so that they do not depend on an engine's
-    arithmetic.
-
-    Attributes
-    ----------
-    from_behind : bool
-        Whether it also sees facets from behind: as rays do, where two of opposite winding coincide.
+    arithmetic. Facets that face away from the sensor are not seen.
     """
-
-    from_behind: bool
 
     def visible(
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]

@@ -31,8 +31,6 @@ class PyrenderEngine:
     be called from any; images are drawn one at a time.
     """
 
-    from_behind = False  # culled; one that is, in float64, is at the outline, turned by the grid
-
     def __init__(self, platform: str) -> None:
         bind_platform(platform)
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"render-{platform}")

@@ -51,4 +51,4 @@ def _draw_without_context() -> None:
     lattice = Lattice.around(points, seen, 0.25)
     sampled(solid, seen, lattice, points)
     facet = np.zeros(lattice.rows * lattice.columns, np.float32)
-    surface(solid, seen, lattice, points, facet, from_behind=False)
+    surface(solid, seen, lattice, points, facet)

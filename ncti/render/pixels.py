@@ -282,7 +282,6 @@ def surface(
     offsets: Floats,
     faces: NDArray[np.int32],
     away: Floats,
-    from_behind: bool,
 ) -> tuple[Floats, NDArray[np.float32]]:
     """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
 
@@ -304,8 +303,6 @@ def surface(
         As of `ncti.render.solid.Solid`.
     away : (vertex,) float64 ndarray
         Down-range of vertices [m].
-    from_behind : bool
-        True if facets that face away are seen; otherwise they count as edge-on.
     """
     rows, columns = shape
     down_range = np.empty((rows, columns))
@@ -324,10 +321,9 @@ def surface(
             n_v = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z
             n_r = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
             s = n_h * h + n_v * v
-            a = -(n_r + curvature * s)
-            a = min(a, -STEEPEST) if from_behind and a < 0.0 else max(a, STEEPEST)
+            a = max(-(n_r + curvature * s), STEEPEST)
             r = (s - offsets[f]) / a
-            if abs(a) < STEEP:
+            if a < STEEP:
                 one, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
                 r = min(max(r, min(one, two, three)), max(one, two, three))
             if curvature == 0.0:  # w and t are 1, in a fifth less time

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.embree import EmbreeEngine
-from ncti.render.solid import STEEP, Solid, towards
+from ncti.render.solid import STEEP, STEEPEST, Solid
 
 if TYPE_CHECKING:
     import trimesh
@@ -55,7 +55,7 @@ class RayHits:
 
 
 def cast_rays(mesh: trimesh.Trimesh, origin: Floats, direction: Floats) -> RayHits:
-    """Return the first intersections of rays with a ship.
+    """Return the first intersections of rays with the facets of a ship that face them.
 
     Parameters
     ----------
@@ -128,15 +128,16 @@ def _meet(
 ) -> tuple[Floats, NDArray[np.intp], Floats]:
     """Return distance, facet and cosine of incidence where rays meet the planes of facets."""
     normal = solid.normals.take(facet, axis=0)
-    cosine = towards(-np.einsum("ij,ij->i", normal, direction))
+    # All facets face their rays, or are edge-on.
+    cosine = np.maximum(-np.einsum("ij,ij->i", normal, direction), STEEPEST)
     distance = (np.einsum("ij,ij->i", normal, origin) - solid.offsets.take(facet)) / cosine
     # A steep facet's plane leaves it quickly: distance is kept within the facet's own.
-    steep = np.flatnonzero(np.abs(cosine) < STEEP)
+    steep = np.flatnonzero(cosine < STEEP)
     corners = solid.vertices[solid.faces.take(facet[steep], axis=0)]
     corners -= (origin[steep] - solid.centre)[:, None]
     reach = np.einsum("ijk,ik->ij", corners, direction[steep])
     distance[steep] = np.clip(distance[steep], reach.min(axis=1), reach.max(axis=1))
-    return distance, facet, np.abs(cosine)
+    return distance, facet, cosine
 
 
 _embree = EmbreeEngine()

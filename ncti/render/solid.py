@@ -99,19 +99,12 @@ _kept: OrderedDict[int, Solid] = OrderedDict()
 _lock = Lock()
 
 
-def towards(cosine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return cosines of incidence, kept off zero; those below 0 are of facets from behind."""
-    return np.where(cosine < -STEEPEST, cosine, np.maximum(cosine, STEEPEST))
-
-
 def surface(
     solid: Solid,
     view: View,
     lattice: Lattice,
     points: NDArray[np.float64],
     facet: NDArray[np.float32] | NDArray[np.int32],
-    *,
-    from_behind: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return down-range and its gradient where lines of sight meet facets, exactly.
 
@@ -126,9 +119,8 @@ def surface(
     points : (3, vertex) float64 ndarray
         Coordinates of the solid's vertices along the axes of the view [m].
     facet : (row * col,) float32 or int32 ndarray
-        Which facet each pixel sees, -1 for none.
-    from_behind : bool
-        True if facets that face away are seen; otherwise they count as edge-on.
+        Which facet each pixel sees, -1 for none. One that faces away counts as edge-on: a
+        rasteriser's grid turned it, at the outline.
 
     Returns
     -------
@@ -145,7 +137,7 @@ def surface(
         r = (s - c) / a,   s = n_h H + n_v V,   a = -(n_r + k s),   grad r = w (n_h, n_v) / a,
 
     where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that
-    faces the sensor; from behind, both signs of n and c are the same plane. With S = H^2 + V^2
+    faces the sensor. With S = H^2 + V^2
     and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t, so that
 
         down-range = r + k w S / (1 + t),   gradient = t grad r + k w (H, V) / t,
@@ -167,7 +159,6 @@ def surface(
         solid.offsets,
         solid.faces,
         points[2],
-        from_behind,
     )
 
 

@@ -175,9 +175,7 @@ def test_surface_is_that_of_plain_arrays(slant_range, kind):
     """
     solid, view, lattice, points = looked_at(ships.load("duncan"), 17.0, 6.0, slant_range, 0.5)
     facet = start_engine("embree").visible(solid, view, lattice, points)
-    down_range, gradient = surface(
-        solid, view, lattice, points, facet.astype(kind), from_behind=False
-    )
+    down_range, gradient = surface(solid, view, lattice, points, facet.astype(kind))
     hit = np.flatnonzero(facet >= 0)
     assert np.array_equal(np.flatnonzero(~np.isnan(down_range)), hit)
     assert np.array_equal(~np.isnan(gradient).any(axis=2), facet.reshape(lattice.shape) >= 0)

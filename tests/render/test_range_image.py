@@ -181,7 +181,7 @@ def test_a_pixel_beside_a_steep_facet_stays_within_its_range():
     for off in (-5e-4, 5e-4):
         # One pixel, centred a half millimetre off the wall's edge.
         lattice = Lattice(2 * (edge.max() + off), 0, 0, 1, 1, near=-9, far=9)
-        down_range, gradient = surface(solid, view, lattice, points, bow[:1], from_behind=False)
+        down_range, gradient = surface(solid, view, lattice, points, bow[:1])
         away = points[2, solid.faces[bow[0]]]
         assert away.min() <= down_range[0, 0] <= away.max()
         assert abs(gradient[0, 0, 0]) == pytest.approx(1 / np.tan(np.radians(0.06)), rel=1e-6)
