@@ -21,6 +21,7 @@ from benchmarks import (
     flights,
     grid,
     growth,
+    history,
     images,
     invariance,
     lines,
@@ -69,12 +70,13 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "protocol": lambda asked: reproduction.protocol(),
     "near_stern": lambda asked: reproduction.near_stern(),
     "figures": lambda asked: reproduction.figures(),
+    "history": lambda asked: history.record(repeats=asked.repeats),
 }
 SETS = {
     "classifiers": ("classifier_times", "vigilances", "convergence", "course", "classification"),
     "engine": ("engine_time", "engine_memory"),
     "fits": fits.REPORTS,
-    "all": tuple(REPORTS),
+    "all": tuple(name for name in REPORTS if name != "history"),
 }
 """Groups of reports by name."""
 
@@ -113,7 +115,8 @@ MEANINGS = {
     "near_stern": "Figure 16: effects of the models, and of the flight",
     "figures": "the source's statements on its figures, measured on ours",
     "fits": "the last eight together, of docs/reproduction.md",
-    "all": "everything, which takes long",
+    "history": "error and time of fixed views, appended to benchmarks/history.csv and drawn",
+    "all": "everything but history, which takes long",
 }
 
 
