@@ -15,6 +15,7 @@ from sweeps.engine.plan import Plan
 from sweeps.engine.settings import Choices, Joint, Run, Setting, flatten, read_choices
 from sweeps.engine.stage import Experiment
 
+EVERYWHERE = ("version", "seed")  # attributes that every group of a store repeats
 ENGINE_LIBRARIES = ("dask", "numpy", "xarray", "zarr")
 
 
@@ -48,6 +49,7 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "title": experiment.title,
         "Conventions": "CF-1.11",
         "configuration": tree,
+        "version": " ".join([experiment.name, *_version(experiment.name)]),
         "seed": written(Run.seed, choices[Run.seed]),
         "versions": versions(experiment),
         "code": dict(sorted(plan.code.items())),
@@ -73,11 +75,16 @@ def versions(experiment: Experiment) -> dict[str, str]:
     """Return versions of the distributions that results depend on, and of Python."""
     found = {"python": ".".join(platform.python_version_tuple()[:2])}
     for name in sorted({*ENGINE_LIBRARIES, *experiment.versions}):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
+        found.update((name, one) for one in _version(name))
     return found
+
+
+def _version(name: str) -> list[str]:
+    """Return the version of a distribution; nothing if it is not installed."""
+    try:
+        return [version(name)]
+    except PackageNotFoundError:
+        return []
 
 
 def choices_of(experiment: Experiment, attributes: Mapping[str, Any]) -> Choices:

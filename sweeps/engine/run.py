@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from importlib import import_module
 from itertools import count
 from pathlib import Path
 
+from sweeps.engine.attributes import nested, plain
 from sweeps.engine.cluster import ClusterChoice, Executor, InlineExecutor, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.folders import (
@@ -31,7 +31,7 @@ from sweeps.engine.folders import (
 from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.packs import PRIVATE, Spot, read_cells
 from sweeps.engine.plan import Plan
-from sweeps.engine.provenance import check_extends, provenance
+from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
 from sweeps.engine.results import CellIndex, open_index
 from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
@@ -323,7 +323,7 @@ def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -
     """Return whether a store already has all of a plan, and is undamaged."""
     # As read back from a store.
     heed()
-    if "failures" in old or dict(old) != json.loads(json.dumps(provenance(plan))):
+    if "failures" in old or dict(old) != nested(plain(provenance(plan))):
         return False
     bad = verify(path)
     if bad:
@@ -353,4 +353,11 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
         groups = cube.groups()
         add_tables(plan, groups)
     attributes = provenance(plan, failures)
-    write_store(place.store, groups, attributes, threads=WRITERS, remove=place.remove)
+    write_store(
+        place.store,
+        groups,
+        attributes,
+        everywhere=EVERYWHERE,
+        threads=WRITERS,
+        remove=place.remove,
+    )

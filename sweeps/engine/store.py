@@ -14,8 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from sweeps.engine.attributes import nested, plain
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import (
     OPEN,
@@ -44,6 +43,7 @@ def write_store(
     groups: Mapping[str, Group],
     attributes: Mapping[str, Any],
     *,
+    everywhere: tuple[str, ...] = (),
     threads: int = 1,
     remove: Remove = remove_folder,
 ) -> None:
@@ -52,15 +52,16 @@ def write_store(
     Hold its lock meanwhile (`locked`). Memory holds a few chunks a thread. If anything fails, the
     place is unchanged. Readers of the old store must open it again. Files are left to the
     operating system to flush: `verify` finds damage of a power cut. `groups` are by path, as
-    'classification/acn'; parents need not be given. `remove` is called with the folder of an
-    older or unfinished store.
+    'classification/acn'; parents need not be given. `attributes` are those of the root, of which
+    all groups repeat those named `everywhere`. `remove` is called with the folder of an older or
+    unfinished store.
     """
     check_target(path)
     place = real_place(path)
     make_folder(place.parent, OPEN)
     partial = hidden(place, PARTIAL)
     try:
-        known = _write_groups(partial, attributes, groups, threads)
+        known = _write_groups(partial, attributes, everywhere, groups, threads)
         write_manifest(partial, known)
         check_target(path)  # another process may have written something there
         put_in_place(partial, place)
@@ -70,7 +71,7 @@ def write_store(
 
 
 def read_attributes(path: Path) -> dict[str, Any] | None:
-    """Return attributes of the root of a store; None if there is nothing.
+    """Return attributes of the root of a store, nested ones as such; None if there is nothing.
 
     Raises ConfigurationError if it is not a store, or its metadata are damaged.
     """
@@ -81,7 +82,7 @@ def read_attributes(path: Path) -> dict[str, Any] | None:
         content = (path / METADATA).read_bytes()
         if zlib.crc32(content) != checksum:
             raise ValueError("its checksum differs")
-        return dict(json.loads(content)["attributes"])
+        return nested(json.loads(content)["attributes"])
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f"store is {str(path)!r}, whose {METADATA} cannot be read; "
@@ -90,16 +91,21 @@ def read_attributes(path: Path) -> dict[str, Any] | None:
 
 
 def _write_groups(
-    path: Path, attributes: Mapping[str, Any], groups: Mapping[str, Group], threads: int
+    path: Path,
+    attributes: Mapping[str, Any],
+    everywhere: tuple[str, ...],
+    groups: Mapping[str, Group],
+    threads: int,
 ) -> dict[str, int]:
     """Write groups into a new store; return checksums of all files."""
     nodes: Nodes = {}
     arrays: dict[str, Array] = {}
+    shared = plain({name: attributes[name] for name in everywhere})
     for name, group in groups.items():
         parts = name.split("/")
         for depth in range(1, len(parts)):
-            nodes.setdefault("/".join(parts[:depth]), _group_node({}))
-        nodes[name] = _group_node(group.attributes)
+            nodes.setdefault("/".join(parts[:depth]), _group_node(shared))
+        nodes[name] = _group_node({**shared, **group.attributes})
         for inner, array in (*group.arrays.items(), *group.coordinates.items()):
             if f"{name}/{inner}" in nodes:
                 raise ValueError(f"'{name}/{inner}' is given twice")
@@ -134,7 +140,7 @@ def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> 
     # zarr reads the children of a group only if they follow each other.
     ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))
     written: dict[str, int] = {}
-    for name, node in {"": _group_node(attributes), **nodes}.items():
+    for name, node in {"": _group_node(plain(attributes)), **nodes}.items():
         prefix = f"{name}/" if name else ""
         if node["node_type"] == "group":
             below = [inner for inner in ordered if inner.startswith(prefix)]
@@ -142,7 +148,7 @@ def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> 
                 node["attributes"], {inner.removeprefix(prefix): nodes[inner] for inner in below}
             )
         file = f"{prefix}{METADATA}"
-        content = json.dumps(node, separators=(",", ":"), default=_plain).encode()
+        content = json.dumps(node, separators=(",", ":")).encode()
         written[file] = write_file(path / file, content)
     return written
 
@@ -158,9 +164,3 @@ def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) ->
         },
         "node_type": "group",
     }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    raise TypeError(f"{value!r} cannot be an attribute")

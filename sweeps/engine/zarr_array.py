@@ -17,6 +17,8 @@ import numpy as np
 from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
+from sweeps.engine.attributes import plain
+
 METADATA = "zarr.json"
 CHUNK_BYTES = 2**20
 LEVEL = 1  # level 3 compresses results no better and takes three times as long
@@ -56,12 +58,16 @@ class Array:
 
     @cached_property
     def stored(self) -> np.dtype[Any]:
-        """Stored dtype: little-endian, texts as wide as the longest; TypeError if impossible."""
+        """Stored dtype: little-endian, without the unsigned ones that fit into signed ones, and
+        texts as wide as the longest. Raises TypeError if there is none.
+        """
         dtype = np.dtype(self.dtype)
         if dtype.kind in "OTU" and (width := self._width()) is not None:
             return np.dtype(f"<U{max(width, 1)}")
         if dtype.kind == "b":
             return np.dtype(np.int8)
+        if dtype.kind == "u" and dtype.itemsize < 8:  # NetCDF 3 has no unsigned integers
+            return np.dtype(f"<i{2 * dtype.itemsize}")
         if dtype.kind in "iuf" and dtype.itemsize <= 8:
             return dtype.newbyteorder("<")
         raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and texts can")
@@ -82,7 +88,8 @@ class Array:
     @property
     def attributes(self) -> dict[str, Any]:
         """Return the stored attributes, with the dtype that xarray converts integers to."""
-        return {**self.attrs, **({"dtype": "bool"} if np.dtype(self.dtype).kind == "b" else {})}
+        of_bool = {"dtype": "bool"} if np.dtype(self.dtype).kind == "b" else {}
+        return {**plain(self.attrs), **of_bool}
 
     @property
     def empty(self) -> Any:
@@ -109,7 +116,10 @@ class Group:
     def attributes(self) -> dict[str, Any]:
         """Return the attributes, including the list of coordinates that are not dimensions."""
         others = [name for name, array in self.coordinates.items() if array.dims != (name,)]
-        return {**self.attrs, **({"coordinates": " ".join(sorted(others))} if others else {})}
+        return {
+            **plain(self.attrs),
+            **({"coordinates": " ".join(sorted(others))} if others else {}),
+        }
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:

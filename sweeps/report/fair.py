@@ -9,6 +9,7 @@ from typing import Any
 import xarray as xr
 
 from ncti import ships
+from sweeps.engine.attributes import nested
 from sweeps.engine.kinds import Draws
 from sweeps.engine.settings import Settings, flatten
 from sweeps.report import rows
@@ -36,8 +37,12 @@ def read_compared(store: Any, group: str) -> xr.Dataset:
 
 
 def compared(tables: xr.Dataset, attributes: Mapping[str, Any]) -> xr.Dataset:
-    """Return tables with a test of their rows by classifier, for `rows.is_fair`."""
-    tests = {name: Comparison(tables, attributes, name).is_fair for name in GROUPS}
+    """Return tables with a test of their rows by classifier, for `rows.is_fair`.
+
+    For a group of tables, and the attributes of the root of its store.
+    """
+    given = nested(attributes)
+    tests = {name: Comparison(tables, given, name).is_fair for name in GROUPS}
     return tables.assign_attrs({rows.COMPARED: tests})
 
 

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sweeps.report.rows import groups, opened, read
+from sweeps.report.rows import attributes, groups, opened, read
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,7 +87,7 @@ def draw(kind: str, path: Path) -> Figure:
             return run_time_figures.draw_run_time(table)
         case "scan":
             found, table = read(store, "scan").load(), read(store, "tables/scan").load()
-            return scan_figures.draw_scan(found, table, store.attrs["configuration"])
+            return scan_figures.draw_scan(found, table, attributes(store)["configuration"])
         case "measured":
             return score_figures.draw_measured(read(store, "tables/measured").load())
         case "fusion":
@@ -102,7 +102,7 @@ def draw(kind: str, path: Path) -> Figure:
             scores = {name: one.load() for name, one in scores.items() if "accuracy" in one}
             return spacing_figures.draw_spacing(scores)
         case "silhouettes":
-            given = store.attrs["configuration"]["infrared"]
+            given = attributes(store)["configuration"]["infrared"]
             return infrared_figures.draw_silhouettes(read(store, "infrared"), given)
         case "profile_formation":
             classified = read(store, "classification/acn")
@@ -121,7 +121,7 @@ def draw(kind: str, path: Path) -> Figure:
 
     if kind == "flight":
         place = flight_figures.flights_of(flights)[0]
-        return flight_figures.draw_flight(store.attrs, flights, place)
+        return flight_figures.draw_flight(attributes(store), flights, place)
     return flight_figures.draw_validation(flights)
 
 

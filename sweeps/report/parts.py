@@ -120,7 +120,7 @@ def chosen(parts: Iterable[Part], name: str) -> Part:
 
 def failed_cells(path: Path) -> dict[str, str]:
     """Return the names of cells that failed, with the reason of each, as a store has them."""
-    return dict(rows.opened(path).attrs.get("failures", {}))
+    return dict(rows.attributes(rows.opened(path)).get("failures", {}))
 
 
 def write_parts(path: Path, parts: Iterable[Part]) -> tuple[list[Path], OSError | None]:
@@ -167,7 +167,7 @@ def _parts(path: Path) -> Iterator[Part]:
         yield Part("classifiers", found, partial(tables.print_classifiers, found))
     yield from _of(read, "fusion")
     if "infrared" in top and "detection" in read:
-        given = store.attrs["configuration"]["infrared"]
+        given = rows.attributes(store)["configuration"]["infrared"]
         found = silhouettes.sensor_rows(rows.read(store, "infrared"), given)
         yield Part("infrared_sensor", found, partial(silhouettes.print_sensor, found))
         yield from _of(read, "acn_infrared")  # absent if the network identifies no silhouettes

@@ -40,7 +40,8 @@ def write_pictures(
     store = rows.opened(path)
     if "validation" not in store:
         raise ValueError(f"{str(path)!r} has no flights, but must be the store of a sweep of irar")
-    given, flights, folder = store.attrs, rows.read(store, "validation"), tables_folder(path)
+    given, folder = rows.attributes(store), tables_folder(path)
+    flights = rows.read(store, "validation")
     files = OwnFiles(folder)
     load, places = ship or partial(known_ship, given), flights_of(flights)
     meshes = {place.ship: load(place.ship) for place in places}

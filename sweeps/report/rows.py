@@ -15,6 +15,7 @@ import xarray as xr
 import yaml
 import zarr
 
+from sweeps.engine.attributes import nested
 from sweeps.report.axes import NOMINAL, OF_ARRAYS, Axis, axes_of
 
 Row = dict[str, Any]
@@ -33,6 +34,11 @@ SAME = {"vigilance": "vigilance", "pulse_width": "pulse_width_ns", "frame_count"
 def opened(path: Path) -> Any:
     """Return a store with its metadata. Raises OSError if there is none."""
     return zarr.open_group(path, mode="r")
+
+
+def attributes(store: Any) -> dict[str, Any]:
+    """Return the attributes of a store, or of a group, with mappings and lists as such."""
+    return nested(store.attrs)
 
 
 def groups(store: Any, under: str = "") -> list[str]:

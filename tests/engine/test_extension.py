@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import xarray as xr
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, go, run
 
@@ -16,6 +15,7 @@ from sweeps.engine.folders import write_manifest
 from sweeps.engine.provenance import choices_of
 from sweeps.engine.settings import Joint, Settings, count, read_choices, set_of, text, word
 from sweeps.engine.stage import Experiment, Output, plain, stage
+from sweeps.engine.store import read_attributes
 
 CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
 GROWN = {
@@ -318,7 +318,7 @@ def test_settings_that_run_together_grow_by_whole_points(tmp_path):
     crossed = ((1.0, 8.0), (1.5, 9.0), (2.0, 8.0))
     with pytest.raises(ConfigurationError, match=r"spring\.limit, spring\.stiffness together"):
         run(NOT_GATHERED, joined(crossed), store)
-    attributes = xr.open_zarr(store).attrs
+    attributes = read_attributes(store)
     assert choices_of(NOT_GATHERED, attributes).joint == joined(more).joint
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 from small_stores import files, opened
 from toys import CALLS, Told, go, run
 
@@ -18,6 +17,7 @@ from sweeps.engine.folders import MANIFEST
 from sweeps.engine.packs import list_files
 from sweeps.engine.settings import Settings, count, read_choices
 from sweeps.engine.stage import Experiment, Output, in_memory, stage
+from sweeps.engine.store import read_attributes
 
 STIFF = "ValueError: too [stiff]"
 
@@ -27,7 +27,7 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
     finished = go(store, watch=told.watch, spring__limit=1.5)
     name = "period stiffness=4 mass=1"
     assert told.failures == finished.failures == [(name, STIFF)]
-    failures = xr.open_zarr(store).attrs["failures"]
+    failures = read_attributes(store)["failures"]
     needing = {
         f"noisy stiffness=4 mass=1 length={length} draw={draw}": f"needs {name}, which failed"
         for length in (2, 4)

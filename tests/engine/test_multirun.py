@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import xarray as xr
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from omegaconf import OmegaConf
 from small_stores import files, opened
@@ -14,6 +13,7 @@ from sweeps.engine.command import Command
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.multirun import Job, crossed, fused, jobs_of
 from sweeps.engine.settings import read_choices
+from sweeps.engine.store import read_attributes
 
 CONF = {
     "config.yaml": """
@@ -102,7 +102,7 @@ def test_the_choices_of_a_group_run_together_under_its_name(command, tmp_path):
     for name, limit, mass in (("hard", 90, 2), ("soft", 50, 1)):
         expected = whole.period.sel(limit=limit, mass=mass).values
         np.testing.assert_array_equal(springs.period.sel(spring=name), expected)
-    joint = xr.open_zarr(tmp_path / "m.zarr").attrs["joint"]
+    joint = read_attributes(tmp_path / "m.zarr")["joint"]
     assert joint == [
         ["spring", ["spring.mass", "spring.limit"], [[2, 90], [1, 50]], ["hard", "soft"]]
     ]
@@ -172,7 +172,7 @@ def test_hydras_own_launcher_has_a_store_a_job(command, tmp_path):
     assert command("-m", "hydra/launcher=basic", "spring.mass=1,2", "measured.draw=1") == 0
     stores = sorted((tmp_path / "multirun").glob("*/*/sweep.zarr"))
     assert [store.parent.name for store in stores] == ["0", "1"]
-    assert [xr.open_zarr(one).attrs["configuration"]["spring"]["mass"] for one in stores] == [1, 2]
+    assert [read_attributes(one)["configuration"]["spring"]["mass"] for one in stores] == [1, 2]
 
 
 def test_without_a_store_it_lies_in_the_folder_of_the_multirun(command, tmp_path):

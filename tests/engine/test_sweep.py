@@ -17,6 +17,7 @@ from toys import CALLS, SPRINGS, Told, go, run
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Settings, count, read_choices
 from sweeps.engine.stage import DeclarationError, Experiment, Output, in_memory, stage
+from sweeps.engine.store import read_attributes
 
 STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
 
@@ -76,7 +77,7 @@ def test_dimensions_coordinates_and_units(store):
     assert "limit" not in springs.coords  # one value, and neither shown nor noted
     assert opened(store, "noise").drawn.dims == ("mass", "length", "draw", "stiffness")
     assert (opened(store, "state").answers == 1).all()
-    root = xr.open_zarr(store).attrs
+    root = read_attributes(store)
     assert root["configuration"]["spring"]["mass"] == [1, 2] and root["seed"] == 0
     assert not {"failures", "joint"} & set(root)
 

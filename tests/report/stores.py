@@ -14,6 +14,7 @@ from rich.console import Console
 
 from sweeps.app import command
 from sweeps.engine.folders import write_manifest
+from sweeps.report import rows
 from sweeps.report.command import main, report
 from sweeps.report.places import tables_folder
 
@@ -99,7 +100,7 @@ def opened(path: Path, group: str) -> xr.Dataset:
 
 def attributes_of(path: Path) -> dict[str, Any]:
     """Attributes of a store itself."""
-    return dict(zarr.open_group(path, mode="r").attrs)
+    return rows.attributes(zarr.open_group(path, mode="r"))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -9,6 +9,8 @@ import xarray as xr
 from commands import groups_of
 from sklearn.ensemble import RandomForestClassifier
 
+import ncti
+
 
 @pytest.fixture(scope="module")
 def groups(smoke_store):
@@ -55,3 +57,23 @@ def test_names_of_ships_are_classes_of_a_classifier(smoke_store):
     assert forest.score(found, ships) > 0.9
     along_ship = profiles.ship[np.arange(6) % 2]
     assert forest.fit(np.eye(6), along_ship).classes_.tolist() == ["duncan", "spruance"]
+
+
+def test_every_group_and_the_root_are_written_as_netcdf(smoke_store, tmp_path):
+    """By scipy, with which xarray writes NetCDF 3: no unsigned or long integers, and no groups."""
+    root = xr.open_zarr(smoke_store)
+    for node in xr.open_datatree(smoke_store, engine="zarr").subtree:
+        dataset, file = node.to_dataset(inherit=False), tmp_path / "group.nc"
+        assert dataset.attrs["seed"] == root.seed == 0, node.path
+        assert dataset.attrs["version"] == root.version == f"ncti-sweep {ncti.__version__}"
+        dataset.to_netcdf(file, engine="scipy")
+        with xr.open_dataset(file, engine="scipy") as read:
+            assert read.attrs == dataset.attrs
+            xr.testing.assert_equal(read, dataset)
+
+
+def test_every_table_is_a_frame(groups):
+    for group, dataset in groups.items():
+        if group.startswith("tables/"):
+            frame = dataset.to_dataframe()
+            assert len(frame) and set(dataset.data_vars) <= set(frame.columns)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 from commands import FAST, assert_slice, groups_of, opened, ran, swept
 from small_stores import files
+
+from sweeps.engine.store import read_attributes
 
 TINY = (*FAST, "grid.frame_count=[2,4]")
 GRID = ("grid.ship=[duncan,spruance]", "grid.aspect=[0,60]")
@@ -127,4 +128,4 @@ def test_another_configuration_is_refused_by_its_keys(whole, folder, capsys):
     assert "ladar.cnr is 26, but the store" in told or "grid.pulse_width is 30" in told
     assert "=[" in told and "to have both, or another store" in told
     assert files(whole) == before
-    assert xr.open_zarr(whole).attrs["configuration"]["ladar"]["cnr"] == 32
+    assert read_attributes(whole)["configuration"]["ladar"]["cnr"] == 32

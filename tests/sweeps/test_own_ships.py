@@ -6,6 +6,7 @@ from commands import FAST, chosen, opened, ran
 
 import ncti.ships
 from ncti.ships import Transform
+from sweeps.engine.store import read_attributes
 from sweeps.stages.views import Grid, hull
 
 MILLIMETRES = "grid.ship={path: hull.stl, up: y, scale: 0.001}"
@@ -37,9 +38,8 @@ def test_one_store_has_it_before_and_beside_another(mesh, folder, results, capsy
     assert measured == pytest.approx(mesh.extents, abs=1e-4)
     assert own.facets == len(mesh.faces) and own.warning == ""
     assert own.picture.shape == (80, 200) and 1000 < own.picture.count() < 12_000
-    import zarr
 
-    attributes = zarr.open_group(folder / "s.zarr", mode="r").attrs
+    attributes = read_attributes(folder / "s.zarr")
     assert attributes["mesh_transforms"] == {"hull": "up: y, scale: 0.001"}
     digest = ncti.ships.digest(folder / "hull.stl", up="y", scale=0.001)
     assert attributes["mesh_digests"]["hull"] == digest

@@ -11,6 +11,7 @@ from commands import groups_of, opened, swept
 
 from ncti.features import profile_vector
 from ncti.ladar import noise_floor
+from sweeps.engine.attributes import nested
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid
 
@@ -61,7 +62,7 @@ def test_every_variable_has_units_and_a_name(groups):
 
 
 def test_root_says_what_made_it(smoke_store):
-    attributes = xr.open_datatree(smoke_store, engine="zarr").attrs
+    attributes = nested(xr.open_datatree(smoke_store, engine="zarr").attrs)
     assert attributes["seed"] == 0
     assert attributes["configuration"]["grid"]["aspect"] == ASPECTS
     assert attributes["configuration"]["render"]["engine"] in ("osmesa", "egl", "embree")

@@ -16,6 +16,7 @@ from commands import opened, ran
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Settings, count, number
 from sweeps.engine.stage import Output, Table, stage
+from sweeps.engine.store import read_attributes
 from sweeps.stages.classifier import STATE, names_by
 from sweeps.stages.views import Grid, looks
 
@@ -116,7 +117,7 @@ def test_it_names_ships_and_has_a_table(store):
     assert (answers.correct.sel(scatter=0) == 1).all() and not answers.correct.all()
     assert (opened(store, "status_toy").cell == 1).all()
     xr.testing.assert_equal(table.share, answers.correct.mean(("ship", "aspect")))
-    root = xr.open_zarr(store).attrs["configuration"]
+    root = read_attributes(store)["configuration"]
     assert root["sensor"] == ["toy"] and root["toy"] == {"echoes": [1, 9], "scatter": [0, 2]}
 
 

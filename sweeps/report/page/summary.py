@@ -12,7 +12,7 @@ import zarr
 
 from sweeps.report.axes import Column, printable, shown
 from sweeps.report.page.cubes import unit_of, with_unit
-from sweeps.report.rows import groups, read
+from sweeps.report.rows import attributes, groups, read
 
 CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
 NAMED = 20  # failures that are listed; all are in the store
@@ -60,7 +60,7 @@ def status_of(store: Any) -> Status:
             done, failed, missing = (int((states == state).sum()) for state in (1, 0, -1))
             label = str(name) if group == "status" else group.removeprefix("status_")
             parts.append((printable(label.replace("_", " ")), done, failed, missing))
-    failures = [(str(k), str(v)) for k, v in dict(store.attrs.get("failures", {})).items()]
+    failures = [(str(k), str(v)) for k, v in attributes(store).get("failures", {}).items()]
     done = sum(part[1] for part in parts)
     failed = sum(part[2] for part in parts)
     missing = sum(part[3] for part in parts)

@@ -76,7 +76,7 @@ def _sources(folder: Traversable) -> Iterator[bytes]:
 def page_of(path: Path, draw: Draw) -> str:
     """Return the page of a store. Raises OSError if the store cannot be read."""
     store = rows.opened(path)
-    attributes = dict(store.attrs)
+    attributes = rows.attributes(store)
     axes, cubes, titles = _read(store, path.name)
     cells = Cells(cubes, axes)
     whole, classifiers = layout.score_sections(cubes, axes)
