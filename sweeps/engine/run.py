@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from itertools import count
 from pathlib import Path
@@ -334,13 +335,8 @@ def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -
 def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
     """Assemble the store with its tables, and move it to its place."""
     heed()
-    cube = Cube(
-        plan,
-        schedule.spots,
-        schedule.failed,
-        lambda spots: read_cells(place.cache, spots),
-    )
     failed = schedule.failed
+    cube = Cube(plan, schedule.spots, failed, partial(read_cells, place.cache))
     failures = {
         plan.described(bound, at): failed[key]
         for bound in plan.bound.values()
@@ -348,15 +344,13 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
         for at in plan.cells(bound)
         if (key := plan.key(bound, at)) in failed
     }
-
     with interruptible():
         groups = cube.groups()
         add_tables(plan, groups)
-    attributes = provenance(plan, failures)
     write_store(
         place.store,
         groups,
-        attributes,
+        provenance(plan, failures),
         everywhere=EVERYWHERE,
         threads=WRITERS,
         remove=place.remove,
