@@ -148,6 +148,29 @@ def every_other(
     return left_out, beside
 
 
+def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
+    """Return two sets of templates to leave out in turn: every second one, and those between.
+
+    Parameters
+    ----------
+    labels, aspect : (template,) array_like
+        See `cells`.
+
+    Returns
+    -------
+    list of (template,) bool ndarray
+        True for templates to leave out: those of `every_other`, and the others but the ends of
+        each label. Empty if no label has enough templates.
+    """
+    names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
+    second, _ = every_other(names, aspects)
+    between = np.zeros(len(names), dtype=bool)
+    for name in np.unique(names[second]):
+        own = np.flatnonzero(names == name)
+        between[own[np.argsort(aspects[own])][2:-1:2]] = True
+    return [second, between] if second.any() else []
+
+
 def _parabolas(
     means: Floats, aspects: Floats, name: object
 ) -> tuple[Floats, Floats, Floats, Floats]:

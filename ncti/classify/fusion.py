@@ -8,10 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
-
-STANDARD_ERROR = 0.5  # drop of the log-likelihood one standard error from its maximum
-HALVINGS = 30
+from ncti.checks import require_all
 
 Floats = NDArray[np.float64]
 
@@ -152,78 +149,7 @@ def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> flo
     return math.exp(float(found.x))
 
 
-def least_sharpness(
-    scores: ArrayLike, labels: ArrayLike, truth: ArrayLike, *, independent: float | None = None
-) -> float:
-    """Return the lower end of the 68 % likelihood interval of `fit_sharpness`.
-
-    Parameters
-    ----------
-    scores, labels, truth
-        See `fit_sharpness`.
-    independent : float, optional
-        Number of independent samples, such as the number of views if several samples were drawn
-        from each; by default all samples.
-
-    Returns
-    -------
-    float
-        Smallest factor that is compatible with the true labels; 0 if the scores may be noise.
-
-    Raises
-    ------
-    ValueError
-        See `fit_sharpness`.
-
-    See Also
-    --------
-    ncti.classify.fit_sharpness : The most likely factor.
-
-    Notes
-    -----
-    A sensor should not gain weight by chance: noise with weight costs correct answers of the better
-    sensor, while a slightly smaller weight costs a good sensor next to nothing. The interval
-    extends one standard error to either side, where the log-likelihood is within 1/2 of its
-    maximum [1]_.
-
-    References
-    ----------
-    .. [1] S. S. Wilks, "The large-sample distribution of the likelihood ratio for testing composite
-       hypotheses", Annals of Mathematical Statistics 9, 60-62 (1938),
-       doi:10.1214/aoms/1177732360.
-
-    Examples
-    --------
-    Scores that are noise have no weight; scores with a signal keep most of theirs:
-
-    >>> import numpy as np
-    >>> from ncti.classify.fusion import fit_sharpness, least_sharpness
-    >>> rng = np.random.default_rng(4)
-    >>> truth = rng.integers(3, size=200)
-    >>> noise = rng.normal(size=(200, 3))
-    >>> least_sharpness(noise, [0, 1, 2], truth)
-    0.0
-    >>> scores = noise + 2.0 * np.eye(3)[truth]
-    >>> best, least = (fit(scores, [0, 1, 2], truth) for fit in (fit_sharpness, least_sharpness))
-    >>> 0.8 < least / best < 1
-    True
-    """
-    _, surprise = _surprise(scores, labels, truth)
-    if surprise is None:
-        return 0.0
-    best = fit_sharpness(scores, labels, truth)
-    count = len(np.asarray(truth)) if independent is None else independent
-    allowed = surprise(best) + STANDARD_ERROR / count
-    if surprise(0.0) <= allowed:
-        return 0.0
-    low, high = 0.0, best
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if surprise(middle) <= allowed else (middle, high)
-    return high
-
-
-def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: float) -> Floats:
+def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: ArrayLike) -> Floats:
     """Return log densities of a sensor that carries no information with some probability.
 
     Parameters
@@ -233,15 +159,16 @@ def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: float) -> Floats:
         sample.
     labels : (template,) array_like
         Label of each template.
-    doubt : float
-        Probability that the scores carry no information, in [0, 1); see
-        `ncti.classify.calibration.fit_doubt`.
+    doubt : float or (template,) array_like
+        Probability that the scores carry no information, in [0, 1], of all templates or of each;
+        see `ncti.classify.calibration.fit_doubt`.
 
     Returns
     -------
     (sample, template) float64 ndarray
         log((1 - doubt) p + doubt), with p the density relative to its mean over all labels. The
-        most probable label remains the same, but its lead over the others is bounded.
+        most probable label remains the same if all templates have one doubt, but its lead over
+        the others is bounded.
 
     Raises
     ------
@@ -264,14 +191,18 @@ def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: float) -> Floats:
     19.0
     """
     values, names, _ = _checked(scores, labels)
-    require("doubt", doubt, minimum=0, below=1)
+    share = require_all("doubt", doubt, minimum=0, maximum=1)
+    if share.shape not in ((), names.shape):
+        raise ValueError(
+            f"doubt has shape {share.shape}, but must be one number or one for each of "
+            f"{names.size} templates"
+        )
     best = values.max(axis=1, keepdims=True, initial=-np.inf)
-    if doubt == 0:
-        return np.asarray(values - best)
     _, label, count = np.unique(names, return_inverse=True, return_counts=True)
     weight = 1.0 / (count[label] * len(count))
     mean = np.log(np.exp(values - best) @ weight)[:, None]
-    return np.logaddexp(math.log1p(-doubt) + values - best - mean, math.log(doubt))
+    with np.errstate(divide="ignore"):  # a doubt of 0 or 1, whose logarithm is -inf
+        return np.logaddexp(np.log1p(-share) + values - best - mean, np.log(share))
 
 
 def fuse(*scores: ArrayLike, sharpness: Sequence[float]) -> Floats:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.classify.fusion import doubted, fit_sharpness, fuse, label_posterior, least_sharpness
+from ncti.classify.fusion import doubted, fuse, label_posterior
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stage, stage
@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 NAME = "fusion"
 CHANNELS = ("range", "infrared", "both")
 LEAST_PHASES = 2
-EVERY = 4  # aspects, of which one is left out
+# Weight of silhouettes without templates of their own aspect, beside those with: similarity falls
+# with the square of the distance, whose mean is 1/12 of that of aspects left out at new ones.
+LEFT_OUT = 1 / 12
 UNLIKE = -1.0  # cosine to what is left out: below that of any map
 OF_DRAWS = ("channel", "draw")
 
@@ -64,26 +66,20 @@ def silhouette_scores(
     return scores
 
 
-@stage(Output("silhouette_sharpness", ("weight", "phase"), "f8"))
-def silhouette_sharpness(silhouette_scores: NDArray[np.float32], training_views: Views) -> Floats:
-    """Return the (weight, phase) log-probability of a unit of each silhouette's score.
+@stage(Output("silhouette_worth", ("worth", "phase"), "f8"))
+def silhouette_worth(silhouette_scores: NDArray[np.float32], training_views: Views) -> Floats:
+    """Return the (worth, phase) sharpness and doubt of each silhouette's scores.
 
-    Alone, and at the least, which is what counts beside a profile. A quarter of the views are
-    scored without templates of their own aspect: what is left out lies a whole step from the
-    next, and a fresh aspect a quarter of a step on average. See `calibrate`.
+    Silhouettes of learned views are scored with the templates of all aspects, and again without
+    those of their own. See `calibrate`.
     """
     lessons = (training_views.reshape(-1) & compared(silhouette_scores)).nonzero()[0]
     scores = silhouette_scores.astype(np.float64)[:, lessons[:, None], lessons]
-    ship, aspect = np.divmod(lessons, training_views.shape[1])
-    place = np.unique(aspect, return_inverse=True)[1]
-    if place.max(initial=0) >= EVERY:
-        left_out = (place % EVERY == 1)[:, None] & (place[:, None] == place)
-        scores[:, left_out] = UNLIKE
-    return np.stack([calibrate(scores, ship), calibrate(scores, ship, least=True)])
+    return calibrate(scores, *np.divmod(lessons, training_views.shape[1]))
 
 
 @stage(
-    Output("profile_doubt", dtype="f8"),
+    Output("profile_doubt", ("view",), "f8"),
     uses=(Grid, Likelihood),
     along=(Likelihood.gain_sigma, Grid.frame_count),
     stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
@@ -94,17 +90,20 @@ def profile_doubt(
     frame_count: tuple[int, ...],
     rng: np.random.Generator,
 ) -> Floats:
-    """Return (gain_sigma, frame_count) doubts of `ncti.classify.calibration.fit_doubt`."""
+    """Return (gain_sigma, frame_count, view) doubts of `ncti.classify.calibration.fit_doubt`.
+
+    NaN for views that are not learned.
+    """
     # Imported here because scipy takes a second.
     from ncti.classify.calibration import fit_doubt
 
-    templates, _ = profile_moments
+    templates, known = profile_moments
     seed = int(rng.integers(2**63))
-    found = [
-        fit_doubt(templates, count, np.random.default_rng(seed), gain_sigma=gain_sigma)
-        for count in frame_count
-    ]
-    return np.stack(found, axis=1)
+    found = np.full((len(gain_sigma), len(frame_count), known.size), np.nan)
+    for f, count in enumerate(frame_count):
+        drawn = np.random.default_rng(seed)
+        found[:, f, known.reshape(-1)] = fit_doubt(templates, count, drawn, gain_sigma=gain_sigma)
+    return found
 
 
 NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
@@ -116,7 +115,11 @@ NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
         *("sharpness", OF_DRAWS),
         label="log-probability of a unit of a sensor's score; of both: that of silhouettes",
     ),
-    Output("doubt", ("draw",), label="probability that a profile is uninformative"),
+    Output(
+        *("doubt", OF_DRAWS),
+        label="probability that a sensor is uninformative, the mean over templates; of both: that "
+        "of profiles",
+    ),
     uses=(Grid,),
     gather=(Grid.replicate, *GATHERED),
     at={Infrared.range: Grid.range},
@@ -129,7 +132,7 @@ NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
 def fusion(
     profile_scores: Floats,
     silhouette_scores: NDArray[np.float32],
-    silhouette_sharpness: Floats,
+    silhouette_worth: Floats,
     profile_doubt: Floats,
     training_views: Views,
     ship: tuple[str, ...],
@@ -137,11 +140,10 @@ def fusion(
 ) -> Arrays:
     """Return the ships predicted by profile, by silhouette and by both.
 
-    The score of a profile is its log-likelihood, taken as it is: its sharpness is 1.
-    That of a silhouette is given the sharpness found on the silhouettes of the *other* phases.
-    Then they are added, the profile with its doubt and the silhouette with its least sharpness:
-    neither outweighs the other by more than aspects left out support. An empty silhouette carries
-    no information: all its scores are 0.
+    The score of a profile is its log-likelihood, taken as it is: its sharpness is 1. That of a
+    silhouette is given the sharpness found on the silhouettes of the *other* phases. For both,
+    they are added, each with its doubt: neither outweighs the other by more than answers about
+    learned views support. An empty silhouette carries no information: all its scores are 0.
     """
     of_profiles = profile_scores
     seen = compared(of_profiles) & compared(silhouette_scores)
@@ -150,29 +152,21 @@ def fusion(
     whole = (len(CHANNELS), draws, len(ship), len(aspect))
     there = seen.reshape(whole[2:])
     named, probability = np.full(whole, NONE), np.full(whole, np.nan)
-    sharpness = np.full(whole[:2], np.nan)
+    sharpness, doubt = np.full((2, *whole[:2]), np.nan)
+    of_ship, doubts = lessons // len(aspect), profile_doubt[lessons]
     for d in range(draws):
         phase = d % len(silhouette_scores)
-        alone = (
-            of_profiles[d % len(of_profiles)][views[:, None], lessons],
-            silhouette_scores[phase].astype(np.float64)[views[:, None], lessons],
-        )
-        of_ship = lessons // len(aspect)
-        fitted, least = silhouette_sharpness[:, phase]
-        sharpness[:, d] = 1.0, fitted, least
-        fused = (
-            alone[0],
-            fitted * alone[1],
-            fuse(
-                *(doubted(alone[0], of_ship, doubt=float(profile_doubt)), alone[1]),
-                sharpness=(1.0, least),
-            ),
-        )
-        for c, scores in enumerate(fused):
+        sharp, uncertain = silhouette_worth[:, phase]
+        profile = of_profiles[d % len(of_profiles)][views[:, None], lessons]
+        silhouette = silhouette_scores[phase].astype(np.float64)[views[:, None], lessons]
+        silhouette = doubted(sharp * silhouette, of_ship, doubt=uncertain)
+        both = fuse(doubted(profile, of_ship, doubt=doubts), silhouette, sharpness=(1.0, 1.0))
+        sharpness[:, d] = 1.0, sharp, sharp
+        doubt[:, d] = doubts.mean(), uncertain, doubts.mean()
+        for c, scores in enumerate((profile, silhouette, both)):
             named[c, d, there], probability[c, d, there] = classifier.most_probable(
                 label_posterior(scores, of_ship), views // len(aspect)
             )
-    doubt = np.full(draws, float(profile_doubt))
     return classifier.judged(named, there) | {
         "probability": probability,
         "sharpness": sharpness,
@@ -231,23 +225,26 @@ def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(vectors / np.where(norm > 0, norm, np.float32(1)), dtype=np.float32)
 
 
-def calibrate(scores: Floats, ship: NDArray[np.intp], *, least: bool = False) -> Floats:
-    """Return the (phase,) sharpness of every phase's scores, fitted to the other phases.
+def calibrate(scores: Floats, ship: NDArray[np.intp], aspect: NDArray[np.intp]) -> Floats:
+    """Return the (worth, phase) sharpness and doubt of every phase's scores.
 
-    Of (phase, view, template) scores of two phases or more, and the (view,) ship of each view and
-    of each template; see `ncti.classify.fit_sharpness`, or `least_sharpness` of as many samples as
-    there are views.
+    Of (phase, view, template) scores of two phases or more, and the (view,) ship and number of the
+    aspect of each view and of each template: fitted to the other phases, with templates of the
+    view's own aspect and without; see `ncti.classify.calibration.fit_sharpness_and_doubt`.
     """
-    phases = len(scores)
-    found = np.empty(phases)
+    # Imported here because scikit-learn takes a second.
+    from ncti.classify.calibration import fit_sharpness_and_doubt
+
+    phases, views, _ = scores.shape
+    without = np.where(aspect[:, None] == aspect, UNLIKE, scores)
+    weight = np.repeat([1 - LEFT_OUT, LEFT_OUT], (phases - 1) * views)
+    truth = np.tile(ship, 2 * (phases - 1))
+    found = np.empty((2, phases))
     for phase in range(phases):
-        pooled = scores[np.arange(phases) != phase].reshape(-1, scores.shape[-1])
-        truth = np.tile(ship, phases - 1)
-        found[phase] = (
-            least_sharpness(pooled, ship, truth, independent=len(ship))
-            if least
-            else fit_sharpness(pooled, ship, truth)
-        )
+        others = np.arange(phases) != phase
+        pooled = np.concatenate([one[others] for one in (scores, without)])
+        rows = pooled.reshape(-1, views)
+        found[:, phase] = fit_sharpness_and_doubt(rows, ship, truth, weight=weight)
     return found
 
 
@@ -281,6 +278,6 @@ def check(choices: Choices) -> Choices:
 
 
 STAGES: tuple[Stage, ...] = (
-    *(silhouette_scores, silhouette_sharpness, profile_doubt, fusion, fusion_draws, fusion_states),
+    *(silhouette_scores, silhouette_worth, profile_doubt, fusion, fusion_draws, fusion_states),
 )
 TABLES = NAMING.tables()

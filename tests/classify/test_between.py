@@ -9,8 +9,8 @@ from scipy import stats
 from ncti.classify import GaussianTemplates, label_posterior
 from ncti.classify.bands import mean_correlation, residual_band
 from ncti.classify.between import cells, every_other
-from ncti.classify.calibration import fit_doubt
-from ncti.classify.fusion import doubted, least_sharpness
+from ncti.classify.calibration import fit_doubt, fit_sharpness_and_doubt, likely_doubt
+from ncti.classify.fusion import doubted
 
 WHITE = np.array([1.0])
 BINS = 40
@@ -205,7 +205,7 @@ def test_templates_that_are_too_few_say_so():
         classifier.fit(means, band, [0, 0], aspect=[0.0, 10.0])
     rng = np.random.default_rng(0)
     assert classifier.fit(means, band, [0, 0], aspect=[0, 10], rng=rng).template_error_ == 1.0
-    assert fit_doubt(classifier, 16, rng) == 0.0
+    assert not fit_doubt(classifier, 16, rng).any()
 
 
 # What one sensor may outweigh of another
@@ -213,11 +213,66 @@ def test_templates_that_are_too_few_say_so():
 
 def test_doubt_grows_with_the_spacing_and_is_none_of_exact_templates():
     doubts = [
-        float(fit_doubt(taught(spacing, error), 16, np.random.default_rng(7)))
+        fit_doubt(taught(spacing, error), 16, np.random.default_rng(7))
         for spacing, error in ((3.0, None), (12.0, None), (12.0, 0.0))
     ]
-    assert 0 < doubts[0] < doubts[1] < 0.25
-    assert doubts[2] == 0.0
+    assert 0 < doubts[0].mean() < doubts[1].mean() < 0.25
+    assert doubts[0].min() > 0 and doubts[1].max() < 0.25
+    assert not doubts[2].any()
+
+
+class Confused:
+    """Templates of two labels every 3 degrees, which are alike from 60 degrees on."""
+
+    template_error_, gain_sigma = 1.0, 0.0
+    classes_ = np.arange(2)
+
+    def __init__(self, kept=None):
+        kept = np.ones(62, dtype=bool) if kept is None else kept
+        self.aspect_ = np.tile(np.arange(0.0, 91.0, 3.0), 2)[kept]
+        self.labels_ = np.repeat([0, 1], 31)[kept]
+        self.mean_ = (self.labels_ * np.where(self.aspect_ < 60, 1, -1))[:, None].astype(float)
+        self.cholesky_ = np.full((len(self.mean_), 1, 1), 1e-6)
+
+    def without(self, left_out):
+        return Confused(~left_out)
+
+    def log_likelihood(self, samples, frame_count, *, gain_sigma):
+        """Sure of label 0, or of label 1 where the sample is 1: from 60 degrees on always of 0."""
+        return np.where((samples > 0.5) == (self.labels_ == 1), 0.0, -50.0)[None]
+
+
+def test_doubt_is_where_answers_are_wrong():
+    """Half the answers abeam are wrong, however sure: nearly the largest doubt."""
+    found = fit_doubt(Confused(), 16, np.random.default_rng(0), gain_sigma=0.0)
+    at = Confused().aspect_
+    assert found[at >= 75].min() > 5 * found[at <= 30].max()
+    assert 0.1 < found[at == 90].mean() < 1 - 0.001 ** (1 / 12)
+    # Templates of one aspect have one doubt, whatever their label.
+    np.testing.assert_array_equal(found[:31], found[31:])
+
+
+@pytest.mark.parametrize("added", [0.25, 1.0])
+def test_the_likely_doubt_is_that_of_a_search_of_all(added):
+    """By the sum itself, on a grid of 1 in 1,000 of doubts, for several weights."""
+    rng = np.random.default_rng(10)
+    sure = rng.beta(5, 1, 80)
+    weight = rng.random((3, 80))
+    tried = np.geomspace(1e-6, 1, 14_000)
+
+    def likelihood(p):
+        return np.log((1 - tried) * p + tried / 4)
+
+    wanted = [
+        tried[
+            np.argmax(
+                sum(w * likelihood(p) for w, p in zip(row, sure, strict=True))
+                + added * (likelihood(1.0) + likelihood(0.0))
+            )
+        ]
+        for row in weight
+    ]
+    np.testing.assert_allclose(likely_doubt(sure, 4, weight, added=added), wanted, rtol=2e-3)
 
 
 def test_doubt_bounds_what_a_sensor_outweighs_and_names_no_other_label():
@@ -233,13 +288,75 @@ def test_doubt_bounds_what_a_sensor_outweighs_and_names_no_other_label():
     np.testing.assert_allclose(softened, 0.94 * plain + 0.06 / 3, rtol=1e-9)
 
 
-def test_noise_is_given_no_weight_and_a_good_sensor_nearly_all():
-    """In most of 40 sets of pure noise, as the probability of one standard error says: 84 %."""
+def test_doubts_of_each_template():
+    """log((1 - e) p + e) with p relative to its mean over labels; a doubt of 1 leaves nothing."""
+    scores = np.random.default_rng(8).normal(size=(5, 4))
+    doubts = np.array([0.0, 0.2, 1.0, 1.0])
+    relative = np.exp(scores) / np.exp(scores).mean(axis=1, keepdims=True)
+    found = doubted(scores, [0, 0, 1, 1], doubt=doubts)
+    np.testing.assert_allclose(found, np.log((1 - doubts) * relative + doubts), rtol=1e-9)
+    for wrong, said in (([0.1, 0.2], "has shape"), (1.1, "is 1.1"), (-0.1, "is -0.1")):
+        with pytest.raises(ValueError, match=rf"^doubt {said}"):
+            doubted(scores, [0, 0, 1, 1], doubt=wrong)
+
+
+# Sharpness and doubt of scores together
+
+
+def mistaken(samples, share, seed, distance=3.0):
+    """Log densities of looks at four templates, of which a share is of any other template."""
+    rng = np.random.default_rng(seed)
+    truth = rng.integers(4, size=samples)
+    shown = np.where(rng.random(samples) < share, rng.integers(4, size=samples), truth)
+    seen = distance * np.eye(4)[shown] + rng.normal(size=(samples, 4))
+    return -((seen[:, None] - distance * np.eye(4)) ** 2).sum(axis=2) / 2, truth
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("share", [0.05, 0.3])
+def test_sharpness_and_doubt_are_found_together(scale, share):
+    """The doubt is the share of mistakes, of 4,000 looks: within four standard errors.
+
+    The sharpness scatters by some 5 % (found by repeating).
+    """
+    logs, truth = mistaken(4000, share, seed=11)
+    sharpness, doubt = fit_sharpness_and_doubt(logs / scale, np.arange(4), truth)
+    assert abs(doubt - share) < 4 * np.sqrt(share * (1 - share) / 4000)
+    assert sharpness == pytest.approx(scale, rel=0.2)
+
+
+def test_samples_of_no_weight_have_no_say():
+    logs, truth = mistaken(400, 0.2, seed=12)
+    weight = np.arange(400) < 200
+    both = fit_sharpness_and_doubt(logs, np.arange(4), truth, weight=weight)
+    alone = fit_sharpness_and_doubt(logs[:200], np.arange(4), truth[:200])
+    np.testing.assert_allclose(both, alone, rtol=1e-3)
+
+
+def test_noise_outweighs_next_to_nothing_and_a_good_sensor_is_believed():
+    """Of 40 sets of pure noise: twice the log-likelihood gained is chi-square, two degrees.
+
+    Held to the quantile of 1e-3 over 40, with the mean gain of an answer that it allows.
+    """
     rng = np.random.default_rng(9)
     truth = np.tile([0, 1, 2], 40)
-    noise = [least_sharpness(rng.normal(size=(120, 3)), [0, 1, 2], truth) for _ in range(40)]
-    assert stats.binomtest(int(np.sum(np.array(noise) > 0)), 40, 0.16, "greater").pvalue > 1e-3
+    for _ in range(40):
+        noise = rng.normal(size=(120, 3))
+        sharpness, doubt = fit_sharpness_and_doubt(noise, [0, 1, 2], truth)
+        calm = doubted(sharpness * noise, [0, 1, 2], doubt=doubt)
+        posterior = label_posterior(calm, [0, 1, 2])[1]
+        gain = np.log(3 * posterior[np.arange(120), truth]).sum()
+        assert gain < stats.chi2.isf(1e-3 / 40, 2) / 2
     good = 2.0 * (truth[:, None] == np.arange(3)) + rng.normal(size=(120, 3))
-    least = least_sharpness(good, [0, 1, 2], truth)
-    assert 0.5 * 2.0 < least < 2.0 * 1.5
-    assert least_sharpness(good, [0, 1, 2], truth, independent=10) < least
+    sharpness, doubt = fit_sharpness_and_doubt(good, [0, 1, 2], truth)
+    assert 0.5 * 2.0 < sharpness < 2.0 * 1.5 and doubt < 0.1
+    assert fit_sharpness_and_doubt(np.zeros((3, 3)), [0, 1, 2], [0, 1, 2]) == (0.0, 0.0)
+    assert fit_sharpness_and_doubt(good, [1, 1, 1], np.ones(120)) == (0.0, 0.0)
+
+
+def test_what_cannot_be_calibrated_is_refused():
+    for truth in ([0], [0, 7], [[0, 1]]):
+        with pytest.raises(ValueError, match=r"^truth has shape"):
+            fit_sharpness_and_doubt(np.eye(2), [0, 1], truth)
+    with pytest.raises(ValueError, match=r"^weight is -1"):
+        fit_sharpness_and_doubt(np.eye(2), [0, 1], [0, 1], weight=[1, -1])

@@ -17,7 +17,7 @@ from range_channel import (
     made,
 )
 from scipy import stats
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
@@ -34,6 +34,7 @@ from sweeps.stages.likelihood import profile_moments, profile_scores
 GRID = (SHIPS, len(ASPECTS))
 VIEWS = SHIPS * len(ASPECTS)
 PHASES, LOOKS = 4, (4, 16)
+PROFILE_DOUBT = 0.1
 GAINS, NUGGET, VARIANCE = (0.0, 0.7), 0.02, 25.0
 SHIP = np.repeat(np.arange(SHIPS), len(ASPECTS))
 
@@ -59,12 +60,12 @@ def compared(cell, templates, seen, there=None, **training_views):
         [profile_scores(moments, averaged, cell.there, GAINS, FRAMES) for averaged in cell.averaged]
     )
     silhouettes = fusion.silhouette_scores(templates, seen, there)
-    worth = [fusion.silhouette_sharpness(one, learned(**training_views)) for one in silhouettes]
+    worth = [fusion.silhouette_worth(one, learned(**training_views)) for one in silhouettes]
     return profiles, silhouettes, worth
 
 
-def named_by(profiles, silhouettes, worth, g, m, n, **training_views):
-    scores = profiles[:, g, n], silhouettes[m], worth[m], np.array(0.0)
+def named_by(profiles, silhouettes, worth, g, m, n, doubt=0.0, **training_views):
+    scores = profiles[:, g, n], silhouettes[m], worth[m], np.full(VIEWS, doubt)
     return fusion.fusion(*scores, learned(**training_views), NAMED, ASPECTS)
 
 
@@ -111,25 +112,44 @@ def posterior_by_hand(scores, training_views):
     return np.exp(of_ship - logsumexp(of_ship, axis=-1, keepdims=True))
 
 
-def sharpness_by_hand(scores, training_views, phase):
-    """At which the ships of the other phases' silhouettes are as probable as they should be."""
+def surprise_by_hand(scores, training_views, phase, sharpness, doubt):
+    """Negative log-likelihood of the ships of the other phases' silhouettes.
+
+    Each counts 11/12 with the templates of its own aspect, and 1/12 without; one right and one
+    wrong answer are added.
+    """
     others = np.arange(PHASES) != phase
     place = np.arange(VIEWS) % len(ASPECTS)
-    left_out = np.isin(place, (1, 5))[:, None] & (place[:, None] == place)
-    scores = np.where(left_out, -1, scores)
-    rows, true = (
-        scores[others][:, training_views].reshape(-1, VIEWS),
-        np.tile(SHIP[training_views], PHASES - 1),
-    )
-    known = np.unique(SHIP[training_views])
-    miss = 1 / (len(rows) + 2)
-    wanted = np.where(true[:, None] == known, 1 - miss, miss / (len(known) - 1))
+    without = np.where(place[:, None] == place, -1, scores)
+    rows = np.stack([one[others][:, training_views] for one in (scores, without)])
+    true = np.broadcast_to(SHIP[training_views], rows.shape[:-1])[..., None]
+    ships = len(np.unique(SHIP[training_views]))
+    posterior = posterior_by_hand(sharpness * rows, training_views)
+    sure = (1 - doubt) * np.take_along_axis(posterior, true, -1) + doubt / ships
+    said = np.log(sure).sum(axis=(1, 2, 3)) @ [11 / 12, 1 / 12]
+    return -(said + np.log(1 - doubt + doubt / ships) + np.log(doubt / ships))
 
-    def surprise(log_sharpness):
-        posterior = posterior_by_hand(np.exp(log_sharpness) * rows, training_views)[:, known]
-        return -(wanted * np.log(posterior)).sum()
 
-    return np.exp(minimize_scalar(surprise, bounds=(-3, 7), method="bounded").x)
+def is_likeliest(scores, training_views, phase, worth):
+    """Whether no other sharpness and doubt make more of the ships."""
+
+    def surprise(both):
+        of_phase = scores, training_views, phase, np.exp(both[0]), 1 / (1 + np.exp(-both[1]))
+        return surprise_by_hand(*of_phase)
+
+    found = surprise_by_hand(scores, training_views, phase, *worth)
+    starts = [(np.log(sharpness), start) for sharpness in (3, 30, 300) for start in (-2, 1)]
+    other = min(minimize(surprise, x, method="Nelder-Mead").fun for x in starts)
+    return found <= other + 1e-4  # where the searches stop
+
+
+def doubted_by_hand(scores, training_views, doubt):
+    """(..., template) logarithms of densities relative to their mean over ships, with a doubt."""
+    ships = np.unique(SHIP[training_views])
+    own = [scores[..., training_views & (s == SHIP)] for s in ships]
+    means = np.stack([logsumexp(one, axis=-1) - np.log(one.shape[-1]) for one in own])
+    mean = logsumexp(means, axis=0) - np.log(len(ships))
+    return np.log((1 - doubt) * np.exp(scores - mean[..., None]) + doubt)
 
 
 @pytest.mark.parametrize("unknown", [None, ("b",)])
@@ -140,25 +160,21 @@ def test_by_hand(unknown):
     scores = compared(cell, templates, seen, unknown=unknown)
     cosines = similarity_by_hand(templates, seen)
     logs = [density_by_hand(cell, gain) for gain in GAINS]
-    sharp = np.array(
-        [
-            [sharpness_by_hand(one, training_views, phase) for phase in range(PHASES)]
-            for one in cosines
-        ]
-    )
-    # The searches stop at 1e-5 of the logarithm, where the surprise is flat.
-    np.testing.assert_allclose(np.array(scores[2])[:, 0], sharp, rtol=2e-4)
+    for m, phase in np.ndindex(len(LOOKS), PHASES):
+        assert is_likeliest(cosines[m], training_views, phase, scores[2][m][:, phase])
     doubtful = []
     for g, m, n in np.ndindex(len(GAINS), len(LOOKS), len(FRAMES)):
-        found = named_by(*scores, g, m, n, unknown=unknown)
+        found = named_by(*scores, g, m, n, PROFILE_DOUBT, unknown=unknown)
         assert found["predicted"].shape == (3, PHASES, *GRID)
         np.testing.assert_array_equal(found["sharpness"][0], 1)
-        np.testing.assert_array_equal(found["sharpness"][1:], scores[2][m])
-        assert (found["sharpness"][2] <= found["sharpness"][1]).all()
+        np.testing.assert_array_equal(found["sharpness"][1:], scores[2][m][[0, 0]])
+        calm = np.full(PHASES, PROFILE_DOUBT)
+        np.testing.assert_allclose(found["doubt"], [calm, scores[2][m][1], calm], rtol=1e-15)
         for d in range(PHASES):
             profile = logs[g][d % REPLICATES, n]
-            silhouette = sharp[m, d] * cosines[m, d]
-            both = profile + scores[2][m][1, d] * cosines[m, d]
+            sharpness, doubt = scores[2][m][:, d]
+            silhouette = doubted_by_hand(sharpness * cosines[m, d], training_views, doubt)
+            both = doubted_by_hand(profile, training_views, PROFILE_DOUBT) + silhouette
             for c, alone in enumerate((profile, silhouette, both)):
                 wanted = posterior_by_hand(alone, training_views)
                 true = wanted[np.arange(VIEWS), SHIP]
@@ -199,7 +215,10 @@ def test_a_view_that_one_sensor_lost_is_left_out():
     # What is left is compared with what is left alone.
     profiles, silhouettes, worth = scores
     views = left.ravel()
-    for c, one in enumerate((profiles[0, 1, 0], worth[0][0, 0] * silhouettes[0, 0])):
+    sharpness, doubt = worth[0][:, 0]
+    silhouette = np.where(views, sharpness * silhouettes[0, 0], -np.inf)
+    doubted = doubted_by_hand(silhouette, views, doubt)
+    for c, one in enumerate((profiles[0, 1, 0], doubted)):
         true = posterior_by_hand(one[views].astype(float), views)[
             np.arange(views.sum()), SHIP[views]
         ]
@@ -240,12 +259,12 @@ def test_similarity_is_the_best_cosine_over_other_phases():
 
 
 def test_a_phase_is_not_calibrated_on_itself():
-    """A phase whose scores are all wrong does not lower its own weight, but that of the others."""
-    ship = np.repeat([0, 1], 10)
+    """A phase whose scores are all wrong does not lower its own worth, but that of the others."""
+    ship, aspect = np.divmod(np.arange(20), 10)
     good = np.where(ship[:, None] == ship, 1.0, 0.0)
-    weights = calibrate(np.stack([-good, good, good]), ship)
-    assert weights[0] > 10 * weights[1]
-    assert weights[1] == pytest.approx(weights[2])
+    _, doubt = calibrate(np.stack([-good, good, good]), ship, aspect)
+    assert doubt[0] < 0.05
+    assert doubt[1] == pytest.approx(doubt[2]) and doubt[1] > 0.9
 
 
 # Where there is fusion
