@@ -140,6 +140,7 @@ def executor(
     tasks: int = sys.maxsize,
     packages: Sequence[str] = (),
     modules: Sequence[str] = (),
+    folders: Sequence[Path] = (),
     say: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Start the chosen workers, or connect to them; stop or release them afterwards.
@@ -154,6 +155,8 @@ def executor(
         Packages, besides the engine, whose code must be the same on remote workers.
     modules : sequence of str
         Modules of the functions that tasks call: imported once for all workers of this machine.
+    folders : sequence of Path
+        Folders of this machine that remote workers must see, too.
     say : callable
         Called with a sentence about what is awaited, or what the user should know.
 
@@ -165,7 +168,7 @@ def executor(
     Raises
     ------
     ConfigurationError
-        If the cluster cannot be reached or started, or the code of a worker differs.
+        If the cluster cannot be reached or started, or the code or folders of a worker differ.
     """
     if choice.kind == "inline":
         with one_thread():
@@ -176,8 +179,11 @@ def executor(
         if choice.kind == "local":  # it imports while this process imports dask
             settings["method"] = stack.enter_context(fork_server(worth_importing(modules)))
         from sweeps.engine import workers  # which imports dask
+        from sweeps.engine.shared import Shared, marked
 
-        elsewhere = (*ENGINE, *packages) if choice.kind != "local" else ()
-        code = {name: package_digest(name) for name in elsewhere}
+        shared = Shared()
+        if choice.kind != "local":
+            code = {name: package_digest(name) for name in (*ENGINE, *packages)}
+            shared = Shared(code, stack.enter_context(marked(folders)))
         start = getattr(workers, choice.kind)
-        yield stack.enter_context(start(**settings, tasks=tasks, code=code, say=say))
+        yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))

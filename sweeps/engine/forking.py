@@ -41,7 +41,8 @@ def fork_server(modules: Iterable[str]) -> Iterator[str]:
 
     Yields the start method of `multiprocessing` to use meanwhile. If a server
     was started ahead, it is used, whatever it imports. If this process has another one, which
-    may have older code, they are spawned instead.
+    may have older code, or none can be started, as where the path of the temporary folder is too
+    long for a socket, they are spawned instead.
     """
     server: Any = forkserver._forkserver
     if server._forkserver_pid is not None:
@@ -50,9 +51,13 @@ def fork_server(modules: Iterable[str]) -> Iterator[str]:
     before = server._preload_modules
     server.set_forkserver_preload(["distributed", *modules])
     try:
-        with environment(ENVIRONMENT), interrupts_held():
-            server.ensure_running()
-        yield "forkserver"
+        method = "forkserver"
+        try:
+            with environment(ENVIRONMENT), interrupts_held():
+                server.ensure_running()
+        except OSError:
+            method = "spawn"
+        yield method
     finally:
         server.set_forkserver_preload(before)
         server._stop()
@@ -67,6 +72,9 @@ def fork_server_ahead(modules: Iterable[str]) -> Iterator[None]:
     server: Any = forkserver._forkserver
     with fork_server(modules):
         own = server._forkserver_pid
+        if own is None:
+            yield
+            return
         _ahead.add(own)
         try:
             yield

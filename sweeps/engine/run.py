@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from itertools import count
@@ -101,6 +101,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     check_target(place.store)
     check_folder("cache", place.cache)
     check_apart([place.store], place.cache, lambda store: ())
+    place = replace(place, cache=place.cache.absolute())  # workers may be started elsewhere
     plan = Plan(experiment, choices)
     with locked(place.store), open_index(place.cache, watch.say) as index:
         old = existing(experiment, place.store, plan)
@@ -144,7 +145,7 @@ def _sweep(
     failures: list[tuple[str, str]] = []
     for _ in range(ROUNDS):
         damaged: set[str] = set()
-        with _workers(place.cluster, plan, watch, thread) as start:
+        with _workers(place, plan, spill, watch, thread) as start:
             if place.cluster.kind == "local" and old is None and not index.summary():
                 start(sum(plan.count(bound) for bound in plan.bound.values() if bound.stage.kept))
             with interruptible():
@@ -189,10 +190,10 @@ def _sweep(
 
 @contextmanager
 def _workers(
-    choice: ClusterChoice, plan: Plan, watch: Watch, thread: ThreadPoolExecutor
+    place: Place, plan: Plan, spill: Path, watch: Watch, thread: ThreadPoolExecutor
 ) -> Iterator[Callable[..., Future[Executor]]]:
     """Yield a function that starts workers in a thread, once; stop them afterwards."""
-    stack = ExitStack()
+    stack, choice = ExitStack(), place.cluster
     started: list[Future[Executor]] = []
 
     def start(tasks: int, *, quick: bool = False) -> Future[Executor]:
@@ -203,6 +204,7 @@ def _workers(
                 tasks=tasks,
                 packages=plan.experiment.code,
                 modules=plan.modules,
+                folders=(place.cache, spill),
                 say=watch.say,
             )
             started.append(thread.submit(stack.enter_context, entered))

@@ -28,10 +28,10 @@ from distributed.security import Security
 from distributed.threadpoolexecutor import ThreadPoolExecutor
 from tornado.ioloop import PeriodicCallback
 
-from sweeps.engine.code import OtherCode, check_code
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.forking import ENVIRONMENT, interrupts_held
 from sweeps.engine.process import environment, one_thread
+from sweeps.engine.shared import UNSHARED, Shared
 
 SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
@@ -53,21 +53,24 @@ ANSWER, ARRIVAL, CHECKED = 10, 60, 1.0  # s: for a scheduler's answer, its first
 JOBS_CHECKED = 10.0  # s between checks whether a job has ended, for example by its time limit
 LOST = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
 
+SCRATCH = "temporary-directory"
+# Removing a scratch folder must not fail for a file that a dying worker still writes.
+FORGIVING: dict[str, Any] = {"ignore_cleanup_errors": True}
+
 # Runs all tasks of this process; a daemon, unlike those of `concurrent.futures`.
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
 
 Task = tuple[int, Callable[..., Any], tuple[Any, ...]]
 Outcome = tuple[int, Any, Exception | None]
 Say = Callable[[str], None]
-Code = Mapping[str, str]  # digests of packages by name
 
 
-def run_task(code: Code, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+def run_task(shared: Shared, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     """Call a function in the task thread of this process, with one thread for numerical libraries.
 
-    Raises `OtherCode` if the code of this process differs.
+    Raises what `Shared.check` does if this process has other code or folders.
     """
-    check_code(code)
+    shared.check()
 
     def call() -> Any:
         with one_thread():
@@ -84,10 +87,10 @@ class DaskExecutor:
     if its worker dies again is the task itself the cause.
     """
 
-    def __init__(self, client: Client, workers: int | None, code: Code) -> None:
+    def __init__(self, client: Client, workers: int | None, shared: Shared) -> None:
         self._client = client
         self._workers = workers
-        self._code = code
+        self._shared = shared
         self._completed = as_completed(loop=client.loop)
         self._running: dict[Future, Task] = {}
         self._suspects: deque[Task] = deque()
@@ -123,7 +126,7 @@ class DaskExecutor:
         return outcomes
 
     def _start(self, task: Task) -> None:
-        future = self._client.submit(run_task, self._code, *task[1:], pure=False)
+        future = self._client.submit(run_task, self._shared, *task[1:], pure=False)
         self._running[future] = task
         self._completed.add(future)
 
@@ -139,7 +142,7 @@ class DaskExecutor:
                 return [(task[0], None, RuntimeError(message))]
             self._suspects.append(task)
             return []
-        except OtherCode as error:  # of a worker that joined later
+        except UNSHARED as error:  # of a worker that joined later
             raise ConfigurationError(f"a worker of the cluster {error}") from None
         except Exception as error:
             return [(task[0], None, error)]
@@ -147,7 +150,7 @@ class DaskExecutor:
 
 @contextmanager
 def local(
-    *, workers: int | None, tasks: int, say: Say, code: Code, method: str = "spawn"
+    *, workers: int | None, tasks: int, say: Say, shared: Shared, method: str = "spawn"
 ) -> Iterator[DaskExecutor]:
     """Start worker processes on this machine, which end with this process in any case.
 
@@ -160,9 +163,11 @@ def local(
     with ExitStack() as stack:
         # Else dask would import more into this process for the fork server, which already runs.
         distributed.utils._forkserver_preload_set = True
-        settings = SETTINGS | {"distributed.worker.multiprocessing-method": method}
-        stack.enter_context(_started_with(settings, ENVIRONMENT | quiet))
-        with interrupts_held():
+        # In dask's common scratch folder, all would wait for a lock that any user may hold.
+        scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **FORGIVING))
+        settings = {SCRATCH: scratch, "distributed.worker.multiprocessing-method": method}
+        stack.enter_context(_started_with(SETTINGS | settings, ENVIRONMENT | quiet))
+        with interrupts_held(), _none_started():
             cluster = stack.enter_context(
                 LocalCluster(
                     n_workers=count,
@@ -177,12 +182,27 @@ def local(
                 )
             )
         stack.enter_context(_workers_replaced(cluster, count, every=CHECKED))
-        yield DaskExecutor(stack.enter_context(Client(cluster)), count, code)
+        yield DaskExecutor(stack.enter_context(Client(cluster)), count, shared)
+
+
+@contextmanager
+def _none_started() -> Iterator[None]:
+    """Refuse local workers if none can be started, as without shared memory."""
+    try:
+        yield
+    except (OSError, RuntimeError, EOFError) as error:
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, OSError):  # of the machine
+            cause = cause.__cause__ or cause.__context__
+        raise ConfigurationError(
+            "cluster.kind is local, but no worker process can be started here "
+            f"({cause or error}); it may be inline"
+        ) from error
 
 
 @contextmanager
 def address(
-    *, tasks: int, say: Say, code: Code, address: str, **files: str | None
+    *, tasks: int, say: Say, shared: Shared, address: str, **files: str | None
 ) -> Iterator[DaskExecutor]:
     """Connect to a running scheduler. Each of its worker processes runs one task at a time."""
     host = urlsplit(address).hostname or ""
@@ -206,18 +226,18 @@ def address(
             raise ConfigurationError(
                 f"cluster.address is {address}, but its scheduler has no workers"
             ) from error
-        for worker, wrong in client.run(check_code, code, on_error="return").items():
+        for worker, wrong in client.run(shared.check, on_error="return").items():
             if wrong is not None:
-                told = wrong if isinstance(wrong, OtherCode) else f"cannot be asked: {wrong}"
+                told = wrong if isinstance(wrong, UNSHARED) else f"cannot be asked: {wrong}"
                 raise ConfigurationError(
                     f"cluster.address is {address}, but its worker {worker} {told}"
                 )
-        yield DaskExecutor(client, None, code)
+        yield DaskExecutor(client, None, shared)
 
 
 @contextmanager
 def slurm(
-    *, workers: int, tasks: int, say: Say, code: Code, **asked: Any
+    *, workers: int, tasks: int, say: Say, shared: Shared, **asked: Any
 ) -> Iterator[DaskExecutor]:
     """Submit Slurm jobs with some settings, and cancel them at the end.
 
@@ -228,13 +248,14 @@ def slurm(
     say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
     settings = SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST}s"}
     with ExitStack() as stack:
-        stack.enter_context(_started_with(settings, ENVIRONMENT))
+        private = TemporaryDirectory(prefix=".sweep-", dir=os.getcwd(), **FORGIVING)
+        folder = stack.enter_context(private)
+        stack.enter_context(_started_with(settings | {SCRATCH: folder}, ENVIRONMENT))
         with interrupts_held():
-            folder = stack.enter_context(TemporaryDirectory(prefix=".sweep-", dir=os.getcwd()))
-            cluster = stack.enter_context(_slurm_cluster(_certificate(Path(folder)), asked))
+            cluster = stack.enter_context(_slurm_cluster(Path(folder), asked))
         _submit(cluster, jobs)
         stack.enter_context(_workers_replaced(cluster, jobs, every=JOBS_CHECKED))
-        yield DaskExecutor(stack.enter_context(Client(cluster)), jobs, code)
+        yield DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
 
 
 def _check_scheduler(url: str, security: Security) -> None:
@@ -280,8 +301,8 @@ def _certificate(folder: Path) -> Security:
     return Security(require_encryption=True, tls_ca_file=str(certificate), **files)
 
 
-def _slurm_cluster(security: Security, asked: Mapping[str, Any]) -> Any:
-    """Return a cluster without jobs."""
+def _slurm_cluster(folder: Path, asked: Mapping[str, Any]) -> Any:
+    """Return a cluster without jobs, whose certificate and scratch files are in a folder."""
     try:
         from dask_jobqueue import SLURMCluster
     except ImportError as error:
@@ -294,8 +315,9 @@ def _slurm_cluster(security: Security, asked: Mapping[str, Any]) -> Any:
         **asked,
         cores=1,
         processes=1,
+        local_directory=str(folder),
         protocol="tls://",
-        security=security,
+        security=_certificate(folder),
         scheduler_options=SCHEDULER,
         job_script_prologue=[f"export {name}={value}" for name, value in ENVIRONMENT.items()],
         worker_extra_args=["--no-dashboard", "--dashboard-address", SCHEDULER["dashboard_address"]],

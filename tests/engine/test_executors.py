@@ -5,7 +5,7 @@ import os
 import re
 import subprocess
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from itertools import pairwise
 from pathlib import Path
 
@@ -29,10 +29,12 @@ from small_stores import files
 from threadpoolctl import threadpool_limits
 from toys import go
 
+from sweeps.engine import shared
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.code import package_digest
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.process import ONE_THREAD
+from sweeps.engine.shared import Apart, Shared, marked
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
@@ -196,11 +198,69 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
 
 def test_a_worker_that_comes_later_with_other_code_gets_no_task(running, tmp_path):
     with executor(running, say=silent) as run:
-        run._code = {**run._code, "toys": "another"}
+        run._shared = run._shared._replace(code={**run._shared.code, "toys": "another"})
         run.submit(0, Path.touch, tmp_path / "ran")
         with pytest.raises(ConfigurationError, match="a worker of the cluster has other code of"):
             run.finished()
     assert not (tmp_path / "ran").exists()
+
+
+def elsewhere(folder):
+    """A mark in a folder that no worker sees."""
+    return ((str(folder / "cells" / "mark.partial"), "token"),)
+
+
+def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path, monkeypatch):
+    folder = tmp_path / "cache"
+    monkeypatch.setattr(shared, "marked", lambda folders: nullcontext(elsewhere(*folders)))
+    with (
+        pytest.raises(ConfigurationError) as refused,
+        executor(running, folders=[folder], say=silent),
+    ):
+        pass
+    assert re.fullmatch(
+        rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ does not see "
+        rf"the folder '{folder}' of this command; it must be on a file system that all of them "
+        "share",
+        str(refused.value),
+    )
+
+
+def test_a_worker_that_comes_later_elsewhere_gets_no_task(running, tmp_path):
+    with executor(running, say=silent) as run:
+        run._shared = run._shared._replace(marks=elsewhere(tmp_path))
+        run.submit(0, Path.touch, tmp_path / "ran")
+        with pytest.raises(ConfigurationError, match="a worker of the cluster does not see the"):
+            run.finished()
+    assert not (tmp_path / "ran").exists()
+
+
+def test_folders_are_marked_while_workers_are_asked(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    with marked([tmp_path / "cache", tmp_path / "file"]) as marks:
+        ((path, _),) = marks  # nothing can be in a file, so nobody needs to see it
+        assert Path(path).is_relative_to(tmp_path / "cache")
+        Shared({}, marks).check()
+        with pytest.raises(Apart, match="does not see"):
+            Shared({}, ((path, "another"),)).check()
+    assert not list((tmp_path / "cache").rglob("*.partial"))
+    monkeypatch.setattr(os, "geteuid", lambda: os.stat(tmp_path).st_uid + 1)
+    with (
+        pytest.raises(ConfigurationError, match=r"^this process sees files of another user in"),
+        marked([tmp_path / "cache"]),
+    ):
+        pass
+    assert not list((tmp_path / "cache").rglob("*.partial"))
+
+
+def test_workers_elsewhere_take_a_relative_cache_as_the_command_does(
+    running, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    go("s.zarr", "cache", kind=running, spring__stiffness=1)
+    go("t.zarr", spring__stiffness=1)
+    assert files(Path("s.zarr")) == files(Path("t.zarr"))
+    assert list(tmp_path.glob("cache/cells/*.pack"))
 
 
 def test_code_of_the_same_package_elsewhere_is_the_same(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """Workers of this machine are forked from a process that has imported what they need, once."""
 
 import os
+import signal
 import sys
 from multiprocessing import forkserver
 
@@ -79,3 +80,22 @@ def test_a_server_that_was_started_for_nothing_is_not_waited_for(tmp_path, monke
     with fork_server_ahead(["takes_for_ever"]):
         pass
     assert server_is_gone()
+
+
+def test_without_a_socket_workers_are_spawned(monkeypatch):
+    def too_long():
+        raise OSError("AF_UNIX path too long")
+
+    monkeypatch.setattr(forkserver._forkserver, "ensure_running", too_long)
+    with fork_server([]) as method:
+        assert method == "spawn"
+    with fork_server_ahead([]), fork_server([]) as method:
+        assert method == "spawn"
+
+
+def test_a_server_that_is_killed_is_no_error():
+    with fork_server_ahead([]):
+        os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+        with fork_server([]):
+            forkserver.ensure_running()
+    assert forkserver._forkserver._forkserver_pid is None

@@ -6,8 +6,10 @@ import socket
 import ssl
 import subprocess
 import sys
+import tempfile
 import threading
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 import distributed
 import psutil
@@ -16,6 +18,7 @@ from distributed.security import Security
 from executors import (
     die,
     eventually,
+    fails_with,
     gather,
     interrupt_oneself,
     refuse_odd,
@@ -220,3 +223,31 @@ if __name__ == "__main__":
         assert worker in children
         driver.kill()
     eventually(lambda: all(ended(process) for process in children))
+
+
+def scratch(dask_worker):
+    """Scratch folder of a worker."""
+    return dask_worker.local_directory
+
+
+def test_scratch_files_are_in_a_folder_of_the_run_alone(local):
+    # The lock of dask's common folder may be held by anyone, for as long as they like.
+    common = Path(tempfile.gettempdir()) / "dask-scratch-space"
+    for folder in map(Path, local._client.run(scratch).values()):
+        own = next(one for one in folder.parents if one.parent == Path(tempfile.gettempdir()))
+        assert own != common and own.stat().st_mode & 0o777 == 0o700
+
+
+def test_workers_that_cannot_be_started_are_one_sentence(monkeypatch):
+    def none(**given):
+        try:
+            raise OSError(30, "Read-only file system", "/dev/shm")
+        except OSError as error:
+            raise RuntimeError("Nanny failed to start.") from error
+
+    monkeypatch.setattr(workers, "LocalCluster", none)
+    fails_with(
+        ClusterChoice(workers=1),
+        r"cluster.kind is local, but no worker process can be started here \(.*Read-only file "
+        r"system: '/dev/shm'\); it may be inline",
+    )
