@@ -22,6 +22,9 @@ for _number in _figures:
         _pictures = [_shown.get_array() for _shown in (*_axes.images, *_axes.collections)]
         _curves += [numpy.ma.filled(_picture, numpy.nan).ravel().astype(float)
                     for _picture in _pictures if _picture is not None]
+        _bars = [_shown.get_segments() for _shown in _axes.collections
+                 if hasattr(_shown, "get_segments")]
+        _curves += [numpy.asarray(_segment)[:, 1] for _several in _bars for _segment in _several]
         _drawn = [_curve[numpy.isfinite(_curve)] for _curve in _curves]
         _where = f"figure {_number}, {_axes.get_title()!r}"
         assert any(len(set(_curve)) > 1 for _curve in _drawn), f"{_where}: nothing drawn"

@@ -292,7 +292,10 @@ def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], SweepAxis]
 def _numbers(
     table: xr.Dataset, name: str, dims: Sequence[str], draws: Sequence[str], percent: bool
 ) -> tuple[Any, ...]:
-    """Return flat values of a variable: percentages to a tenth, others rounded; None for NaN."""
+    """Return flat values of a variable: percentages finer than shown, others rounded; None for NaN.
+
+    Rounded to a tenth here and to a whole number where it is shown, 68.52 would be 68.
+    """
     if name not in table:
         return ()
     array = table[name]
@@ -305,7 +308,7 @@ def _numbers(
     if values.dtype.kind in "iub" and not percent:
         return tuple(map(int, flat))
     if percent and values.dtype.kind == "f":
-        return tuple(None if one != one else round(100 * one, 1) for one in flat)
+        return tuple(None if one != one else round(100 * one, 4) for one in flat)
     return tuple(None if not math.isfinite(one) else float(f"{one:.{DIGITS}g}") for one in flat)
 
 
