@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sweeps.engine.kinds import Kind, SetOf, Word
+from sweeps.engine.process import environment
 from sweeps.engine.settings import Choices, Run, Settings
 from sweeps.engine.stage import Experiment, Stage
 from sweeps.stages import (
@@ -109,16 +110,19 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     }
     stages = declared("STAGES")
 
+    def variables(choices: Choices) -> dict[str, str]:
+        folder = choices.one(Run.cache)
+        return {CACHE_VARIABLE: os.path.abspath(folder)} if folder else {}
+
     def check(choices: Choices) -> Choices:
-        if folder := choices.one(Run.cache):
-            os.environ[CACHE_VARIABLE] = os.path.abspath(folder)  # workers inherit it
-        for one in modules:
-            if hasattr(one, "check"):
-                choices = one.check(choices)
-            if hasattr(one, "check_meshes"):
-                one.check_meshes(choices, lambda ship: read_mesh(hull.function(ship)))
-        # A store records the engine that rendered, not the choice "auto".
-        return choices.having(Render.engine, drawing_engines(choices))
+        with environment(variables(choices)):
+            for one in modules:
+                if hasattr(one, "check"):
+                    choices = one.check(choices)
+                if hasattr(one, "check_meshes"):
+                    one.check_meshes(choices, lambda ship: read_mesh(hull.function(ship)))
+            # A store records the engine that rendered, not the choice "auto".
+            return choices.having(Render.engine, drawing_engines(choices))
 
     def remarks(choices: Choices) -> list[str]:
         # Flights, run times and scans have classifiers of their own.
@@ -141,6 +145,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         stages,
         tables=declared("TABLES"),
         statuses=declared("STATUSES"),
+        environment=variables,
         check=check,
         checking="checking the configuration and loading the ships (built on first use)",
         remarks=remarks,

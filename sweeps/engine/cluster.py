@@ -128,7 +128,8 @@ class InlineExecutor:
             return []
         number, function, arguments = self._waiting.popleft()
         try:
-            return [(number, function(*arguments), None)]
+            with one_thread():  # some libraries have a limit for each thread that calls them
+                return [(number, function(*arguments), None)]
         except Exception as error:
             return [(number, None, error)]
 
@@ -171,8 +172,7 @@ def executor(
         If the cluster cannot be reached or started, or the code or folders of a worker differ.
     """
     if choice.kind == "inline":
-        with one_thread():
-            yield InlineExecutor()
+        yield InlineExecutor()
         return
     settings: dict[str, Any] = {name: getattr(choice, name) for name in READ[choice.kind]}
     with ExitStack() as stack:

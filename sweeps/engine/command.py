@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import errno
-import os
 import re
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +25,8 @@ from omegaconf.errors import OmegaConfBaseException
 from platformdirs import user_cache_path
 
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
+from sweeps.engine.failures import FailureLog, reason
 from sweeps.engine.folders import check_apart, check_folder, check_target, remove_folder
 from sweeps.engine.front import (
     FUSED,
@@ -44,12 +44,11 @@ from sweeps.engine.multirun import Job, batches, crossed, fused, jobs_of, read_j
 from sweeps.engine.packs import SHORTAGES
 from sweeps.engine.plan import Plan
 from sweeps.engine.preview import preview
-from sweeps.engine.process import forgiving, say, show
+from sweeps.engine.process import environment, forgiving, say, show
 from sweeps.engine.results import open_index
 from sweeps.engine.run import Finished, Place, existing, sweep
 from sweeps.engine.settings import Choices, Cluster, Run, settings_table
 from sweeps.engine.stage import Experiment, nothing_to_check
-from sweeps.engine.tasks import reason
 from sweeps.engine.usage import usage
 from sweeps.engine.version import OPTION, version_of
 from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
@@ -86,7 +85,8 @@ class Command:
         Any error is reported in one sentence.
         """
         given = list(sys.argv[1:] if arguments is None else arguments)
-        with forgiving():
+        # Hydra then raises what went wrong, instead of printing it and ending the process.
+        with forgiving(), environment({"HYDRA_FULL_ERROR": "1"}):
             try:
                 with stopping():
                     status = self._main(given)
@@ -97,6 +97,9 @@ class Command:
             except Stopped as stopped:
                 say(self.name, f"{stopped.words}; the same command resumes the sweep")
                 return stopped.status
+            except DeclarationError as error:
+                say(self.name, str(error))
+                return WRONG
             except (ConfigurationError, HydraException, OmegaConfBaseException) as error:
                 say(self.name, explain(self.experiment, error))
                 return WRONG
@@ -124,8 +127,6 @@ class Command:
         if "--cache" in given:
             return self._cache([one for one in given if one != "--cache"])
         register(experiment)
-        # Hydra then raises what went wrong, instead of printing it and ending the process.
-        os.environ["HYDRA_FULL_ERROR"] = "1"
         options = get_args_parser().parse_intermixed_args(given)
         overrides = options.overrides
         plain = replaceable(
@@ -139,8 +140,9 @@ class Command:
                 sweeps = self._checked(jobs)
             if sweeps and all(choices.one(Run.dry_run) for choices, _ in sweeps):
                 for choices, store in sweeps:
-                    self._say_all(experiment.about(choices))
-                    self._preview(choices, store)
+                    with self._variables(choices):
+                        self._say_all(experiment.about(choices))
+                        self._preview(choices, store)
                 return ALL_DONE
             if jobs and master and master.hydra.runtime.choices["hydra/launcher"] == FUSED:
                 folder = Path(master.hydra.sweep.dir).absolute()
@@ -225,8 +227,12 @@ class Command:
             check_folder("cache", cache := self._cache_folder(choices))
             check_apart(map(Path, stores), Path(cache), self.beside)
             if store is not None:
-                existing(self.experiment, Path(store), Plan(self.experiment, choices))
+                with self._variables(choices):
+                    existing(self.experiment, Path(store), Plan(self.experiment, choices))
         return sweeps
+
+    def _variables(self, choices: Choices) -> AbstractContextManager[None]:
+        return environment(self.experiment.environment(choices))
 
     def _cache_folder(self, choices: Choices) -> str | Path:
         return choices.one(Run.cache) or user_cache_path(self.name)
@@ -259,35 +265,42 @@ class Command:
         """
         failures: list[tuple[str, str]] = []
         left: list[str] = []
+        log = FailureLog(folder)
         for choices, store in fused(self.experiment, jobs):
-            keys = {key.lstrip("+~") for job in jobs for key in job.overrides}
-            unread = Plan(self.experiment, choices).unread(keys)
-            remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
-            self._say_all((*remarks, *self.experiment.remarks(choices)))
-            self._say_all(self.experiment.about(choices))
-            if choices.one(Run.dry_run):  # if Hydra has expanded the jobs
-                self._preview(choices, store)
-                continue
-            finished = self.run(choices, Path(store) if store else folder / "sweep.zarr")
-            failures += finished.failures
-            left += [finished.left] * bool(finished.left)
+            with self._variables(choices):
+                keys = {key.lstrip("+~") for job in jobs for key in job.overrides}
+                unread = Plan(self.experiment, choices).unread(keys)
+                remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
+                self._say_all((*remarks, *self.experiment.remarks(choices)))
+                self._say_all(self.experiment.about(choices))
+                if choices.one(Run.dry_run):  # if Hydra has expanded the jobs
+                    self._preview(choices, store)
+                    continue
+                path = Path(store) if store else folder / "sweep.zarr"
+                finished = self.run(choices, path, log)
+                failures += finished.failures
+                left += [finished.left] * bool(finished.left)
         if failures:
             named = "; ".join(f"{what} ({why})" for what, why in failures[:NAMED_FAILURES])
             more = len(failures) - NAMED_FAILURES
+            tables = sum(what.startswith("table ") for what, _ in failures)
+            counts = {"cell": len(failures) - tables, "table": tables}
+            counted = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
             left.append(
-                f"{len(failures):,} cell{'s' * (len(failures) > 1)} failed: {named}"
+                f"{' and '.join(counted)} failed: {named}"
                 + (f"; and {more:,} more" if more > 0 else "")
+                + (f"; tracebacks and arguments are in {_near(log.path)}" if log.written else "")
             )
         if left:
             raise SweepIncomplete("; ".join(left))
 
-    def run(self, choices: Choices, store: Path) -> Finished:
-        """Run one sweep into a store, and report it."""
+    def run(self, choices: Choices, store: Path, log: FailureLog) -> Finished:
+        """Run one sweep into a store, and report it; failures are logged."""
         check_apart([store], Path(self._cache_folder(choices)), self.beside)
         with ThreadPoolExecutor(1, "removing") as thread:  # the old store, during the report
             place = self.place(choices, store)
             place = replace(place, remove=lambda folder: thread.submit(remove_folder, folder))
-            with watching(self.name) as watch:
+            with watching(self.name, log) as watch:
                 finished = sweep(self.experiment, choices, place, watch)
             say(self.name, summary(finished.progress, finished.seconds))
             try:
@@ -329,6 +342,11 @@ class Command:
         total = sum(one.bytes for one in kept)
         show(f"{sum(one.cells for one in kept)} cells, {total / 1e6:.1f} MB {done} in {folder}")
         return ALL_DONE
+
+
+def _near(path: Path) -> str:
+    """Return a path relative to the current folder if it is inside."""
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def _cluster(choices: Choices) -> ClusterChoice:

@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.coordinates import axis_coordinates, setting_coordinates
+from sweeps.engine.errors import DeclarationError
 from sweeps.engine.packs import Spot
 from sweeps.engine.plan import Plan
-from sweeps.engine.stage import Bound, DeclarationError, Output
-from sweeps.engine.tasks import Arrays, Damaged
+from sweeps.engine.returned import Arrays, uneven
+from sweeps.engine.stage import Bound, Output
+from sweeps.engine.tasks import Damaged
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
@@ -279,10 +281,7 @@ class Cube:
             elif array.shape == tuple(lengths):
                 flat[number] = array
             else:
-                raise DeclarationError(
-                    f"stage {layout.bound.name}: {output.name} has the shape {array.shape} in one "
-                    f"cell and {tuple(lengths)} in another, but no value to pad it with"
-                )
+                raise uneven(layout.bound.name, output.name, array.shape, tuple(lengths))
         own: Any = (..., *region[count:])
         return flat.reshape((*shape, *lengths))[own]
 

@@ -5,5 +5,9 @@ class ConfigurationError(ValueError):
     """The configuration is invalid: one sentence with key, value and what is allowed (exit 2)."""
 
 
+class DeclarationError(TypeError):
+    """Inconsistent declarations of an experiment: a mistake of its author."""
+
+
 class SweepIncomplete(RuntimeError):
     """Some cells failed; the message names them (exit 1)."""

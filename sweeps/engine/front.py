@@ -36,7 +36,8 @@ HYDRA = {
     # Down to the microsecond: two sweeps may start in one second.
     "run": {"dir": "outputs/${now:%Y-%m-%d}/${now:%H-%M-%S-%f}"},
     "sweep": {"dir": "multirun/${now:%Y-%m-%d}/${now:%H-%M-%S-%f}"},
-    "job_logging": {"root": {"level": "WARNING"}},
+    # No file until something is logged.
+    "job_logging": {"root": {"level": "WARNING"}, "handlers": {"file": {"delay": True}}},
 }
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, ClassVar
-
-import numpy as np
 
 LARGEST = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MOST_VALUES = 100_000  # longer axes come from a mistaken step
+NEARLY = 10**9  # a step that misses `stop` by less than this part of itself lands on it
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
 
@@ -273,10 +273,15 @@ def _steps(key: str, given: Mapping[str, Any]) -> list[float]:
         Number(positive=name == "step").values(f"{key}.{name}", given[name])[0]
         for name in ("start", "stop", "step")
     )
-    count = math.floor((stop - start) / step * (1 + 1e-12) + 1e-9) + 1
+    # In whole multiples of a common decimal: 0.1 steps give 0.3 and not 0.30000000000000004.
+    exact = [Fraction(repr(one)) for one in (start, stop, step)]
+    unit = math.lcm(*(one.denominator for one in exact))
+    first, last, by = (int(one * unit) for one in exact)
+    count = (last - first + by // NEARLY) // by + 1
     if count < 1:
         raise ValueError(f"{key} runs from {start:g} to {stop:g}, but stop must not be below start")
     if count > MOST_VALUES:
         raise ValueError(f"{key}.step is {step:g}, but must leave at most {MOST_VALUES} values")
-    # Rounded, so that 0.1 steps give 0.3 and not 0.30000000000000004.
-    return [float(value) for value in np.round(start + step * np.arange(count), 12)]
+    found = [(first + by * number) / unit for number in range(count)]
+    lands = abs(first + by * (count - 1) - last) * NEARLY <= by
+    return [*found[:-1], stop] if lands else found

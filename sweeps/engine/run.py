@@ -17,6 +17,7 @@ from pathlib import Path
 from sweeps.engine.attributes import nested, plain
 from sweeps.engine.cluster import ClusterChoice, Executor, InlineExecutor, executor
 from sweeps.engine.cube import Cube
+from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import (
     PARTIAL,
     Remove,
@@ -32,15 +33,17 @@ from sweeps.engine.folders import (
 from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.packs import PRIVATE, Spot, read_cells
 from sweeps.engine.plan import Plan
+from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
 from sweeps.engine.results import CellIndex, open_index
+from sweeps.engine.returned import uneven
 from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Bound, Experiment
 from sweeps.engine.store import read_attributes, write_store
 from sweeps.engine.tables import add_tables
 from sweeps.engine.takeover import OldStore
-from sweeps.engine.tasks import Call, Damaged, Report, reason, run_calls
+from sweeps.engine.tasks import Call, Damaged, Report, run_calls
 
 WRITERS = 2  # threads that write chunks
 AT_ONCE = 512  # cells that are read again after damage
@@ -97,6 +100,11 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     OSError
         If the store cannot be written; finished results are kept in the cache.
     """
+    with environment(experiment.environment(choices)):
+        return _locked_sweep(experiment, choices, place, watch)
+
+
+def _locked_sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) -> Finished:
     start, begun = time.perf_counter(), time.time()
     check_target(place.store)
     check_folder("cache", place.cache)
@@ -175,7 +183,7 @@ def _sweep(
                 return Finished(schedule.progress, failures)
         if not damaged:
             try:
-                _write(plan, schedule, place)
+                failures += _write(plan, schedule, place, watch)
             except Damaged:
                 damaged = _damaged(schedule, place)
             else:
@@ -231,24 +239,26 @@ def execute(
     """Run all calls of a schedule, and record finished cells in the index.
 
     Packs go to `folder`, or to `spill` when that is full. Returns the keys of cells that could not
-    be read back, and the names of those that failed, with the reasons.
+    be read back, and the names of those that failed, with the reasons. Raises `DeclarationError`
+    if arrays of an output differ in shape, and it has no value to pad them with.
     """
     damaged: set[str] = set()
     failures: list[tuple[str, str]] = []
     under_way: dict[int, tuple[list[Job], tuple[Call, ...]]] = {}
     numbers = count()
     spilled = False
+    shapes: dict[tuple[str, str], tuple[int, ...]] = {}
 
     def hand_out(jobs: list[Job], calls: tuple[Call, ...]) -> None:
         number = next(numbers)
         executor.submit(number, run_calls, calls, folder, spill)
         under_way[number] = jobs, calls
 
-    def fail(job: Job, why: str) -> None:
+    def fail(job: Job, why: str, arguments: str = "", traceback: str = "") -> None:
         schedule.finish(job, None, why, 0.0)
         for place in job.places:
             failures.append((schedule.plan.described(job.bound, place), why))
-            watch.failed(*failures[-1])
+            watch.failed(Failure(*failures[-1], arguments, traceback))
 
     def take_down(jobs: list[Job], report: Report) -> None:
         seconds: dict[str, float] = defaultdict(float)
@@ -259,10 +269,14 @@ def execute(
                 for alone, call in schedule.retried(job):  # one of its values may be the cause
                     hand_out([alone], (call,))
             elif done.reason:
-                fail(job, done.reason)
+                fail(job, done.reason, done.arguments, done.traceback)
             else:
                 seconds[job.bound.name] += done.seconds
                 schedule.finish(job, done.spots, "", done.seconds)
+        for stage, output, shape in report.shapes:
+            first = shapes.setdefault((stage, output), shape)
+            if shape != first:
+                raise uneven(stage, output, shape, first)
         for name, pack in report.packs:
             if not Path(pack.path).is_absolute():  # spilled packs are removed after this run
                 index.add(name, [pack], seconds[name])
@@ -284,7 +298,7 @@ def execute(
                         f"results are not cached: the cache cannot be written ({report.spilled})"
                     )
             elif len(jobs) == 1:
-                fail(jobs[0], reason(error))
+                fail(jobs[0], reason(error), traceback=traceback_of(error))
             else:
                 for job, call in zip(jobs, calls, strict=True):  # one may have killed the worker
                     hand_out([job], (call,))
@@ -334,8 +348,8 @@ def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -
     return not bad
 
 
-def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
-    """Assemble the store with its tables, and move it to its place."""
+def _write(plan: Plan, schedule: Schedule, place: Place, watch: Watch) -> list[tuple[str, str]]:
+    """Assemble the store with its tables, and move it to its place; return tables that failed."""
     heed()
     failed = schedule.failed
     cube = Cube(plan, schedule.spots, failed, partial(read_cells, place.cache))
@@ -348,12 +362,16 @@ def _write(plan: Plan, schedule: Schedule, place: Place) -> None:
     }
     with interruptible():
         groups = cube.groups()
-        add_tables(plan, groups)
+        found = add_tables(plan, groups)
+    lost = {failure.what: failure.why for failure in found}
+    for failure in found:
+        watch.failed(failure)
     write_store(
         place.store,
         groups,
-        provenance(plan, failures),
+        provenance(plan, failures | lost),
         everywhere=EVERYWHERE,
         threads=WRITERS,
         remove=place.remove,
     )
+    return list(lost.items())

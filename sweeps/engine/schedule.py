@@ -11,6 +11,7 @@ from statistics import median
 
 import numpy as np
 
+from sweeps.engine.failures import Failure
 from sweeps.engine.packs import Spot
 from sweeps.engine.plan import Place, Plan, digest
 from sweeps.engine.stage import Bound
@@ -383,11 +384,11 @@ class Schedule:
 
 @dataclass
 class Watch:
-    """Observer of a sweep: called with sentences, on every change, and with failed cells."""
+    """Observer of a sweep: called with sentences, on every change, and with failures."""
 
     say: Callable[[str], None]
     step: Callable[[Schedule], None] = lambda schedule: None
-    failed: Callable[[str, str], None] = lambda what, why: None
+    failed: Callable[[Failure], None] = lambda failure: None
 
 
 def _apart(job: Job) -> list[Job]:

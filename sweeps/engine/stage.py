@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sweeps.engine.declarations import RNG, THERE, check_declarations
+from sweeps.engine.errors import DeclarationError
 from sweeps.engine.kinds import Value
 from sweeps.engine.settings import ENGINE_SETTINGS, Choices, Joint, Run, Setting, Settings
 
 if TYPE_CHECKING:
     import xarray as xr
-
-RNG, THERE = "rng", "there"
 
 Condition = Callable[[Choices], bool]
 Say = Callable[[str], None]
@@ -64,6 +64,11 @@ class Output:
     # kept like any other result, and marked in the store.
     measured: bool = False
     attrs: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def even(self) -> bool:
+        """Whether the store needs arrays of one shape in all cells."""
+        return self.stored and bool(self.dims) and self.pad is None and not self.origin
 
     @property
     def empty(self) -> float | str:
@@ -176,7 +181,10 @@ def nothing_to_check(choices: Choices) -> Choices:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Declaration of an experiment; stages in the order in which progress lists them."""
+    """Declaration of an experiment; stages in the order in which progress lists them.
+
+    Raises `DeclarationError` if declarations do not fit each other.
+    """
 
     name: str  # of the command, and of its distribution
     title: str  # of its stores
@@ -184,6 +192,8 @@ class Experiment:
     stages: tuple[Stage, ...]
     tables: tuple[Table, ...] = ()  # computed in this order
     statuses: tuple[Status, ...] = ()
+    # Environment variables that hold while anything of a sweep is called, also on workers.
+    environment: Callable[[Choices], Mapping[str, str]] = lambda choices: {}
     # Refuses inconsistent choices (`ConfigurationError`), and drops values that
     # nothing uses.
     check: Callable[[Choices], Choices] = nothing_to_check
@@ -202,6 +212,9 @@ class Experiment:
     # words of keys, to list; all keys if there are none.
     examples: tuple[tuple[str, str], ...] = ()
     main: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_declarations(self.declared, self.stages, self.tables, self.statuses)
 
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
@@ -236,10 +249,6 @@ class Bound:
     random: bool  # whether it draws
     along: tuple[str, ...]  # keys of the axes that it computes together
     gather: tuple[str, ...]  # and of those that it gathers
-
-
-class DeclarationError(TypeError):
-    """Inconsistent declarations of an experiment: a mistake of its author."""
 
 
 def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound]:

@@ -9,24 +9,55 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sweeps.engine.errors import DeclarationError
+from sweeps.engine.failures import Failure, reason, traceback_of
+from sweeps.engine.packs import SHORTAGES
 from sweeps.engine.plan import Plan
-from sweeps.engine.zarr_array import Array, Group
+from sweeps.engine.tasks import Damaged
+from sweeps.engine.zarr_array import Array, Group, metadata
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def add_tables(plan: Plan, groups: dict[str, Group]) -> None:
+def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
     """Add to the groups of a store, by path, all tables computed from them.
 
     Variables that a table uses stay in memory, and are not read again when they are written.
+    Returns the tables that failed, by names such as `table tables/best`.
     """
+    failed: dict[str, Failure] = {}
     for table in plan.experiment.tables:
-        if all(name in groups for name in table.of) and table.when(plan.choices):
-            given = [dataset_of(groups[name]) for name in table.of]
-            made = table.make(*given, plan.choices)
-            if made is not None:
-                groups[table.group] = group_of(made)
+        name = f"table {table.group}"
+        if lost := [one for one in table.of if f"table {one}" in failed]:
+            failed[name] = Failure(name, f"needs table {lost[0]}, which failed")
+        if name in failed or not all(one in groups for one in table.of):
+            continue
+        try:
+            if table.when(plan.choices):
+                given = [dataset_of(groups[one]) for one in table.of]
+                made = table.make(*given, plan.choices)
+                if not (made is None or hasattr(made, "data_vars")):
+                    kind = type(made).__name__
+                    raise TypeError(
+                        f"its function returned a {kind}, but must return a data set or None"
+                    )
+                if made is not None:
+                    groups[table.group] = _storable(group_of(made))
+        except (Damaged, DeclarationError):  # of cells, not of the table
+            raise
+        except Exception as error:
+            if getattr(error, "errno", None) in SHORTAGES:
+                raise
+            failed[name] = Failure(name, reason(error), traceback=traceback_of(error))
+    return list(failed.values())
+
+
+def _storable(group: Group) -> Group:
+    """Return a group; raise TypeError if one of its arrays cannot be stored."""
+    for array in (*group.arrays.values(), *group.coordinates.values()):
+        metadata(array)
+    return group
 
 
 def dataset_of(group: Group) -> xr.Dataset:

@@ -19,10 +19,10 @@ from sweeps.engine.kinds import Value
 from sweeps.engine.packs import Spot, write_pack
 from sweeps.engine.plan import Place, Plan
 from sweeps.engine.provenance import choices_of
+from sweeps.engine.returned import Arrays
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Bound
 from sweeps.engine.store import RAGGED
-from sweeps.engine.tasks import Arrays
 
 AT_ONCE = 256  # cells that are read before they are packed
 KEPT_CHUNKS = 64  # decoded ones, usually of at most 1 MiB

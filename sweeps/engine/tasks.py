@@ -18,13 +18,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sweeps.engine.declarations import RNG, THERE
+from sweeps.engine.failures import described, reason, traceback_of
 from sweeps.engine.packs import Pack, Spot, read_cells, write_pack
+from sweeps.engine.returned import Arrays, Slot, arrays_of
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.stage import RNG, THERE, Stage
-
-Arrays = dict[str, NDArray[Any]]
+from sweeps.engine.stage import Stage
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_RECIPES = 512
@@ -36,7 +36,7 @@ class Step:
 
     name: str
     function: Any  # its module and qualified name, or itself if it is in no module
-    outputs: tuple[tuple[str, str, float | str], ...]  # name, type and empty value
+    outputs: tuple[Slot, ...]
     keep: int  # number of results in memory, of a stage not kept on disk
     drawn: bool  # whether it takes `rng`
     asks: bool  # whether it takes `there`
@@ -49,7 +49,12 @@ class Step:
         module, name = function.__module__, function.__qualname__
         if module != "__main__" and "<" not in name:
             function = module, name
-        outputs = tuple((one.name, one.dtype, one.empty) for one in stage.outputs)
+        outputs = tuple(
+            Slot(
+                one.name, one.dtype, one.empty, len(one.dims), stage.group is not None and one.even
+            )
+            for one in stage.outputs
+        )
         asked = stage.arguments
         return cls(stage.name, function, outputs, stage.memory, RNG in asked, THERE in asked)
 
@@ -117,6 +122,8 @@ class Done:
     seconds: float
     spots: tuple[Spot, ...] = ()
     reason: str = ""
+    arguments: str = ""  # of a call that failed
+    traceback: str = ""
     damaged: tuple[str, ...] = ()  # keys of lost inputs, without which it was not run
 
 
@@ -127,6 +134,8 @@ class Report:
     calls: tuple[Done, ...]
     packs: tuple[tuple[str, Pack], ...]
     spilled: str = ""
+    # Shapes met, by stage and output, of outputs that have the same in every cell.
+    shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
 
 
 class Damaged(Exception):
@@ -144,18 +153,25 @@ def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) 
     """
     outcomes: list[tuple[Done, str, range]] = []  # with the rows of its cells among its stage's
     results: dict[str, list[tuple[str, Arrays]]] = defaultdict(list)
+    shapes: set[tuple[str, str, tuple[int, ...]]] = set()
     inputs = Inputs([call.recipe for call in calls], folder)
     for number, call in enumerate(calls):
         start = time.perf_counter()
         cells: list[tuple[str, Arrays]] = []
         why: dict[str, Any] = {}
+        given: dict[str, Any] = {}
         try:
-            cells = _cells(call, call.step.call(**inputs.arguments(number, call.step)))
+            given = inputs.arguments(number, call.step)
+            cells = _cells(call, call.step.call(**given))
         except Damaged as error:
             why = {"damaged": error.keys}
         except Exception as error:
-            why = {"reason": reason(error)}
+            told = described(given | _named_stream(call))
+            why = {"reason": reason(error), "arguments": told, "traceback": traceback_of(error)}
         done = Done(time.perf_counter() - start, **why)
+        for _, arrays in cells[:1]:  # those of a call are of one array
+            even = (one.name for one in call.step.outputs if one.even)
+            shapes.update((call.step.name, name, arrays[name].shape) for name in even)
         there = results[call.step.name]
         outcomes.append((done, call.step.name, range(len(there), len(there) + len(cells))))
         there += cells
@@ -179,33 +195,20 @@ def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) 
         )
         for done, name, rows in outcomes
     )
-    return Report(finished, tuple(packs.items()), spilled)
+    return Report(finished, tuple(packs.items()), spilled, tuple(sorted(shapes)))
 
 
-def reason(error: BaseException) -> str:
-    """Return an exception in one line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())
+def _named_stream(call: Call) -> dict[str, Any]:
+    """Return `rng` by seed and name, from which it can be made again."""
+    if call.recipe.stream is None:
+        return {}
+    seed, name = call.recipe.stream
+    return {RNG: f"cell_rng({seed}, **{name})"}
 
 
 def _cells(call: Call, found: Any) -> list[tuple[str, Arrays]]:
     """Return key and arrays of each wanted cell of a call's result."""
-    step, names = call.step, [name for name, *_ in call.step.outputs]
-    if not isinstance(found, Mapping):
-        if len(names) != 1:
-            raise TypeError(f"{step.name} must return a mapping of {', '.join(names)}")
-        found = {names[0]: found}
-    if set(found) != set(names):
-        raise TypeError(
-            f"{step.name} returned {', '.join(map(str, found))}, but must return {', '.join(names)}"
-        )
-    arrays = {
-        name: np.asarray(found[name]).astype(dtype, copy=False) for name, dtype, _ in step.outputs
-    }
-    for name, array in arrays.items():
-        if array.shape[: len(call.shape)] != call.shape:
-            raise ValueError(
-                f"{name} of {step.name} has shape {array.shape}, but must begin with {call.shape}"
-            )
+    arrays = arrays_of(call.step.name, call.step.outputs, found, call.shape)
     cells: list[tuple[str, Arrays]] = []
     for key, place in call.cells:
         at: Any = (*np.unravel_index(place, call.shape), ...)  # an array even for one value
@@ -310,7 +313,7 @@ def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
         return cells[0]
     total = int(np.prod(source.shape))
     whole: Arrays = {}
-    for name, dtype, empty in source.step.outputs:
+    for name, dtype, empty, *_ in source.step.outputs:
         shape = cells[0][name].shape
         if any(cell[name].shape != shape for cell in cells):
             raise ValueError(f"{name} of {source.step.name} has a shape that differs between cells")

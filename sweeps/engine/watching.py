@@ -13,22 +13,26 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from sweeps.engine.failures import Failure, FailureLog
 from sweeps.engine.process import say
 from sweeps.engine.schedule import Progress, Schedule, Watch
 
 EVERY = 10.0  # s between plain lines
 EARLIEST = 3.0  # s of work done before the rest is estimated
 STEADY = 10.0  # s: time constant of the estimated end
-NAMED_FAILURES = 20  # all are in the attributes of the store
+NAMED_FAILURES = 5  # all are in the log of failures and in the attributes of the store
 AT_ONCE = 8  # stages that the live display shows: a terminal may have 24 lines
 LONGEST, LEAST = 3, 0.05  # stages whose time the summary lists, and the least time [s]
 
 
 @contextmanager
-def watching(name: str) -> Iterator[Watch]:
-    """Show the progress of a sweep on stderr; plain lines begin with the `name`."""
+def watching(name: str, log: FailureLog) -> Iterator[Watch]:
+    """Show the progress of a sweep on stderr; plain lines begin with the `name`.
+
+    The first failures are shown, and all are logged.
+    """
     if sys.stderr is None or not sys.stderr.isatty():
-        yield _Lines(name).watch
+        yield _Lines(name, log).watch
         return
     columns = (
         progress.SpinnerColumn(),
@@ -38,7 +42,7 @@ def watching(name: str) -> Iterator[Watch]:
         progress.TextColumn("{task.fields[left]}"),
     )
     with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        yield _Bars(bars).watch
+        yield _Bars(bars, log).watch
 
 
 class Remaining:
@@ -75,9 +79,26 @@ def _rounded(seconds: float) -> str:
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
+class _Failures:
+    """The first failures of a sweep in words; all of them in a log."""
+
+    def __init__(self, log: FailureLog) -> None:
+        self.log = log
+        self.number = 0
+
+    def words(self, failure: Failure) -> str:
+        """Log a failure, and return what to print of it: nothing after the first ones."""
+        self.log.add(failure)
+        self.number += 1
+        if self.number <= NAMED_FAILURES:
+            return f"failed: {failure.what}: {failure.why}"
+        return "further failures are counted at the end" * (self.number == NAMED_FAILURES + 1)
+
+
 class _Lines:
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, log: FailureLog) -> None:
         self.name = name
+        self.failures = _Failures(log)
         self.shown = time.monotonic()
         self.remaining = Remaining()
         self.watch = Watch(lambda sentence: say(name, sentence), self._step, self._failed)
@@ -95,13 +116,15 @@ class _Lines:
         ]
         say(self.name, ", ".join([*parts, left] if left else parts) or "finishing")
 
-    def _failed(self, what: str, why: str) -> None:
-        say(self.name, f"failed: {what}: {why}")
+    def _failed(self, failure: Failure) -> None:
+        if words := self.failures.words(failure):
+            say(self.name, words)
 
 
 class _Bars:
-    def __init__(self, bars: progress.Progress) -> None:
+    def __init__(self, bars: progress.Progress, log: FailureLog) -> None:
         self.bars = bars
+        self.failures = _Failures(log)
         self.tasks: dict[str, progress.TaskID] = {}
         self.remaining = Remaining()
         self.watch = Watch(self._say, self._step, self._failed)
@@ -127,8 +150,9 @@ class _Bars:
             self.tasks[name] = self.bars.add_task(name, total=total, left="")
         self.bars.update(self.tasks[name], completed=finished, total=total, left=left)
 
-    def _failed(self, what: str, why: str) -> None:
-        self._say(f"failed: {what}: {why}", "red")
+    def _failed(self, failure: Failure) -> None:
+        if words := self.failures.words(failure):
+            self._say(words, "red")
 
 
 def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:

@@ -57,7 +57,10 @@ def _taking(*names: str) -> Callable[[Any], Any]:
     return declare
 
 
-@plain(uses=(Irar, Grid), reads={"flown_pulse_width": Irar.pulse_width})
+@plain(
+    uses=(Irar, Grid),
+    reads={"flown_pulse_width": Irar.pulse_width, "depression": Irar.depression},
+)
 @_taking("ship", "flown", *(one.name for one in FLOWN))
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Pairs | None:
     """Return the values that a pass depends on; None for a ship that is not flown past."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.checks import NothingSeenError
 from ncti.irar import measured_extent
 from ncti.ladar import expected_profile
 from sweeps.engine.stage import Output, Stage, stage
@@ -103,7 +104,7 @@ def signature(
                 bin_width=bin_width,
                 window=window,
             )
-        except ValueError:  # nothing is in the image
+        except NothingSeenError:
             seen = ladar.nowhere(window, bin_width)
         for line, width in zip(measured, pulse_width, strict=True):
             line[:] = expected_profile(seen, pulse_width=width * 1e-9, **dict(flight_signal))

@@ -7,7 +7,6 @@ prints their means and standard deviations over 8 seeds from 1000 on, in some 5 
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 from functools import cache
@@ -101,13 +100,7 @@ def sweep_of(seed: int, folder: Path, name: str, *overrides: str) -> Path:
     meshes.mkdir(parents=True, exist_ok=True)
     if not (results / "meshes").exists():
         (results / "meshes").symlink_to(meshes, target_is_directory=True)
-    before = os.environ.get("NCTI_CACHE")
-    try:
-        done = swept(folder / f"{name}.zarr", results, f"seed={seed}", *overrides)
-    finally:
-        os.environ.pop("NCTI_CACHE", None)
-        if before is not None:
-            os.environ["NCTI_CACHE"] = before
+    done = swept(folder / f"{name}.zarr", results, f"seed={seed}", *overrides)
     assert not done.failures
     return folder / f"{name}.zarr"
 

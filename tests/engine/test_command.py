@@ -21,6 +21,7 @@ from toys import CALLS, SPRINGS, go
 from sweeps.engine import command as commands
 from sweeps.engine.command import Command
 from sweeps.engine.errors import SweepIncomplete
+from sweeps.engine.failures import FailureLog
 from sweeps.engine.process import show
 from sweeps.engine.results import CellIndex
 from sweeps.engine.watching import summary, watching
@@ -67,8 +68,8 @@ def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
     assert start("store=s.zarr", "spring.limit=1.5") == 1
     said = capsys.readouterr().err
     assert "springs: failed: period stiffness=4 mass=1: ValueError: too [stiff]" in said
-    assert said.splitlines()[-1] == (
-        "springs: 1 cell failed: period stiffness=4 mass=1 (ValueError: too [stiff])"
+    assert said.splitlines()[-1].startswith(
+        "springs: 1 cell failed: period stiffness=4 mass=1 (ValueError: too [stiff]); tracebacks "
     )
     assert start("store=s.zarr", "spring.limit=1.5") == 1 and CALLS["period"] == 1
 
@@ -311,7 +312,7 @@ def test_a_terminal_shows_bars_and_what_is_said_as_it_is(tmp_path, monkeypatch):
     reader.start()
     with open(writing, "w", encoding="utf-8") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
-        with watching("springs") as watch:
+        with watching("springs", FailureLog(tmp_path)) as watch:
             watch.say("a store [/bold] ä")
             finished = go(tmp_path / "s.zarr", watch=watch, spring__limit=1.5)
         show(summary(finished.progress, finished.seconds), error=True)

@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toys import SPRINGS, noisy, period
 
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.plan import Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import Joint, Settings, count, number, read_choices
-from sweeps.engine.stage import DeclarationError, Experiment, Output, bind, in_memory, plain, stage
+from sweeps.engine.stage import Experiment, Output, bind, in_memory, plain, stage
 
 
 def planned(**given):
@@ -128,7 +128,8 @@ def test_a_gathered_value_changes_the_keys_of_what_gathers():
 
 
 def test_two_stages_of_one_function_share_results_and_others_do_not():
-    same, another = replace(period, name="same"), replace(period, name="other", also=("pyyaml",))
+    same = replace(period, name="same", group="same")
+    another = replace(period, name="other", group="other", also=("pyyaml",))
     experiment = replace(SPRINGS, stages=(*SPRINGS.stages, same, another))
     plan = Plan(experiment, read_choices(SPRINGS.declared, {}))
     assert keys(plan, "same") == keys(plan, "period")
@@ -142,7 +143,7 @@ def test_streams_are_named_by_values():
     assert (seed, name) == (0, {"stage": "noisy", "stiffness": 4.0, "mass": 2.0, "draw": 1})
     assert plan.stream(plan.bound["trace"], (2, 1, 0, 1)) == (seed, name)  # the same noise
     unnamed = replace(noisy, stream=None)
-    experiment = replace(SPRINGS, stages=(*SPRINGS.stages[:4], unnamed))
+    experiment = replace(SPRINGS, stages=(*SPRINGS.stages[:4], unnamed), tables=())
     every = Plan(experiment, plan.choices)
     _, name = every.stream(every.bound["noisy"], (2, 1, 0, 1))
     assert set(name) == {"stage", *every.bound["noisy"].needs} - {"seed"}
@@ -219,7 +220,7 @@ def circular(other):
     """One half of a circle."""
 
 
-@stage(Output("x", label="x"), uses=(Few,), group="few", name="another", reads={"other": "one"})
+@stage(Output("y", label="y"), uses=(Few,), group="few", name="another", reads={"other": "one"})
 def circle(other):
     """The other half."""
 

@@ -49,6 +49,26 @@ def test_whole_numbers_are_not_rounded(values):
     assert Count(-(10**18)).values("a.b", values) == tuple(sorted(values))
 
 
+EXACT = {
+    "a small start": ((1.4e-12, 3.4e-12, 1e-12), [1.4e-12, 2.4e-12, 3.4e-12]),
+    "a small step": ((0.0, 3e-310, 1e-310), [0.0, 1e-310, 2e-310, 3e-310]),
+    "decimals": ((0.0, 0.7, 0.1), [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
+    "large decimals": ((1e6 + 0.1, 1e6 + 0.3, 0.1), [1000000.1, 1000000.2, 1000000.3]),
+    "a rounded step": ((0.0, 5.0, 5 / 6), [0.0, 5 / 6, 10 / 6, 2.5, 20 / 6, 25 / 6, 5.0]),
+    "a step beyond": ((0.0, 1.0, 0.4), [0.0, 0.4, 0.8]),
+    "one value": ((2.5, 2.5, 1e-300), [2.5]),
+}
+
+
+@pytest.mark.parametrize("kind", EXACT)
+def test_steps_are_exact_decimals(kind):
+    given, expected = EXACT[kind]
+    found = Number().values("a.b", dict(zip(("start", "stop", "step"), given, strict=True)))
+    assert found == pytest.approx(expected, rel=4e-16, abs=0.0)
+    if kind != "a rounded step":
+        assert list(found) == expected
+
+
 @settings(deadline=None)
 @given(start=st.integers(-1000, 1000), step=st.integers(1, 1000), steps=st.integers(0, 500))
 def test_steps_end_at_stop_where_they_land_on_it(start, step, steps):
@@ -82,6 +102,8 @@ REFUSED = [
     (Number(), {"start": 2, "stop": 1, "step": 1}, "a.b runs from 2 to 1, but stop must not"),
     (Number(), {"start": 0, "stop": 1, "step": 0}, "a.b.step has 0, but every value must be a"),
     (Number(), {"start": 0, "stop": 1, "step": 1e-9}, "a.b.step is 1e-09, but must leave at most"),
+    (Number(), {"start": 0, "stop": 90, "step": 1e-310}, "a.b.step is 1e-310, but must leave"),
+    (Number(), {"start": 0, "stop": 1e300, "step": 5e-324}, "a.b.step is 4.94066e-324, but must"),
     (Number(), {"start": "0", "stop": 1, "step": 1}, "a.b.start is '0', but must be a number"),
     (Count(), 1.5, "a.b has 1.5, but every value must be a whole number"),
     (Count(), 0, "a.b has 0, but every value must be a whole number at least 1"),

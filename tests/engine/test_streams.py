@@ -35,18 +35,20 @@ def test_draws_of_a_stream_are_pinned(kind):
 
 def test_the_names_of_streams_are_pinned():
     """Named settings, all settings, another stage's noise, and settings that may be left out."""
+    # Without the output that it puts into another's group.
+    own = replace(noisy, outputs=noisy.outputs[:1])
     stages = {
-        "named": noisy,
-        "every": replace(noisy, name="every", stream=None),
-        "shared": replace(noisy, name="shared", noise="noisy"),
-        "optional": replace(noisy, name="optional", optional=(Measured.draw,)),
+        "named": own,
+        "every": replace(own, name="every", group="a", stream=None),
+        "shared": replace(own, name="shared", group="b", noise="noisy"),
+        "optional": replace(own, name="optional", group="c", optional=(Measured.draw,)),
     }
     experiment = replace(SPRINGS, stages=(*SPRINGS.stages[:3], *stages.values()), tables=())
     plan = Plan(experiment, read_choices(SPRINGS.declared, {"seed": 3}))
     place = (2, 1, 0, 0)
-    own = {"stiffness": 4.0, "mass": 2.0}
+    values = {"stiffness": 4.0, "mass": 2.0}
     expected = {
-        "named": {"stage": "noisy", **own, "draw": 0},
+        "named": {"stage": "noisy", **values, "draw": 0},
         "every": {
             "stage": "every",
             "spring.stiffness": 4.0,
@@ -56,8 +58,8 @@ def test_the_names_of_streams_are_pinned():
             "measured.draw": 0,
             "measured.pause": 0.0,
         },
-        "shared": {"stage": "noisy", **own, "draw": 0},
-        "optional": {"stage": "optional", **own},
+        "shared": {"stage": "noisy", **values, "draw": 0},
+        "optional": {"stage": "optional", **values},
     }
     for kind, one in stages.items():
         assert plan.stream(plan.bound[one.name], place) == (3, expected[kind]), RAISE

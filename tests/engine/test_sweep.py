@@ -14,9 +14,10 @@ from company import company
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, Told, go, run
 
+from sweeps.engine.errors import DeclarationError
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import DeclarationError, Experiment, Output, in_memory, stage
+from sweeps.engine.stage import Experiment, Output, in_memory, stage
 from sweeps.engine.store import read_attributes
 
 STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
@@ -214,14 +215,17 @@ def misnamed(size):
     return {"another": 0.0}
 
 
-@pytest.mark.parametrize(
-    ("declared", "what"), [(ragged, "no value to pad it with"), (flat, "the dimensions place")]
-)
-def test_arrays_that_do_not_fit_their_declaration_are_named(tmp_path, declared, what):
-    poor = Experiment("poor", "Poor", (Poor,), (declared,))
-    with pytest.raises(DeclarationError, match=what):
+def test_arrays_that_do_not_fit_their_declaration_are_named(tmp_path):
+    poor = Experiment("poor", "Poor", (Poor,), (ragged,))
+    with pytest.raises(DeclarationError, match="no value to pad it with"):
         run(poor, read_choices(poor.declared, {}), tmp_path / "s.zarr")
     assert not (tmp_path / "s.zarr").exists()
+    poor = Experiment("poor", "Poor", (Poor,), (flat,))
+    finished = run(poor, read_choices(poor.declared, {}), tmp_path / "s.zarr")
+    assert {why for _, why in finished.failures} == {
+        "TypeError: flat returned an array of shape () as flat, but must return one of 1 "
+        "dimensions: 1 of its own"
+    }
 
 
 def test_a_result_of_another_name_fails_its_cells(tmp_path):

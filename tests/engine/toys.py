@@ -202,11 +202,12 @@ class Told:
     @property
     def watch(self):
         """What a sweep is given."""
-        return Watch(
-            self.sentences.append, failed=lambda what, why: self.failures.append((what, why))
-        )
+        return Watch(self.sentences.append, failed=lambda one: self.failures.append(one[:2]))
 
 
 def without(experiment, name):
-    """An experiment without one of its stages."""
-    return replace(experiment, stages=tuple(one for one in experiment.stages if one.name != name))
+    """An experiment without one of its stages, and without the tables of its group."""
+    stages = tuple(one for one in experiment.stages if one.name != name)
+    groups = {one.group for one in stages}
+    tables = tuple(one for one in experiment.tables if groups.issuperset(one.of))
+    return replace(experiment, stages=stages, tables=tables)

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from commands import ran
+from commands import chosen, ran
 from rich.cells import cell_len
 from stores import contents, printed
 
@@ -123,3 +123,13 @@ def test_a_scan_that_fails_everywhere_is_a_store_that_can_be_reported(
     assert "failed  2 cells: the tables cover the others" in said.out
     assert "failed  2 cells" in printed(folder / "s.zarr", 80)
     assert set(contents(folder / "s-tables")) == {"scan.csv", "stages.csv"}
+
+
+def test_the_folder_of_the_cache_is_not_left_in_the_environment(tmp_path, monkeypatch):
+    """A later sweep of the same process has the cache that it asks for."""
+    monkeypatch.delenv("NCTI_CACHE", raising=False)
+    before = dict(os.environ)
+    chosen("cache=mine", "grid.ship=duncan")
+    assert ran("grid.ship=duncan", "store=s.zarr", "cache=mine", "dry_run=true") == 0
+    assert dict(os.environ) == before
+    assert any((tmp_path / "mine" / "meshes").iterdir())

@@ -1,0 +1,80 @@
+"""Failed cells and tables: why, where in the code, and with which arguments."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+FILE = "failures.log"
+LONGEST, LARGEST = 200, 20_000  # characters of an argument; of a traceback
+
+
+class Failure(NamedTuple):
+    """A cell or table that failed: its name, the reason in one line, and how it came about."""
+
+    what: str
+    why: str
+    arguments: str = ""  # a line each
+    traceback: str = ""
+
+
+def reason(error: BaseException) -> str:
+    """Return an exception in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def traceback_of(error: BaseException) -> str:
+    """Return the traceback of an exception, without the middle of a very long one."""
+    text = "".join(traceback.format_exception(error)).rstrip()
+    half = LARGEST // 2
+    return text if len(text) <= LARGEST else f"{text[:half]}\n...\n{text[-half:]}"
+
+
+def described(arguments: Mapping[str, Any]) -> str:
+    """Return arguments, a line each; of arrays, dtype and shape besides their first values."""
+    lines = []
+    for name, value in arguments.items():
+        try:
+            text = " ".join(repr(value).split())
+        except Exception as error:  # of any class's own `__repr__`
+            text = f"{type(value).__name__} without a representation ({reason(error)})"
+        if len(text) > LONGEST:
+            text = f"{text[:LONGEST]}..."
+        array = isinstance(value, np.ndarray)
+        lines.append(f"{name} = {f'{value.dtype} {value.shape} ' if array else ''}{text}")
+    return "\n".join(lines)
+
+
+class FailureLog:
+    """A file to which failures are appended; it exists once there is one.
+
+    A traceback that occurs again is only referred to. No error of the disk is raised.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / FILE
+        self.written = False
+        self._seen: dict[str, str] = {}
+
+    def add(self, failure: Failure) -> None:
+        """Append a failure."""
+        lines = [
+            failure.why,
+            *(failure.arguments and ["arguments:", *_indented(failure.arguments)]),
+        ]
+        if failure.traceback:
+            first = self._seen.setdefault(failure.traceback, failure.what)
+            again = first != failure.what
+            lines += [f"traceback as of {first}"] if again else failure.traceback.split("\n")
+        with suppress(OSError), self.path.open("a", encoding="utf-8", errors="replace") as file:
+            file.write("\n".join([failure.what, *_indented("\n".join(lines))]) + "\n\n")
+            self.written = True
+
+
+def _indented(text: str) -> list[str]:
+    return [f"    {line}" for line in text.split("\n")]

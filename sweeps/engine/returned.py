@@ -1,0 +1,110 @@
+"""What a stage returns, checked against the outputs that it declares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.errors import DeclarationError
+
+Arrays = dict[str, NDArray[Any]]
+
+# Kinds of dtypes (see numpy) that may become another, if every value is the same in it.
+CAST = {"f": "biuf", "i": "biuf", "u": "biuf", "b": "biuf", "c": "biufc"}
+
+_dtype = cache(np.dtype)
+
+
+class Slot(NamedTuple):
+    """An output as workers know it."""
+
+    name: str
+    dtype: str
+    empty: float | str
+    dims: int  # number of own dimensions
+    even: bool  # whether every cell's array must have the same shape
+
+
+def arrays_of(stage: str, slots: Sequence[Slot], found: Any, along: tuple[int, ...]) -> Arrays:
+    """Return the arrays of a result by output, of the declared dtypes.
+
+    `along` are the lengths of the leading axes, along which values are computed together.
+
+    Raises
+    ------
+    TypeError
+        If an output is missing, has another shape, or would lose something in its dtype. One
+        sentence with stage, output, what was returned, and what is allowed.
+    """
+    names = [slot.name for slot in slots]
+    if not isinstance(found, Mapping):
+        if len(names) != 1:
+            raise TypeError(f"{stage} must return a mapping of {', '.join(names)}")
+        found = {names[0]: found}
+    if found.keys() != set(names):
+        raise TypeError(
+            f"{stage} returned {', '.join(map(str, found))}, but must return {', '.join(names)}"
+        )
+    return {slot.name: _array(stage, slot, found[slot.name], along) for slot in slots}
+
+
+def _array(stage: str, slot: Slot, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
+    """Return one output as an array."""
+    dtype = _dtype(slot.dtype)
+    if given is None:
+        raise _refused(stage, slot, "None")
+    try:
+        array = np.asarray(given)
+    except ValueError:
+        raise _refused(stage, slot, "rows of different lengths", "an array") from None
+    if array.dtype != dtype:
+        array = _cast(stage, slot, array, dtype)
+    if array.shape[: len(along)] != along:
+        leading = f"one that begins with {along}, the numbers of values computed together"
+        raise _refused(stage, slot, f"an array of shape {array.shape}", leading)
+    if array.ndim != len(along) + slot.dims:
+        leading = f"{len(along)} of the values computed together and " if along else ""
+        allowed = f"one of {len(along) + slot.dims} dimensions: {leading}{slot.dims} of its own"
+        raise _refused(stage, slot, f"an array of shape {array.shape}", allowed)
+    return array
+
+
+def _cast(stage: str, slot: Slot, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return an array in another dtype; digits of floats may go, and nothing else."""
+    texts = dtype.kind in "SU" and array.dtype.kind in "OSTU"
+    if texts and array.dtype.kind == "O":
+        texts = all(isinstance(one, str) for one in array.flat)
+    if not texts and array.dtype.kind not in CAST.get(dtype.kind, dtype.kind) and array.size:
+        odd = next((one for one in array.flat if one is None), f"values of dtype {array.dtype}")
+        raise _refused(stage, slot, str(odd))
+    with np.errstate(all="ignore"):
+        cast = array.astype(dtype)
+    if dtype.kind in "fc":
+        if np.isfinite(cast).all():  # mostly
+            return cast
+        lost = np.isinf(cast) & np.isfinite(array)
+    else:
+        with np.errstate(all="ignore"):
+            lost = cast.astype(array.dtype) != array
+        if dtype.kind in "iu" and array.dtype.kind in "iu":
+            lost |= (cast < 0) != (array < 0)  # they may wrap there and back
+    if lost.any():
+        raise _refused(stage, slot, repr(array[lost].flat[0].item()))
+    return cast
+
+
+def _refused(stage: str, slot: Slot, given: str, allowed: str = "") -> TypeError:
+    allowed = allowed or f"values that the dtype {slot.dtype} holds"
+    return TypeError(f"{stage} returned {given} as {slot.name}, but must return {allowed}")
+
+
+def uneven(stage: str, output: str, one: tuple[int, ...], other: tuple[int, ...]) -> Exception:
+    """Return the error of an output whose arrays differ in shape between cells."""
+    return DeclarationError(
+        f"stage {stage}: {output} has the shape {one} in one cell and {other} in another, but no "
+        "value to pad it with; declare pad=... or origin=..."
+    )

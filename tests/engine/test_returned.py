@@ -1,0 +1,132 @@
+"""What stages return is checked against their declarations, at once and by name."""
+
+import numpy as np
+import pytest
+from small_stores import opened
+from toys import run
+
+from sweeps.engine.errors import DeclarationError
+from sweeps.engine.returned import Slot, arrays_of
+from sweeps.engine.settings import Settings, count, read_choices
+from sweeps.engine.stage import Experiment, Output, stage
+
+
+def returned(dtype, value, dims=0, along=()):
+    """The array of a result."""
+    return arrays_of("one", [Slot("x", dtype, 0, dims, False)], value, along)["x"]
+
+
+LOST = [
+    ("i4", 1.5, "1.5"),
+    ("i4", np.nan, "nan"),
+    ("i4", [1, 2, 2.25], "2.25"),
+    ("i1", 300, "300"),
+    ("u1", -1, "-1"),
+    ("i8", np.uint64(2**63), str(2**63)),
+    ("i8", 1e19, "1e+19"),
+    ("i8", 2**70, "values of dtype object"),
+    ("f4", 1e300, "1e+300"),
+    ("f2", 70000, "70000"),
+    ("f8", 1 + 2j, "values of dtype complex128"),
+    ("f8", 1 + 0j, "values of dtype complex128"),
+    ("f8", None, "None"),
+    ("f8", [1.0, None], "None"),
+    ("f8", "1", "values of dtype <U1"),
+    ("?", 2, "2"),
+    ("U3", "abcd", "'abcd'"),
+    ("U3", 3, "values of dtype int64"),
+    ("U3", ["a", None], "None"),
+]
+
+
+@pytest.mark.parametrize(("dtype", "value", "named"), LOST, ids=str)
+def test_what_a_dtype_does_not_hold_is_refused(dtype, value, named):
+    with pytest.raises(TypeError) as refused:
+        returned(dtype, value, np.ndim(np.array(value, dtype=object)))
+    assert str(refused.value) == (
+        f"one returned {named} as x, but must return values that the dtype {dtype} holds"
+    )
+
+
+KEPT = [
+    ("f4", 1.1, np.float32(1.1)),  # digits of floats may go
+    ("f4", np.inf, np.inf),
+    ("f4", np.nan, np.nan),
+    ("f4", 2**24 + 1, 2.0**24),
+    ("i4", 2.0, 2),
+    ("i1", True, 1),
+    ("?", 1, True),
+    ("u8", 2**64 - 1, np.uint64(2**64 - 1)),
+    ("U3", "abc", "abc"),
+    ("U3", [], []),
+    ("U8", np.array(["a", "Å"], dtype=object), ["a", "Å"]),
+    ("f8", [[1, 2], [3, 4]], [[1.0, 2.0], [3.0, 4.0]]),
+]
+
+
+@pytest.mark.parametrize(("dtype", "value", "expected"), KEPT, ids=str)
+def test_what_a_dtype_holds_is_kept(dtype, value, expected):
+    found = returned(dtype, value, np.ndim(expected))
+    assert found.dtype == dtype
+    np.testing.assert_array_equal(found, np.array(expected, dtype=dtype))
+
+
+SHAPES = [
+    (np.zeros(3), 0, (), "one of 0 dimensions: 0 of its own"),
+    (0.0, 1, (), "one of 1 dimensions: 1 of its own"),
+    (np.zeros((2, 3)), 0, (2,), "one of 1 dimensions: 1 of the values computed together and 0"),
+    (np.zeros((3, 2)), 1, (2,), r"one that begins with \(2,\), the numbers of values computed"),
+    ([[1.0, 2.0], [3.0]], 2, (), "rows of different lengths as x, but must return an array"),
+]
+
+
+@pytest.mark.parametrize(("value", "dims", "along", "allowed"), SHAPES)
+def test_a_shape_that_is_not_declared_is_refused(value, dims, along, allowed):
+    with pytest.raises(TypeError, match=allowed):
+        returned("f8", value, dims, along)
+
+
+class Few(Settings, key="few"):
+    """Of stages that return something odd."""
+
+    size = count([1, 2, 3], label="size")
+
+
+@stage(Output("x", label="x", dtype="i4"), uses=(Few,), group="all")
+def halves(size):
+    """A half where an integer is declared, for some."""
+    return size / 2
+
+
+@stage(Output("x", ("place",), label="x"), uses=(Few,), group="all")
+def growing(size):
+    """An array that is longer for larger sizes, without padding."""
+    if size > 3:
+        raise AssertionError("computed after the mistake was known")
+    return np.zeros(size)
+
+
+def test_only_the_cells_that_lose_something_fail(tmp_path):
+    declared = Experiment("few", "Few", (Few,), (halves,))
+    finished = run(declared, read_choices(declared.declared, {}), tmp_path / "s.zarr")
+    sentence = "TypeError: halves returned {} as x, but must return values that the dtype i4 holds"
+    assert finished.failures == [
+        ("halves size=1", sentence.format(0.5)),
+        ("halves size=3", sentence.format(1.5)),
+    ]
+    assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [-1, 1, -1]
+
+
+def test_padding_that_is_not_declared_stops_the_sweep_at_once(tmp_path, monkeypatch):
+    from sweeps.engine import schedule
+
+    monkeypatch.setattr(schedule, "MOST_CELLS", 3)  # of a task
+    declared = Experiment("few", "Few", (Few,), (growing,))
+    many = read_choices(declared.declared, {"few.size": list(range(1, 20))})
+    with pytest.raises(DeclarationError) as refused:
+        run(declared, many, tmp_path / "s.zarr")
+    assert str(refused.value) == (
+        "stage growing: x has the shape (2,) in one cell and (1,) in another, but no value to pad "
+        "it with; declare pad=... or origin=..."
+    )
+    assert not (tmp_path / "s.zarr").exists()

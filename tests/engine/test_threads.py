@@ -1,0 +1,70 @@
+"""One thread for numerical libraries wherever tasks run, also in the process of the command."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_stores import opened
+from threadpoolctl import threadpool_info, threadpool_limits
+from toys import SPRINGS, run
+
+from sweeps.engine.settings import Settings, count, read_choices
+from sweeps.engine.stage import Experiment, Output, stage
+
+
+class Few(Settings, key="few"):
+    """Of a stage that looks at its process."""
+
+    size = count([1, 2], label="size")
+
+
+@stage(
+    Output("most", label="largest limit of a library"),
+    Output("told", label="what libraries loaded now are told"),
+    uses=(Few,),
+    group="all",
+)
+def threads(size):
+    """The threads of the libraries of this process, as seen by what computes."""
+    return {
+        "most": max(one["num_threads"] for one in threadpool_info()),
+        "told": int(os.environ["OMP_NUM_THREADS"]),
+    }
+
+
+THREADS = Experiment("threads", "Threads", (Few,), (threads,))
+
+
+def test_an_inline_stage_has_one_thread(tmp_path, monkeypatch):
+    """OpenMP has a limit for each thread that calls it: that of another one does not count."""
+    sklearn_openmp = pytest.importorskip("sklearn.utils._openmp_helpers")
+    assert sklearn_openmp is not None
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    with threadpool_limits(3):
+        before = {one["filepath"]: one["num_threads"] for one in threadpool_info()}
+        assert any(
+            one["user_api"] == "openmp" and one["num_threads"] == 3 for one in threadpool_info()
+        )
+        run(THREADS, read_choices(THREADS.declared, {}), tmp_path / "s.zarr")
+        assert {one["filepath"]: one["num_threads"] for one in threadpool_info()} == before
+    found = opened(tmp_path / "s.zarr", "all")
+    np.testing.assert_array_equal(found.most, 1)
+    np.testing.assert_array_equal(found.told, 1)
+    assert os.environ["OMP_NUM_THREADS"] == "3"
+
+
+def test_variables_of_an_experiment_hold_during_its_sweep_only(tmp_path, monkeypatch):
+    seen = []
+
+    def looking(answers, choices):
+        seen.append(os.environ["SPRING_FOLDER"])
+
+    monkeypatch.setenv("SPRING_FOLDER", "before")
+    experiment = replace(
+        SPRINGS,
+        environment=lambda choices: {"SPRING_FOLDER": "meanwhile"},
+        tables=(replace(SPRINGS.tables[0], make=looking),),
+    )
+    run(experiment, read_choices(SPRINGS.declared, {}), tmp_path / "s.zarr")
+    assert seen == ["meanwhile"] and os.environ["SPRING_FOLDER"] == "before"
