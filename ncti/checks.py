@@ -154,7 +154,7 @@ def _all_inside(
     """Return whether `require` accepts every element, by checks of the array as a whole."""
     if not array.size:
         return True
-    least, most = array.min(), array.max()  # a NaN is both
+    least, most = float(array.min()), float(array.max())  # a NaN is both
     return bool(
         least >= minimum
         and most <= maximum
@@ -200,6 +200,99 @@ def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
         raise ValueError(f"{name} is {_line(values)}, but must be {length} numbers")
     for i, value in enumerate(values):
         require(f"{name}[{i}]", value, **bounds)
+
+
+def require_labels(name: str, values: Any) -> NDArray[Any]:
+    """Return labels as an array that can be sorted, or raise.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, for the message.
+    values : (...) array_like
+        Numbers or texts, not both.
+
+    Returns
+    -------
+    (...) ndarray
+        The labels.
+
+    Raises
+    ------
+    ValueError
+        If they are ragged, or of another kind, as None or a complex number.
+
+    See Also
+    --------
+    require_flags : The same for flags.
+
+    Examples
+    --------
+    >>> require_labels("labels", ["duncan", "roberts"])
+    array(['duncan', 'roberts'], dtype='<U7')
+    >>> require_labels("labels", [["duncan"], []])
+    Traceback (most recent call last):
+    ValueError: labels is [['duncan'], []], but must be an array of numbers or of texts
+    """
+    try:
+        array = np.asarray(values)
+    except (ValueError, OverflowError):
+        array = np.asarray(None)
+    if array.dtype.kind in "OT":  # as pandas, xarray and numpy 2 keep texts
+        texts = array.size and all(isinstance(one, str) for one in array.ravel())
+        array = array.astype(str) if texts else np.asarray(None)
+    if array.dtype.kind not in "biufUS" or (array.dtype.kind == "f" and np.isnan(array).any()):
+        raise ValueError(f"{name} is {_line(values)}, but must be an array of numbers or of texts")
+    return array
+
+
+def require_flags(
+    name: str, values: Any, shape: tuple[int, ...] | None = None
+) -> NDArray[np.bool_]:
+    """Return flags as an array, or raise unless they can be broadcast to a shape.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, for the message.
+    values : (...) array_like of bool
+        Flags.
+    shape : tuple of int, optional
+        Shape to which they are to be broadcast; any when not given.
+
+    Returns
+    -------
+    (...) bool ndarray
+        The flags, in the shape that they were given in.
+
+    Raises
+    ------
+    ValueError
+        If one is neither true nor false, or the shape is wrong.
+
+    See Also
+    --------
+    require_labels : The same for labels.
+
+    Examples
+    --------
+    >>> require_flags("answered", True, (2, 3))
+    array(True)
+    >>> require_flags("answered", [1.0, 0.5], (2,))
+    Traceback (most recent call last):
+    ValueError: answered is [1.0, 0.5], but must be true or false
+    """
+    try:
+        array = np.asarray(values)
+    except (ValueError, OverflowError):
+        array = np.asarray(None)
+    if array.dtype != np.bool_ and not (array.dtype.kind in "iu" and np.isin(array, (0, 1)).all()):
+        raise ValueError(f"{name} is {_line(values)}, but must be true or false")
+    try:
+        np.broadcast_to(array, array.shape if shape is None else shape)
+    except ValueError:
+        raise ValueError(f"{name} has shape {array.shape}, but must be {shape}") from None
+    return array.astype(np.bool_)
 
 
 def require_generator(name: str, value: Any) -> None:

@@ -104,6 +104,12 @@ def test_the_first_wrong_element_is_named(values, sentence):
         require_all("wind", values, whole=True, minimum=1)
 
 
+def test_bounds_beyond_single_precision_hold_for_its_arrays():
+    values = np.array([0.0, 3e38], dtype=np.float32)
+    found = require_all("profile", values, minimum=-1e300, maximum=1e300)
+    np.testing.assert_array_equal(found, values.astype(np.float64))
+
+
 def test_arrays_come_back_as_they_are():
     values = np.array([[1, 2, 3], [4, 5, 6]])
     ours = require_all("wind", values, minimum=1)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
-from ncti.checks import require_all
+from ncti.checks import require_all, require_labels
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def checked_moments(
             f"covariance has shape {bands.shape}, but must be ({count}, lag, {bins}) with 1 "
             f"to {bins} lags"
         )
-    names = np.asarray(labels)
+    names = require_labels("labels", labels)
     if names.shape != (count,):
         raise ValueError(f"labels has shape {names.shape}, but must be ({count},)")
     try:
@@ -98,10 +98,10 @@ def lower_band(covariance: ArrayLike) -> Floats:
            [1. , 1.5, 0. ],
            [0.5, 0. , 0. ]])
     """
-    dense = np.asarray(covariance, dtype=np.float64)
-    bins = dense.shape[-1]
-    if dense.ndim < 2 or dense.shape[-2] != bins:
+    dense = require_all("covariance", covariance)
+    if dense.ndim < 2 or dense.shape[-2] != dense.shape[-1]:
         raise ValueError(f"covariance has shape {dense.shape}, but must be (..., bin, bin)")
+    bins = dense.shape[-1]
     lag, n = np.mgrid[:bins, :bins]
     inside = lag + n < bins
     return np.where(inside, dense[..., np.where(inside, lag + n, 0), n], 0.0)

@@ -10,6 +10,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from ncti.checks import require_flags
 from ncti.classify.directions import polar
 
 NO_TEMPLATE = -1
@@ -127,7 +128,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
             If X is malformed or holds NaN or infinity, or `exclude` has another shape.
         """
         cosines, answers = self._cosines(X)
-        left_out = np.asarray(exclude, dtype=bool)
+        left_out = require_flags("exclude", exclude)
         if left_out.shape not in ((), cosines.shape[1:], cosines.shape):
             raise ValueError(
                 f"exclude has shape {left_out.shape}, but must be {cosines.shape} or "

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require_all
+from ncti.checks import require_all, require_labels
 
 CIRCLE = 360.0  # deg
 LEAST_CURVED = 3  # templates of a label needed for a curvature along aspect
@@ -83,12 +83,14 @@ def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: Ar
     means = require_all("mean", mean)
     aspects = require_all("aspect", aspect)
     kernel = np.maximum(require_all("correlation", correlation), 0.0)
-    names = np.asarray(labels)
+    names = require_labels("labels", labels)
     if means.ndim != 2 or aspects.shape != means.shape[:1] or names.shape != aspects.shape:
         raise ValueError(
             f"aspect has shape {aspects.shape}, but must match the labels and the rows of mean, of "
             f"shapes {names.shape} and {means.shape}"
         )
+    if kernel.ndim != 1 or not kernel.size:
+        raise ValueError(f"correlation has shape {kernel.shape}, but must be (lag,)")
     # Tangents, steps and squared curvatures, label by label.
     tangent, step = np.zeros_like(means), np.zeros(len(means))
     curvature: list[tuple[Floats, Floats]] = []  # aspects of a label, and squares at them

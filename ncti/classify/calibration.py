@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require_all
+from ncti.checks import require, require_all, require_labels
 from ncti.classify.bands import coloured
 from ncti.classify.between import CIRCLE, every_other, halves
 from ncti.classify.fusion import label_posterior
@@ -125,10 +125,11 @@ def fit_doubt(
     >>> from ncti.classify import GaussianTemplates, lower_band
     >>> from ncti.classify.calibration import fit_doubt
     >>> band = lower_band(np.stack([np.eye(3)] * 2))
-    >>> exact = GaussianTemplates().fit([[0, 1, 0], [1, 0, 0]], band, ["duncan", "roberts"])
+    >>> exact = GaussianTemplates().fit([[0, 1, 0], [1, 0, 0]], band, ["duncan", "roberts"], 0)
     >>> fit_doubt(exact, 16, np.random.default_rng(0))
     array([0., 0.])
     """
+    require("frame_count", frame_count, whole=True, minimum=1)
     given = np.asarray(templates.gain_sigma if gain_sigma is None else gain_sigma)
     doubt = np.zeros((*given.shape, len(templates.labels_)))
     if not templates.template_error_:
@@ -246,8 +247,11 @@ def fit_sharpness_and_doubt(
     >>> print(f"{sharpness:.0f} {doubt:.2f}")
     10 0.11
     """
-    values, names, true = require_all("scores", scores), np.asarray(labels), np.asarray(truth)
-    weights = np.broadcast_to(require_all("weight", weight, minimum=0), true.shape)
+    values, names = require_all("scores", scores), require_labels("labels", labels)
+    true, weights = require_labels("truth", truth), require_all("weight", weight, minimum=0)
+    if weights.shape not in ((), true.shape):
+        raise ValueError(f"weight has shape {weights.shape}, but must be {true.shape}")
+    weights = np.broadcast_to(weights, true.shape)
     classes, _ = label_posterior(values, names)
     if true.shape != values.shape[:1] or not np.isin(true, classes).all():
         raise ValueError(

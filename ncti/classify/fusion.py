@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require_all
+from ncti.checks import require_all, require_flags, require_labels
 
 Floats = NDArray[np.float64]
 
@@ -272,13 +272,13 @@ def _checked(
 ) -> tuple[Floats, NDArray, NDArray[np.bool_]]:
     """Return scores, labels and excluded templates as arrays of matching shapes."""
     values = require_all("scores", scores)
-    names = np.asarray(labels)
+    names = require_labels("labels", labels)
     if values.ndim != 2 or names.shape != values.shape[1:]:
         raise ValueError(
             f"scores has shape {values.shape}, but must be (sample, template) with "
             f"{names.size} templates, one for each label"
         )
-    left_out = np.asarray(exclude, dtype=bool)
+    left_out = require_flags("exclude", exclude)
     if left_out.shape not in ((), names.shape, values.shape):
         raise ValueError(
             f"exclude has shape {left_out.shape}, but must be {values.shape} or {names.shape}"
@@ -294,7 +294,7 @@ def _surprise(
     The loss is the mean cross-entropy; None if the sharpness has no effect.
     """
     values, names, _ = _checked(scores, labels)
-    true = np.asarray(truth)
+    true = require_labels("truth", truth)
     if true.shape != values.shape[:1] or not true.size:
         raise ValueError(
             f"truth has shape {true.shape}, but must be one label for each sample, "

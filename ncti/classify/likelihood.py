@@ -14,7 +14,7 @@ from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
-from ncti.checks import require_all
+from ncti.checks import require_all, require_flags
 from ncti.classify.bands import (
     checked_averages,
     checked_moments,
@@ -118,7 +118,7 @@ class GaussianTemplates(BaseEstimator):
     >>> means = np.array([[0.0, 0.2, 1.0, 0.2, 0.0], [0.0, 0.2, 1.0, 0.4, 0.0]])
     >>> band = lower_band(np.stack([0.04 * np.eye(5)] * 2))
     >>> classifier = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0)
-    >>> classifier = classifier.fit(means, band, ["duncan", "roberts"])
+    >>> classifier = classifier.fit(means, band, ["duncan", "roberts"], floor=0.0)
     >>> for frame_count in (1, 4, 16):
     ...     print(frame_count, classifier.posterior(means[:1], frame_count).round(2))
     1 [[0.62 0.38]]
@@ -152,7 +152,7 @@ class GaussianTemplates(BaseEstimator):
         mean: ArrayLike,
         covariance: ArrayLike,
         labels: ArrayLike,
-        floor: ArrayLike = 0.0,
+        floor: ArrayLike,
         *,
         aspect: ArrayLike | None = None,
         rng: np.random.Generator | None = None,
@@ -168,9 +168,10 @@ class GaussianTemplates(BaseEstimator):
             covariance of bins n and n + l. `lower_band` makes it from a full matrix.
         labels : (template,) array_like
             Label of each template, such as a ship; templates may share labels.
-        floor : array_like, default=0.0
+        floor : array_like
             Noise floor included in `mean`, which does not scale with the gain of the target: one
-            number, (bin,), (template, 1) or (template, bin).
+            number, (bin,), (template, 1) or (template, bin). Of profiles that hold no ship at the
+            edges of their window ``mean[:, :1]``; 0 only where the floor has been removed.
         aspect : (template,) array_like, optional
             Aspect of each template [deg], distinct among templates of a label. Required with a
             template error.
@@ -239,7 +240,7 @@ class GaussianTemplates(BaseEstimator):
             If shapes do not match, or no template would be left.
         """
         check_is_fitted(self)
-        out = np.asarray(left_out, dtype=bool)
+        out = require_flags("left_out", left_out, self.labels_.shape)
         if out.shape != self.labels_.shape or out.all():
             raise ValueError(
                 f"left_out has shape {out.shape} and leaves out {out.sum()}, but must have one for "

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ncti.checks import require_all, require_labels
+
 
 @dataclass(frozen=True, eq=False)
 class CategoryFormation:
@@ -94,7 +96,8 @@ def category_formation(
     array([[False, False,  True],
            [ True,  True, False]])
     """
-    number, ship, aspect = np.asarray(labels), np.asarray(ships), np.asarray(aspects, float)
+    number, ship = require_labels("labels", labels), require_labels("ships", ships)
+    aspect = require_all("aspects", aspects)
     if not number.shape == ship.shape == aspect.shape or number.ndim != 1:
         raise ValueError(
             f"labels, ships and aspects have shapes {number.shape}, {ship.shape} and "

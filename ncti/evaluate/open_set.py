@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ncti.checks import require_all
+from ncti.checks import require_all, require_flags
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,11 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
     (0.833, 0.5)
     """
     values = require_all("similarity", similarity)
-    right = _flags("correct", correct, values.shape)
-    learned = _flags("known", known, values.shape)
+    right = require_flags("correct", correct, values.shape)
+    learned = require_flags("known", known, values.shape)
+    for name, flags in (("correct", right), ("known", learned)):
+        if flags.shape != values.shape:
+            raise ValueError(f"{name} has shape {flags.shape}, but must be {values.shape}")
     ranked = np.sort(values[~learned])
     pairs = np.count_nonzero(learned) * ranked.size
     if not pairs:
@@ -101,14 +104,3 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
     return OpenSetScores(
         auroc=float(beaten.sum() / pairs), oscr=float(beaten[right[learned]].sum() / pairs)
     )
-
-
-def _flags(name: str, flags: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Return flags of answers as an array."""
-    array = np.asarray(flags)
-    if array.dtype != np.bool_ or array.shape != shape:
-        raise ValueError(
-            f"{name} has dtype {array.dtype} and shape {array.shape}, but must be boolean with the "
-            f"shape of similarity, {shape}"
-        )
-    return array

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ncti.checks import require, require_flags
 from ncti.evaluate.scores import (
     OVERALL,
     AspectAccuracy,
     aspect_bins,
+    checked_answers,
     wilson_interval,
 )
 
@@ -99,9 +101,8 @@ def replicated_accuracy(
     >>> accuracy_by_aspect(once, aspects).ci_low[-1].round(2)
     np.float64(0.75)
     """
-    right = np.asarray(correct)
-    if right.dtype != np.bool_:
-        raise ValueError(f"correct has dtype {right.dtype}, but must be boolean")
+    require("draws", draws, whole=True, minimum=0)
+    right = checked_answers(correct)
     labels, index = aspect_bins(aspects)
     if right.ndim < draws + 2 or right.shape[-1] != len(index):
         names = "replicate" if draws == 1 else f"{draws} kinds of draws"
@@ -113,7 +114,9 @@ def replicated_accuracy(
     # Counts of answers, and of right ones, by bin at every level of every factor.
     member = np.ones((len(index), len(labels) + 1))
     member[:, :-1] = index[:, None] == np.arange(len(labels))
-    count = np.broadcast_to(np.asarray(answered, dtype=bool), right.shape).astype(float)
+    count = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape).astype(
+        float
+    )
     hits = right * count
     kinds = tuple(range(-2 - draws, -2))
 

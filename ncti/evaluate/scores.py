@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ncti.checks import require_all, require_flags
+
 OVERALL = "overall"
 EDGES = (0.0, 30.0, 60.0, 90.0)  # deg; bins of the article
 BIN_WIDTH = 30.0  # deg; bins beyond the last edge
@@ -100,8 +102,14 @@ def wilson_interval(
     >>> low.round(2), high.round(2)
     (array([0.49, 0.71, 0.72]), array([0.94, 0.87, 1.  ]))
     """
-    k, n = np.broadcast_arrays(np.asarray(successes, float), np.asarray(trials, float))
-    if not np.all((k >= 0.0) & (k <= n) & np.isfinite(n)):
+    k, n = require_all("successes", successes), require_all("trials", trials)
+    try:
+        k, n = np.broadcast_arrays(k, n)
+    except ValueError:
+        raise ValueError(
+            f"successes has shape {k.shape}, but must have that of trials, {n.shape}"
+        ) from None
+    if not np.all((k >= 0.0) & (k <= n)):
         raise ValueError(
             f"successes is {successes!r} of {trials!r} trials, but must be counts with "
             "0 <= successes <= trials"
@@ -167,7 +175,7 @@ def aspect_bins(aspects: ArrayLike) -> tuple[tuple[str, ...], Integers]:
     >>> np.bincount(index)
     array([10, 10, 11])
     """
-    values = np.round(np.asarray(aspects, float), 9)  # 0.1 * 300 is 30, not a bit above it
+    values = np.round(require_all("aspects", aspects), 9)  # 0.1 * 300 is 30, not a bit above it
     if values.ndim != 1 or values.size == 0:
         raise ValueError(f"aspects has shape {values.shape}, but must be a non-empty sequence")
     if not np.all((values >= EDGES[0]) & (values <= 360.0)):
@@ -239,16 +247,14 @@ def accuracy_by_aspect(
     (array([0.91, 0.91, 0.36, 0.75]), array([1.  , 1.  , 0.64, 0.88]))
     """
     labels, index = aspect_bins(aspects)
-    right = np.asarray(correct)
-    if right.dtype != np.bool_:
-        raise ValueError(f"correct has dtype {right.dtype}, but must be boolean")
+    right = checked_answers(correct)
     if right.ndim < 2 or right.shape[-1] != len(index):
         raise ValueError(
             f"correct has shape {right.shape}, but must have the axes (..., ship, aspect) with "
             f"{len(index)} aspects"
         )
     # Counts by bin are products with the membership of aspects in bins; the last bin holds all.
-    counted = np.broadcast_to(np.asarray(answered, dtype=bool), right.shape)
+    counted = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
     member = np.ones((len(index), len(labels) + 1), dtype=np.intp)
     member[:, :-1] = index[:, None] == np.arange(len(labels))
     hits = (right & counted).sum(axis=-2) @ member
@@ -256,6 +262,17 @@ def accuracy_by_aspect(
     low, high = wilson_interval(hits, n)
     fraction = np.divide(hits, n, out=np.full(hits.shape, np.nan), where=n > 0)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, n)
+
+
+def checked_answers(correct: ArrayLike) -> NDArray[np.bool_]:
+    """Return answers as an array, or raise `ValueError` unless they are boolean."""
+    try:
+        right = np.asarray(correct)
+    except ValueError:
+        raise ValueError("correct is ragged, but must be an array of booleans") from None
+    if right.dtype != np.bool_:
+        raise ValueError(f"correct has dtype {right.dtype}, but must be boolean")
+    return right
 
 
 def _span(aspects: Floats) -> str:

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_all
 
 INTERPOLATIONS = ("bilinear", "nearest")
 _NOWHERE = (1.0, -1e9, -1e9, 0, 0)
@@ -196,6 +196,12 @@ def cyclic_similarity(a: ArrayLike, b: ArrayLike) -> tuple[Floats, Floats]:
             f"b has shape {second.shape}, but must have the angles and radii of a, "
             f"{first.shape[-2:]}"
         )
+    try:
+        np.broadcast_shapes(first.shape, second.shape)
+    except ValueError:
+        raise ValueError(
+            f"b has shape {second.shape}, but must be as many maps as a, of shape {first.shape}"
+        ) from None
     angles = first.shape[-2]
     spectrum = (np.fft.rfft(first, axis=-2) * np.fft.rfft(second, axis=-2).conj()).sum(axis=-1)
     if angles % 2 == 0:
@@ -211,15 +217,13 @@ def cyclic_similarity(a: ArrayLike, b: ArrayLike) -> tuple[Floats, Floats]:
 def _checked(mask: ArrayLike) -> Images:
     """Return the mask as a bool or float64 array in [0, 1], or raise `ValueError`."""
     # In C order, so that area and centroid are always summed in the same order.
-    given = np.asarray(mask, order="C")
+    flags = isinstance(mask, np.ndarray) and mask.dtype == np.bool_
+    given = np.asarray(
+        mask if flags else require_all("mask", mask, minimum=0, maximum=1), order="C"
+    )
     if given.ndim < 2 or given.size == 0:
         raise ValueError(f"mask has shape {given.shape}, but must have rows and columns")
-    if given.dtype == np.bool_:
-        return given
-    shares = given.astype(np.float64)
-    if not ((shares >= 0) & (shares <= 1)).all():  # False for NaN too
-        raise ValueError("mask holds a value outside [0, 1], but must be bool or a share")
-    return shares
+    return given
 
 
 def _disc(image: Images) -> tuple[float, ...]:
@@ -323,11 +327,9 @@ def _bordered(stack: Images) -> tuple[Floats, int]:
 
 def _unit_map(values: ArrayLike, name: str) -> Floats:
     """Return maps scaled to norm 1; all-zero maps stay zero."""
-    maps = np.asarray(values, dtype=np.float64)
+    maps = require_all(name, values)
     if maps.ndim < 2 or 0 in maps.shape[-2:]:
         raise ValueError(f"{name} has shape {maps.shape}, but must have angles and radii")
-    if not np.isfinite(maps).all():
-        raise ValueError(f"{name} holds a value that is not finite, but must be all numbers")
     peak = np.abs(maps).max(axis=(-2, -1), keepdims=True)
     maps = maps / np.where(peak == 0.0, 1.0, peak)  # so that no square over- or underflows
     norm = np.sqrt(np.einsum("...ij,...ij->...", maps, maps))[..., None, None]

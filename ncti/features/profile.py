@@ -68,17 +68,18 @@ def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDA
     >>> np.allclose(profile_vector(3.0 * profile + 100.0), profile_vector(profile))
     True
     """
-    values = np.asarray(profile, dtype=np.float64)
-    if not np.isfinite(values).all():
-        raise ValueError("profile holds a value that is not finite, but must be all numbers")
-    moderate = {"minimum": -LARGEST, "maximum": LARGEST}
-    require_all("profile", values, **moderate)
-    if values.ndim == 0 or values.shape[-1] == 0:
-        raise ValueError(f"profile has shape {values.shape}, but must have bins")
+    values = _checked(profile)
     if floor is None:
         level = estimated_floor(values)
     else:
-        level = require_all("floor", floor, **moderate)[..., None]
+        level = require_all("floor", floor, minimum=-LARGEST, maximum=LARGEST)[..., None]
+        try:
+            np.broadcast_to(level, values.shape)
+        except ValueError:
+            raise ValueError(
+                f"floor has shape {level.shape[:-1]}, but must be that of the profiles, "
+                f"{values.shape[:-1]}, or one number"
+            ) from None
     above = values - level
     peak = above.max(axis=-1, keepdims=True)
     # Rounding may leave a flat profile a few ulp above its own floor, which is not a peak.
@@ -113,8 +114,16 @@ def estimated_floor(profile: ArrayLike) -> NDArray[np.float64]:
     array([[ 3.],
            [40.]])
     """
-    values = np.asarray(profile, dtype=np.float64)
+    values = _checked(profile)
     count = max(1, round(EDGE * values.shape[-1]))
     outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
     level: NDArray[np.float64] = outer.mean(axis=-1, keepdims=True)
     return level
+
+
+def _checked(profile: ArrayLike) -> NDArray[np.float64]:
+    """Return profiles as an array, or raise `ValueError`."""
+    checked = require_all("profile", profile, minimum=-LARGEST, maximum=LARGEST)
+    if checked.ndim == 0 or checked.shape[-1] == 0:
+        raise ValueError(f"profile has shape {checked.shape}, but must have bins")
+    return checked

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
+from ncti.checks import require_all
 
 METHODS = ("matched", "otsu", "li", "isodata")
 
@@ -123,11 +123,9 @@ def segment(
     10
     """
     # In C order, so that the sums behind a threshold are always taken in the same order.
-    values = np.asarray(image, dtype=np.float64, order="C")
+    values = np.asarray(require_all("image", image), order="C")
     if values.ndim < 2 or values.size == 0:
         raise ValueError(f"image has shape {values.shape}, but must have rows and columns")
-    if not np.isfinite(values).all():
-        raise ValueError("image holds a value that is not finite, but must be all numbers")
     if not isinstance(method, str) or method not in METHODS:
         raise ValueError(f"method is {method!r}, but must be one of {', '.join(METHODS)}")
     stack = values.reshape(-1, *values.shape[-2:])
@@ -167,10 +165,10 @@ def _each(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
     """Return a parameter of `matched` for every image of a stack, (image, 1, 1)."""
     if value is None:
         raise ValueError(f"{name} is None, but must be given in K for the method matched")
-    for one in np.ravel(value).tolist():
-        require(name, one, minimum=0.0 if name == "contrast" else _LEAST, maximum=_MOST)
+    least = 0.0 if name == "contrast" else _LEAST
+    given = require_all(name, value, minimum=least, maximum=_MOST)
     try:
-        every = np.broadcast_to(np.asarray(value, dtype=np.float64), shape)
+        every = np.broadcast_to(given, shape)
     except ValueError:
         raise ValueError(
             f"{name} has shape {np.shape(value)}, but must be a number or have the leading axes "

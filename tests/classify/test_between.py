@@ -128,7 +128,7 @@ def taught(spacing, error, noise=0.5):
     given = means.reshape(count, BINS), band, np.repeat([0, 1, 2], len(aspect))
     classifier = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0, template_error=error)
     at = np.tile(aspect, 3)
-    return classifier.fit(*given, aspect=at, rng=np.random.default_rng(5))
+    return classifier.fit(*given, 0.0, aspect=at, rng=np.random.default_rng(5))
 
 
 def fresh(count=120, frames=16, noise=0.5):
@@ -169,7 +169,7 @@ def test_no_error_makes_templates_exact_to_the_last_bit():
     seen = fresh(10).reshape(-1, BINS)
     exact = taught(6.0, 0.0)
     plain = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0)
-    plain.fit(exact.mean_, np.full((len(exact.mean_), 1, BINS), 0.25), exact.labels_)
+    plain.fit(exact.mean_, np.full((len(exact.mean_), 1, BINS), 0.25), exact.labels_, 0.0)
     for frames in (4, 16):
         np.testing.assert_array_equal(
             exact.log_likelihood(seen, frames), plain.log_likelihood(seen, frames)
@@ -200,11 +200,12 @@ def test_templates_that_are_too_few_say_so():
     means, band = smooth_ships([0.0, 10.0])[0], np.ones((2, 1, BINS))
     classifier = GaussianTemplates(template_error=None)
     with pytest.raises(ValueError, match=r"^aspect is None"):
-        classifier.fit(means, band, [0, 0])
+        classifier.fit(means, band, [0, 0], 0.0)
     with pytest.raises(ValueError, match=r"^rng is None"):
-        classifier.fit(means, band, [0, 0], aspect=[0.0, 10.0])
+        classifier.fit(means, band, [0, 0], 0.0, aspect=[0.0, 10.0])
     rng = np.random.default_rng(0)
-    assert classifier.fit(means, band, [0, 0], aspect=[0, 10], rng=rng).template_error_ == 1.0
+    fitted = classifier.fit(means, band, [0, 0], 0.0, aspect=[0, 10], rng=rng)
+    assert fitted.template_error_ == 1.0
     assert not fit_doubt(classifier, 16, rng).any()
 
 

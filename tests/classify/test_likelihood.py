@@ -198,7 +198,7 @@ def test_two_classes_of_equal_covariance_are_confused_as_the_closed_form_says(fr
     assert 0.01 < error < 0.45
     X = rng.multivariate_normal(means[0], same[0] / frames, count)
     classifier = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0, nugget=0.0)
-    wrong = classifier.fit(means, lower_band(same), ["a", "b"]).predict(X, frames) == "b"
+    wrong = classifier.fit(means, lower_band(same), ["a", "b"], 0.0).predict(X, frames) == "b"
     z = (wrong.sum() - count * error) / np.sqrt(count * error * (1 - error))
     assert abs(z) < stats.norm.isf(LEVEL / 2)
 
@@ -268,7 +268,7 @@ def said_and_right(ifovs: int, target_free_ifovs: int, frames: int):
     mean, band = zip(*moments, strict=True)
     label = np.repeat([0, 1, 2], 2)
     classifier = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0)
-    classifier.fit(np.array(mean), np.array(band), label)
+    classifier.fit(np.array(mean), np.array(band), label, 0.0)
     X = np.concatenate(
         [
             sample_frames(extent, frame_count=draws * frames, rng=rng, **parameters)

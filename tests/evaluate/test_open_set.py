@@ -77,9 +77,8 @@ def test_nothing_to_tell_apart_is_nan(known):
         ({"similarity": [0.5, np.nan]}, "similarity is nan"),
         ({"similarity": [[0.5], [0.5, 0.1]]}, "similarity is "),
         ({"similarity": ["a", "b"]}, "similarity is 'a'"),
-        ({"correct": [1, 0]}, "correct has dtype int64"),
-        ({"correct": [True]}, r"correct has dtype bool and shape \(1,\)"),
-        ({"known": [True, False, True]}, r"known has dtype bool and shape \(3,\)"),
+        ({"correct": [1.0, 0.0]}, r"correct is \[1\.0, 0\.0\], but must be true or false"),
+        ({"known": [True, False, True]}, r"known has shape \(3,\), but must be \(2,\)"),
     ],
 )
 def test_refusals(change, message):

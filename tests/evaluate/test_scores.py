@@ -56,7 +56,7 @@ def test_wilson_interval_covers_the_truth_as_often_as_it_says():
 
 @pytest.mark.parametrize(("successes", "trials"), [(-1, 3), (4, 3), (np.nan, 3), (0, np.inf)])
 def test_counts_that_are_none_are_refused(successes, trials):
-    with pytest.raises(ValueError, match="successes"):
+    with pytest.raises(ValueError, match=r"^(successes|trials) is "):
         wilson_interval(successes, trials)
 
 
@@ -102,7 +102,7 @@ def test_an_edge_missed_by_rounding_is_the_edge():
 
 @pytest.mark.parametrize("aspects", [[], [[0.0]], [-1.0], [361.0], [np.nan]])
 def test_aspects_that_are_none_are_refused(aspects):
-    with pytest.raises(ValueError, match="aspects has"):
+    with pytest.raises(ValueError, match=r"^aspects (has|is nan)"):
         aspect_bins(aspects)
 
 

@@ -294,8 +294,8 @@ def test_input_and_the_shared_grid_are_left_alone():
     [
         ({"mask": np.ones(4)}, "mask has shape"),
         ({"mask": np.ones((0, 4))}, "mask has shape"),
-        ({"mask": np.full((4, 4), np.nan)}, "mask holds"),
-        ({"mask": np.full((4, 4), 1.5)}, "mask holds"),
+        ({"mask": np.full((4, 4), np.nan)}, "mask is nan, but must be"),
+        ({"mask": np.full((4, 4), 1.5)}, "mask is 1.5, but must be"),
         ({"inner_radius": 0.0}, "inner_radius is 0.0"),
         ({"outer_radius": 0.5}, "outer_radius is 0.5"),
         ({"radii": 0}, "radii is 0"),
@@ -370,7 +370,7 @@ def test_bad_maps_are_named():
         cyclic_similarity(np.ones((64, 32)), np.ones((64, 16)))
     with pytest.raises(ValueError, match="a has shape"):
         cyclic_similarity(np.ones(64), np.ones((64, 16)))
-    with pytest.raises(ValueError, match="b holds"):
+    with pytest.raises(ValueError, match="b is inf, but must be"):
         cyclic_similarity(np.ones((4, 2)), np.full((4, 2), np.inf))
 
 

@@ -307,8 +307,8 @@ def test_regions_and_holes_as_scipy_has_them(target):
     [
         ({"image": np.zeros(4)}, "image has shape"),
         ({"image": np.zeros((0, 4))}, "image has shape"),
-        ({"image": np.full((4, 4), np.nan)}, "image holds"),
-        ({"image": np.full((4, 4), np.inf)}, "image holds"),
+        ({"image": np.full((4, 4), np.nan)}, "image is nan, but must be"),
+        ({"image": np.full((4, 4), np.inf)}, "image is inf, but must be"),
         ({"method": "magic"}, "method is 'magic', but must be one of matched, otsu"),
         ({"contrast": None}, "contrast is None"),
         ({"target_sigma": None}, "target_sigma is None"),
