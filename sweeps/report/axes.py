@@ -17,6 +17,7 @@ OF_ARRAYS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),
     *("horizontal", "vertical", "aspect_low"),
 )
+MARKS = ("learned", "known")  # coordinates that mark the training set, and are no axes
 
 # Order of columns, and of rows from the slowest; other axes come before the number of frames.
 BEFORE = (
@@ -156,7 +157,7 @@ def axes_of(
     A joint axis has as many columns as coordinates. Dimensions in `but` are left out.
     """
     found: dict[Axis, str | None] = {}
-    gone = set(but)
+    gone = {*but, *MARKS}
     coords = {str(name): coord for name, coord in dataset.coords.items() if name not in gone}
     along = [coord.dims for coord in coords.values()]
     for name, coord in coords.items():

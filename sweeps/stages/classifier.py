@@ -15,7 +15,7 @@ from sweeps.engine.settings import Choices, Run, Settings, number, set_of, switc
 from sweeps.engine.stage import Condition, Output, Stage, Table, in_memory, stage
 from sweeps.stages.fresh import Fresh, drawn_aspects, fresh_aspects
 from sweeps.stages.scores import VIEW, data_set, formed, scored_profiles, tabulate_rejection
-from sweeps.stages.views import Grid, looks, ships
+from sweeps.stages.views import INFRARED, RANGE, Grid, looks, ships
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -97,13 +97,45 @@ def training_views(
     random_aspects: tuple[float, ...] = (),
 ) -> Views:
     """Return the (ship, aspect) mask of training views."""
-    known = ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
+    learned = training_aspects(aspect, training_aspect, template_spacing, random_aspects)
+    return training_ships(ship, unknown)[:, None] & learned
+
+
+def training_ships(ship: tuple[str, ...], unknown: tuple[str, ...] | None) -> Views:
+    """Return the (ship,) mask of ships in the training set."""
+    return ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
+
+
+def training_aspects(
+    aspect: tuple[float, ...],
+    training_aspect: tuple[float, ...] | None,
+    template_spacing: float | None,
+    random_aspects: tuple[float, ...],
+) -> Views:
+    """Return the (aspect,) mask of aspects in the training set."""
     given = training_aspect
     learned = ~np.isin(aspect, random_aspects) if given is None else np.isin(aspect, given)
     if template_spacing is not None:
         steps = np.array(aspect) / template_spacing
         learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
-    return known[:, None] & learned
+    return learned
+
+
+def training_marks(sensor: str, group: str) -> tuple[Stage, Stage]:
+    """Declare the coordinates `learned` and `known` of a group that classifiers read."""
+    uses, place = (Grid, Classifier), {"group": group, "when": looks(sensor), "coordinates": True}
+    learned = "in the training set, at ships that are known; others are tests only"
+    known = "in the training set; others are unknown to classifiers"
+    aspects = Output("learned", ("aspect",), "?", learned, fill=0, without=(Run.seed.name,))
+    ships = Output("known", ("ship",), "?", known, fill=0)
+    return (
+        stage(aspects, uses=uses, gather=GATHERED[1:], name=f"{group}_learned", **place)(
+            training_aspects
+        ),
+        stage(ships, uses=uses, gather=GATHERED[:1], name=f"{group}_known", **place)(
+            training_ships
+        ),
+    )
 
 
 def learned_of(choices: Choices) -> xr.DataArray:
@@ -319,4 +351,9 @@ class Naming:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Fresh, Classifier)
-STAGES: tuple[Stage, ...] = (random_aspects, training_views)
+STAGES: tuple[Stage, ...] = (
+    random_aspects,
+    training_views,
+    *training_marks(RANGE, "range_profile"),
+    *training_marks(INFRARED, "infrared"),
+)

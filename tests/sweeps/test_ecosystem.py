@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
-from commands import groups_of
+from commands import FAST, groups_of, swept
 from sklearn.ensemble import RandomForestClassifier
 
 import ncti
@@ -77,3 +77,27 @@ def test_every_table_is_a_frame(groups):
         if group.startswith("tables/"):
             frame = dataset.to_dataframe()
             assert len(frame) and set(dataset.data_vars) <= set(frame.columns)
+
+
+def test_training_and_test_views_are_marked(tmp_path):
+    views = ("grid.ship=[duncan,horne,spruance]", "grid.aspect=[0,20,30,40,60]", "grid.fresh=1")
+    taught = ("classifier.unknown=[horne]", "classifier.template_spacing=[null,20]")
+    small = ("sensor=both", "grid.pulse_width=30", "grid.frame_count=2", "infrared.frame_count=2")
+    swept(tmp_path / "s.zarr", tmp_path / "cache", *views, *taught, *small, *FAST)
+    for group in ("range_profile", "infrared"):
+        found = xr.open_zarr(tmp_path / "s.zarr", group=group)
+        drawn = ~np.isin(found.aspect, [0, 20, 30, 40, 60])
+        assert drawn.sum() == 2  # one in 30 degrees
+        assert found.learned.dtype == found.known.dtype == bool
+        assert found.learned.sel(template_spacing=np.nan).values.tolist() == (~drawn).tolist()
+        every = found.sel(template_spacing=20, drop=True)
+        assert every.sel(aspect=every.learned).aspect.values.tolist() == [0, 20, 40, 60]
+        tests = every.sel(aspect=~every.learned)
+        assert sorted({30, *found.aspect.values[drawn]}) == tests.aspect.values.tolist()
+        assert found.ship.values[found.known].tolist() == ["duncan", "spruance"]
+
+
+def test_every_view_of_a_grid_is_learned_unless_said_otherwise(groups):
+    for name in ("range_profile", "infrared"):
+        assert groups[name].learned.dims == ("aspect",) and groups[name].learned.all()
+        assert groups[name].known.dims == ("ship",) and groups[name].known.all()

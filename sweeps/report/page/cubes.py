@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sweeps.report.axes import DRAWS, OF_ARRAYS, Column, axes_of, printable, shown
+from sweeps.report.axes import DRAWS, MARKS, OF_ARRAYS, Column, axes_of, printable, shown
 from sweeps.report.axes import Axis as SweepAxis
 from sweeps.report.rows import beside_source, preferred, score_rows
 
@@ -273,7 +273,7 @@ def along(table: xr.Dataset, dim: str) -> tuple[list[Any], list[str], SweepAxis]
     others = [
         SweepAxis(one)
         for name, one in table.coords.items()
-        if one.dims == (dim,) and name not in (dim, "aspect_low")
+        if one.dims == (dim,) and name not in (dim, "aspect_low", *MARKS)
     ]
     others.sort(key=lambda one: one.rank)
     if others:
