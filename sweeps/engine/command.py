@@ -56,6 +56,7 @@ from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 HELP = {"-h", "--help"}
 
+MOST_CELLS = 10_000_000  # whose keys fit into memory
 PATIENCE = 0.5  # s of silence while checking; most errors are found sooner
 
 Report = Callable[[Path, Choices, Finished], None]
@@ -226,9 +227,11 @@ class Command:
             _cluster(choices)
             check_folder("cache", cache := self._cache_folder(choices))
             check_apart(map(Path, stores), Path(cache), self.beside)
-            if store is not None:
-                with self._variables(choices):
-                    existing(self.experiment, Path(store), Plan(self.experiment, choices))
+            with self._variables(choices):
+                plan = Plan(self.experiment, choices)
+                _check_size(plan)
+                if store is not None:
+                    existing(self.experiment, Path(store), plan)
         return sweeps
 
     def _variables(self, choices: Choices) -> AbstractContextManager[None]:
@@ -347,6 +350,17 @@ class Command:
 def _near(path: Path) -> str:
     """Return a path relative to the current folder if it is inside."""
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+def _check_size(plan: Plan) -> None:
+    """Refuse a sweep of too many cells."""
+    cells = sum(plan.count(bound) for bound in plan.bound.values())
+    if cells > MOST_CELLS:
+        listed = ", ".join(f"{key} ({count:,})" for key, count in plan.swept.items())
+        raise ConfigurationError(
+            f"the sweep has {cells:,} cells, but may have at most {MOST_CELLS:,}; "
+            f"numbers of values: {listed}"
+        )
 
 
 def _cluster(choices: Choices) -> ClusterChoice:

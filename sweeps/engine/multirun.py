@@ -18,18 +18,20 @@ from typing import Any
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Transformer
+from hydra.core.override_parser.types import ChoiceSweep, Override, RangeSweep, Transformer
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.front import legible
-from sweeps.engine.kinds import Value, rank
+from sweeps.engine.kinds import MOST_VALUES, Value, rank
 from sweeps.engine.provenance import written
 from sweeps.engine.settings import Choices, Joint, Run, Setting
 from sweeps.engine.stage import Experiment
 
 Point = tuple[Value, ...]
+
+MOST_JOBS = 1_000  # each is composed by itself; more values of a setting are an axis
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ def crossed(experiment: Experiment, arguments: Sequence[str]) -> list[str]:
 
     A grid of thousands of points is then one job. A key that another override refers to, such as
     the store's path, stays swept, as do settings of one value and keys that are not settings.
+
+    Raises
+    ------
+    ConfigurationError
+        If a range has more values than an axis may have.
     """
     try:
         parsed = OverridesParser.create().parse_overrides(list(arguments))
@@ -71,21 +78,60 @@ def crossed(experiment: Experiment, arguments: Sequence[str]) -> list[str]:
 
 
 def _as_list(override: Override) -> str:
+    if (count := _count(override)) > MOST_VALUES:
+        raise ConfigurationError(
+            f"{override.key_or_group} is {_written(override)}, which has {_said(count)} values, "
+            f"but may have at most {MOST_VALUES:,}"
+        )
     values = [str(one) for one in override.sweep_iterator(transformer=Transformer.encode)]
     if any(value.startswith(("[", "{")) for value in values):
         return str(override.input_line)
     return f"{override.get_key_element()}=[{','.join(values)}]"
 
 
+def _count(override: Override) -> float:
+    """Return the number of values that a swept override has, without making them."""
+    value = override.value()
+    if isinstance(value, ChoiceSweep):
+        return len(value.list)
+    if not isinstance(value, RangeSweep):
+        return 1
+    start, stop, step = (float(one or 0) for one in (value.start, value.stop, value.step))
+    count = (stop - start) / step if step else math.inf
+    return math.inf if not math.isfinite(count) else max(0, math.ceil(count))
+
+
+def _written(override: Override) -> str:
+    """Return the value of an override as it was written."""
+    return str(override.input_line).partition("=")[2]
+
+
+def _said(count: float) -> str:
+    return f"{count:,.0f}" if math.isfinite(count) else "endless"
+
+
 def jobs_of(loader: Any, master: DictConfig) -> list[list[str]] | None:
     """Return overrides of every job of Hydra's basic sweeper; None if another one is configured.
 
     `loader` is Hydra's, `master` the configuration of a multirun with Hydra's own part.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are more than `MOST_JOBS`.
     """
     if not master.hydra.sweeper._target_.endswith(f".{BasicSweeper.__name__}"):
         return None
     overrides = OmegaConf.to_container(master.hydra.overrides.task, resolve=False)
     parsed = OverridesParser.create(loader).parse_overrides(overrides)  # type: ignore[arg-type]
+    many = [one for one in parsed if one.is_sweep_override()]
+    if (count := math.prod(map(_count, many))) > MOST_JOBS:
+        longest = max(many, key=_count)
+        raise ConfigurationError(
+            f"{longest.key_or_group} is {_written(longest)}, which makes {_said(count)} jobs, "
+            f"but there may be at most {MOST_JOBS:,}; a setting that may have several values is "
+            "an axis of one job"
+        )
     return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
 
 

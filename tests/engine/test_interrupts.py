@@ -16,6 +16,9 @@ from sweeps.engine.command import Command
 from sweeps.engine.interrupts import Stopped, heed, heeding, interruptible, stopping
 from sweeps.engine.stage import Table
 
+SMALL = {"spring__stiffness": [1, 2], "spring__mass": 1}
+TYPED = ["spring.stiffness=[1,2]", "spring.mass=1"]
+
 
 def arrive(number=signal.SIGINT):
     """A signal arrives now."""
@@ -142,10 +145,20 @@ def encoding(encode):
     return encoded
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Files of a store that no signal interrupted."""
+    path = tmp_path_factory.mktemp("whole") / "t.zarr"
+    go(path, **SMALL)
+    return files(path)
+
+
 @pytest.mark.parametrize("where", WHERE)
-def test_a_signal_at_any_moment_is_one_sentence_and_resumed(where, tmp_path, monkeypatch, capsys):
+def test_a_signal_at_any_moment_is_one_sentence_and_resumed(
+    where, whole, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
-    given = ["cache=cache", "cluster=inline", "store=s.zarr", "spring.mass=[1,2]"]
+    given = ["cache=cache", "cluster=inline", "store=s.zarr", *TYPED]
     with monkeypatch.context() as patch:
         experiment = WHERE[where](patch) or SPRINGS
         assert Command(experiment).main(given) == 130
@@ -155,14 +168,12 @@ def test_a_signal_at_any_moment_is_one_sentence_and_resumed(where, tmp_path, mon
     assert "Traceback" not in said.err and "Exception" not in said.err
     assert not [one for one in Path().iterdir() if one.name.startswith(".")]
     assert Command(SPRINGS).main(given) == 0
-    go(tmp_path / "t.zarr", spring__mass=[1, 2])
-    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert files(tmp_path / "s.zarr") == whole
 
 
-def test_a_signal_during_the_report_leaves_the_store(tmp_path, monkeypatch, capsys):
+def test_a_signal_during_the_report_leaves_the_store(whole, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    given = ["cache=cache", "cluster=inline", "store=s.zarr"]
+    given = ["cache=cache", "cluster=inline", "store=s.zarr", *TYPED]
     assert Command(SPRINGS, swallowing).main(given) == 130
     assert capsys.readouterr().err.endswith("interrupted; the same command resumes the sweep\n")
-    go(tmp_path / "t.zarr")
-    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert files(tmp_path / "s.zarr") == whole

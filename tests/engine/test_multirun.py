@@ -346,3 +346,38 @@ def test_equal_labels_of_different_things_are_refused():
     assert choices[Spring.limit] == ("a",)
     with pytest.raises(ConfigurationError, match=r"^spring\.limit has 'a' for two values in jobs"):
         fused(SPRINGS, other)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (
+            ["-m", "spring.mass=range(1,1e8)"],
+            "spring.mass is range(1,1e8), which has 99,999,999 values, but may have at most "
+            "100,000",
+        ),
+        (
+            ["-m", "spring.mass=range(1,inf)"],
+            "spring.mass is range(1,inf), which has endless values, but may have at most 100,000",
+        ),
+        (
+            ["-m", "seed=range(0,300000)", "spring.mass=1,2"],
+            "seed is range(0,300000), which has 300,000 values, but may have at most 100,000",
+        ),
+        (
+            ["-m", "cache_limit=range(1,201)", "cluster.workers=range(1,10)", "spring.mass=1,2"],
+            "cache_limit is range(1,201), which makes 1,800 jobs, but there may be at most 1,000; "
+            "a setting that may have several values is an axis of one job",
+        ),
+        (
+            [f"spring.{name}={{start:1,stop:90000,step:1}}" for name in ("mass", "stiffness")],
+            "cells, but may have at most 10,000,000; numbers of values: spring.stiffness (90,000), "
+            "spring.mass (90,000)",
+        ),
+    ],
+)
+def test_grids_that_no_memory_holds_are_refused(arguments, sentence, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert Command(SPRINGS).main(["cluster=inline", "cache=cache", "store=s.zarr", *arguments]) == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith("springs: ") and sentence in said and not list(tmp_path.iterdir())
