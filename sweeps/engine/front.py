@@ -36,8 +36,12 @@ HYDRA = {
     # Down to the microsecond: two sweeps may start in one second.
     "run": {"dir": "outputs/${now:%Y-%m-%d}/${now:%H-%M-%S-%f}"},
     "sweep": {"dir": "multirun/${now:%Y-%m-%d}/${now:%H-%M-%S-%f}"},
-    # No file until something is logged.
-    "job_logging": {"root": {"level": "WARNING"}, "handlers": {"file": {"delay": True}}},
+    # What libraries log goes to stderr like all messages, and into no file.
+    "job_logging": {
+        "root": {"level": "WARNING", "handlers": ["console"]},
+        "formatters": {"simple": {"format": "${hydra.job.name}: %(message)s"}},
+        "handlers": {"console": {"stream": "ext://sys.stderr"}, "file": {"delay": True}},
+    },
 }
 
 
@@ -58,7 +62,10 @@ def register(experiment: Experiment) -> None:
         known.store(group="cluster", name=kind, node={"kind": kind})
     if experiment.conf is None:
         base = [SCHEMA, {"cluster": "local"}, "_self_", {"override hydra/launcher": FUSED}]
-        known.store(name=primary(experiment), node={"defaults": base, "hydra": HYDRA})
+        known.store(
+            name=primary(experiment),
+            node={"defaults": base, "hydra": {**HYDRA, "job": {"name": experiment.name}}},
+        )
 
 
 def _schema(name: str, tree: Mapping[str, Any]) -> type:

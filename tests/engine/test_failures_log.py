@@ -1,5 +1,6 @@
 """Failures can be looked into: traceback and arguments are in a log, and screens stay short."""
 
+import logging
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -43,6 +44,17 @@ def test_a_failed_cell_keeps_its_traceback_and_arguments(capsys):
 def test_a_command_without_failures_writes_no_log():
     assert Command(SPRINGS).main(PLACE) == 0
     assert not [*Path("outputs").rglob("*.log")]  # nor an empty one of Hydra's
+
+
+def test_what_libraries_log_is_a_message_and_no_result(capsys):
+    def logging_table(answers, choices):
+        logging.getLogger("library").warning("compiling %s", "x" * 200)
+
+    tables = (replace(SPRINGS.tables[0], make=logging_table),)
+    assert Command(replace(SPRINGS, tables=tables)).main(PLACE) == 0
+    printed = capsys.readouterr()
+    assert f"springs: compiling {'x' * 200}\n" in printed.err and "compiling" not in printed.out
+    assert not [*Path("outputs").rglob("*.log")]
 
 
 class Few(Settings, key="few"):
