@@ -17,6 +17,28 @@ LONGEST = 10_000  # characters of one value
 # The loader of libyaml, if PyYAML has it, takes a tenth of the time.
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
+MERGE = "tag:yaml.org,2002:merge"  # of a key '<<', whose values own ones may replace
+
+
+class _Twice(Exception):
+    """A mapping has a key more than once, of which YAML libraries silently take the last."""
+
+
+class _Loader(LOADER):  # type: ignore[valid-type, misc]
+    """A loader that refuses keys given twice."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """Return the mapping of a node."""
+        own = [key for key, _ in node.value if key.tag != MERGE]
+        seen = set()
+        for key in own:
+            if isinstance(key, yaml.ScalarNode):
+                found = self.construct_object(key)
+                if found in seen:
+                    raise _Twice(f"{shown(found)} is given twice (line {key.start_mark.line + 1})")
+                seen.add(found)
+        return super().construct_mapping(node, deep)
+
 
 def read(where: str, text: str) -> Any:
     """Return the value of a YAML text.
@@ -36,13 +58,15 @@ def read(where: str, text: str) -> Any:
     Raises
     ------
     ShipError
-        If it is not YAML, or larger or nested deeper than any sheet.
+        If it is not YAML, has a key twice, or is larger or nested deeper than any sheet.
     """
     try:
         _check_size(where, text)
-        return yaml.load(text, LOADER)
+        return yaml.load(text, _Loader)
     except ShipError:
         raise
+    except _Twice as twice:
+        raise ShipError(f"{where}: {twice}.") from None
     except Exception as error:  # constructors of tags may raise anything
         line = getattr(getattr(error, "problem_mark", None), "line", None)
         at = "" if line is None else f" (line {line + 1})"

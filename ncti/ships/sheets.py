@@ -18,7 +18,17 @@ from ncti.ships import checks
 from ncti.ships.documents import read
 from ncti.ships.errors import ShipError, shown
 from ncti.ships.hull import Hull
-from ncti.ships.vocabulary import COPIES, KEYS, PARTS, PRIMITIVES, REMARKS, Primitive
+from ncti.ships.vocabulary import (
+    COPIES,
+    KEYS,
+    PARTS,
+    PRIMITIVES,
+    PRINCIPAL,
+    REMARKS,
+    SHEET,
+    TEMPLATE,
+    Primitive,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +84,15 @@ def _mapping(where: str, value: Any, needs: frozenset[str]) -> dict[str, Any]:
     return value
 
 
+def _known(where: str, value: Any, keys: tuple[frozenset[str], frozenset[str]]) -> dict[str, Any]:
+    """Return a mapping with all keys of the first set, and no others but of the second."""
+    found = _mapping(where, value, keys[0])
+    for key in sorted(found.keys() - keys[0] - keys[1], key=str):
+        allowed = ", ".join(sorted(keys[0] | keys[1]))
+        raise ShipError(f"{where}: {shown(key)} is not a key here; allowed are {allowed}.")
+    return found
+
+
 def _sizes(where: str, prim: str, given: Mapping[str, Any]) -> dict[str, Any]:
     spec = PRIMITIVES[prim]
     for key in sorted(spec.needs - given.keys()):
@@ -99,7 +118,7 @@ def _templates(where: str, given: Any) -> dict[str, tuple[Part, ...]]:
     templates = {}
     for name, entry in _mapping(f"{where}: templates", given, frozenset()).items():
         place = f"{where}: template {shown(name)}"
-        parts = _mapping(place, entry, frozenset({"parts"}))["parts"]
+        parts = _known(place, entry, TEMPLATE)["parts"]
         if not isinstance(parts, list) or not parts:
             raise ShipError(f"{place}: 'parts' must be a list of [prim, u, v, w, sizes].")
         templates[str(name)] = tuple(_template_part(place, part) for part in parts)
@@ -158,11 +177,8 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
 
 
 def _hull(where: str, sheet: Mapping[str, Any]) -> Hull:
-    needs = frozenset(
-        {"LOA", "beam_max", "stem_at_wl_x", "transom_head", "transom_angle_from_vertical"}
-    )
     place = f"{where}: principal"
-    principal = _mapping(place, sheet["principal"], needs)
+    principal = _known(place, sheet["principal"], PRINCIPAL)
     loa, beam, stem_foot = (
         _value(place, key, principal[key], checks.size)
         for key in ("LOA", "beam_max", "stem_at_wl_x")
@@ -231,11 +247,9 @@ def parse(text: str, templates: str, *, where: str) -> Sheet:
     Raises
     ------
     ShipError
-        When a key is missing or unknown, or a value is not allowed.
+        When a key is missing, unknown or given twice, or a value is not allowed.
     """
-    sheet = _mapping(where, read(where, text), frozenset())
-    needs = frozenset({"name", "principal", "stations", "components"})
-    _mapping(where, sheet, needs)
+    sheet = _known(where, read(where, text), SHEET)
     known = _templates("templates", read("templates", templates))
     known |= _templates(where, sheet.get("templates", {}))
     hull = _hull(where, sheet)

@@ -103,5 +103,18 @@ PRIMITIVES = PARTS | {  # of a ship only
     "step": _primitive("l w h", cuts=True),
     "windows": _primitive("house h w pitch depth", place="z", cuts=True),
 }
+# Keys of a sheet, of its `principal` and of a template: required ones, and others.
+SHEET = (
+    frozenset({"name", "principal", "stations", "components"}),
+    frozenset({"templates", "class", "configuration", "published", "estimated", "note", "src"}),
+)
+PRINCIPAL = (
+    frozenset({"LOA", "beam_max", "stem_at_wl_x", "transom_head", "transom_angle_from_vertical"}),
+    frozenset({"LWL", "draft_hull", "draft_max", "freeboard_bow_deck", "freeboard_bow_bulwark"})
+    | {"freeboard_mid", "freeboard_stern", "freeboard_after_step", "freeboard_flight_deck"}
+    | {"freeboard_main_deck_aft", "transom_half_width_deck", "transom_half_width_wl"}
+    | {"bow_rake_from_vertical", "mast_top_z", "note", "src"},
+)
+TEMPLATE = (frozenset({"parts"}), frozenset({"desc", "overall_lwh", "src", "unc", "note"}))
 REMARKS = frozenset({"name", "prim", "src", "unc", "note", "ir", "fitted"})
 COPIES = frozenset({"mirror", "repeat", "n", "dx_n"})

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from shipyard import barge, packaged_sheet, packaged_text
 
 from ncti import ships
-from ncti.ships import build, fittings, sheets, vocabulary
+from ncti.ships import build, documents, fittings, sheets, vocabulary
+from ncti.ships.errors import ShipError
 
 
 def built(document: Any, *, templates: str = "{}") -> trimesh.Trimesh:
@@ -162,6 +163,46 @@ def test_bad_sheet_is_refused(case) -> None:
         place = place[step]
     place[last] = value
     assert message in refusal(document)
+
+
+UNKNOWN = {
+    "sheet": ((), "barge.yaml: 'componets' is not a key here; allowed are "),
+    "principal": (("principal",), "principal: 'componets' is not a key here; allowed are LOA, "),
+    "template": (("templates", "GUN"), "'GUN': 'componets' is not a key here; allowed are desc, "),
+}
+
+
+@pytest.mark.parametrize("place", UNKNOWN)
+def test_unknown_key_is_refused(place) -> None:
+    path, message = UNKNOWN[place]
+    document: Any = barge()
+    inner = document
+    for step in path:
+        inner = inner[step]
+    inner["componets"] = 1
+    assert message.partition(": ")[2] in refusal(document)
+
+
+TWICE = {
+    "sheet": ("name: barge\n", "'name' is given twice (line "),
+    "component": ("{a: 1, 'a': 2}", "'a' is given twice (line "),
+    "number": ("{1: 1, 1: 2}", "1 is given twice (line "),
+}
+
+
+@pytest.mark.parametrize("what", TWICE)
+def test_key_given_twice_is_refused(what) -> None:
+    given, message = TWICE[what]
+    text = yaml.safe_dump(barge())
+    text += given if what == "sheet" else f"note: [0, {given}]\n"
+    with pytest.raises(ShipError) as refused:
+        sheets.parse(text, "{}", where="barge.yaml")
+    assert message in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_merged_keys_may_be_replaced() -> None:
+    text = "a: &one {x: 1, y: 2}\nb: {<<: *one, y: 3}\n"
+    assert documents.read("a text", text)["b"] == {"x": 1, "y": 3}
 
 
 @pytest.mark.parametrize("key", ["name", "principal", "stations", "components"])
