@@ -27,7 +27,7 @@ from sweeps.stages.views import cache_folder
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "reproduction.md"
 REPORTS = (
     *("fit_tolerance", "fit_target_free", "fit_learning_rate", "fit_inner_radius"),
-    *("spread", "protocol", "near_stern", "figures"),
+    *("spread", "protocol", "near_stern", "figures", "design"),
 )
 """Names of the reports of that page."""
 
