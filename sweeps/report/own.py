@@ -19,6 +19,7 @@ WRITTEN = ".written"  # the list of a folder
 PAGE = "ncti-page"  # name of the meta element with the digest of a page
 UNKNOWN = 64 * "0"  # in place of the digest, when it is computed
 BEGINNING = 4096  # bytes of a page in which its digest stands
+NAMED = 3  # files that a sentence names
 FOLDER, FILE = 0o755, 0o644  # modes: others may never write
 
 _LINE = re.compile(r"([0-9a-f]{64})  ([^/\0]+)")
@@ -110,13 +111,15 @@ def is_free(path: Path) -> bool:
 
 def sentence_of(kept: Sequence[Path]) -> str:
     """Return a sentence on files that are in the way."""
-    first, others = printable(repr(str(kept[0]))), len(kept) - 1
-    if not others:
-        why = "stays as it is, since it was not written by a report or was changed since"
-    else:
-        first += f" and {others} other file{'s' * (others > 1)}"
-        why = "stay as they are, since they were not written by a report or were changed since"
-    return f"{first} {why}; everything else is written"
+    named = ", ".join(printable(repr(str(path))) for path in kept[:NAMED])
+    if (more := len(kept) - NAMED) > 0:
+        named += f" and {more} more"
+    why = (
+        "stay as they are, since no report wrote them or they were changed since"
+        if len(kept) > 1
+        else "stays as it is, since no report wrote it or it was changed since"
+    )
+    return f"{named} {why}; everything else is written"
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -17,6 +17,7 @@ from sweeps.report import flights, rows, scans, silhouettes, tables
 from sweeps.report.axes import OF_ARRAYS, printable
 from sweeps.report.fair import read_compared
 from sweeps.report.others import other_rows, print_other
+from sweeps.report.own import is_free
 from sweeps.report.places import page_file, tables_folder
 from sweeps.report.rows import Row
 from sweeps.report.screen import FILES, line, write_tables
@@ -143,7 +144,7 @@ def print_places(path: Path, parts: Sequence[Part], console: Console) -> None:
     line(f"store   {located(path)}", console)
     count = f"{len(parts)} CSV file" + "s" * (len(parts) > 1)
     line(f"tables  {located(tables_folder(path))} ({count})", console)
-    if page_file(path).is_file():
+    if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
         line(f"report  {located(page_file(path))}", console)
 
 

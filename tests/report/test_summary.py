@@ -14,6 +14,7 @@ from stores import contents, printed, reported, rows_of
 
 from sweeps.report.fair import compared
 from sweeps.report.headline import SCORE, _print_sections, at_common_setting, at_one_setting
+from sweeps.report.own import PAGE, UNKNOWN, sealed
 from sweeps.report.parts import parts_of
 from sweeps.report.places import page_file, tables_folder
 from sweeps.report.rows import BIN, beside_source, score_rows
@@ -114,7 +115,7 @@ def test_names_of_paths_are_shown_as_they_are(name, tmp_path, monkeypatch):
     path = tmp_path / name
     made = formed(tables, over=("pulse_width", "vigilance"))
     made.to_zarr(path, group="tables/acn", mode="w", consolidated=False)
-    page_file(path).write_text("")
+    page_file(path).write_bytes(sealed(f'<meta name="{PAGE}" content="{UNKNOWN}">'))
     console = Console(file=io.StringIO(), width=100, force_terminal=True)
     summarize(path, chosen(), {}, console, given=["grid.ship=[duncan]"])
     text = console.file.getvalue()
