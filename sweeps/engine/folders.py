@@ -23,12 +23,12 @@ from pathlib import Path
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.packs import make_folder, seal, unseal
+from sweeps.engine.zarr_array import METADATA
 
 MANIFEST = "manifest"
 PARTIAL = "partial"  # suffix of a folder that is incomplete or being deleted
 ASIDE = "aside"  # suffix of the old folder, where two folders cannot be exchanged
 OPEN, READABLE = 0o755, 0o644  # modes of folders and files of a store: others may read them
-METADATA = "zarr.json"
 OF_ZARR = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
 
 Remove = Callable[[Path], object]  # of a folder
