@@ -23,6 +23,7 @@ from infrared_channel import (
 from scipy import stats
 
 from ncti.infrared import contrast, shifted_images, thermal_images
+from ncti.render import line_image
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.plan import Plan
 from sweeps.engine.seeds import cell_rng
@@ -36,6 +37,7 @@ from sweeps.stages.images import (
     thermal_image,
 )
 from sweeps.stages.infrared import Infrared, check
+from sweeps.stages.infrared_look import MARGIN, whole_window
 
 WINDOW = {"depression": 3.84, "ifov": 150.0, "window_length": 200.0, "window_height": 50.0}
 FAINT = [
@@ -66,6 +68,26 @@ def test_hits_come_back_where_they_were():
     area = sum((right - left) * (top - bottom) for left, right, bottom, top in BOXES)
     assert PATCHES.area * PATCHES.horizontal.size == pytest.approx(area, rel=0.01)
     assert PATCHES.extent == pytest.approx((-LENGTH / 2, LENGTH / 2, 0, HEIGHT), abs=0.5)
+
+
+@pytest.mark.parametrize("aspect", [0.0, 45.0, 90.0])
+@pytest.mark.parametrize("slant_range", [1.0, 25.0])
+def test_the_window_holds_the_largest_ship_at_any_range(slant_range, aspect):
+    """Near parts look larger: at 1 km those of a box of 199 m by up to a tenth."""
+    block = trimesh.creation.box((199.0, 19.0, 49.0))
+    block.apply_translation((0.0, 0.0, 24.5))
+    view = {"aspect": aspect, "depression": 3.84, "slant_range": slant_range * 1e3}
+    (left, right), (bottom, top) = line_image(block, spacing=0.5, **view).bounds
+    window = whole_window(slant_range, 3.84, 150.0, 200.0, 50.0)
+    margin = MARGIN * 2 * window.footprint  # in half pixels
+    rows, columns = window.coverage.shape
+    for low, high, first, count in (
+        (left, right, window.origin[0], columns),
+        (bottom, top, window.origin[1], rows),
+    ):
+        begin = first - window.footprint / 2
+        assert begin + margin <= low
+        assert high <= begin + count * window.footprint - margin
 
 
 def test_images_of_one_view_are_drawn_once_for_all_sensors():
