@@ -32,6 +32,7 @@ from benchmarks import (
     skips,
     startup,
     synthesis,
+    tolerances,
     views,
 )
 from benchmarks.reports import Report, machine, show, write_json
@@ -42,6 +43,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
     "lines": lambda asked: lines.measure(repeats=asked.repeats),
     "line_names": lambda asked: lines.measure_names(),
+    "tolerances": lambda asked: tolerances.measure(),
     "budget": lambda asked: budget.measure(),
     "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
@@ -87,6 +89,7 @@ MEANINGS = {
     "accuracy": "error of a range extent against its time",
     "lines": "time of a view against error, by pixels, lines and a tolerance",
     "line_names": "ships identified by the same",
+    "tolerances": "bounds and costs of tolerances on 200 random views, against the reference",
     "budget": "what each approximation does to profiles and identification",
     "skips": "time saved by skipped work",
     "invariance": "change of a silhouette's map by shift, scale and rotation",

@@ -117,7 +117,7 @@ def measure(
             f"{Render.samples.default:,} samples. Time of one processor from mesh to range extent; "
             "x pixels: view by view, in turns. Error: sum of absolute differences from the "
             "sampling-free reference over its sum, of all the ship after a pulse. Estimated: what "
-            "odd and even lines say of it (`profile_error` in the store)."
+            "lines say of it themselves (`profile_error` in the store)."
         ],
     )
 
@@ -199,7 +199,7 @@ def _tasks(ships: Sequence[str], aspects: Sequence[float], replicates: int) -> d
             area: dict[str, Any] = {
                 "fraction": exact.area / SIDE**2,
                 "cell": exact.cell,
-                "difference": None,
+                "strands": None,
             }
             seen[EXACT] = replace(seen["lines"], **area)
             for way, extent in zip(seen, alike(list(seen.values())), strict=True):

@@ -21,7 +21,7 @@ from benchmarks.reports import Column, Report, Sample
 from benchmarks.views import DEPRESSION
 from ncti.infrared import contrast, silhouette, thermal_images
 from ncti.ladar import RangeExtent, cumulative_average, frames, range_extent, sample_frames
-from ncti.render import LineImage, line_image, lines, range_image, surfaces, threads
+from ncti.render import LineImage, draw_lines, line_image, range_image, surfaces, threads
 from ncti.render.line_sweep import cross, project
 from ncti.render.solid import Solid
 from ncti.render.surfaces import Surfaces
@@ -36,6 +36,7 @@ ASPECT = 40.0
 VIEW: dict[str, Any] = {"aspect": ASPECT, "depression": DEPRESSION}
 LOOKS = 7  # the laser radar and the imager at three ranges, and the training silhouettes
 SEEN_FROM = tuple(product(range(0, 360, 15), (0, 2, 5, 10, 20, 35, 50, 70, 90)))
+EVERY_LINE = np.int64(0), np.int64(0)  # none is left out
 FINE = 0.0625  # m; between lines that look for facets that are never seen
 
 Array = NDArray[Any]
@@ -188,7 +189,7 @@ def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     seen[:-1][used] = np.flatnonzero(used)
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
-    _, *crossings = cross(point, bounds, hull.edge, seen, 0.25, lines.PHASE)
+    _, *crossings = cross(point, bounds, hull.edge, seen, 0.25, draw_lines.PHASE, *EVERY_LINE)
     line, piece, _ = threads.swept(crossings, surfaces=len(used))
     length = piece[:, 1] - piece[:, 0]
     sums = [np.bincount(line, part) for part in (length, length * piece[:, 2:].sum(axis=1) / 2)]

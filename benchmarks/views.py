@@ -209,7 +209,7 @@ def profile_of(seen: Seen, pixel: float) -> NDArray[np.float64]:
     parts = seen.bin(
         side=1e9, shift=(0.5, 0.5), near=EDGES[0], bin_width=1.0, bin_count=len(EDGES) - 1
     )
-    profile: NDArray[np.float64] = parts.area.sum(axis=(0, 1))
+    profile: NDArray[np.float64] = parts.area.sum(axis=0)
     return profile
 
 

@@ -155,7 +155,7 @@ def silhouette(
         # Rounding may put the outermost piece just past the border of its bounding box.
         last = np.array(window.shape[::-1]) - 1
         column, row = np.clip(parts.cell - window.first, 0, last).T
-        return window.filled(column, row, parts.area.sum(axis=(1, 2)))
+        return window.filled(column, row, parts.area.sum(axis=1))
     # On the flat image: np.nonzero of two axes would take three times as long as all the rest.
     rows, cols = np.divmod(np.flatnonzero(image.hit), image.down_range.shape[1])
     return coverage_of(

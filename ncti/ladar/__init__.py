@@ -6,7 +6,7 @@ from ncti.ladar.extent import RangeExtent, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks, sample_frames
 from ncti.ladar.moments import banded_frame_moments, frame_moments
 from ncti.ladar.pulse import noise_floor
-from ncti.ladar.tolerance import lines_within
+from ncti.ladar.tolerance import extent_within, lines_within
 
 __all__ = [
     "RangeExtent",
@@ -14,6 +14,7 @@ __all__ = [
     "carrier_to_noise",
     "cumulative_average",
     "expected_profile",
+    "extent_within",
     "frame_blocks",
     "frame_moments",
     "lines_within",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ncti.checks import require, require_each
 from ncti.ladar.pixels import bin_boxes, boxes, places, tile
-from ncti.ladar.pulse import target_response
+from ncti.ladar.sampling import sampling_error
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
 from ncti.render.view import View, far_field_error
@@ -18,7 +18,6 @@ from ncti.render.view import View, far_field_error
 Floats = NDArray[np.float64]
 
 REFERENCE_BIN = 1.0  # m; the range bin for which the article states its beta-hat
-ERROR = 0.75  # error over the difference of odd and even lines; see `RangeExtent.error_after`
 FARTHEST = 1e15  # m; the square of a longer slant range would leave float64
 MOST_BINS = 2**22  # range bins of a window: 4 km in bins of 1 mm
 MOST_SHIFT = 1e6  # IFOVs; positions within an IFOV then keep a precision of 1e-10
@@ -44,9 +43,11 @@ class RangeExtent:
         Side of an IFOV [rad].
     slant_range : float
         Distance from sensor to ship origin [m].
-    difference : (bin,) float64 ndarray or None
-        Fractions from even lines less those from odd lines, summed over IFOVs; the two add up to
-        the sum of `fraction`. None if made from a range image.
+    strands : (16, bin) float64 ndarray or None
+        Fractions from every sixteenth line, summed over IFOVs; the strands add up to the sum of
+        `fraction`. None if made from a range image.
+    line_count : int
+        Lines across the ship; 0 if made from a range image.
     shift : (float, float)
         Position of the ship origin, right and up from the lower left corner of cell (0, 0) [IFOV].
     far_field_error : float
@@ -86,7 +87,8 @@ class RangeExtent:
     cell: NDArray[np.int64]
     ifov: float
     slant_range: float
-    difference: NDArray[np.float64] | None = None
+    strands: NDArray[np.float64] | None = None
+    line_count: int = 0
     shift: tuple[float, float] = (0.0, 0.0)
     far_field_error: float = 0.0
 
@@ -112,18 +114,16 @@ class RangeExtent:
 
         Notes
         -----
-        Odd and even lines are two estimates of equal spacing. Their difference overestimates the
-        error of both together: for three ships, lines 1 m to 1/8 m apart, with and without a
-        pulse, 95 % of the errors were below 0.4 to 0.73 of it. With `ERROR` = 0.75 the estimate
-        is a bound for nearly all views, and twice the error of most. `far_field_error` is added:
-        the whole is the error at the slant range, also of a view that was drawn in the far field.
+        The sampling error is bounded from the lines themselves, by what their strands have at
+        frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`); the bound
+        holds in 97 to 98 of 100 random views and is 1.7 times the error in the median.
+        `far_field_error` is added: the whole is the error at the slant range, also of a view that
+        was drawn in the far field.
         """
-        if self.difference is None:
+        if self.strands is None:
             return math.nan
-        sampling = estimated_error(
-            self.difference, self.fraction.sum(axis=0), pulse_width, bin_width=self.bin_width
-        )
-        return sampling + self.far_field_error
+        error = sampling_error(self.strands, self.line_count, pulse_width, bin_width=self.bin_width)
+        return error + self.far_field_error
 
     @property
     def density(self) -> NDArray[np.float64]:
@@ -145,17 +145,6 @@ class RangeExtent:
         return replace(
             self, fraction=self.fraction[order], cell=cell[order], shift=(0.0 - right, up)
         )
-
-
-def estimated_error(
-    difference: Floats, whole: Floats, pulse_width: float, *, bin_width: float
-) -> float:
-    """Return the estimated sum |p - q| / sum q of (bin,) sums; see `RangeExtent.error_after`."""
-    if pulse_width > 0.0:
-        response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
-        difference, whole = np.convolve(difference, response), np.convolve(whole, response)
-    total = float(whole.sum())
-    return ERROR * float(np.abs(difference).sum()) / total if total > 0 else math.nan
 
 
 def range_extent(
@@ -250,13 +239,7 @@ def range_extent(
     """
     require("slant_range", slant_range, positive=True, maximum=FARTHEST)
     require("ifov", ifov, positive=True, maximum=1.0)
-    require("bin_width", bin_width, positive=True)
-    require("window", window, positive=True)
-    if window > MOST_BINS * bin_width:
-        raise ValueError(
-            f"bin_width is {bin_width!r} m, but must be at least {window / MOST_BINS:.3g} m in a "
-            f"window of {window:g} m, which may have {MOST_BINS} bins"
-        )
+    bins_of(window, bin_width)
     require("spread", spread, minimum=0.0)
     if reflectance not in ("projected_area", "lambertian"):
         raise ValueError(
@@ -276,11 +259,36 @@ def range_extent(
             f"the {image.resolution:g} m resolution of the range image at {slant_range:g} m"
         )
 
-    bin_count = max(1, round(window / bin_width))
-    half_window = bin_count * bin_width / 2
+    return binned_extent(
+        image,
+        slant_range=slant_range,
+        ifov=ifov,
+        bin_width=bin_width,
+        window=window,
+        spread=spread,
+        reflectance=reflectance,
+        shift=(right, up),
+    )
+
+
+def binned_extent(
+    image: RangeImage | LineImage,
+    *,
+    slant_range: float,
+    ifov: float,
+    bin_width: float,
+    window: float,
+    spread: float = 0.5,
+    reflectance: str = "projected_area",
+    shift: tuple[float, float] = (0.0, 0.0),
+) -> RangeExtent:
+    """Return `range_extent` of parameters that are checked, of lines however far apart."""
+    side = ifov * slant_range
+    half_window, bin_count = bins_of(window, bin_width)
+    right, up = shift
     lambertian = reflectance == "lambertian"
-    difference = None
-    # Pieces of lines are integrated exactly, even and odd lines apart for the error estimate.
+    strands = None
+    # Pieces of lines are integrated exactly, and in strands for the error estimate.
     if isinstance(image, LineImage):
         parts = image.bin(
             side=side,
@@ -295,8 +303,7 @@ def range_extent(
             _check_clear(image, image.piece[:, 2:], slant_range)
         _check_reach(parts.reach, half_window)
         cell = parts.cell
-        even, odd = parts.area[:, 0] / side**2, parts.area[:, 1] / side**2
-        fraction, difference = even + odd, (even - odd).sum(axis=0)
+        fraction, strands = parts.area / side**2, parts.strands / side**2
         reach = parts.reach
     # Pixels are spread over boxes in range, sorted into IFOVs and binned.
     else:
@@ -321,7 +328,8 @@ def range_extent(
         cell=cell,
         ifov=ifov,
         slant_range=slant_range,
-        difference=difference,
+        strands=strands,
+        line_count=image.count if isinstance(image, LineImage) else 0,
         shift=(right, up),
         far_field_error=_far_field_error(image, reach, slant_range),
     )
@@ -337,6 +345,25 @@ def _far_field_error(image: RangeImage | LineImage, reach: float, slant_range: f
         places = image.cross_range_at(*np.nonzero(image.hit))
     across = max(float(np.abs(place).max(initial=0.0)) for place in places)
     return far_field_error(reach, slant_range, across=across)
+
+
+def bins_of(window: float, bin_width: float) -> tuple[float, int]:
+    """Return half the length of the range window [m] and its number of bins.
+
+    Raises
+    ------
+    ValueError
+        If there would be too many.
+    """
+    require("bin_width", bin_width, positive=True)
+    require("window", window, positive=True)
+    if window > MOST_BINS * bin_width:
+        raise ValueError(
+            f"bin_width is {bin_width!r} m, but must be at least {window / MOST_BINS:.3g} m in a "
+            f"window of {window:g} m, which may have {MOST_BINS} bins"
+        )
+    bin_count = max(1, round(window / bin_width))
+    return bin_count * bin_width / 2, bin_count
 
 
 def _check_clear(image: RangeImage | LineImage, seen: Floats, slant_range: float) -> None:

@@ -2,11 +2,12 @@
 
 from ncti.render.choice import available_engines
 from ncti.render.draw import range_image
+from ncti.render.draw_lines import line_image, refined
 from ncti.render.engine import EngineError
 from ncti.render.far_field import drawn_range
 from ncti.render.flight import depression_angle
 from ncti.render.image import RangeImage
-from ncti.render.lines import LineImage, line_image, refined
+from ncti.render.lines import LineImage
 from ncti.render.rays import RayHits, cast_rays
 from ncti.render.view import far_field_error
 

@@ -7,10 +7,12 @@ a short list of the surfaces that the line is over; the sensor sees the nearest 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.compiled import compiled
+from ncti.compiled import compiled, inlined
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -69,6 +71,27 @@ def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Ind
     return seen
 
 
+@inlined
+def rank_of(number: Any, every: Any, kept: Any) -> Any:
+    """Return how many lines to be drawn have numbers from that of a line that is kept up to one.
+
+    Every so many lines are kept, and not drawn; of 0, all are drawn.
+    """
+    if every == 0:
+        return number
+    turn, rest = divmod(number - kept, every)
+    return (every - 1) * turn + max(rest - 1, 0)
+
+
+@inlined
+def number_of(rank: Any, every: Any, kept: Any) -> Any:
+    """Return the number of a line to be drawn, of which `rank_of` is the rank."""
+    if every == 0:
+        return rank
+    turn, rest = divmod(rank, every - 1)
+    return every * turn + rest + 1 + kept
+
+
 @compiled
 def cross(
     point: Floats,
@@ -77,13 +100,20 @@ def cross(
     seen: Indices,
     spacing: float,
     phase: float,
+    every: np.int64,
+    kept: np.int64,
 ) -> tuple[np.int64, NDArray[np.int64], Indices, NDArray[np.void]]:
     """Return where lines y = (k + phase) spacing cross the edges of surfaces that face the sensor.
+
+    Parameters
+    ----------
+    every, kept : int
+        Lines whose number k differs from `kept` by a multiple of `every` are left out; none of 0.
 
     Returns
     -------
     line : int
-        Number k of the first line.
+        Rank of the first line, as of `rank_of`; those that follow have the next ranks.
     start : (line + 1,) int64 ndarray
         Where in `order` each line begins.
     order : (crossing,) int32 ndarray
@@ -93,11 +123,12 @@ def cross(
     """
     # A line is crossed by an edge if it separates the levels of its vertices. Levels are of
     # vertices, not of edges: so every surface begins on a line as often as it ends.
-    lowest = np.int64(np.ceil(bounds[1, 0] / spacing - phase))
-    lines = np.int64(np.ceil(bounds[1, 1] / spacing - phase)) - lowest
+    lowest = rank_of(np.int64(np.ceil(bounds[1, 0] / spacing - phase)), every, kept)
+    lines = rank_of(np.int64(np.ceil(bounds[1, 1] / spacing - phase)), every, kept) - lowest
     level = np.empty(len(point), np.int32)
     for i in range(len(point)):
-        level[i] = np.int64(np.ceil(point[i, 1] / spacing - phase)) - lowest
+        above = np.int64(np.ceil(point[i, 1] / spacing - phase))
+        level[i] = rank_of(above, every, kept) - lowest
 
     # Edges that count: they part levels, and a side of theirs is seen. No branch, for the
     # processor could not foresee it.
@@ -129,7 +160,8 @@ def cross(
         x, y, q = point[i, 0], point[i, 1], point[i, 2]
         run, per_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
         for k in range(level[i], level[j]):
-            share = min(max(((lowest + k + phase) * spacing - y) * per_rise, 0.0), 1.0)
+            place = (number_of(lowest + k, every, kept) + phase) * spacing
+            share = min(max((place - y) * per_rise, 0.0), 1.0)
             t = x + run * share
             c = crossing[n]
             c.t, c.depth, c.ends, c.begins = t, q + deep * share, left, right

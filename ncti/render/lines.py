@@ -1,34 +1,28 @@
-"""Views of ships that are exact along parallel lines, without pixels, rays or OpenGL."""
+"""Views of ships along parallel lines: the visible pieces, and their area by cell and bin."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
-from ncti.render.surfaces import Surfaces
-from ncti.render.threads import swept
-from ncti.render.view import ROLL, View
+from ncti.render.view import View
 
 if TYPE_CHECKING:
-    import trimesh
     import xarray as xr
 
     from ncti.render.pieces import Parts
 
 Floats = NDArray[np.float64]
 
-PHASE = 21845 / 2**16
-"""Place of the lines from the line of sight through the ship origin [spacing]: a third, since hulls
-seen from the bow are mirrored about that line and lines should not be; of sixteen binary digits, so
-that lines refined by halving lie where finer lines do, to the bit."""
+STRANDS = 16
+"""Strands of a view, each of every sixteenth line, that its error is estimated from."""
 
-MAX_LINES = 2**20
-"""Most lines of a view: more would be a spacing given in other units."""
+CHORD = 1e-4
+"""Share of a range bin within which the chords of a bent wavefront stay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +56,7 @@ class LineImage:
     See Also
     --------
     line_image : Draws one.
-    refined : Halves the spacing.
+    refined : Draws the lines between.
     RangeImage : The same by pixels.
     ncti.ladar.range_extent, ncti.infrared.silhouette : What sensors resolve of it.
 
@@ -91,6 +85,11 @@ class LineImage:
     def resolution(self) -> float:
         """Spacing [m], the least width of an IFOV."""
         return self.spacing
+
+    @property
+    def count(self) -> int:
+        """Number of lines from the first to the last that sees the ship."""
+        return int(self.line[-1]) - int(self.line[0]) + 1 if self.line.size else 0
 
     @property
     def area(self) -> Floats:
@@ -177,7 +176,7 @@ class LineImage:
         Notes
         -----
         Exact along lines: a piece is cut at the borders of cells, and covers the ranges between
-        its ends evenly. Where wavefront or perspective bend it, chords stay within 1/50 of a bin.
+        its ends evenly. Where wavefront or perspective bend it, chords stay within 1e-4 of a bin.
         """
         from ncti.render.pieces import Parts, bin_pieces  # numba takes long to import
 
@@ -196,7 +195,7 @@ class LineImage:
                 (float(shift[0]), float(shift[1])),
                 self.curvature,
                 1.0 / reach if reach and curved else 0.0,
-                np.sqrt(50 / (8 * reach * bin_width)) if reach and curved else 0.0,
+                np.sqrt(1 / (8 * CHORD * reach * bin_width)) if reach and curved else 0.0,
                 float(near),
                 float(bin_width),
                 int(bin_count),
@@ -227,173 +226,4 @@ class LineImage:
                 "spacing_m": self.spacing,
                 "slant_range_m": np.inf if self.slant_range is None else self.slant_range,
             },
-        )
-
-
-def line_image(
-    mesh: trimesh.Trimesh,
-    *,
-    aspect: float,
-    depression: float,
-    spacing: float = 0.25,
-    roll: float = ROLL,
-    slant_range: float | None = None,
-    phase: float = PHASE,
-) -> LineImage:
-    """Return the view of a ship along parallel lines, exact along each line.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        Closed mesh with outward facets, in the ship frame [m]. Solids may run through one another,
-        vertices may be unmerged, and facets may be missing or without area.
-    aspect : float
-        Bearing of the sensor from the ship [deg], 0 at the bow, growing to port.
-    depression : float
-        Angle of the line of sight below the horizontal [deg], 0 to 90.
-    spacing : float
-        Distance between lines, at the range of the ship origin [m].
-    roll : float
-        Rotation of the lines about the line of sight [deg].
-    slant_range : float, optional
-        Distance from the sensor to the ship origin [m]; the far field when not given. Perspective
-        and the curvature of the wavefront are exact.
-    phase : float
-        Place of the lines, from the line of sight through the ship origin [spacing], -2 to 2.
-
-    Returns
-    -------
-    LineImage
-        Its area is the ship's visible projected area, up to the distance of the lines.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or the mesh is empty or not finite.
-
-    See Also
-    --------
-    refined : The same view by lines half as far apart.
-    range_image : The same view by pixels.
-    ncti.ladar.lines_within : Lines as fine as an accuracy needs.
-    ncti.ladar.range_extent : The share of each range bin, and its error.
-
-    Notes
-    -----
-    Lines sample a view exactly in one direction [1]_, [2]_, [3]_. The remaining error is that of
-    the integral across the lines, by the rectangle rule. It falls with the spacing to the power
-    1.6. Ship edges that are parallel to a line would make it larger, so lines are rolled (see
-    `ncti.render.view.ROLL`).
-
-    Coplanar facets count as one surface (`ncti.render.surfaces.Surfaces`), so a line crosses few
-    edges. Threads share the lines, as many as OMP_NUM_THREADS says or the process has processors;
-    the result does not depend on their number.
-
-    References
-    ----------
-    .. [1] N. Max, "Antialiasing scan-line data", IEEE Computer Graphics and Applications 10(1),
-       1990.
-    .. [2] T. R. Jones and R. N. Perry, "Antialiasing with line samples", Rendering Techniques,
-       2000, doi:10.1007/978-3-7091-6303-0_18.
-    .. [3] T. Auzinger, M. Wimmer and S. Jeschke, "Non-sampled anti-aliasing", Vision, Modeling and
-       Visualization, 2013.
-
-    Examples
-    --------
-    The side of a box 40 m long and 6 m high:
-
-    >>> import trimesh
-    >>> from ncti.render import line_image
-    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
-    >>> lines = line_image(box, aspect=90, depression=0, spacing=0.25)
-    >>> round(float(lines.area.sum()), 1)
-    240.0
-    """
-    from ncti.render.line_sweep import cross, face, project
-
-    require("spacing", spacing, positive=True)
-    require("phase", phase, minimum=-2.0, maximum=2.0)
-    view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
-    surfaces = Surfaces.of(mesh)
-    axes = view.axes
-    point, bounds = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
-    _check(bounds, view, spacing, surfaces)
-    seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
-    first, *crossings = cross(point, bounds, surfaces.edge, seen, float(spacing), float(phase))
-    line, piece, surface = swept(crossings, surfaces=len(surfaces.area))
-    return LineImage(
-        line + first,
-        piece,
-        surface,
-        surfaces.normals,
-        spacing=float(spacing),
-        phase=float(phase),
-        aspect=view.aspect,
-        depression=view.depression,
-        roll=view.roll,
-        slant_range=view.slant_range,
-    )
-
-
-def refined(mesh: trimesh.Trimesh, lines: LineImage) -> LineImage:
-    """Return a view by lines half as far apart: the given lines, and new ones between them.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        Ship of the view.
-    lines : LineImage
-        View of it.
-
-    Returns
-    -------
-    LineImage
-        As `line_image` of half the spacing with twice the phase, at half the cost.
-
-    See Also
-    --------
-    line_image : The first lines.
-    ncti.ladar.lines_within : Refines until an accuracy is reached.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> from ncti.render import line_image, refined
-    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
-    >>> lines = line_image(box, aspect=30, depression=4, spacing=0.5)
-    >>> refined(box, lines).spacing
-    0.25
-    """
-    between = line_image(
-        mesh,
-        aspect=lines.aspect,
-        depression=lines.depression,
-        spacing=lines.spacing,
-        roll=lines.roll,
-        slant_range=lines.slant_range,
-        phase=lines.phase + 0.5,
-    )
-    carry, phase = divmod(2 * lines.phase, 1.0)
-    line = np.concatenate([2 * lines.line, 2 * between.line + 1]) + np.int32(carry)
-    order = np.argsort(line, kind="stable")
-    return replace(
-        lines,
-        line=line[order],
-        piece=np.concatenate([lines.piece, between.piece])[order],
-        surface=np.concatenate([lines.surface, between.surface])[order],
-        spacing=lines.spacing / 2,
-        phase=phase,
-    )
-
-
-def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
-    """Refuse a sensor within the ship, and more lines than are allowed."""
-    if view.slant_range is not None:  # behind the sensor, w is negative, and bounds are of no use
-        away = (surfaces.vertices + surfaces.centre) @ view.axes[2]
-        view.check_clear(float(away.min()))
-    lines = (bounds[1, 1] - bounds[1, 0]) / spacing
-    if lines > MAX_LINES:
-        raise ValueError(
-            f"spacing is {spacing:g} m, which makes {lines:.0f} lines, but at most "
-            f"{MAX_LINES} are allowed."
         )

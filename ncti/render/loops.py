@@ -25,7 +25,7 @@ def of_engine(engine: str) -> Loops:
 def _draw_lines() -> None:
     import trimesh
 
-    from ncti.render.lines import line_image
+    from ncti.render.draw_lines import line_image
 
     line_image(trimesh.creation.box(), **_VIEW).bin(side=1.0)
 

@@ -8,12 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.compiled import compiled
+from ncti.render.lines import STRANDS
 
 Floats = NDArray[np.float64]
 
 
 NOTHING = 1e-8
 """Area, in squares of the spacing, below which a cell sees nothing."""
+
+ON_EDGE = 1e-9
+"""Distance [m] from the edge of a bin up to which a piece lies on it: what lies on an edge is in
+the bin behind it, and rounding must not decide."""
 
 
 class Parts(NamedTuple):
@@ -23,14 +28,17 @@ class Parts(NamedTuple):
     ----------
     cell : (cell, 2) int64 ndarray
         Column and row of the cells that see some of it, by rows.
-    area : (cell, 2, bin) float64 ndarray
-        Area by range bin [m^2], of lines with an even and with an odd number.
+    area : (cell, bin) float64 ndarray
+        Area by range bin [m^2].
+    strands : (16, bin) float64 ndarray
+        Area of all cells [m^2] of the lines number 0, 16, 32 ..., of 1, 17, 33 ..., and so on.
     reach : float
         Largest distance down-range from the ship origin, either way [m].
     """
 
     cell: NDArray[np.int64]
     area: Floats
+    strands: Floats
     reach: float
 
 
@@ -60,7 +68,7 @@ def bin_pieces(
     edge: float,
     bin_width: float,
     bins: int,
-) -> tuple[NDArray[np.int64], Floats, float]:
+) -> tuple[NDArray[np.int64], Floats, Floats, float]:
     """Return the area that pieces cover, by cell and range bin.
 
     Parameters
@@ -89,10 +97,11 @@ def bin_pieces(
 
     Returns
     -------
-    cell, area, reach
+    cell, area, strands, reach
         As of `Parts`. What lies beyond the bins is in the first and the last.
     """
     per_bin, last_bin = 1.0 / bin_width, bins - 1e-9
+    edge -= ON_EDGE
     cos, sin = turn[0] / side, turn[1] / side
     # Pieces of a line are in order: its first begin and its last end bound it.
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
@@ -134,13 +143,13 @@ def bin_pieces(
         if number[c] == 0:
             number[c] = cells
             cells += 1
-    area = np.zeros((cells, 2, bins))
+    area, strands = np.zeros((cells, bins)), np.zeros((STRANDS, bins))
     reach = 0.0
     for p in range(pieces):
         y = (line[p] + phase) * spacing
         begin, end = piece[p, 0], piece[p, 1]
         at, goal = first[p], last[p]
-        parity = line[p] & 1
+        strand = line[p] % STRANDS
         q = piece[p, 2]
         slope = (piece[p, 3] - q) / (end - begin)
         low = begin
@@ -193,13 +202,18 @@ def bin_pieces(
                 a, b = min(before, r), max(before, r)
                 m, n = int(a), int(b)
                 if m == n:
-                    area[into, parity, m] += share
+                    area[into, m] += share
+                    strands[strand, m] += share
                 else:
                     rate = share / (b - a)
-                    area[into, parity, m] += rate * (m + 1 - a)
+                    first_part, last_part = rate * (m + 1 - a), rate * (b - n)
+                    area[into, m] += first_part
+                    strands[strand, m] += first_part
                     for between in range(m + 1, n):
-                        area[into, parity, between] += rate
-                    area[into, parity, n] += rate * (b - n)
+                        area[into, between] += rate
+                        strands[strand, between] += rate
+                    area[into, n] += last_part
+                    strands[strand, n] += last_part
                 before = r
             if at == goal:
                 break
@@ -212,11 +226,11 @@ def bin_pieces(
                 seen += 1
             else:
                 number[c] = -1
-    cell, kept = np.empty((seen, 2), np.int64), np.empty((seen, 2, bins))
+    cell, kept = np.empty((seen, 2), np.int64), np.empty((seen, bins))
     n = 0
     for c in range(rows * columns):
         if number[c] >= 0:
             cell[n, 0], cell[n, 1] = c % columns + int(left), c // columns + int(bottom)
             kept[n] = area[number[c]]
             n += 1
-    return cell, kept, reach
+    return cell, kept, strands, reach

@@ -57,6 +57,11 @@ class Surfaces:
         length = np.linalg.norm(self.area, axis=1, keepdims=True)
         return np.divide(self.area, length, out=np.zeros_like(self.area), where=length > 0)
 
+    @cached_property
+    def reach(self) -> float:
+        """Largest distance of a vertex from the ship origin [m]."""
+        return float(np.linalg.norm(self.vertices + self.centre, axis=1).max())
+
     @classmethod
     def of(cls, mesh: trimesh.Trimesh) -> Surfaces:
         """Return the surfaces of a mesh, kept as long as its solid is."""

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from ncti.checks import require, require_all
 from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
-from ncti.ladar.extent import RangeExtent, range_extent
+from ncti.ladar.extent import RangeExtent
 from ncti.ladar.frames import cumulative_average, frame_blocks
 from ncti.ladar.pulse import MOST_BINS, noise_floor, shortest_pulse
-from ncti.ladar.tolerance import lines_within
-from ncti.render.far_field import drawn_range, reach_of, sampling_tolerance
+from ncti.ladar.tolerance import extent_within
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
     SPACING,
@@ -75,9 +74,9 @@ def range_profile(
     frames : int
         Frames averaged.
     accuracy : float
-        Largest error of the range extent after the pulse, sum |p - q| / sum q: lines across the
-        ship are halved in spacing until their error bound is below it, down to 1/64 m. The ship is
-        drawn at its slant range, unless `ncti.render.drawn_range` allows the far field.
+        Largest error of the range extent after the pulse, sum |p - q| / sum q: as many lines across
+        the ship as it takes, down to 1/256 m apart. The ship is drawn at its slant range, unless
+        `ncti.render.drawn_range` allows the far field.
     depression : float
         Angle of the line of sight below the horizontal [deg].
     ifov : float
@@ -112,7 +111,7 @@ def range_profile(
     --------
     infrared_image : The ship as the passive sensor sees it.
     ncti.ladar.sample_frames : The frames one by one.
-    ncti.ladar.lines_within : Lines as fine as an accuracy needs.
+    ncti.ladar.extent_within : Range extents as accurate as asked for.
     ncti.features.profile_vector : The profile as classifiers take it.
 
     Notes
@@ -161,22 +160,20 @@ def range_profile(
         "cnr": ratio,
         "target_free_ifovs": target_free_ifovs,
     }
-    drawn = drawn_range(reach_of(mesh.vertices), slant_range, tolerance=accuracy)
     extents, expected, averaged = [], [], []
     for each in np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist():
-        lines = lines_within(
+        extent = extent_within(
             mesh,
             aspect=each,
             depression=depression,
-            tolerance=sampling_tolerance(accuracy, drawn),
+            slant_range=slant_range,
+            tolerance=accuracy,
             pulse_width=pulse_width,
-            slant_range=drawn,
             roll=roll_at(each),
+            ifov=ifov,
             bin_width=bin_width,
-            spacing=min(SPACING, ifov * slant_range),
-        )
-        extent = range_extent(
-            lines, slant_range=slant_range, ifov=ifov, bin_width=bin_width, window=window
+            window=window,
+            spacing=SPACING,
         )
         stream = generator(rng, aspect=each)
         blocks = frame_blocks(extent, frame_count=frames, rng=stream, **signal)

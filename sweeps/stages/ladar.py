@@ -126,12 +126,11 @@ def seen_shift(phases: int, aspect: float, drawn_aspect: float) -> Shift:
 
 
 @stage(
-    Output(
-        "fraction", ("ifov", "down_range"), "f8", label="share of each IFOV that the ship fills"
-    ),
+    Output("fraction", ("ifov", "down_range"), "f8", label="share of an IFOV that the ship fills"),
     Output("down_range", ("down_range",), "f8", label="centres of the bins", unit="m"),
     Output("cell", ("ifov", "side"), "i8", label="column and row of each IFOV"),
-    Output("difference", ("down_range",), "f8", label="odd less even lines; NaN without lines"),
+    Output("strands", ("strand", "down_range"), "f8", label="by every sixteenth line, all IFOVs"),
+    Output("line_count", dtype="i8", label="lines across the ship; 0 of an image of pixels"),
     Output("far_field_error", dtype="f8", label="bound on the error of drawing the far field"),
     uses=(Grid, Ladar),
     status=STATUS,
@@ -150,12 +149,12 @@ def extent(
     beam: Any = {"slant_range": range * 1e3, "ifov": ifov * 1e-6, "bin_width": bin_width}
     how: Any = {"window": window, "spread": spread, "reflectance": reflectance, "shift": shift}
     found = library.range_extent(image, **beam, **how)
-    unknown = np.full(found.down_range.shape, np.nan)
     return {
         "fraction": found.fraction,
         "down_range": found.down_range,
         "cell": found.cell,
-        "difference": unknown if found.difference is None else found.difference,
+        "strands": found.fraction[:0] if found.strands is None else found.strands,
+        "line_count": np.array(found.line_count),
         "far_field_error": np.array(found.far_field_error),
     }
 
@@ -171,15 +170,10 @@ def ifovs(
     shift: Shift,
 ) -> RangeExtent:
     """Return the library's range extent, mirrored where the other side was drawn."""
-    arrays = dict(extent)
-    found = RangeExtent(
-        far_field_error=float(arrays.pop("far_field_error")),
-        bin_width=bin_width,
-        ifov=ifov * 1e-6,
-        slant_range=range * 1e3,
-        shift=shift,
-        **arrays,
-    )
+    numbers = {name: extent[name].item() for name in ("line_count", "far_field_error")}
+    strands = {"strands": extent["strands"] if len(extent["strands"]) else None}
+    beam: Any = {"slant_range": range * 1e3, "ifov": ifov * 1e-6, "bin_width": bin_width}
+    found = RangeExtent(**{**extent, **numbers, **strands}, **beam, shift=shift)
     return found if aspect == drawn_aspect else found.mirrored()
 
 

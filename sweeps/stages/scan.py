@@ -146,7 +146,7 @@ class Target:
         """Return what is seen of it by the IFOVs of a box, which counts from its origin."""
         held = box.holds(self.extent.cell)
         parts = {"fraction": self.extent.fraction[held], "cell": self.extent.cell[held]}
-        return RangeExtent(**{**vars(self.extent), **parts, "difference": None})
+        return RangeExtent(**{**vars(self.extent), **parts, "strands": None})
 
 
 def view_of(

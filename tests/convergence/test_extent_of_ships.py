@@ -24,9 +24,11 @@ from metric import (
     far_extent,
     slope,
 )
+from scipy.stats import binom
 
 import ncti.ships
-from ncti.ladar import lines_within, range_extent
+from ncti.ladar import extent_within, lines_within, range_extent
+from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
 from ncti.render import line_image, range_image
 
@@ -185,7 +187,8 @@ def test_error_falls_with_the_spacing_of_lines(pulse_width):
 def test_lines_know_their_error(spacing, pulse_width):
     """The estimate bounds at least 95 % of errors, and is within three times them in the median.
 
-    Its factor was chosen on views of Connole, Horne and Spruance, so it is judged by the others.
+    Judged by three ships at the article's depression, which is rare among the views that its
+    constants were fitted to.
     """
     views = [view for view in GRID + ANY if view[0] in ("duncan", "roberts", "texas")]
     errors = ship_errors(views, pulse_width, extent=lined, spacing=spacing)
@@ -194,26 +197,64 @@ def test_lines_know_their_error(spacing, pulse_width):
     assert np.median(bars / errors) <= 3
 
 
-@pytest.mark.parametrize(("tolerance", "pulse_width"), [(0.01, 10e-9), (0.002, PULSE)])
-def test_as_many_lines_as_a_tolerance_takes(tolerance, pulse_width):
-    """Stopping where the estimate is small enough does not make it a worse bound."""
-    errors, bars = [], []
+TOLERANCES = [1e-2, 4.6e-3, 2.2e-3, 1e-3, 4.6e-4, 2.2e-4, 1e-4]
+
+COVERED = 0.97
+"""Share of views in which a bound is stated to hold."""
+
+
+def most_misses(count, level=1e-3):
+    """Most failures of a statement that are to be expected of so many views, at a level."""
+    return int(binom.isf(level, count, 1 - COVERED))
+
+
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(tolerance):
+    """Stopping where the bound is small enough does not make it a worse bound."""
+    rng = np.random.default_rng(round(1e5 * tolerance))
+    found = []
     for name, aspect, depression in ANY:
-        lines = lines_within(
-            ship(name),
-            aspect=aspect,
-            depression=depression,
-            tolerance=tolerance,
-            pulse_width=pulse_width,
-        )
-        extent = range_extent(lines, slant_range=FAR, ifov=SIDE / FAR)
-        exact = truth(name, aspect, depression).area.sum(axis=0)
-        errors.append(error(areas(extent).sum(axis=0), exact, pulse_width))
-        bars.append(extent.error_after(pulse_width))
-    errors, bars = np.array(errors), np.array(bars)
+        pulse_width = rng.choice([0.0, 10e-9, PULSE, 60e-9])
+        bins = int(rng.choice([1, 2]))
+        how = {"aspect": aspect, "depression": depression, "bin_width": float(bins)}
+        lines = lines_within(ship(name), tolerance=tolerance, pulse_width=pulse_width, **how)
+        extent = range_extent(lines, slant_range=FAR, ifov=SIDE / FAR, bin_width=float(bins))
+        exact = truth(name, aspect, depression).area.sum(axis=0).reshape(-1, bins).sum(axis=1)
+        p, q = areas(extent).sum(axis=0), exact
+        if pulse_width:
+            response = target_response(pulse_width=pulse_width, bin_width=float(bins)) ** 2
+            p, q = np.convolve(p, response), np.convolve(q, response)
+        found.append((np.abs(p - q).sum() / q.sum(), extent.error_after(pulse_width)))
+    errors, bars = np.array(found).T
     assert np.all(bars <= tolerance)
-    assert np.mean(errors <= bars) >= 0.95
-    assert np.all(errors <= 1.2 * tolerance)
+    assert np.sum(errors > bars) <= most_misses(len(ANY))
+    assert np.sum(errors > tolerance) <= most_misses(len(ANY))
+    assert np.median(bars / errors) < 2.2  # 1.7 of many views; a median of 36 scatters by 0.15
+    assert np.median(bars) > tolerance / 3
+
+
+@pytest.mark.parametrize("tolerance", [2e-3, 2e-4])
+def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
+    """By the reference at a finite range, every ship once."""
+    rng = np.random.default_rng(round(1e5 * tolerance))
+    misses = 0
+    for name in ncti.ships.names():
+        view = {"aspect": rng.uniform(0, 360), "depression": rng.uniform(0.5, 60)}
+        view["slant_range"] = 10 ** rng.uniform(3.7, 5.3)
+        extent = extent_within(ship(name), tolerance=tolerance, pulse_width=PULSE, **view)
+        exact = reference_range_extent(ship(name), bin_edges=EDGES, **view).area[0]
+        true = error(areas(extent).sum(axis=0), exact, PULSE)
+        assert extent.error_after(PULSE) <= tolerance
+        misses += true > extent.error_after(PULSE)
+    assert misses <= most_misses(6)
+
+
+@pytest.mark.parametrize("name", ncti.ships.names())
+def test_decks_on_the_edges_of_bins(name):
+    """Seen from straight above, decks lie at the edges of bins: rounding must not tell which."""
+    exact = reference_range_extent(ship(name), aspect=0, depression=90, bin_edges=EDGES).area[0]
+    extent = lined(name, 0.0, 90.0)
+    assert error(areas(extent).sum(axis=0), exact, 0.0) <= extent.error
 
 
 @settings(deadline=None, max_examples=40)
@@ -221,7 +262,7 @@ def test_as_many_lines_as_a_tolerance_takes(tolerance, pulse_width):
     st.tuples(*[st.floats(1, 20)] * 3), st.floats(0, 180), st.floats(0, 12.7), st.floats(2e-3, 2e-2)
 )
 def test_small_bodies_are_within_the_tolerance(size, aspect, depression, tolerance):
-    """A box's area in closed form: odd and even lines may agree by chance if they are few."""
+    """A box's area in closed form: lines may agree by chance if they are few."""
     body = trimesh.creation.box(size)
     view = dict(aspect=aspect, depression=depression)
     lines = lines_within(body, tolerance=tolerance, pulse_width=PULSE, **view)

@@ -45,7 +45,7 @@ def test_extents_by_lines_are_mirrored(name):
     starboard = range_extent(line_image(swapped(name), **STARBOARD), **SIGHT)
     np.testing.assert_array_equal(port.cell, starboard.cell)
     np.testing.assert_allclose(port.fraction, starboard.fraction, atol=1e-8)
-    np.testing.assert_allclose(port.difference, starboard.difference, atol=1e-8)
+    np.testing.assert_allclose(port.strands, starboard.strands, atol=1e-8)
 
 
 @pytest.mark.parametrize("reflectance", ["projected_area", "lambertian"])

@@ -1,0 +1,236 @@
+"""Drawing of views that are exact along parallel lines, without pixels, rays or OpenGL."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require
+from ncti.render.lines import LineImage
+from ncti.render.surfaces import Surfaces
+from ncti.render.threads import swept
+from ncti.render.view import ROLL, View
+
+if TYPE_CHECKING:
+    import trimesh
+
+Floats = NDArray[np.float64]
+
+PHASE = 21845 / 2**16
+"""Place of the lines from the line of sight through the ship origin [spacing]: a third, since hulls
+seen from the bow are mirrored about that line and lines should not be; of sixteen binary digits, so
+that lines refined by halving lie where finer lines do, to the bit."""
+
+MAX_LINES = 2**20
+"""Most lines of a view: more would be a spacing given in other units."""
+
+
+def line_image(
+    mesh: trimesh.Trimesh,
+    *,
+    aspect: float,
+    depression: float,
+    spacing: float = 0.25,
+    roll: float = ROLL,
+    slant_range: float | None = None,
+    phase: float = PHASE,
+) -> LineImage:
+    """Return the view of a ship along parallel lines, exact along each line.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        Closed mesh with outward facets, in the ship frame [m]. Solids may run through one another,
+        vertices may be unmerged, and facets may be missing or without area.
+    aspect : float
+        Bearing of the sensor from the ship [deg], 0 at the bow, growing to port.
+    depression : float
+        Angle of the line of sight below the horizontal [deg], 0 to 90.
+    spacing : float
+        Distance between lines, at the range of the ship origin [m].
+    roll : float
+        Rotation of the lines about the line of sight [deg].
+    slant_range : float, optional
+        Distance from the sensor to the ship origin [m]; the far field when not given. Perspective
+        and the curvature of the wavefront are exact.
+    phase : float
+        Place of the lines, from the line of sight through the ship origin [spacing], -2 to 2.
+
+    Returns
+    -------
+    LineImage
+        Its area is the ship's visible projected area, up to the distance of the lines.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range, or the mesh is empty or not finite.
+
+    See Also
+    --------
+    refined : The same view by lines closer together.
+    range_image : The same view by pixels.
+    ncti.ladar.lines_within : Lines as fine as an accuracy needs.
+    ncti.ladar.range_extent : The share of each range bin, and its error.
+
+    Notes
+    -----
+    Lines sample a view exactly in one direction [1]_, [2]_, [3]_. The remaining error is that of
+    the integral across the lines, by the rectangle rule. It falls with the spacing to the power
+    1.6. Ship edges that are parallel to a line would make it larger, so lines are rolled (see
+    `ncti.render.view.ROLL`).
+
+    Coplanar facets count as one surface (`ncti.render.surfaces.Surfaces`), so a line crosses few
+    edges. Threads share the lines, as many as OMP_NUM_THREADS says or the process has processors;
+    the result does not depend on their number.
+
+    References
+    ----------
+    .. [1] N. Max, "Antialiasing scan-line data", IEEE Computer Graphics and Applications 10(1),
+       1990.
+    .. [2] T. R. Jones and R. N. Perry, "Antialiasing with line samples", Rendering Techniques,
+       2000, doi:10.1007/978-3-7091-6303-0_18.
+    .. [3] T. Auzinger, M. Wimmer and S. Jeschke, "Non-sampled anti-aliasing", Vision, Modeling and
+       Visualization, 2013.
+
+    Examples
+    --------
+    The side of a box 40 m long and 6 m high:
+
+    >>> import trimesh
+    >>> from ncti.render import line_image
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> lines = line_image(box, aspect=90, depression=0, spacing=0.25)
+    >>> round(float(lines.area.sum()), 1)
+    240.0
+    """
+    require("spacing", spacing, positive=True)
+    require("phase", phase, minimum=-2.0, maximum=2.0)
+    view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
+    return _drawn(Surfaces.of(mesh), view, float(spacing), float(phase))
+
+
+def between(mesh: trimesh.Trimesh, lines: LineImage, factor: int) -> LineImage:
+    """Return the lines that lie between given ones in a view by lines closer together.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        Ship of the view.
+    lines : LineImage
+        View of it.
+    factor : int
+        The spacing is divided by it.
+
+    Returns
+    -------
+    LineImage
+        Lines of the finer view, with their numbers and spacing in it, without the given ones.
+
+    See Also
+    --------
+    refined : The new lines together with the given ones.
+    """
+    if not (isinstance(factor, int | np.integer) and factor >= 2):
+        raise ValueError(f"factor is {factor!r}, but must be a whole number from 2 on")
+    kept, phase = divmod(factor * lines.phase, 1.0)
+    view = View(lines.aspect, lines.depression, lines.roll, slant_range=lines.slant_range)
+    return _drawn(Surfaces.of(mesh), view, lines.spacing / factor, phase, int(factor), int(kept))
+
+
+def refined(mesh: trimesh.Trimesh, lines: LineImage, factor: int = 2) -> LineImage:
+    """Return a view by lines closer together: the given lines, and new ones between them.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        Ship of the view.
+    lines : LineImage
+        View of it.
+    factor : int
+        The spacing is divided by it.
+
+    Returns
+    -------
+    LineImage
+        As `line_image` of the spacing divided by the factor, with the phase multiplied by it.
+
+    See Also
+    --------
+    line_image : The first lines.
+    ncti.ladar.lines_within : Refines until an accuracy is reached.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from ncti.render import line_image, refined
+    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
+    >>> lines = line_image(box, aspect=30, depression=4, spacing=0.75)
+    >>> refined(box, lines, 3).spacing
+    0.25
+    """
+    return merged(lines, between(mesh, lines, factor))
+
+
+def merged(lines: LineImage, new: LineImage) -> LineImage:
+    """Return lines and those of `between` as one view."""
+    factor = round(lines.spacing / new.spacing)
+    kept = math.floor(factor * lines.phase)
+    line = np.concatenate([factor * lines.line + np.int32(kept), new.line])
+    order = np.argsort(line, kind="stable")
+    return replace(
+        new,
+        line=line[order],
+        piece=np.concatenate([lines.piece, new.piece])[order],
+        surface=np.concatenate([lines.surface, new.surface])[order],
+    )
+
+
+def _drawn(
+    surfaces: Surfaces, view: View, spacing: float, phase: float, every: int = 0, kept: int = 0
+) -> LineImage:
+    """Return the pieces of lines, without those of every so many that are kept from before."""
+    from ncti.render.line_sweep import cross, face, project
+
+    axes = view.axes
+    point, bounds = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
+    _check(bounds, view, spacing, surfaces)
+    seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
+    first, *crossings = cross(
+        point, bounds, surfaces.edge, seen, spacing, phase, np.int64(every), np.int64(kept)
+    )
+    rank, piece, surface = swept(crossings, surfaces=len(surfaces.area))
+    line = rank + np.int32(first)
+    if every:
+        turn, rest = np.divmod(line, np.int32(every - 1))
+        line = np.int32(every) * turn + rest + np.int32(1 + kept)
+    return LineImage(
+        line,
+        piece,
+        surface,
+        surfaces.normals,
+        spacing=spacing,
+        phase=phase,
+        aspect=view.aspect,
+        depression=view.depression,
+        roll=view.roll,
+        slant_range=view.slant_range,
+    )
+
+
+def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
+    """Refuse a sensor within the ship, and more lines than are allowed."""
+    # Behind the sensor, w is negative, and bounds are of no use.
+    if view.slant_range is not None and view.slant_range <= surfaces.reach:
+        away = (surfaces.vertices + surfaces.centre) @ view.axes[2]
+        view.check_clear(float(away.min()))
+    lines = (bounds[1, 1] - bounds[1, 0]) / spacing
+    if lines > MAX_LINES:
+        raise ValueError(
+            f"spacing is {spacing:g} m, which makes {lines:.0f} lines, but at most "
+            f"{MAX_LINES} are allowed."
+        )
