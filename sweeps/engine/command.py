@@ -322,7 +322,8 @@ class Command:
     def place(self, choices: Choices, store: Path) -> Place:
         """Return the store, cache and cluster of a sweep."""
         limit = int(choices.one(Run.cache_limit) * 1e9)
-        return Place(store, Path(self._cache_folder(choices)), _cluster(choices), limit)
+        folder = Path(self._cache_folder(choices))
+        return Place(store, folder, _cluster(choices), limit, choices.one(Run.verify))
 
     def _cache(self, words: list[str]) -> int:
         """Print the contents of the cache, or clear it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -12,7 +13,7 @@ from math import prod
 from typing import Any
 
 from sweeps.engine.code import code_digest
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.kinds import Value
 from sweeps.engine.seeds import STREAM_VERSION
 from sweeps.engine.settings import Choices, Joint, Noting, Run, Setting
@@ -284,8 +285,8 @@ class Plan:
         """Return the result of a plain stage at one of its places."""
         given = {one.name: self.plain_argument(bound, one, place) for one in bound.arguments}
         try:
-            return bound.stage.function(**given)
-        except ConfigurationError:
+            return bound.stage.checked_value(bound.stage.function(**given))
+        except (ConfigurationError, DeclarationError):
             raise
         except Exception as error:
             words = ", ".join(f"{name}={_word(value)}" for name, value in given.items())
@@ -347,13 +348,18 @@ class Plan:
     @cached_property
     def _code(self) -> dict[str, str]:
         """Return by stage the hash of its code and of the names of its function and outputs."""
-        # Two stages of one function share their results: its name counts, not theirs.
+        # Two stages of one function share their results: its name counts, not theirs. Functions
+        # of one name, such as lambdas, are told apart by the names of their stages.
+        functions = {name: inspect.unwrap(one.stage.function) for name, one in self._every.items()}
+        named: dict[tuple[str, str], set[int]] = defaultdict(set)
+        for one in functions.values():
+            named[one.__module__, one.__qualname__].add(id(one))
         found = {}
         for name, bound in self.bound.items():
-            function = inspect.unwrap(bound.stage.function)
+            place = functions[name].__module__, functions[name].__qualname__
             outputs = [one.name for one in bound.stage.outputs]
-            named = [function.__module__, function.__qualname__, *outputs]
-            found[name] = digest(repr([named, self.code[name]]))
+            own = [name] if len(named[place]) > 1 else []
+            found[name] = digest(repr([[*place, *outputs, *own], self.code[name]]))
         return found
 
     @cached_property

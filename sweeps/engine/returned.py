@@ -27,6 +27,7 @@ class Slot(NamedTuple):
     empty: float | str
     dims: int  # number of own dimensions
     even: bool  # whether every cell's array must have the same shape
+    measured: bool = False  # whether it differs if it is computed again
 
 
 def arrays_of(stage: str, slots: Sequence[Slot], found: Any, along: tuple[int, ...]) -> Arrays:

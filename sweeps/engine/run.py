@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
@@ -37,9 +37,9 @@ from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
 from sweeps.engine.results import CellIndex, open_index
 from sweeps.engine.returned import uneven
-from sweeps.engine.schedule import Job, Progress, Schedule, Watch
+from sweeps.engine.schedule import Job, Progress, Schedule, Watch, apart
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Bound, Experiment
+from sweeps.engine.stage import Bound, Experiment, functions_of
 from sweeps.engine.store import read_attributes, write_store
 from sweeps.engine.tables import add_tables
 from sweeps.engine.takeover import OldStore
@@ -56,13 +56,15 @@ QUICK = 1.0  # s of work that finishes before worker processes would have starte
 class Place:
     """Store, cache and cluster of a sweep, and the limit of the cache [byte].
 
-    `remove` removes the folder of a replaced store, which takes as long as writing it.
+    A share `verify` of the cells is computed twice and compared. `remove` removes the folder of a
+    replaced store, which takes as long as writing it.
     """
 
     store: Path
     cache: Path
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 2**30
+    verify: float = 0.0
     remove: Remove = remove_folder
 
 
@@ -168,14 +170,20 @@ def _sweep(
                 quick = measured and schedule.work_left() < QUICK
                 starting = start(len(missing), quick=quick)
                 if place.cluster.kind == "local":
-                    functions = _functions(bound for bound, _ in missing)
+                    functions = functions_of(bound for bound, _ in missing)
                     plan.experiment.prepare(plan.choices, functions, heeding(watch.say))
                 with interruptible():
                     workers = starting.result()
                 if plan.experiment.tables and not isinstance(workers, InlineExecutor):
                     thread.submit(_import_for_tables)  # while they work
                 damaged, failed = execute(
-                    schedule, workers, index, folder=place.cache, spill=spill, watch=watch
+                    schedule,
+                    workers,
+                    index,
+                    folder=place.cache,
+                    spill=spill,
+                    watch=watch,
+                    verify=place.verify,
                 )
                 failures += failed
             elif old is not None and _is_whole(plan, place.store, old, watch):
@@ -235,10 +243,12 @@ def execute(
     folder: Path,
     spill: Path,
     watch: Watch,
+    verify: float = 0.0,
 ) -> tuple[set[str], list[tuple[str, str]]]:
     """Run all calls of a schedule, and record finished cells in the index.
 
-    Packs go to `folder`, or to `spill` when that is full. Returns the keys of cells that could not
+    Packs go to `folder`, or to `spill` when that is full. A share `verify` of the cells is computed
+    again, alone: a cell that then differs fails. Returns the keys of cells that could not
     be read back, and the names of those that failed, with the reasons. Raises `DeclarationError`
     if arrays of an output differ in shape, and it has no value to pad them with.
     """
@@ -251,6 +261,9 @@ def execute(
 
     def hand_out(jobs: list[Job], calls: tuple[Call, ...]) -> None:
         number = next(numbers)
+        if verify:
+            pairs = zip(jobs, calls, strict=True)
+            calls = tuple(_verified(schedule, job, call, verify) for job, call in pairs)
         executor.submit(number, run_calls, calls, folder, spill)
         under_way[number] = jobs, calls
 
@@ -272,7 +285,14 @@ def execute(
                 fail(job, done.reason, done.arguments, done.traceback)
             else:
                 seconds[job.bound.name] += done.seconds
-                schedule.finish(job, done.spots, "", done.seconds)
+                spots = iter(done.spots)
+                for number, alone in enumerate(apart(job) if done.differing else ()):
+                    if number in done.differing:
+                        fail(alone, done.differing[number])
+                    else:
+                        schedule.finish(alone, [next(spots)], "", done.seconds / len(job.places))
+                if not done.differing:
+                    schedule.finish(job, done.spots, "", done.seconds)
         for stage, output, shape in report.shapes:
             first = shapes.setdefault((stage, output), shape)
             if shape != first:
@@ -306,17 +326,15 @@ def execute(
     return damaged, failures
 
 
+def _verified(schedule: Schedule, job: Job, call: Call, share: float) -> Call:
+    """Return a call with those for a share of its cells, chosen by their keys, again alone."""
+    keys = [schedule.plan.key(job.bound, place) for place in job.places]
+    chosen = [number for number, key in enumerate(keys) if int(key[:8], 16) < share * 2**32]
+    again = ((number, schedule.call(job.bound, [job.places[number]])) for number in chosen)
+    return replace(call, again=tuple(again))
+
+
 # the store --------------------------------------------------------------------------------------
-
-
-def _functions(stages: Iterable[Bound]) -> set[Callable[..., object]]:
-    """Return functions of some stages, and of the in-memory stages that they need."""
-    found, waiting = set(), list(dict.fromkeys(stages))
-    while waiting:
-        bound = waiting.pop()
-        found.add(bound.stage.function)
-        waiting += [one for one in bound.inputs if one.stage.memory]
-    return found
 
 
 def _import_for_tables() -> None:

@@ -221,7 +221,7 @@ class Schedule:
         if not any(lost) and kept == own:
             yield job, self.call(job.bound, job.places)
             return
-        for alone, why, key in zip(_apart(job), lost, kept, strict=True):
+        for alone, why, key in zip(apart(job), lost, kept, strict=True):
             if why:
                 self.finish(alone, None, why, 0.0)
             elif spot := self._find(job.bound, [key]).get(key):
@@ -231,7 +231,7 @@ class Schedule:
 
     def retried(self, job: Job) -> list[tuple[Job, Call]]:
         """Return calls for a job's cells one by one, after a call for all of them failed."""
-        return [(alone, self.call(alone.bound, alone.places)) for alone in _apart(job)]
+        return [(alone, self.call(alone.bound, alone.places)) for alone in apart(job)]
 
     def _lost(self, bound: Bound, place: Place) -> str:
         """Return why a cell cannot be computed, if an input failed; else an empty text."""
@@ -391,6 +391,6 @@ class Watch:
     failed: Callable[[Failure], None] = lambda failure: None
 
 
-def _apart(job: Job) -> list[Job]:
+def apart(job: Job) -> list[Job]:
     """Return a job's cells one by one."""
     return [Job(job.bound, (place,), job.affinity) for place in job.places]

@@ -179,6 +179,14 @@ class Run(Settings):
         **_WHERE,
     )
     dry_run = switch(False, label="only print what would be computed", **_WHERE)
+    verify = number(
+        0,
+        0,
+        1,
+        label="share of the computed cells that are computed again, alone, and compared",
+        help="a cell of which a bit differs fails",
+        **_WHERE,
+    )
 
 
 class Together(Settings, key="grid"):

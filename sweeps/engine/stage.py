@@ -13,7 +13,7 @@ on, and so its cells, its key, its dimensions and its progress line, is derived 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -127,6 +127,18 @@ class Stage:
     def kept(self) -> bool:
         """Return whether results are kept on disk."""
         return not (self.memory or self.plain)
+
+    def checked_value(self, value: Value) -> Value:
+        """Return the result of a plain stage; raise DeclarationError if it cannot be in a key."""
+        for one in value if isinstance(value, tuple) else (value,):
+            if isinstance(one, tuple):
+                self.checked_value(one)
+            elif type(one).__repr__ is object.__repr__ and not hasattr(one, "identity"):
+                raise DeclarationError(
+                    f"stage {self.name} returned {type(one).__name__!r}, but a plain stage must "
+                    "return a number, text, null or tuple of them, or what has an identity"
+                )
+        return value
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call the function."""
@@ -324,6 +336,16 @@ def _bound(
     own = tuple(sorted(needs.difference(gather)))
     random = RNG in declared.arguments
     return Bound(declared, arguments, own, inputs, declared.name, random, along, gather)
+
+
+def functions_of(stages: Iterable[Bound]) -> set[Callable[..., object]]:
+    """Return functions of some stages, and of the in-memory stages that they need."""
+    found, waiting = set(), list(dict.fromkeys(stages))
+    while waiting:
+        bound = waiting.pop()
+        found.add(bound.stage.function)
+        waiting += [one for one in bound.inputs if one.stage.memory]
+    return found
 
 
 def value_token(value: Value) -> str:

@@ -12,7 +12,7 @@ import threading
 import time
 from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -49,10 +49,9 @@ class Step:
         module, name = function.__module__, function.__qualname__
         if module != "__main__" and "<" not in name:
             function = module, name
+        stored = stage.group is not None
         outputs = tuple(
-            Slot(
-                one.name, one.dtype, one.empty, len(one.dims), stage.group is not None and one.even
-            )
+            Slot(one.name, one.dtype, one.empty, len(one.dims), stored and one.even, one.measured)
             for one in stage.outputs
         )
         asked = stage.arguments
@@ -113,6 +112,8 @@ class Call:
     recipe: Recipe
     shape: tuple[int, ...]  # lengths of the axes that it computes together
     cells: tuple[tuple[str, int], ...]  # key of each wanted, and its place on these axes
+    # Calls, by number of a cell, that compute it again, alone, to compare it.
+    again: tuple[tuple[int, Call], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,8 @@ class Done:
     arguments: str = ""  # of a call that failed
     traceback: str = ""
     damaged: tuple[str, ...] = ()  # keys of lost inputs, without which it was not run
+    # How cells differ, by number, when they are computed again; these have no spot.
+    differing: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -168,7 +171,10 @@ def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) 
         except Exception as error:
             told = described(given | _named_stream(call))
             why = {"reason": reason(error), "arguments": told, "traceback": traceback_of(error)}
-        done = Done(time.perf_counter() - start, **why)
+        seconds = time.perf_counter() - start
+        differing = _differing(call, cells, folder) if cells and call.again else {}
+        cells = [cell for number, cell in enumerate(cells) if number not in differing]
+        done = Done(seconds, differing=differing, **why)
         for _, arrays in cells[:1]:  # those of a call are of one array
             even = (one.name for one in call.step.outputs if one.even)
             shapes.update((call.step.name, name, arrays[name].shape) for name in even)
@@ -214,6 +220,41 @@ def _cells(call: Call, found: Any) -> list[tuple[str, Arrays]]:
         at: Any = (*np.unravel_index(place, call.shape), ...)  # an array even for one value
         cells.append((key, {name: array[at].copy() for name, array in arrays.items()}))
     return cells
+
+
+def _differing(call: Call, cells: Sequence[tuple[str, Arrays]], folder: Path) -> dict[int, str]:
+    """Return how cells differ if they are computed again, each alone and from new objects."""
+    differing: dict[int, str] = {}
+    kept = dict(vars(_kept))
+    for number, alone in call.again:
+        vars(_kept).clear()
+        try:
+            found = alone.step.call(**Inputs([alone.recipe], folder).arguments(0, alone.step))
+            [(_, again)] = _cells(alone, found)
+            how = _difference(alone.step, cells[number][1], again)
+        except Damaged:
+            continue  # noticed by others who need it
+        except Exception as error:
+            how = f"it raises {reason(error)}"
+        finally:
+            vars(_kept).clear()
+            vars(_kept).update(kept)
+        if how:
+            differing[number] = f"it differs when computed again, alone: {how}"
+    return differing
+
+
+def _difference(step: Step, first: Arrays, again: Arrays) -> str:
+    """Return the first difference of two results, bit by bit; empty if there is none."""
+    for name in (one.name for one in step.outputs if not one.measured):
+        one, other = first[name], again[name]
+        if one.shape != other.shape:
+            return f"{name} has the shape {one.shape}, and then {other.shape}"
+        for at in np.ndindex(one.shape) if one.tobytes() != other.tobytes() else ():
+            if one[at].tobytes() != other[at].tobytes():
+                where = f"{name}{list(at)}" if at else name
+                return f"{where} is {one[at].item()!r}, and then {other[at].item()!r}"
+    return ""
 
 
 class Inputs:
@@ -330,8 +371,12 @@ _kept = threading.local()
 
 def _kept_of(step: Step) -> OrderedDict[str, Any]:
     """Return objects made in this thread, the last few of a stage, by key."""
-    # Keyed by the function: stages that share one share its results.
-    found: OrderedDict[str, Any] = vars(_kept).setdefault(str(step.function), OrderedDict())
+    # By the function's name: stages that share one share its results. A function that comes with
+    # each task, from a script or a session, is another object each time.
+    function: Any = step.function
+    if not isinstance(function, tuple):
+        function = function.__module__, function.__qualname__
+    found: OrderedDict[str, Any] = vars(_kept).setdefault(".".join(function), OrderedDict())
     return found
 
 
