@@ -31,7 +31,7 @@ def test_any_failed_write_leaves_the_old_store(tmp_path, monkeypatch):
     path = tmp_path / "s.zarr"
     write_store(path, small(1), {"seed": 1})
     before = files(path)
-    write, left = Path.write_bytes, 0
+    write, left = folders.write_file, 0
 
     def full(file, content):
         nonlocal left
@@ -41,7 +41,8 @@ def test_any_failed_write_leaves_the_old_store(tmp_path, monkeypatch):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
         return write(file, content)
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    for module in (store, folders):
+        monkeypatch.setattr(module, "write_file", full)
     for succeeding in range(1000):
         left = succeeding
         try:
