@@ -293,7 +293,7 @@ def _show(
 
 
 def draw_validation(flights: xr.Dataset) -> Figure:
-    """Draw near-stern profiles: measured over noiseless, and a ship over its synthetic sister.
+    """Draw near-stern profiles of simulated flights, noiseless ones and a synthetic sister's.
 
     The source's Figures 14 to 16; the first draw, each ship at the range nearest to the source's.
     """
@@ -310,7 +310,13 @@ def draw_validation(flights: xr.Dataset) -> Figure:
         one = put_in(near.sel(ship=name).sel(range=km, method="nearest"))
         place, profile = one.down_range.values, one.profile
         _profile(axes, place, profile.sel(source="noiseless"), "noiseless")
-        _profile(axes, place, profile.sel(source="measured"), "measured in flight, corrected", OURS)
+        _profile(
+            axes,
+            place,
+            profile.sel(source="measured"),
+            "measured in a simulated flight, corrected",
+            OURS,
+        )
         likeness = float(one.profile_correlation)
         title = titled_place(one) + which(one, flights, but=TITLED)
         title += f", first of {draws} draws" * (draws > 1)
@@ -336,7 +342,7 @@ def _sisters(axes: Axes, near: xr.Dataset, flights: xr.Dataset) -> None:
     glint, dark = float(flown.mast_gain.max()), float(flown.transom_gain.min())
     lines = [
         (drawn, "point", TRUTH, "Duncan, synthetic, point sampled"),
-        (put_in(flown), "measured", OURS, "Roberts, measured in flight"),
+        (put_in(flown), "measured", OURS, "Roberts, measured in a simulated flight"),
     ]
     if glint != 1 or dark != 1:
         changed = put_in(flown, transom_gain=dark, mast_gain=glint)

@@ -81,7 +81,8 @@ class Place:
     @property
     def title(self) -> str:
         """Ship, range and aspect, for a title."""
-        return f"{shown(self.ship).capitalize()} at {self.range:g} km, aspect {self.aspect:g}°"
+        name = shown(self.ship).capitalize()
+        return f"{name} at {self.range:g} km, aspect {self.aspect:g}°, simulated"
 
 
 def titled_place(one: xr.Dataset) -> str:
@@ -136,7 +137,7 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
     shown_axes = _several_axes(flights)
     headings = ["looks", *(text for text, _ in FIGURES.values())]
     left = [axis.heading for axis in shown_axes]
-    title = "Corrected images and profiles against the noiseless truth"
+    title = "Simulated flights: corrected images and profiles against the noiseless truth"
     table = sheet(title, *headings, left=left)
     for axes, flight in _flights(flights):
         looks = f"{float(flight.looks.mean()):.1f}"
@@ -158,7 +159,7 @@ def _print_images(flights: xr.Dataset, console: Console) -> None:
 def _print_tilts(flights: xr.Dataset, shown_axes: list[Axis], console: Console) -> None:
     """Print tilts by each image alone beside the joint ones."""
     table = sheet(
-        "Tilts by both images together, and by each alone [deg]",
+        "Simulated flights: tilts by both images together, and by each alone [deg]",
         *(f"{what}\n{word}" for what in TILTED for word in CHANNELS.values()),
         left=[axis.heading for axis in shown_axes],
     )
@@ -197,16 +198,16 @@ def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
     for name in [flown_by] if sisters else there:
         flown = near.sel(ship=name).sel(range=SISTERS[3], method="nearest")
         one, caption = put_in(flown), shown(name).capitalize()
-        title = f"{caption}, flown past, {float(flown.range):g} km"
+        title = f"{caption}, simulated flight, {float(flown.range):g} km"
         if sisters:
             drawn = put_in(near.sel(ship=synthetic).sel(range=SISTERS[1], method="nearest"))
             title = f"{synthetic.capitalize()}, synthetic, {float(drawn.range):g} km; {title}"
             columns = {f"{synthetic.capitalize()}\npoint": drawn.sel(source="point")}
             columns["\nspread"] = drawn.sel(source="synthetic")
-            columns[f"{caption}\nmeasured"] = one.sel(source="measured")
+            columns[f"{caption}\nflown"] = one.sel(source="measured")
         else:
             columns = {f"{caption}\nnoiseless": one.sel(source="noiseless")}
-            columns["\nmeasured"] = one.sel(source="measured")
+            columns["\nflown"] = one.sel(source="measured")
         gains = {axis: np.atleast_1d(flown[axis].values) for axis in GAINS}
         dark, glint = float(gains["transom_gain"].min()), float(gains["mast_gain"].max())
         if dark == 0 and 1.0 in gains["transom_gain"]:
@@ -252,7 +253,8 @@ def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
     headings = ("correlation", *(("with autofocus", "closing speed then") if focused else ()))
     for axes, flight in _flights(flights, but=INSIDE):
         table = sheet(
-            f"Wrong flight parameters: {shown(axes['ship'])}, aspect {axes['aspect_deg']:g} deg, "
+            f"Simulated flights, wrong parameters: {shown(axes['ship'])}, "
+            f"aspect {axes['aspect_deg']:g} deg, "
             f"{axes['range_km']:g} km{which(flight, flights, but=(*TITLED, *INSIDE))}",
             *("error", *headings),
             left=("parameter",),
@@ -268,9 +270,9 @@ def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
             table.add_row(shown(one.error_parameter.item()), amount, *row)
         show(table, console)
     note(
-        "Correlation of the measured profile with the noiseless one, mean over draws with the "
-        "standard deviation of one. Errors of the aircraft's speed in percent, of the ship's in "
-        "m/s, of headings and pointing in deg; all other parameters are exact.",
+        "Correlation of the simulated flight's profile with the noiseless one, mean over draws "
+        "with the standard deviation of one. Errors of the aircraft's speed in percent, of the "
+        "ship's in m/s, of headings and pointing in deg; all other parameters are exact.",
         console,
     )
 
@@ -298,7 +300,7 @@ def _mean(values: xr.DataArray, digits: int, unit: str = "") -> str:
 
 
 def measured_rows(tables: xr.Dataset) -> list[Row]:
-    """Return percent correct of measured profiles beside synthetic ones, all draws together.
+    """Return percent correct of simulated flights' profiles beside synthetic ones, all draws.
 
     `ship_` scores the ship alone, if a classifier predicts an aspect bin, too.
     """
@@ -310,7 +312,7 @@ def measured_rows(tables: xr.Dataset) -> list[Row]:
 
 
 def print_measured(rows: list[Row], console: Console) -> None:
-    """Print percent correct of measured profiles beside synthetic ones.
+    """Print percent correct of profiles of simulated flights beside synthetic ones.
 
     One row for every value of an axis, or a single one if all give the same.
     """
@@ -321,7 +323,7 @@ def print_measured(rows: list[Row], console: Console) -> None:
         if axis.name != "error_value" and not axis.number
     ]
     table = sheet(
-        "Ships identified correctly [%] after training on synthetic profiles",
+        "Ships in simulated flights identified correctly [%] after training on synthetic profiles",
         *bins,
         left=(
             *("pulse [ns]", "classifier"),
@@ -348,8 +350,8 @@ def print_measured(rows: list[Row], console: Console) -> None:
     note(
         "Of the ships flown past, scored by ship, over all draws of the noise, with 95 % "
         "intervals. learned: the synthetic profiles themselves, without noise; test: averages of "
-        "their frames, with the range profiler's noise; measured: corrected images, gathered "
-        "into its beams, with the noise of the flight only.",
+        "their frames, with the range profiler's noise; measured: corrected images of simulated "
+        "flights, gathered into its beams, with the noise of the flight only.",
         console,
     )
 

@@ -180,5 +180,7 @@ def _print_measured(rows: list[Row], console: Console) -> None:
         of_ship = [row | {end: row[f"ship_{end}"] for end in SCORE} for row in chosen]
         lines.append((TITLES.get(classifier, printable(str(classifier))), of_ship))
     if lines:
-        title = "Measured profiles identified correctly [%], with 95 % intervals, by aspect"
+        title = (
+            "Profiles of simulated flights identified correctly [%], with 95 % intervals, by aspect"
+        )
         print_scores(title, "classifier", lines, console)

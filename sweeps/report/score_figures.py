@@ -78,7 +78,7 @@ BAND = 0.22  # distance of neighbouring marks of one range, which has a band of 
 KINDS = {
     "learned": ("synthetic, as learned", GOLD, "s"),
     "test": ("synthetic, noisy", GREEN, "^"),
-    "measured": ("measured in flight", BLUE, "o"),
+    "measured": ("simulated flight", BLUE, "o"),
 }
 
 

@@ -65,6 +65,6 @@ def draw_sensitivity(flights: xr.Dataset) -> Figure:
     bars = f"mean ± standard deviation over {draws} draws of the noise" if draws > 1 else ""
     key_below(figure, panels[0], title=bars)
     others = which(one, flights.looks, but=(*TITLED, "autofocus")).removeprefix(", ")
-    title = "Correlation of measured with noiseless profiles, one flight parameter wrong"
+    title = "Simulated flights: correlation with noiseless profiles, one parameter wrong"
     titled(figure, title, titled_place(one), others)
     return figure

@@ -62,9 +62,9 @@ LANDMARKS = {  # label and unit
 
 
 NUMBERS = {
-    "profile_correlation": "correlation of the measured profile with the noiseless one",
-    "profile_correlation_without_hangar": "correlation of the measured profile with the noiseless "
-    "one, without 4 m either side of the hangar, the highest peak",
+    "profile_correlation": "correlation of a simulated flight's profile with the noiseless one",
+    "profile_correlation_without_hangar": "correlation of a simulated flight's profile with the "
+    "noiseless one, without 4 m either side of the hangar, the highest peak",
     "closing_speed_error": "relative error of the closing speed used in the corrections",
     "looks": "mean number of samples in pixels that have any",
 }
@@ -104,7 +104,7 @@ _part = partial(Output, dtype="f8", stored=False)
     *(Output(name, label=label, unit="degree") for name, label in TILTS.items()),
     Output(
         "hangar_spike_offset",
-        label="down-range of the hangar's spike measured, over that without noise",
+        label="down-range of the hangar's spike in a simulated flight, over that without noise",
         unit="m",
     ),
     *(
@@ -311,7 +311,9 @@ def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
 
 
 @stage(
-    Output("source", ("source",), "U9", label="source of a profile"),
+    Output(
+        "source", ("source",), "U9", label="source of a profile; measured: in a simulated flight"
+    ),
     group=irar.GROUP,
     when=looks(IRAR),
     coordinates=True,

@@ -219,7 +219,7 @@ class Irar(Settings, key="irar"):
     )
     profile_range = quantity(
         *(100, 1, 1000, "km"),
-        label="slant range of the proposed sensor that measured images are converted to",
+        label="slant range of the proposed sensor that images of flights are converted to",
         help="its other settings are those of ladar",
     )
     profile_frames = count(16, 1, MOST_FRAMES, label="frames averaged in a synthetic test profile")

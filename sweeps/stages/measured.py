@@ -1,4 +1,4 @@
-"""Identification of measured profiles by classifiers trained on synthetic ones.
+"""Identification of simulated flights' profiles by classifiers trained on synthetic ones.
 
 Article, 'Conclusions': measured profiles of ships that synthetic ones were learned of.
 """
@@ -31,7 +31,9 @@ Namer = Callable[[Profiles, Views], Arrays]
 """Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that
 returns `predicted` and `correct`, (kind, ship, aspect)."""
 
-NAMING = Naming("measured", looks(IRAR), of="measured profiles", dims=("kind", "ship", "aspect"))
+NAMING = Naming(
+    "measured", looks(IRAR), of="profiles of simulated flights", dims=("kind", "ship", "aspect")
+)
 
 
 def acn_namer(

@@ -1,4 +1,4 @@
-"""Range profiles of the proposed sensor: of synthetic ships, and of those that flights measured.
+"""Range profiles of the proposed sensor: of synthetic ships, and of those in simulated flights.
 
 The synthetic ones are made by the stages of the laser radar, at the range that measured images
 stand in for.
@@ -116,7 +116,8 @@ def signature(
         "kind",
         ("kind",),
         "U8",
-        label="kind of profile: synthetic for training, synthetic for the test, or measured",
+        label="kind of profile: synthetic for training, synthetic for the test, or of a simulated "
+        "flight (measured)",
     ),
     group=GROUP,
     when=looks(IRAR),

@@ -91,7 +91,7 @@ def test_titles_say_which_of_several_flights_is_drawn(sisters):
     places = sorted(flights_of(flights), key=lambda place: place.ship)
     assert places == [Place("duncan", 175.0, 3.0), Place("roberts", 175.0, 3.0)]
     title = draw_flight(attributes_of(sisters), flights, places[1]).get_suptitle()
-    assert title == "Roberts at 3 km, aspect 175°, transom gain 1, first of 2 draws"
+    assert title == "Roberts at 3 km, aspect 175°, simulated, transom gain 1, first of 2 draws"
 
 
 TOGETHER = "grid.zip=[[irar.azimuth,irar.mirror,irar.range_filter]]"

@@ -36,7 +36,7 @@ def test_rows_are_means_and_scatter_of_draws(sisters):
 
 def test_landmarks_stand_beside_the_source_s_words(sisters):
     text = printed(sisters)
-    assert "Near stern: Duncan, synthetic, 3 km; Roberts, flown past, 3 km" in text
+    assert "Near stern: Duncan, synthetic, 3 km; Roberts, simulated flight, 3 km" in text
     for heading, _, _ in LANDMARKS.values():
         assert heading.strip() in text
     flights = opened(sisters, FLIGHTS).isel(aspect=0, range=0).sel(transom_gain=1)
@@ -73,7 +73,7 @@ def test_a_flight_drawn_is_the_flight_stored(sisters):
     stored = one_flight(flights, place)
     assert (stored.transom_gain, stored.mast_gain, stored.replicate) == (1, 1, 0)
     scan, _ = scan_of(given, stored, known_ship(given, place.ship))
-    assert place.title == "Roberts at 3 km, aspect 175°"
+    assert place.title == "Roberts at 3 km, aspect 175°, simulated"
     row, column = stored.row.values, stored.column.values
     window = Window(int(row[0]), int(column[0]), len(row), len(column))
     image = segmented(correct(scan, window=window), scan.flight)
@@ -86,7 +86,7 @@ def test_a_flight_drawn_is_the_flight_stored(sisters):
 
 def test_wrong_parameters_are_listed_with_what_autofocus_gives_back(misled):
     text = printed(misled)
-    assert "Wrong flight parameters: roberts" in text
+    assert "Simulated flights, wrong parameters: roberts" in text
     flights = opened(misled, FLIGHTS).isel(ship=0, aspect=0, range=0)
     for k in range(1, flights.sizes["error"]):
         one = flights.isel(error=k)

@@ -172,7 +172,7 @@ def test_titles_of_sensitivities_name_the_flight():
             words = f"roberts, aspect 175 deg, 3.9 km, cnr {cnr} dB, mirror {mirror}"
             assert words in " ".join(text.split())
     title = draw_sensitivity(flights).get_suptitle()
-    assert title.endswith("\nRoberts at 3.9 km, aspect 175°, cnr 10 dB, mirror exact")
+    assert title.endswith("\nRoberts at 3.9 km, aspect 175°, simulated, cnr 10 dB, mirror exact")
 
 
 def test_error_bars_of_sensitivities_are_explained_and_right():
@@ -272,7 +272,7 @@ def test_landmarks_of_a_ship_without_her_sister_stand_beside_herself_noiseless()
     flights = validation(ship=["connole", "roberts"], cnr=[10.0, 20.0])
     flights["mast_position"][{"ship": 0}] = np.nan
     text = printed(print_flights, flights)
-    assert "Near stern: Roberts, flown past, 3.9 km, cnr 10 dB" in " ".join(text.split())
+    assert "Near stern: Roberts, simulated flight, 3.9 km, cnr 10 dB" in " ".join(text.split())
     one = flights.sel(ship="roberts").isel(aspect=0, range=0, cnr=0)
     for name, (words, digits, _) in LANDMARKS.items():
         figures = [
@@ -287,7 +287,7 @@ def test_landmarks_of_a_ship_without_her_sister_stand_beside_herself_noiseless()
 def test_what_is_put_in_has_columns_of_its_own_beside_the_sister():
     flights = validation(transom_gain=[0.0, 1.0], mast_gain=[1.0, 3.0])
     text = printed(print_flights, flights, 200)
-    assert "Duncan, synthetic, 3.9 km; Roberts, flown past, 3.9 km" in " ".join(text.split())
+    assert "Duncan, synthetic, 3.9 km; Roberts, simulated flight, 3.9 km" in " ".join(text.split())
     near = flights.isel(aspect=0, range=0)
     duncan, roberts = (near.sel(ship=name) for name in ("duncan", "roberts"))
     plain = {"transom_gain": 1.0, "mast_gain": 1.0}

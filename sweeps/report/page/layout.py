@@ -11,7 +11,7 @@ from sweeps.report.tables import REJECTING, TITLES
 
 PROFILES = {"training_": "training profiles", "ship_": "ship alone", "": ""}
 CHANNELS = {"range": "range profile", "infrared": "silhouette", "both": "both sensors"}
-KINDS = {"learned": "learned", "test": "synthetic, noisy", "measured": "measured"}
+KINDS = {"learned": "learned", "test": "synthetic, noisy", "measured": "simulated flight"}
 MOST = 60  # rows of a table; the CSV file has all
 TABLES = {
     "acn": "the article's Table 4",

@@ -66,21 +66,21 @@ KINDS = {
     ),
     "flight": Kind(
         ("validation",),
-        "Every stage of the corrections of a flight, beside the truth",
+        "Every stage of the corrections of a simulated flight, beside the truth",
         "the article's Figures 10, 11 and 13",
-        "Intensity and range images of one flight: as scanned, segmented, corrected for motion and "
-        "for the mirror, and the truth.",
+        "Intensity and range images of one simulated flight: as scanned, segmented, corrected for "
+        "motion and for the mirror, and the truth.",
     ),
     "validation": Kind(
         ("validation",),
-        "Measured near-stern profiles beside noiseless and synthetic ones",
+        "Near-stern profiles of simulated flights beside noiseless and synthetic ones",
         "the article's Figures 14 to 16",
-        "Range profiles measured near the stern beside noiseless and synthetic ones of the same "
-        "ship, and of its sister.",
+        "Range profiles of simulated flights near the stern beside noiseless and synthetic ones "
+        "of the same ship, and of its sister.",
     ),
     "sensitivity": Kind(
         ("validation",),
-        "Errors from wrong flight parameters, with and without autofocus",
+        "Errors from wrong parameters of simulated flights, with and without autofocus",
         "",
         "Errors of corrected images and profiles against the error of each flight parameter.",
         swept="error",
