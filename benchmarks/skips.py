@@ -35,6 +35,7 @@ VIGILANCES = (0.80, 0.85, 0.90, 0.95, 0.99)
 ASPECT = 40.0
 VIEW: dict[str, Any] = {"aspect": ASPECT, "depression": DEPRESSION}
 LOOKS = 7  # the laser radar and the imager at three ranges, and the training silhouettes
+DRAWN = 3  # of them, one at each range
 SEEN_FROM = tuple(product(range(0, 360, 15), (0, 2, 5, 10, 20, 35, 50, 70, 90)))
 EVERY_LINE = np.int64(0), np.int64(0)  # none is left out
 FINE = 0.0625  # m; between lines that look for facets that are never seen
@@ -210,10 +211,10 @@ def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
 
     def drawn(number: int) -> Array:
         images = [range_image(mesh, **VIEW, engine="auto").down_range for _ in range(number)]
-        return np.nan_to_num(np.broadcast_to(images, (LOOKS, *images[0].shape)))
+        return np.nan_to_num([images[look % number] for look in range(LOOKS)])
 
     yield Skip(
-        f"views shared by ranges and sensors, 1 of {LOOKS}", lambda: drawn(1), lambda: drawn(LOOKS)
+        f"views shared by sensors, {DRAWN} of {LOOKS}", lambda: drawn(DRAWN), lambda: drawn(LOOKS)
     )
 
     alike = symmetric(mesh)
