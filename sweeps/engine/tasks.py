@@ -175,9 +175,9 @@ def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) 
         differing = _differing(call, cells, folder) if cells and call.again else {}
         cells = [cell for number, cell in enumerate(cells) if number not in differing]
         done = Done(seconds, differing=differing, **why)
-        for _, arrays in cells[:1]:  # those of a call are of one array
-            even = (one.name for one in call.step.outputs if one.even)
-            shapes.update((call.step.name, name, arrays[name].shape) for name in even)
+        for slot in call.step.outputs:
+            if slot.even and cells:  # those of a call are of one array
+                shapes.add((call.step.name, slot.name, cells[0][1][slot.name].shape))
         there = results[call.step.name]
         outcomes.append((done, call.step.name, range(len(there), len(there) + len(cells))))
         there += cells
