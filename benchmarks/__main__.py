@@ -13,6 +13,7 @@ import ncti.ships
 from benchmarks import (
     accuracy,
     budget,
+    calibration,
     classification,
     classifiers,
     convergence,
@@ -44,6 +45,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "lines": lambda asked: lines.measure(repeats=asked.repeats),
     "line_names": lambda asked: lines.measure_names(),
     "tolerances": lambda asked: tolerances.measure(),
+    "calibration": lambda asked: calibration.measure(),
     "budget": lambda asked: budget.measure(),
     "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
@@ -90,6 +92,7 @@ MEANINGS = {
     "lines": "time of a view against error, by pixels, lines and a tolerance",
     "line_names": "ships identified by the same",
     "tolerances": "bounds and costs of tolerances on 200 random views, against the reference",
+    "calibration": "constants of the bound on errors of lines, fitted to true errors",
     "budget": "what each approximation does to profiles and identification",
     "skips": "time saved by skipped work",
     "invariance": "change of a silhouette's map by shift, scale and rotation",

@@ -16,7 +16,7 @@ FINE, COARSE = (6, 7, 8), (2, 3, 4)
 """Harmonics of the strands, in sixteenths of a cycle a line, near the spacing and far above it."""
 
 STEEPNESS, ROUGHNESS, FACTOR, FEW = 0.29, -0.123, 1.14, 34.0
-"""Of `sampling_error`, calibrated on 300 random views by its benchmark."""
+"""Of `sampling_error`; `python -m benchmarks calibration` fits them again."""
 
 SLOPE = 1.6
 """Power of the spacing with which the error falls."""
@@ -64,23 +64,32 @@ def sampling_error(
     scatters about any such estimate by 0.25, and by 0.35 after long pulses abeam, where few range
     bins share it: where the lines lie decides the phase of the harmonics at 1/d.
     """
+    fine, coarse = spectrum(strands, pulse_width, bin_width=bin_width)
+    if not fine > 0:
+        return fine  # 0, or NaN where there is nothing
+    steepness = min(fine / coarse, 1.0) if coarse > 0 else 1.0
+    factor = FACTOR * scarcity(line_count)
+    return factor * fine * steepness**STEEPNESS * (fine * line_count**SLOPE) ** ROUGHNESS
+
+
+def spectrum(strands: Floats, pulse_width: float, *, bin_width: float) -> tuple[float, float]:
+    """Return the mean magnitudes a and c of fine and coarse harmonics; see `sampling_error`."""
     total = float(strands.sum())
     if not total > 0:
-        return math.nan
+        return math.nan, math.nan
     occupied = np.flatnonzero(strands.any(axis=0))
-    seen = strands[:, occupied[0] : occupied[-1] + 1]
-    waves = _WAVES @ seen
+    waves = _WAVES @ strands[:, occupied[0] : occupied[-1] + 1]
     if pulse_width > 0.0:
         response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
         total *= float(response.sum())
         waves = np.array([np.convolve(wave, response) for wave in waves])
     size = np.abs(waves).sum(axis=1) / total
-    fine, coarse = float(size[: len(FINE)].mean()), float(size[len(FINE) :].mean())
-    if not fine > 0:
-        return 0.0
-    steepness = min(fine / coarse, 1.0) if coarse > 0 else 1.0
-    few = 1.0 + (FEW / max(line_count, 1)) ** 2
-    return FACTOR * few * fine * steepness**STEEPNESS * (fine * line_count**SLOPE) ** ROUGHNESS
+    return float(size[: len(FINE)].mean()), float(size[len(FINE) :].mean())
+
+
+def scarcity(line_count: int) -> float:
+    """Return the factor of a bound for few lines, which may agree by chance."""
+    return 1.0 + (FEW / max(line_count, 1)) ** 2
 
 
 _WAVES = np.exp(-2j * np.pi * np.outer((*FINE, *COARSE), np.arange(STRANDS)) / STRANDS)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.ladar.extent import FARTHEST, RangeExtent, binned_extent, bins_of
-from ncti.ladar.sampling import SLOPE, sampling_error
+from ncti.ladar.sampling import SLOPE, sampling_error, scarcity
 from ncti.render.draw_lines import between, line_image, merged
 from ncti.render.far_field import drawn_range, sampling_tolerance
 from ncti.render.lines import STRANDS, LineImage
@@ -34,7 +34,7 @@ FINEST = 1 / 256
 FEWEST = 32
 """Lines across a ship below which they may agree by chance."""
 
-AIM = 0.85
+AIM = 0.8
 """Part of the tolerance that the next spacing is chosen for: a bound scatters about its fall."""
 
 SPARE = 0.98
@@ -283,6 +283,7 @@ class _Grown:
         if self.count > 0:
             least = max(least, FEWEST / self.count)
         if error > goal:
+            error /= scarcity(self.count)  # there will be more lines
             least = max(least, (error / (AIM * goal)) ** (1 / SLOPE))
         return min(max(math.ceil(least), 2), most)
 

@@ -1,0 +1,156 @@
+"""Constants of the bound on the sampling error of lines, fitted to true errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.linear_model import QuantileRegressor
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # of scikit-learn
+
+import ncti.ships
+from benchmarks.reports import Column, Report
+from benchmarks.tolerances import random_views
+from ncti.ladar.pulse import target_response
+from ncti.ladar.sampling import FACTOR, ROUGHNESS, SLOPE, STEEPNESS, scarcity, spectrum
+from ncti.render import LineImage, line_image
+
+Floats = NDArray[np.float64]
+
+TRUTH = 1 / 128
+"""Distance of the lines that count as the truth [m]."""
+
+STEPS = (128, 96, 64, 48, 32, 24, 16, 12, 8, 6, 4)
+"""Spacings whose errors are taken, in distances of the truth's lines."""
+
+FEWEST, LARGEST = 32, 0.3
+"""Least lines across a ship, and largest error, of what is fitted to."""
+
+COVERED = 0.977
+"""Share of errors that the fitted bound covers."""
+
+PULSES = ((0.0, 1e-12, "none"), (1e-12, 25e-9, "to 25 ns"), (25e-9, 1.0, "longer"), (0, 1, "all"))
+
+
+def measure(*, views: int = 300, seed: int = 11) -> Report:
+    """Return fitted constants, and coverage of the fitted bound and of that in use.
+
+    Parameters
+    ----------
+    views : int
+        Random views to fit to; as many others judge.
+    seed : int
+        Of the views.
+
+    Returns
+    -------
+    Report
+        One row for each kind of pulse.
+    """
+    with threadpool_limits(1):
+        fit = np.array(list(_errors(views, seed)))
+        judge = np.array(list(_errors(views, seed + 1)))
+    inputs, target = _logarithms(fit)
+    some = np.random.default_rng(seed).permutation(len(fit))[:12_000]  # the fit's time grows fast
+    found = QuantileRegressor(quantile=COVERED, alpha=0, solver="highs")
+    found.fit(inputs[some], target[some])
+    steepness, roughness = found.coef_
+    fitted = (float(np.exp(found.intercept_)), float(steepness), float(roughness))
+    true, pulse = judge[:, 0], judge[:, 4]
+    rows = []
+    for low, high, name in PULSES:
+        here = (pulse >= low) & (pulse < high)
+        row: dict[str, object] = {"pulse": name, "errors": int(here.sum())}
+        for way, constants in (("in use", (FACTOR, STEEPNESS, ROUGHNESS)), ("fitted", fitted)):
+            bound = _bound(judge, *constants)[here]
+            row[f"covered {way}"] = 100.0 * float(np.mean(true[here] <= bound))
+            row[f"ratio {way}"] = float(np.median(bound / true[here]))
+        rows.append(row)
+    return Report(
+        f"Bound on the sampling error of lines, fitted to {views} random views, judged by others",
+        (
+            Column("pulse", "pulse"),
+            Column("errors", "errors", "d"),
+            *(
+                column
+                for way in ("in use", "fitted")
+                for column in (
+                    Column(f"covered {way}", f"{way}: error <= bound [%]", ".1f"),
+                    Column(f"ratio {way}", f"{way}: bound / error", ".2f"),
+                )
+            ),
+        ),
+        rows,
+        [
+            "Factor and exponents of (a/c) and (a n^1.6): fitted "
+            f"{fitted[0]:.3f}, {fitted[1]:.3f}, {fitted[2]:.3f}; in use {FACTOR:g}, "
+            f"{STEEPNESS:g}, {ROUGHNESS:g}.",
+        ],
+    )
+
+
+def _errors(views: int, seed: int) -> Iterator[tuple[float, ...]]:
+    """Yield error, a, c, lines and pulse [s] of views by lines 1 m to 1/32 m apart."""
+    rng = np.random.default_rng(seed)
+    for asked in random_views(views, seed):
+        whole = line_image(
+            ncti.ships.load(asked.ship),
+            aspect=asked.aspect,
+            depression=asked.depression,
+            spacing=TRUTH,
+            phase=float(rng.uniform(0, 1)),
+        )
+        exact = _strands(whole, asked.bin_width).sum(axis=0)
+        for step in STEPS:
+            some = _every(whole, step, int(rng.integers(step)))
+            if some.count < FEWEST:
+                continue
+            strands = _strands(some, asked.bin_width)
+            fine, coarse = spectrum(strands, asked.pulse_width, bin_width=asked.bin_width)
+            p, q = strands.sum(axis=0), exact
+            if asked.pulse_width > 0:
+                response = target_response(pulse_width=asked.pulse_width, bin_width=asked.bin_width)
+                p, q = np.convolve(p, response**2), np.convolve(q, response**2)
+            error = float(np.abs(p - q).sum() / q.sum())
+            if 0 < error < LARGEST and fine > 0:
+                yield error, fine, coarse, some.count, asked.pulse_width
+
+
+def _every(lines: LineImage, step: int, first: int) -> LineImage:
+    """Return every so many lines, from that number on, as a view of its own."""
+    kept = (lines.line - first) % step == 0
+    return replace(
+        lines,
+        line=(lines.line[kept] - first) // np.int32(step),
+        piece=lines.piece[kept],
+        surface=lines.surface[kept],
+        spacing=step * lines.spacing,
+        phase=(lines.phase + first) / step,
+    )
+
+
+def _strands(lines: LineImage, bin_width: float) -> Floats:
+    half = round(125 / bin_width)
+    return lines.bin(
+        side=1e9,
+        shift=(0.5, 0.5),
+        near=-half * bin_width,
+        bin_width=bin_width,
+        bin_count=2 * half,
+    ).strands
+
+
+def _logarithms(errors: Floats) -> tuple[Floats, Floats]:
+    """Return the inputs of the regression, and what they are to bound."""
+    true, fine, coarse, count, _ = errors.T
+    inputs = [np.minimum(np.log(fine / coarse), 0.0), np.log(fine * count**SLOPE)]
+    few = np.array([scarcity(int(lines)) for lines in count])
+    return np.stack(inputs, axis=1), np.log(true / (fine * few))
+
+
+def _bound(errors: Floats, factor: float, steepness: float, roughness: float) -> Floats:
+    inputs, target = _logarithms(errors)
+    bound: Floats = errors[:, 0] * np.exp(np.log(factor) + inputs @ [steepness, roughness] - target)
+    return bound
