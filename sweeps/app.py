@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sweeps.engine.interrupts import Stopped, heed, stopping
-from sweeps.engine.version import OPTION, version_of
 
 if TYPE_CHECKING:
     from sweeps.engine.command import Command
@@ -38,25 +37,31 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     *modules : module
         Sensors and classifiers besides the project's; see `sweeps.experiment`.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if OPTION in given:
-        print(version_of(NAME, NAME))
-        sys.exit(0)
-    # No garbage collection at exit, which would take 0.2 s.
-    atexit.register(gc.freeze)
     with ExitStack() as signals:
         signals.enter_context(stopping())
         try:
-            if all(one in MULTIRUN for one in given if one.startswith("-")):
-                _say("reading the configuration")
-            with _workers_ahead(given):
-                status = command(*modules, given=given).main(given)
+            status = _main(list(sys.argv[1:] if arguments is None else arguments), modules)
         except Stopped as stopped:
             _say(stopped.words)
             status = stopped.status
         if arguments is None:  # this process ends, and a signal that comes too late is only noted
             _until_exit.append(signals.pop_all())
     sys.exit(status)
+
+
+def _main(given: list[str], modules: Sequence[Any]) -> int:
+    """Run a command line; return the exit status."""
+    from sweeps.engine.version import OPTION, version_of
+
+    if OPTION in given:
+        print(version_of(NAME, NAME))
+        return 0
+    # No garbage collection at exit, which would take 0.2 s.
+    atexit.register(gc.freeze)
+    if all(one in MULTIRUN for one in given if one.startswith("-")):
+        _say("reading the configuration")
+    with _workers_ahead(given):
+        return command(*modules, given=given).main(given)
 
 
 def _say(sentence: str) -> None:
