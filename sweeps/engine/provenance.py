@@ -53,6 +53,7 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "seed": written(Run.seed, choices[Run.seed]),
         "versions": versions(experiment),
         "code": dict(sorted(plan.code.items())),
+        "shown": plan.shown,
         "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
         **experiment.attributes(choices),
     }

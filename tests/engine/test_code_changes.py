@@ -1,0 +1,244 @@
+"""Which changes of sources change the hash of a function: what it computes, not how it looks."""
+
+import pytest
+from test_code import digest_in, write  # noqa: F401 (a fixture)
+
+MEASURE = """'''Ships of wood.'''
+from functools import partial
+
+import numba
+import numpy as np
+
+from fleet import rope
+from fleet.hull import Hull, keel
+from fleet.paint import scaled
+from sweeps.engine.settings import Settings, number
+from sweeps.engine.stage import Experiment, Output, Table, stage
+
+GAIN = 3
+SHIFT = {"bow": 1.0, "stern": -1.0}
+PLANKS = {}
+ROOM = "ships"
+_stage = partial(stage, group=ROOM)
+
+
+class Wood(Settings, key="wood"):
+    '''What it is made of.'''
+
+    load = number(10.0, unit="kg", label="load of the ship", help="with its crew")
+
+
+def doubled(x):
+    '''Return twice the values.'''
+    # both sides
+    return 2 * x
+
+
+def registered(function):
+    PLANKS[function.__name__] = function
+    return function
+
+
+@registered
+def oak(x):
+    return x + 1
+
+
+@numba.njit(cache=True)
+def summed(x):
+    total = 0.0
+    for i in range(len(x)):
+        total += x[i]
+    return total
+
+
+@scaled(2)
+def wide(x, share=0.5):
+    return share * x
+
+
+def unused(x):
+    return x - 7
+
+
+@_stage(Output("length", ("bin",), "f8", "length of the ship", unit="m"), uses=(Wood,))
+def length(x, load=Wood.load.default):
+    '''Return the length.'''
+    if load > GAIN:
+        return doubled(x) + SHIFT["bow"] + keel(x) + summed(x) + wide(x)
+    return PLANKS["oak"](x) + Hull(x).deep + rope.knot(x) + np.sqrt(x)
+
+
+@_stage(Output("other", label="another"))
+def other(x):
+    return x
+
+
+def tabulate(found, choices):
+    return found.mean()
+
+
+TABLES = (Table("tables/wood", ("ships",), tabulate),)
+EXPERIMENT = Experiment("wood", "Ships of wood", (Wood,), (length, other), TABLES)
+"""
+FILES = {
+    "fleet/__init__.py": "",
+    "fleet/measure.py": MEASURE,
+    "fleet/hull.py": (
+        "from dataclasses import dataclass\n"
+        "from fleet.steel import Solid, bend\n"
+        "DRAUGHT = 4\n"
+        "DEPTH = 5\n"
+        "def keel(x):\n    return bend(x) + DRAUGHT\n"
+        "@dataclass\nclass Hull(Solid):\n    x: float\n    deep: float = 1.5\n"
+        "def rudder(x):\n    return x\n"
+    ),
+    "fleet/steel.py": (
+        "class Solid:\n    weight = 1\n    def push(self):\n        return self.weight\n"
+        "def bend(x):\n    return x / 2\n"
+    ),
+    "fleet/rope.py": "def knot(x):\n    return x\ndef coil(x):\n    return x\n",
+    "fleet/paint.py": (
+        "def scaled(by):\n    def wrap(function):\n"
+        "        return lambda x: by * function(x)\n    return wrap\n"
+    ),
+}
+
+SAME = [
+    ("    # both sides\n", ""),
+    ("    # both sides\n", "    # both sides, and the bow\n\n\n"),
+    ("Return twice the values.", "Return the values twice."),
+    ("    '''Return the length.'''\n", ""),
+    ("'''Ships of wood.'''", "'''Ships of oak.'''"),
+    ("What it is made of.", "Its wood."),
+    ("load of the ship", "load"),
+    ("with its crew", "without its crew"),
+    ("length of the ship", "length"),
+    (', help="with its crew"', ""),
+    ("    return 2 * x\n", "    return (\n        2\n        * x\n    )\n"),
+    ('SHIFT = {"bow": 1.0, "stern": -1.0}', "SHIFT = {\n    'bow': 1.0,\n    'stern': -1.0,\n}"),
+    ("GAIN = 3", "\n\nGAIN = 0x3"),
+    ("found.mean()", "found.median()"),
+    ("tables/wood", "tables/oak"),
+    ("return x - 7", "return x - 8"),
+    ('label="another"', 'label="the other"'),
+    ("def other(x):\n    return x\n", "def other(x):\n    return 2 * x\n"),
+    ('Ships of wood", (', 'Ships", ('),
+    ("TABLES = ", "NEW = 1\nTABLES = "),
+]
+SAME_ELSEWHERE = [
+    ("hull", "DEPTH = 5", "DEPTH = 6"),
+    ("hull", "def rudder(x):\n    return x", "def rudder(x):\n    return 2 * x"),
+    ("hull", "DRAUGHT = 4", "DRAUGHT = 4  # m"),
+    ("rope", "def coil(x):\n    return x", "def coil(x):\n    return -x"),
+]
+OTHER = [
+    ("GAIN = 3", "GAIN = 4"),
+    ("GAIN = 3", "GAIN = 3.0"),
+    ("GAIN = 3", "GAIN = 3\nGAIN += 1"),
+    ('"bow": 1.0', '"bow": -1.0'),
+    ("load > GAIN", "load >= GAIN"),
+    ("return 2 * x", "return 2 / x"),
+    ("return 2 * x", "return 2 * -x"),
+    ("load=Wood.load.default", "load=5"),
+    ("number(10.0", "number(11.0"),
+    ('return PLANKS["oak"](x)', 'return PLANKS["oak"](-x)'),
+    ("return x + 1", "return x + 2"),
+    ("total += x[i]", "total += x[i] * x[i]"),
+    ("range(len(x))", "range(1, len(x))"),
+    ("njit(cache=True)", "njit(cache=True, fastmath=True)"),
+    ("@scaled(2)", "@scaled(3)"),
+    ("share=0.5", "share=0.25"),
+    ("np.sqrt(x)", "np.cbrt(x)"),
+    ("from fleet.hull import Hull, keel", "from fleet.hull import Hull, rudder as keel"),
+    ("rope.knot(x)", "rope.coil(x)"),
+    ("from fleet import rope", "from fleet import steel as rope"),
+    ("TABLES = ", "SHIFT.update(bow=2)\nTABLES = "),
+    ("TABLES = ", "doubled = oak\nTABLES = "),
+]
+OTHER_ELSEWHERE = [
+    ("hull", "DRAUGHT = 4", "DRAUGHT = 5"),
+    ("hull", "bend(x) + DRAUGHT", "bend(x) - DRAUGHT"),
+    ("hull", "deep: float = 1.5", "deep: float = 2.5"),
+    ("hull", "@dataclass", "@dataclass(frozen=True)"),
+    ("steel", "weight = 1", "weight = 2"),
+    ("steel", "return self.weight", "return -self.weight"),
+    ("steel", "x / 2", "x / 3"),
+    ("rope", "def knot(x):\n    return x", "def knot(x):\n    return -x"),
+    ("paint", "by * function(x)", "by + function(x)"),
+]
+
+
+@pytest.fixture
+def changed(tmp_path, digest_in):  # noqa: F811
+    """Whether a change of a file changes the hash of `length`."""
+    before = digest_in(write(tmp_path, FILES)).digest
+
+    def change(name: str, old: str, new: str) -> bool:
+        file = f"fleet/{name}.py"
+        text = FILES[file].replace(old, new, 1)
+        assert text != FILES[file]
+        after: str = digest_in(write(tmp_path, {file: text})).digest
+        return after != before
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"), [*(("measure", *one) for one in SAME), *SAME_ELSEWHERE]
+)
+def test_the_same_computation_has_the_same_hash(changed, name, old, new):
+    assert not changed(name, old, new)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"), [*(("measure", *one) for one in OTHER), *OTHER_ELSEWHERE]
+)
+def test_another_computation_has_another_hash(changed, name, old, new):
+    assert changed(name, old, new)
+
+
+# `from fleet.late import late` is enough to see them
+SEEN_WHOLE = [
+    "from fleet.rope import *\ndef late(x):\n    return knot(x)\n",
+    "from fleet.rope import knot\ndef late(x):\n    return globals()['knot'](x)\n",
+    "import fleet.rope as rope\ndef late(x):\n    return getattr(rope, 'knot')(x)\n",
+    "from fleet import rope\ndef late(x, of=rope):\n    return of.knot(x)\n",
+    "from importlib import import_module\nrope = import_module('fleet.rope')\n"
+    "def late(x):\n    return rope.knot(x)\n",
+    "import fleet\nimport fleet.rope\ndef late(x):\n    return fleet.rope.knot(x)\n",
+    "try:\n    from fleet.rope import knot\nexcept ImportError:\n    knot = None\n"
+    "def late(x):\n    return knot(x)\n",
+    "import fleet.rope\nclass Late:\n    tie = staticmethod(fleet.rope.knot)\n"
+    "def late(x):\n    return Late.tie(x)\n",
+    "def late(x):\n    from fleet import rope as other\n    return other.knot(x)\n",
+]
+
+
+@pytest.mark.parametrize("text", SEEN_WHOLE)
+def test_names_are_followed_or_all_of_a_module_counts(tmp_path, digest_in, text):  # noqa: F811
+    folder = write(tmp_path, FILES | {"fleet/late.py": text})
+    before = digest_in(folder, "fleet.late", "late").digest
+    write(folder, {"fleet/rope.py": FILES["fleet/rope.py"].replace("return x", "return -x", 1)})
+    assert digest_in(folder, "fleet.late", "late").digest != before
+
+
+def test_another_module_may_fill_a_registry(tmp_path, digest_in):  # noqa: F811
+    """By a decorator or a call at its top, as soon as it is imported."""
+    registry = "ALL = {}\ndef register(f):\n    ALL[f.__name__] = f\n    return f\n"
+    late = (
+        "import fleet.masts\nfrom fleet.registry import ALL\n"
+        "def late(x):\n    return ALL['fore'](x)\n"
+    )
+    for masts in (
+        "from fleet.registry import register\n@register\ndef fore(x):\n    return x\n",
+        "from fleet import registry\ndef fore(x):\n    return x\nregistry.register(fore)\n",
+        "from fleet import registry\ndef fore(x):\n    return x\nown = registry.register(fore)\n",
+        "import fleet.registry as r\ndef fore(x):\n    return x\nown = r.register(fore)\n",
+        "from fleet.registry import ALL\ndef fore(x):\n    return x\nALL['fore'] = fore\n",
+    ):
+        files = {"fleet/registry.py": registry, "fleet/late.py": late, "fleet/masts.py": masts}
+        folder = write(tmp_path, FILES | files)
+        before = digest_in(folder, "fleet.late", "late").digest
+        write(folder, {"fleet/masts.py": masts.replace("return x", "return -x")})
+        assert digest_in(folder, "fleet.late", "late").digest != before, masts
