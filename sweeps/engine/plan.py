@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import inspect
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from itertools import product
 from math import prod
 from typing import Any
@@ -361,26 +361,6 @@ class Plan:
             own = [name] if len(named[place]) > 1 else []
             found[name] = digest(repr([[*place, *outputs, *own], self.code[name]]))
         return found
-
-    @cached_property
-    def shown(self) -> str:
-        """Return the hash of what a store shows of results: labels, units and tables."""
-        experiment = self.experiment
-        settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
-        outputs = [list(map(repr, one.stage.outputs)) for one in self.targets]
-        groups = [(one.group, one.of, self._digest_of(one.make)) for one in experiment.tables]
-        statuses = [(one.name, one.label) for one in experiment.statuses]
-        return digest(repr([settings, outputs, groups, statuses]))
-
-    def _digest_of(self, function: Callable[..., Any]) -> str:
-        """Return the hash of the code of a function that is no stage's."""
-        given: Any = function
-        while isinstance(given, partial):
-            given = given.func
-        if not inspect.isfunction(inspect.unwrap(given)):
-            given = type(given).__call__
-        roots, without = frozenset(self.experiment.code), frozenset({ENGINE})
-        return code_digest(given, roots=roots, without=without).digest
 
     @cached_property
     def code(self) -> dict[str, str]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import platform
 from collections import ChainMap
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from typing import Any
 
+from sweeps.engine.code import code_digest
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word
-from sweeps.engine.plan import Plan
+from sweeps.engine.plan import Plan, digest
 from sweeps.engine.settings import Choices, Joint, Run, Setting, flatten, read_choices
 from sweeps.engine.stage import Experiment
 
@@ -53,7 +55,7 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "seed": written(Run.seed, choices[Run.seed]),
         "versions": versions(experiment),
         "code": dict(sorted(plan.code.items())),
-        "shown": plan.shown,
+        "shown": _shown_digest(plan),
         "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
         **experiment.attributes(choices),
     }
@@ -65,6 +67,27 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     if failures:
         attributes["failures"] = dict(sorted(failures.items()))
     return attributes
+
+
+def _shown_digest(plan: Plan) -> str:
+    """Return the hash of what a store shows of its results: labels, units and tables."""
+    experiment = plan.experiment
+    settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
+    outputs = [list(map(repr, one.stage.outputs)) for one in plan.targets]
+    tables = [(one.group, one.of, _code_of(one.make, experiment)) for one in experiment.tables]
+    statuses = [(one.name, one.label) for one in experiment.statuses]
+    return digest(repr([settings, outputs, tables, statuses]))
+
+
+def _code_of(function: Callable[..., Any], experiment: Experiment) -> str:
+    """Return the hash of the code of a table; empty if it is no function of a file."""
+    given: Any = function
+    while isinstance(given, partial):
+        given = given.func
+    try:
+        return code_digest(given, roots=frozenset(experiment.code)).digest
+    except (ConfigurationError, TypeError):
+        return ""
 
 
 def _identity(experiment: Experiment) -> tuple[Setting, ...]:

@@ -249,6 +249,8 @@ class Graph:
             return keywords or any(self._is_own(of, one) for one in given)
         if statement.defines:
             return any(self._is_own(of, one) for one in statement.decorators)
+        if statement.is_script:
+            return False
         return not statement.assigns or any(
             self._registers(of, names, frozenset()) for names in statement.uses.chains
         )

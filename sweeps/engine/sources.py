@@ -55,6 +55,8 @@ class Statement:
     def __init__(self, node: ast.stmt, package: str, flags: int) -> None:
         self.node = node
         self.defines = isinstance(node, _DEFINITIONS)
+        # A script's own commands, of which only the names matter that they bind.
+        self.is_script = isinstance(node, ast.If) and _is_main(node)
         self.assigns = isinstance(node, _ASSIGNMENTS) and all(
             isinstance(one, ast.Name | ast.Tuple) for one in _targets(node)
         )
@@ -265,6 +267,17 @@ def _executed(tree: ast.AST) -> Iterator[ast.AST]:
         yield node
         if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             waiting.extend(ast.iter_child_nodes(node))
+
+
+def _is_main(node: ast.If) -> bool:
+    """Return whether a statement is `if __name__ == "__main__":` alone."""
+    test = node.test
+    return (
+        isinstance(test, ast.Compare)
+        and chain(test.left) == ("__name__",)
+        and isinstance(test.ops[0], ast.Eq)
+        and not node.orelse
+    )
 
 
 def _is_for_types(node: ast.If) -> bool:

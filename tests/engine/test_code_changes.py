@@ -1,7 +1,11 @@
 """Which changes of sources change the hash of a function: what it computes, not how it looks."""
 
+import subprocess
+import sys
+
 import pytest
-from test_code import digest_in, write  # noqa: F401 (a fixture)
+import xarray as xr
+from test_code import ROOT, digest_in, write  # noqa: F401 (a fixture)
 
 MEASURE = """'''Ships of wood.'''
 from functools import partial
@@ -242,3 +246,72 @@ def test_another_module_may_fill_a_registry(tmp_path, digest_in):  # noqa: F811
         before = digest_in(folder, "fleet.late", "late").digest
         write(folder, {"fleet/masts.py": masts.replace("return x", "return -x")})
         assert digest_in(folder, "fleet.late", "late").digest != before, masts
+
+
+SWEPT = """
+import sys
+from pathlib import Path
+
+from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.run import Place, sweep
+from sweeps.engine.schedule import Watch
+from sweeps.engine.settings import Settings, number, read_choices
+from sweeps.engine.stage import Experiment, Output, Table, stage
+
+RUNS = Path("runs")
+
+
+class Wood(Settings, key="wood"):
+    '''What it is made of.'''
+
+    load = number([1, 2], unit="kg", label="load", shown=True)
+
+
+@stage(Output("length", label="length", unit="m"), uses=(Wood,), group="ships")
+def length(load):
+    RUNS.write_text(RUNS.read_text() + "x")
+    return 2 * load
+
+
+def tabulate(ships, choices):
+    return ships.mean()
+
+
+if __name__ == "__main__":
+    TABLES = (Table("tables/wood", ("ships",), tabulate),)
+    wood = Experiment("wood", "Wood", (Wood,), (length,), TABLES)
+    place = Place(Path("s.zarr"), Path("cache"), ClusterChoice("inline"))
+    sweep(wood, read_choices(wood.declared, {}), place, Watch(lambda sentence: None))
+"""
+
+
+def test_a_store_follows_its_file_and_computes_only_what_is_another_computation(tmp_path):
+    file, runs = tmp_path / "wood.py", tmp_path / "runs"
+
+    def run(text: str) -> tuple[int, xr.Dataset, float]:
+        """Cells computed, and what the store then has; its file comes from a new process."""
+        file.write_text(text)
+        runs.write_text("")
+        here = {"PYTHONPATH": str(ROOT)}
+        subprocess.run([sys.executable, file.name], cwd=tmp_path, check=True, env=here)
+        ships = xr.open_zarr(tmp_path / "s.zarr", group="ships").load()
+        table = xr.open_zarr(tmp_path / "s.zarr", group="tables/wood").load()
+        return len(runs.read_text()), ships, float(table.length)
+
+    made, ships, mean = run(SWEPT)
+    assert (made, ships.length.long_name, mean) == (2, "length", 3)
+    text = SWEPT.replace('label="length"', 'label="length of a ship"')
+    text = text.replace("    return 2", "    # twice\n    return 2")
+    made, ships, mean = run(text)
+    assert (made, ships.length.long_name, mean) == (0, "length of a ship", 3)
+    made, ships, mean = run(text.replace("ships.mean()", "ships.max()"))
+    assert (made, mean) == (0, 4)
+    file.write_text(text.replace("2 * load", "3 * load"))
+    failed = subprocess.run(
+        [sys.executable, file.name],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert "made by another code of length" in failed.stderr
