@@ -344,8 +344,11 @@ def _with_those_made(recipe: Recipe, seen: set[str]) -> Iterator[Recipe]:
 
 def _spots(recipe: Recipe) -> list[Spot]:
     """Return spots of the cells that a recipe itself reads, each once."""
-    sources = (one for one in recipe.sources.values() if isinstance(one, Read))
-    return list(dict.fromkeys(spot for one in sources for spot in one.spots))
+    wanted: dict[Spot, None] = {}
+    for source in recipe.sources.values():
+        if isinstance(source, Read):
+            wanted.update(dict.fromkeys(source.spots))
+    return list(wanted)
 
 
 def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
