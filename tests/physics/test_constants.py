@@ -47,7 +47,7 @@ def test_plates_of_a_gentle_curve_keep_their_ranges():
 def test_momentum_makes_a_lasting_slope_ten_steps_long():
     """Steps against one slope g add to a speed r g / (1 - 0.9): ten times that of a single one."""
     network = Network.seed(3, 2, np.random.RandomState(0))
-    inputs, targets = np.zeros((1, 3)), np.zeros((1, 2))
+    inputs, targets = np.ones((1, 3)), np.ones((1, 2))
     _, slope = network.loss_and_gradient(inputs, targets, 1.0)
     assert slope[1].offsets.all()
     places = []
