@@ -146,7 +146,7 @@ CATEGORIES = [[10, 14], [7, 12], [7, 9]]
 SILHOUETTES = {"none": [[48, 48], [42, 48], [20, 30]], "shifted": [[48, 48], [48, 48], [30, 32]]}
 SILHOUETTE_CATEGORIES = [[10, 10], [8, 8]]
 # At 30 ns, 4 frames of either sensor and 2 draws, without super-resolution: of 28 answers.
-FUSION = {"range": 20, "infrared": 15, "both": 20}
+FUSION = {"range": 20, "infrared": 10, "both": 19}
 
 
 def right(tables, answers, **place):
