@@ -116,7 +116,7 @@ class RangeExtent:
         -----
         The sampling error is bounded from the lines themselves, by what their strands have at
         frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`); the bound
-        holds in 97 to 98 of 100 random views and is 1.7 times the error in the median.
+        holds in 97 of 100 random views and is 1.8 times the error in the median.
         `far_field_error` is added: the whole is the error at the slant range, also of a view that
         was drawn in the far field.
         """

@@ -108,7 +108,7 @@ def lines_within(
     ...     print(tolerance, lines.spacing)
     0.1 0.75
     0.01 0.375
-    0.001 0.15
+    0.001 0.075
     """
     require("tolerance", tolerance, positive=True)
     require("pulse_width", pulse_width, minimum=0.0)
