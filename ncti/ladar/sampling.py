@@ -61,7 +61,7 @@ def sampling_error(
     a pulse, by lines 1 m to 1/32 m apart (`python -m benchmarks calibration`). With a factor of
     1.14 the bound covers 97.7 % of the errors of 300 others, and is 1.7 times the error in the
     median. Refining until a bound is small enough favours bounds that are too small; with 1.2 it
-    covers 97.5 % then, and is 1.8 times the error (90 views, seven tolerances, against the
+    covers 97.6 % then, and is 1.8 times the error (140 views, seven tolerances, against the
     reference). The difference of odd and even lines alone would be 1.9 to 2 times. The logarithm
     of the error scatters about any such estimate by 0.25, and by 0.35 after long pulses abeam,
     where few range bins share it: where the lines lie decides the phase of the harmonics at 1/d.
