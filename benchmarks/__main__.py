@@ -30,6 +30,7 @@ from benchmarks import (
     memory,
     paper,
     reproduction,
+    results,
     skips,
     startup,
     synthesis,
@@ -124,6 +125,7 @@ MEANINGS = {
     "figures": "the source's statements on its figures, measured on ours",
     "design": "the source's statements on the design of its sensors",
     "fits": "the last nine together, of docs/reproduction.md",
+    "results": "every figure of README.md and docs/results.md, as means over --seeds",
     "history": "error and time of fixed views, appended to benchmarks/history.csv and drawn",
     "all": "everything but history, which takes long",
 }
@@ -147,15 +149,20 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--million", action="store_true", help="synthesis: an average of 1,000,000 frames, too"
     )
+    parser.add_argument(
+        "--seeds", type=int, default=10, metavar="N", help="results: number of seeds (10)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument(
         "--write",
         action="store_true",
-        help="write the budget and the fits into their pages in docs too",
+        help="write the budget, the fits and the results into their pages too",
     )
     asked = parser.parse_args(arguments)
     if asked.repeats < 1:
         parser.error(f"--repeats is {asked.repeats}, but must be at least 1")
+    if asked.seeds < results.LEAST_SEEDS:
+        parser.error(f"--seeds is {asked.seeds}, but must be at least {results.LEAST_SEEDS}")
     try:
         for ship in (asked.ship, *ncti.ships.names()):
             # built here, so that no report includes the build
@@ -175,6 +182,17 @@ def main(arguments: list[str] | None = None) -> None:
                 print(f"benchmark: {name} failed: {error}", file=sys.stderr)
                 sys.exit(1)
             show(reports[name], console)
+    if asked.report in ("results", "all"):
+        try:
+            tables = results.measure(results.Sizes(asked.seeds))
+        except RuntimeError as error:
+            print(f"benchmark: results failed: {error}", file=sys.stderr)
+            sys.exit(1)
+        for report in tables.values():
+            show(report, console)
+        reports |= {f"results_{name}": report for name, report in tables.items()}
+        if asked.write:
+            results.write_all(tables)
     if asked.write and "budget" in reports:
         budget.write(reports["budget"])
     for name in fits.REPORTS if asked.write else ():

@@ -1,0 +1,355 @@
+"""Tables of the published results, from sweeps of several seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from benchmarks.repeated import at, bins_of, multiples, over_seeds, percent_of
+from benchmarks.reports import Column, Report
+from ncti.evaluate import open_set_scores
+
+RANGES, SPACINGS, STEP = (25, 50, 100), (1.5, 3, 6), 1.5
+
+Answers = list[dict[str, xr.Dataset]]
+"""Groups of a store by name, for each seed."""
+
+
+def text_of(values: Sequence[float], **options: Any) -> str:
+    """Return the mean and interval of percentages by seed."""
+    return over_seeds(values, **options).text()
+
+
+# Aspects absent from training
+
+ROWS: tuple[tuple[str, str, dict[str, object]], ...] = (
+    ("profile, likelihood", "likelihood", {}),
+    ("profile, correlation", "correlation", {}),
+    ("profile, ACN", "acn", {}),
+    ("silhouette, nearest template", "fusion", {"channel": "infrared", "super_resolution": "none"}),
+    ("silhouette, ACN", "acn_infrared", {"super_resolution": "none"}),
+    ("both", "fusion", {"channel": "both", "super_resolution": "none"}),
+)
+GROUPS = tuple(f"classification/{name}" for name in dict.fromkeys(row[1] for row in ROWS))
+
+
+def shares(
+    found: Answers,
+    group: str,
+    name: str,
+    places: Mapping[str, object] | None = None,
+    *,
+    learned: bool = False,
+) -> list[float]:
+    """Return percent correct of each seed in a bin of aspects, at new or at learned ones."""
+    percentages = []
+    for one in found:
+        correct = at(one[group].correct, **(places or {}))
+        chosen = bins_of(correct.aspect.values)[name]
+        chosen = chosen & (multiples(correct.aspect.values, STEP) == learned)
+        percentages.append(percent_of(correct, chosen))
+    return percentages
+
+
+def views_of(found: Answers, group: str, name: str) -> int:
+    """Return the number of new views of a seed in a bin of aspects."""
+    answers = found[0][group]
+    aspect = answers.aspect.values
+    new = bins_of(aspect)[name] & ~multiples(aspect, STEP)
+    return int(new.sum()) * answers.sizes["ship"]
+
+
+def new_aspects(found: Answers) -> dict[str, Report]:
+    """Return the tables of classifiers at aspects absent from training, and of the README."""
+    seeds = len(found)
+    names = ("0-30°", "30-60°", "60-90°", "overall")
+    rows, summary = [], []
+    for km in RANGES:
+        for label, classifier, places in ROWS:
+            group = f"classification/{classifier}"
+            where = {"range": km, "template_spacing": STEP, **places}
+            row: dict[str, Any] = {"what": f"{km} km: {label}"}
+            for name in names:
+                views = views_of(found, group, name)
+                row[name] = text_of(shares(found, group, name, where), views=views)
+            learned = shares(found, group, "overall", where, learned=True)
+            row["learned"] = f"{np.mean(learned):.0f}"
+            rows.append(row)
+    for label, kept in (
+        ("profile, likelihood", "profile, likelihood"),
+        ("profile, ACN", "profile, ACN"),
+        ("silhouette, nearest template", "silhouette, nearest template"),
+    ):
+        found_rows = [
+            next(row for row in rows if row["what"] == f"{km} km: {kept}") for km in RANGES
+        ]
+        summary.append(
+            {"what": label}
+            | {f"{km} km": row["overall"] for km, row in zip(RANGES, found_rows, strict=True)}
+        )
+    title = f"percent correct, mean of {seeds} seeds [95 % interval]"
+    return {
+        "summary": Report(
+            "Ships identified at new aspects",
+            (Column("what", title), *(Column(f"{km} km", f"{km} km") for km in RANGES)),
+            summary,
+        ),
+        "new": Report(
+            "Ships identified at new aspects, by bin",
+            (
+                Column("what", title),
+                *(Column(name, name) for name in names),
+                Column("learned", "at learned aspects"),
+            ),
+            rows,
+        ),
+        "spacing": spacings(found),
+    }
+
+
+def with_known(summary: Report, known: Report) -> Report:
+    """Return the table of the README with rows of classifiers that know gain and floor."""
+    kept = ("the same, gain and floor known",)
+    rows = [
+        {"what": row["what"], f"{RANGES[-1]} km": row["overall"]}
+        for row in known.rows
+        if row["what"] in kept
+    ]
+    return replace(summary, rows=[summary.rows[0], *rows, *summary.rows[1:]])
+
+
+def spacings(found: Answers) -> Report:
+    """Return the table of spacings of templates."""
+    rows = []
+    for km in (25, 100):
+        for label, classifier, places in ROWS:
+            if classifier == "acn_infrared":
+                continue
+            group = f"classification/{classifier}"
+            row: dict[str, Any] = {"what": f"{km} km: {label}"}
+            for spacing in SPACINGS:
+                where = {"range": km, "template_spacing": spacing, **places}
+                for name in ("60-90°", "overall"):
+                    views = views_of(found, group, name)
+                    row[f"{spacing:g} {name}"] = text_of(
+                        shares(found, group, name, where), views=views
+                    )
+            rows.append(row)
+    return Report(
+        "Ships identified at new aspects, by spacing of templates",
+        (
+            Column("what", f"percent correct, mean of {len(found)} seeds [95 % interval]"),
+            *(
+                Column(f"{spacing:g} {name}", f"{spacing:g}°, {name}")
+                for spacing in SPACINGS
+                for name in ("60-90°", "overall")
+            ),
+        ),
+        rows,
+    )
+
+
+def fusion(found: Answers, shifted: Answers) -> Report:
+    """Return what both sensors gain over the better one, in the same draws.
+
+    Of all ranges, and at 100 km of images super-resolved from shifted frames.
+    """
+    rows = []
+    names = ("0-30°", "30-60°", "60-90°")
+    looks = [(f"{km} km", found, km) for km in RANGES]
+    for label, of_look, km in [*looks, ("100 km, 4 x 16 shifted frames", shifted, 100)]:
+        row: dict[str, Any] = {"what": label}
+        for spacing in SPACINGS:
+            where: dict[str, object] = {"range": km, "template_spacing": spacing}
+            for name in names:
+                of = {
+                    channel: np.array(
+                        shares(of_look, "classification/fusion", name, where | {"channel": channel})
+                    )
+                    for channel in ("range", "infrared", "both")
+                }
+                better = max(("range", "infrared"), key=lambda one: of[one].mean())
+                gain = over_seeds(of["both"] - of[better], bounds=(-100.0, 100.0))
+                row[f"{spacing:g} {name}"] = gain.text(1, "+")
+        rows.append(row)
+    return Report(
+        "Gain of both sensors over the better one",
+        (
+            Column("what", f"points gained, mean of {len(found)} seeds [95 % interval]"),
+            *(
+                Column(f"{spacing:g} {name}", f"{spacing:g}°, {name}")
+                for spacing in SPACINGS
+                for name in names
+            ),
+        ),
+        rows,
+    )
+
+
+def prior_knowledge(found: Answers) -> dict[str, Report]:
+    """Return what a known gain and floor are worth at 100 km."""
+    group, rows = "classification/likelihood", []
+    names = ("0-30°", "30-60°", "60-90°", "overall")
+
+    def add(label: str, percentages: Callable[[str], list[float]]) -> None:
+        rows.append(
+            {"what": label}
+            | {
+                name: text_of(percentages(name), views=views_of(found, group, name))
+                for name in names
+            }
+        )
+
+    for label, gain, floor in (
+        ("maximum likelihood, gain and floor unknown", 1, 1),
+        ("the same, floor known", 1, 0),
+        ("the same, gain known", 0, 1),
+        ("the same, gain and floor known", 0, 0),
+    ):
+        add(
+            label,
+            lambda name, gain=gain, floor=floor: shares(  # type: ignore[misc]
+                found, group, name, {"gain_sigma": gain, "floor_sigma": floor}
+            ),
+        )
+    title = f"percent correct at 100 km, mean of {len(found)} seeds [95 % interval]"
+    columns = (Column("what", title), *(Column(name, name) for name in names))
+    return {"known": Report("Known gain and floor", columns, rows)}
+
+
+# The source's protocol
+
+SOURCE_BINS = ("0-27°", "30-57°", "60-90°", "overall")
+
+
+def of_seeds(correct: xr.DataArray, name: str) -> list[float]:
+    """Return percent correct of each seed in a bin of the source's 31 aspects."""
+    chosen = bins_of(correct.aspect.values)[name]
+    return [percent_of(correct.sel(seed=seed), chosen) for seed in correct.seed.values]
+
+
+def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
+    """Return the tables of the source's protocol: learned aspects at 100 km, and silhouettes."""
+    acn, mnn = found["classification/acn"], found["classification/mnn"]
+    likelihood = found["classification/likelihood"].correct
+    seeds = acn.sizes["seed"]
+    still = {"learn_in_test": False}
+    profiles: list[tuple[str, xr.DataArray]] = [
+        ("ACN, training", at(acn.training_correct, **still))
+    ]
+    for count in (32, 16, 8, 4):
+        profiles.append((f"ACN, {count} frames", at(acn.correct, frame_count=count, **still)))
+    profiles += [
+        (
+            "ACN, 16 frames, learning in the test, as in the source",
+            at(acn.correct, frame_count=16, learn_in_test=True),
+        ),
+        ("MNN, ship and aspect group, 16 frames", at(mnn.correct, frame_count=16)),
+        ("MNN, ship alone, 16 frames", at(mnn.ship_correct, frame_count=16)),
+        (
+            "correlation with every profile learned, 16 frames",
+            at(found["classification/correlation"].correct, frame_count=16),
+        ),
+        (
+            "maximum likelihood, gain and floor unknown, 16 frames",
+            at(likelihood, frame_count=16, gain_sigma=1),
+        ),
+        ("maximum likelihood, gain known, 16 frames", at(likelihood, frame_count=16, gain_sigma=0)),
+    ]
+    seen = at(found["classification/acn_infrared"].correct, **still)
+    silhouettes = []
+    for label, km, way in (
+        ("25 km", 25, "none"),
+        ("50 km, 2x super-resolution assumed perfect", 50, "perfect"),
+        ("50 km, 2x from shifted frames, 4 x 16 of them", 50, "shifted"),
+        ("50 km", 50, "none"),
+        ("100 km, 2x super-resolution assumed perfect", 100, "perfect"),
+        ("100 km, 2x from shifted frames, 4 x 16 of them", 100, "shifted"),
+        ("100 km", 100, "none"),
+    ):
+        silhouettes.append((label, at(seen, range=km, super_resolution=way)))
+    made = {}
+    for name, title, rows in (
+        ("protocol", "Learned aspects, the source's protocol", profiles),
+        ("silhouettes", "Silhouettes, the source's protocol", silhouettes),
+    ):
+        heading = f"percent correct, mean of {seeds} seeds [95 % interval]"
+        columns = (Column("what", heading), *(Column(one, one) for one in SOURCE_BINS))
+        masks = dict(zip(SOURCE_BINS, bins_of([0.0]), strict=True))
+        made[name] = Report(
+            title,
+            columns,
+            [
+                {"what": label}
+                | {shown: text_of(of_seeds(correct, masks[shown])) for shown in SOURCE_BINS}
+                for label, correct in rows
+            ],
+        )
+    return made
+
+
+def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
+    """Return the numbers of categories by pulse width; orders of presentation are redrawn."""
+    category = found["classification/acn"]["training_category"].max(("ship", "aspect")) + 1
+    category = category.isel(order=slice(1, None))  # the first is the grid's own, of every seed
+    width = [int(one) for one in category.pulse_width.values]
+    row: dict[str, Any] = {"what": "here"}
+    for ns in width:
+        of = category.sel(pulse_width=ns)
+        of_seed = [float(of.sel(seed=seed).mean()) for seed in of.seed.values]
+        row[str(ns)] = over_seeds(of_seed, bounds=(0, np.inf)).text(1)
+    source: dict[str, Any] = {"what": "source, Table 3"} | dict(
+        zip(map(str, (10, 30, 50)), ("26", "18", "16"), strict=True)
+    )
+    heading = f"categories formed at vigilance 0.95, mean of {category.sizes['seed']} seeds"
+    columns = (
+        Column("what", f"{heading} [95 % interval]"),
+        *(Column(str(ns), f"{ns} ns") for ns in width),
+    )
+    return {"categories": Report("Categories of range profiles", columns, [row, source])}
+
+
+# Unknown ships
+
+
+UNKNOWN = ("connole", "roberts")
+REJECTED = 0.9  # of answers to unknown ships
+
+
+def open_set(classified: xr.Dataset) -> dict[str, float]:
+    """Return AUROC, OSCR and the percentage kept, of a classifier at new aspects of one seed."""
+    answers = classified.isel(aspect=~multiples(classified.aspect.values, STEP)).squeeze()
+    known = ~np.isin(answers.ship.values, UNKNOWN)
+    asked = {"similarity": answers.similarity, "correct": answers.correct == 1}
+    similarity, right = (one.transpose("ship", ...).values for one in asked.values())
+    learned = np.broadcast_to(known.reshape(-1, *[1] * (similarity.ndim - 1)), similarity.shape)
+    scores = open_set_scores(similarity, right, learned)
+    limit = np.quantile(similarity[~learned], REJECTED, method="inverted_cdf")
+    kept = 100 * float((right & (similarity > limit))[learned].mean())
+    return {"auroc": scores.auroc, "oscr": scores.oscr, "kept": kept}
+
+
+def unknown(found: Answers) -> dict[str, Report]:
+    """Return the scores of rejecting ships absent from training."""
+    rows = []
+    for label, name in (
+        ("ACN, cosine", "acn"),
+        ("correlation, cosine", "correlation"),
+        ("likelihood, posterior probability", "likelihood"),
+    ):
+        scores = [open_set(one[f"classification/{name}"]) for one in found]
+        kept = [one["kept"] for one in scores]
+        row = {"what": label, "kept": text_of(kept)}
+        for area in ("auroc", "oscr"):
+            row[area] = over_seeds([one[area] for one in scores], bounds=(0, 1)).text(2)
+        rows.append(row)
+    columns = (
+        Column("what", f"similarity, mean of {len(found)} seeds [95 % interval]"),
+        *(Column("auroc", "AUROC"), Column("oscr", "OSCR")),
+        Column("kept", "known ships right where 90 % of unknown ones are rejected [%]"),
+    )
+    return {"unknown": Report("Unknown ships", columns, rows)}
