@@ -116,8 +116,8 @@ def measure(
             f"Pixels and lines {Render.pixel.default:g} m apart, finer where a view has less than "
             f"{Render.samples.default:,} samples. Time of one processor from mesh to range extent; "
             "x pixels: view by view, in turns. Error: sum of absolute differences from the "
-            "sampling-free reference over its sum, of all the ship after a pulse. Estimated: what "
-            "lines say of it themselves (`profile_error` in the store)."
+            "sampling-free reference over its sum, of all the ship after a pulse. Estimated: the "
+            "bound that lines give themselves (`profile_error` in the store)."
         ],
     )
 

@@ -191,7 +191,7 @@ def fusion(found: Answers, shifted: Answers) -> Report:
 
 
 def prior_knowledge(found: Answers) -> dict[str, Report]:
-    """Return what a known gain and floor are worth at 100 km."""
+    """Return the table of classifiers that know gain and floor, at 100 km."""
     group, rows = "classification/likelihood", []
     names = ("0-30°", "30-60°", "60-90°", "overall")
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require, require_all, require_labels
 from ncti.classify.bands import coloured
 from ncti.classify.between import CIRCLE, every_other, halves
-from ncti.classify.fusion import label_posterior
+from ncti.classify.fusion import STEPS, label_posterior
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
@@ -24,7 +24,6 @@ NEARBY = 15.0  # standard deviation of the weight of answers by their distance i
 ANYWHERE = 0.05  # weight of answers at any distance, relative to those at the same aspect
 LEAST_DOUBT = 1e-6
 CERTAIN = 0.999  # largest doubt at an aspect left out
-STEPS = np.geomspace(1e-4, 1e10, 31)  # of sharpness times the spread of scores, searched first
 BISECTIONS = 40
 
 Floats = NDArray[np.float64]
@@ -217,8 +216,8 @@ def fit_sharpness_and_doubt(
     Raises
     ------
     ValueError
-        If shapes do not match, a score is not finite, a weight is negative, or a true label has
-        no template.
+        If shapes do not match, there is no sample, a score is not finite, a weight is negative, or
+        a true label has no template.
 
     See Also
     --------
@@ -253,10 +252,10 @@ def fit_sharpness_and_doubt(
         raise ValueError(f"weight has shape {weights.shape}, but must be {true.shape}")
     weights = np.broadcast_to(weights, true.shape)
     classes, _ = label_posterior(values, names)
-    if true.shape != values.shape[:1] or not np.isin(true, classes).all():
+    if true.shape != values.shape[:1] or not true.size or not np.isin(true, classes).all():
         raise ValueError(
             f"truth has shape {true.shape}, but must be one label of a template for each of "
-            f"{len(values)} samples"
+            f"{len(values)} samples, one or more"
         )
     spread = float(np.ptp(values, axis=1).mean()) if len(classes) > 1 else 0.0
     if spread == 0.0:

@@ -12,6 +12,8 @@ from ncti.checks import require_all, require_flags, require_labels
 
 Floats = NDArray[np.float64]
 
+STEPS = np.geomspace(1e-4, 1e10, 31)  # of sharpness times the spread of scores, searched first
+
 
 def label_posterior(
     scores: ArrayLike, labels: ArrayLike, *, exclude: ArrayLike = False
@@ -140,7 +142,7 @@ def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> flo
 
     # Factors for scores of any size, in coarse steps first, because means over templates may add a
     # local maximum before the minimum.
-    steps = np.log(np.geomspace(1e-4, 1e10, 31)) - math.log(spread)
+    steps = np.log(STEPS / spread)
     lowest = int(np.argmin([surprise(math.exp(step)) for step in steps]))
     bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])
     found = minimize_scalar(

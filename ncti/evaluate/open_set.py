@@ -89,8 +89,8 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
     (0.833, 0.5)
     """
     values = require_all("similarity", similarity)
-    right = require_flags("correct", correct, values.shape)
-    learned = require_flags("known", known, values.shape)
+    right = require_flags("correct", correct)
+    learned = require_flags("known", known)
     for name, flags in (("correct", right), ("known", learned)):
         if flags.shape != values.shape:
             raise ValueError(f"{name} has shape {flags.shape}, but must be {values.shape}")

@@ -78,7 +78,7 @@ def reference_range_extent(
     Raises
     ------
     ValueError
-        If the mesh reaches beyond the last edge.
+        If the mesh reaches beyond the last edge, or as far as the sensor.
 
     See Also
     --------
@@ -109,6 +109,12 @@ def reference_range_extent(
     >>> print(f"{exact.area.sum():.4f} {400 * 0.5 + 100 * 0.75**0.5:.4f}")
     286.6025 286.6025
     """
+    reach = float(np.linalg.norm(mesh.vertices, axis=1).max(initial=0.0))
+    if slant_range is not None and not slant_range > reach:
+        raise ValueError(
+            f"slant_range is {slant_range:g} m, but must be above {reach:g} m, the largest "
+            "distance of a vertex from the ship origin"
+        )
     curvature = 0.0 if slant_range is None else 1.0 / slant_range
     corners = _project(mesh, aspect, depression, curvature)
     if slant_range is not None:

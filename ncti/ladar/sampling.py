@@ -50,8 +50,8 @@ def sampling_error(
     the lines. Their sum errs by what f has at the frequencies 1/d, 2/d ... (Poisson's summation
     formula). What it has below 1/2d can be read from the lines themselves, by a Fourier sum over
     the strands: A(j) is the sum over bins of its magnitude at j/16d, over the sum of the extent.
-    The harmonics 6, 7 and 8 (this is the difference of odd and even lines) are averaged to a, 2,
-    3 and 4 to c, and the bound is
+    The harmonics 6, 7 and 8 (8 is the difference of odd and even lines) are averaged to a, 2, 3 and
+    4 to c, and the bound is
 
         1.2 (1 + (34/n)^2) a (a/c)^0.29 (a n^1.6)^-0.123
 

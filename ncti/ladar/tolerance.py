@@ -285,7 +285,7 @@ class _Grown:
         if error > goal:
             error /= scarcity(self.count)  # there will be more lines
             least = max(least, (error / (AIM * goal)) ** (1 / SLOPE))
-        return min(max(math.ceil(least), 2), most)
+        return max(math.ceil(min(least, most)), 2)
 
 
 def _first(spacing: float) -> float:

@@ -126,6 +126,11 @@ def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) ->
         Bound on sum |p - q| / sum q, p the extent of a far-field view with the curvature of the
         wavefront, q that of the view at its range. It falls as 1 / range.
 
+    Raises
+    ------
+    ValueError
+        If a distance is negative, or the slant range not positive.
+
     See Also
     --------
     ncti.render.drawn_range : Chooses between the range and the far field.
@@ -140,7 +145,9 @@ def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) ->
     error is 1.1 reach / range in the median; it is below the bound in all but 1 of 141 after pulses
     of 10 to 60 ns, and in 97 % without a pulse in bins of 0.25 and 0.5 m. Abeam the parts across
     count more than those behind: of 60 views within 12 degrees of it, the error is at most 0.92 of
-    the bound with a fifth of their distance as reach, and up to 1.55 of it without.
+    the bound with a fifth of their distance as reach, and up to 1.55 of it without. This is a
+    bound for ships, which extend to both sides of their origin: of a body that is seen at the
+    distance `reach` alone, the error is 2 reach / range.
 
     Examples
     --------
@@ -149,6 +156,9 @@ def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) ->
     >>> print(f"{far_field_error(70.0, 100e3):.5f}")
     0.00105
     """
+    require("reach", reach, minimum=0.0)
+    require("across", across, minimum=0.0)
+    require("slant_range", slant_range, positive=True)
     return FAR_FIELD * max(reach, ACROSS * across) / slant_range
 
 

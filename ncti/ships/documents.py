@@ -97,10 +97,10 @@ def _check_size(where: str, text: str) -> None:
             case yaml.CollectionEndEvent():
                 anchor, before = opened.pop()
                 size_of[anchor] = values - before
-        told = f"has {values} values or more, with those that its aliases stand for"
-        _check(where, told, values, MOST_VALUES)
+        found = f"has {values} values or more, with those that its aliases stand for"
+        _check(where, found, values, MOST_VALUES)
 
 
-def _check(where: str, told: str, size: int, most: int) -> None:
+def _check(where: str, found: str, size: int, most: int) -> None:
     if size > most:
-        raise ShipError(f"{where}: {told}, but may be at most {most}.")
+        raise ShipError(f"{where}: {found}, but may be at most {most}.")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti import irar as library
+from ncti.checks import NothingSeenError
 from ncti.irar import Correction, Flight, Landmarks, Scan, Snapshot, Tilt, Window
 from ncti.irar.chain import places
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
@@ -275,19 +276,19 @@ def compared(profiles: Floats, down_range: Floats, *, aspect: float, ship: str =
     if astern:
         near = (spike - HANGAR_REACH, spike + HANGAR_REACH)
         for k, line in enumerate(profiles):
-            with suppress(ValueError):  # nothing returns there
+            with suppress(NothingSeenError):
                 end = ENDS[SOURCES[k]]
                 found[k] = library.landmarks(line, down_range, hangar=near, end=end)
-    told = [_figures(marks, ship in PERRY) for marks in found]
+    figures = [_figures(marks, ship in PERRY) for marks in found]
     alike = partial(library.profile_correlation, measured, noiseless)
     near_spike = np.abs(down_range - spike) <= HANGAR
     return {
         "profile_correlation": np.array(alike()),
         "profile_correlation_without_hangar": np.array(alike(exclude=near_spike)),
         "hangar_spike_offset": np.array(
-            told[0].get("hangar", math.nan) - told[1].get("hangar", math.nan)
+            figures[0].get("hangar", math.nan) - figures[1].get("hangar", math.nan)
         ),
-        **{name: np.array([one.get(name, math.nan) for one in told]) for name in LANDMARKS},
+        **{name: np.array([one.get(name, math.nan) for one in figures]) for name in LANDMARKS},
     }
 
 

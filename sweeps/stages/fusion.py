@@ -66,9 +66,9 @@ def silhouette_scores(
     return scores
 
 
-@stage(Output("silhouette_worth", ("worth", "phase"), "f8"))
-def silhouette_worth(silhouette_scores: NDArray[np.float32], training_views: Views) -> Floats:
-    """Return the (worth, phase) sharpness and doubt of each silhouette's scores.
+@stage(Output("silhouette_constants", ("constant", "phase"), "f8"))
+def silhouette_constants(silhouette_scores: NDArray[np.float32], training_views: Views) -> Floats:
+    """Return the (constant, phase) sharpness and doubt of each silhouette's scores.
 
     Silhouettes of learned views are scored with the templates of all aspects, and again without
     those of their own. See `calibrate`.
@@ -132,7 +132,7 @@ NAMING = Naming(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
 def fusion(
     profile_scores: Floats,
     silhouette_scores: NDArray[np.float32],
-    silhouette_worth: Floats,
+    silhouette_constants: Floats,
     profile_doubt: Floats,
     training_views: Views,
     ship: tuple[str, ...],
@@ -156,7 +156,7 @@ def fusion(
     of_ship, doubts = lessons // len(aspect), profile_doubt[lessons]
     for d in range(draws):
         phase = d % len(silhouette_scores)
-        sharp, uncertain = silhouette_worth[:, phase]
+        sharp, uncertain = silhouette_constants[:, phase]
         profile = of_profiles[d % len(of_profiles)][views[:, None], lessons]
         silhouette = silhouette_scores[phase].astype(np.float64)[views[:, None], lessons]
         silhouette = doubted(sharp * silhouette, of_ship, doubt=uncertain)
@@ -226,7 +226,7 @@ def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def calibrate(scores: Floats, ship: NDArray[np.intp], aspect: NDArray[np.intp]) -> Floats:
-    """Return the (worth, phase) sharpness and doubt of every phase's scores.
+    """Return the (constant, phase) sharpness and doubt of every phase's scores.
 
     Of (phase, view, template) scores of two phases or more, and the (view,) ship and number of the
     aspect of each view and of each template: fitted to the other phases, with templates of the
@@ -278,6 +278,6 @@ def check(choices: Choices) -> Choices:
 
 
 STAGES: tuple[Stage, ...] = (
-    *(silhouette_scores, silhouette_worth, profile_doubt, fusion, fusion_draws, fusion_states),
+    *(silhouette_scores, silhouette_constants, profile_doubt, fusion, fusion_draws, fusion_states),
 )
 TABLES = NAMING.tables()

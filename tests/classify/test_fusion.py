@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import optimize, special, stats
 
 from ncti.classify import fit_sharpness, fuse, label_posterior
+from ncti.classify.calibration import fit_sharpness_and_doubt
 
 LABELS = np.repeat([0, 1, 2, 3], 5)  # four ships, five aspects
 
@@ -282,7 +283,8 @@ def test_what_does_not_fit_is_refused():
     for truth in ([0], [0, 0, 0], 0, [[0, 0]]):
         with pytest.raises(ValueError, match=r"^truth has shape"):
             fit_sharpness(np.zeros((2, 2)), [0, 1], truth)
-    with pytest.raises(ValueError, match=r"^truth has shape"):
-        fit_sharpness(np.zeros((0, 2)), [0, 1], [])
+    for fit in (fit_sharpness, fit_sharpness_and_doubt):
+        with pytest.raises(ValueError, match=r"^truth has shape \(0,\)"):
+            fit(np.zeros((0, 2)), [0, 1], [])
     with pytest.raises(ValueError, match=r"^scores has shape"):
         fit_sharpness(np.zeros(2), [0, 1], [0])

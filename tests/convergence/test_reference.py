@@ -134,6 +134,14 @@ def test_a_mesh_beyond_the_bins_is_refused():
         reference_range_extent(trimesh.creation.box((9, 9, 9)), **VIEW, bin_edges=np.arange(3.0))
 
 
+@pytest.mark.parametrize("slant_range", [np.nan, -1e3, 0.0, 7.7])
+def test_a_sensor_within_reach_of_the_mesh_is_refused(slant_range):
+    """Half the diagonal of the box is 7.79 m."""
+    box = trimesh.creation.box((9, 9, 9))
+    with pytest.raises(ValueError, match=r"^slant_range is .* must be above 7\.79"):
+        reference_range_extent(box, **VIEW, bin_edges=EDGES, slant_range=slant_range)
+
+
 def boxes_at_odds() -> list[trimesh.Trimesh]:
     rng = np.random.default_rng(5)
     solids = []

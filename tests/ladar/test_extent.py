@@ -11,7 +11,7 @@ import ncti.ships
 from ncti.ladar import range_extent
 from ncti.ladar.pixels import bin_boxes
 from ncti.ladar.pulse import target_response
-from ncti.render import LineImage, line_image, range_image
+from ncti.render import LineImage, far_field_error, line_image, range_image
 
 
 def plain_boxes(group, start, stop, area, group_count, bin_count):
@@ -283,3 +283,27 @@ def test_the_bound_of_a_far_field_view_holds_abeam(ship, aspect):
     assert found.far_field_error / 2 < np.abs(p - q).sum() / q.sum() < found.far_field_error
     pixels = range_extent(range_image(mesh, pixel=0.25, engine="embree", **view), **binning)
     assert pixels.far_field_error == pytest.approx(found.far_field_error, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [((-1.0, 1e5), "reach"), ((70.0, 0.0), "slant_range"), ((70.0, np.nan), "slant_range")],
+)
+def test_distances_that_bound_no_error_are_named(given, named):
+    with pytest.raises(ValueError, match=f"^{named} is"):
+        far_field_error(*given)
+    with pytest.raises(ValueError, match=r"^across is"):
+        far_field_error(70.0, 1e5, across=-1.0)
+
+
+def test_a_body_that_is_seen_at_its_reach_alone_errs_by_twice_reach_over_range():
+    """The area of a plate that faces the sensor is (1 + r / R)^-2 of that in the far field."""
+    plate = trimesh.creation.box((0.02, 8.0, 8.0)).apply_translation((-70.0, 0.0, 0.0))
+    view, binning = {"aspect": 0, "depression": 0}, {"slant_range": 7e3, "ifov": 1e3 / 7e3}
+    far, near = (
+        range_extent(line_image(plate, **view, slant_range=drawn), **binning)
+        for drawn in (None, 7e3)
+    )
+    excess = far.fraction.sum() / near.fraction.sum() - 1.0
+    assert excess == pytest.approx(1.01**2 - 1.0, rel=0.01)
+    assert far.far_field_error == pytest.approx(1.5 * 0.01, rel=1e-3)

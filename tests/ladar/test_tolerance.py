@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+import trimesh
 
 import ncti.ships
 from ncti.ladar import extent_within, lines_within, range_extent
 from ncti.ladar.sampling import sampling_error
+from ncti.ladar.tolerance import FINEST
 
 VIEW = {"aspect": 33.0, "depression": 3.84, "tolerance": 0.002, "bin_width": 0.5}
 
@@ -59,6 +61,15 @@ def test_the_bound_is_of_shares_not_of_areas():
     assert sampling_error(7.0 * strands, 400, 20e-9, bin_width=1.0) == pytest.approx(bound)
     padded = np.pad(strands, ((0, 0), (30, 50)))
     assert sampling_error(padded, 400, 20e-9, bin_width=1.0) == pytest.approx(bound)
+
+
+@pytest.mark.parametrize("tolerance", [5e-324, 1e-300])
+def test_a_tolerance_that_no_lines_meet_takes_the_finest(tolerance):
+    box = trimesh.creation.box((2.0, 1.0, 1.0))
+    view = {"aspect": 33.0, "depression": 3.84, "pulse_width": 0.0, "tolerance": tolerance}
+    assert lines_within(box, **view).spacing == pytest.approx(FINEST, rel=0.2)
+    found = extent_within(box, slant_range=20e3, **view)
+    assert found.error_after(0.0) > tolerance
 
 
 def test_strands_that_agree_have_no_error_and_none_an_unknown_one():

@@ -52,7 +52,7 @@ def maps():
 
 
 def compared(cell, templates, seen, there=None, **training_views):
-    """Scores of profiles (replicate, gain, count, view, template), of silhouettes, their worth."""
+    """Scores of profiles (replicate, gain, count, view, template); of silhouettes; constants."""
     there = np.ones((PHASES, *GRID), dtype=bool) if there is None else there
     known = cell.expected, bands(cell, VARIANCE), cell.there, learned(**training_views), ASPECTS
     moments = profile_moments(*known, NUGGET, 1.0, np.array(0.0))  # exact, as by hand
@@ -60,12 +60,12 @@ def compared(cell, templates, seen, there=None, **training_views):
         [profile_scores(moments, averaged, cell.there, GAINS, FRAMES) for averaged in cell.averaged]
     )
     silhouettes = fusion.silhouette_scores(templates, seen, there)
-    worth = [fusion.silhouette_worth(one, learned(**training_views)) for one in silhouettes]
-    return profiles, silhouettes, worth
+    constants = [fusion.silhouette_constants(one, learned(**training_views)) for one in silhouettes]
+    return profiles, silhouettes, constants
 
 
-def named_by(profiles, silhouettes, worth, g, m, n, doubt=0.0, **training_views):
-    scores = profiles[:, g, n], silhouettes[m], worth[m], np.full(VIEWS, doubt)
+def named_by(profiles, silhouettes, constants, g, m, n, doubt=0.0, **training_views):
+    scores = profiles[:, g, n], silhouettes[m], constants[m], np.full(VIEWS, doubt)
     return fusion.fusion(*scores, learned(**training_views), NAMED, ASPECTS)
 
 
@@ -130,14 +130,14 @@ def surprise_by_hand(scores, training_views, phase, sharpness, doubt):
     return -(said + np.log(1 - doubt + doubt / ships) + np.log(doubt / ships))
 
 
-def is_likeliest(scores, training_views, phase, worth):
+def is_likeliest(scores, training_views, phase, constants):
     """Whether no other sharpness and doubt make more of the ships."""
 
     def surprise(both):
         of_phase = scores, training_views, phase, np.exp(both[0]), 1 / (1 + np.exp(-both[1]))
         return surprise_by_hand(*of_phase)
 
-    found = surprise_by_hand(scores, training_views, phase, *worth)
+    found = surprise_by_hand(scores, training_views, phase, *constants)
     starts = [(np.log(sharpness), start) for sharpness in (3, 30, 300) for start in (-2, 1)]
     other = min(minimize(surprise, x, method="Nelder-Mead").fun for x in starts)
     return found <= other + 1e-4  # where the searches stop
@@ -213,9 +213,9 @@ def test_a_view_that_one_sensor_lost_is_left_out():
         assert (found[name][..., ~left] == gone).all() and (found[name][..., left] >= 0).all()
     assert (np.isnan(found["probability"]) == ~left).all()
     # What is left is compared with what is left alone.
-    profiles, silhouettes, worth = scores
+    profiles, silhouettes, constants = scores
     views = left.ravel()
-    sharpness, doubt = worth[0][:, 0]
+    sharpness, doubt = constants[0][:, 0]
     silhouette = np.where(views, sharpness * silhouettes[0, 0], -np.inf)
     doubted = doubted_by_hand(silhouette, views, doubt)
     for c, one in enumerate((profiles[0, 1, 0], doubted)):
@@ -259,7 +259,7 @@ def test_similarity_is_the_best_cosine_over_other_phases():
 
 
 def test_a_phase_is_not_calibrated_on_itself():
-    """A phase whose scores are all wrong does not lower its own worth, but that of the others."""
+    """A phase whose scores are all wrong does not raise its own doubt, but that of the others."""
     ship, aspect = np.divmod(np.arange(20), 10)
     good = np.where(ship[:, None] == ship, 1.0, 0.0)
     _, doubt = calibrate(np.stack([-good, good, good]), ship, aspect)
