@@ -176,6 +176,12 @@ def extent_within(
     ValueError
         If a parameter is out of range.
 
+    See Also
+    --------
+    lines_within : The lines themselves.
+    range_extent : The extent of a view that is there.
+    RangeExtent.error_after : The bound.
+
     Notes
     -----
     The ship is drawn at its range, unless `ncti.render.drawn_range` allows the far field. Each
