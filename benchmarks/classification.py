@@ -61,7 +61,8 @@ def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
 def naming_stages(plan: Plan) -> list[Bound]:
     """Return the stored stages that use all views at once, and those that depend on them."""
     found: list[Bound] = []
+    views = {Grid.ship.key, Grid.aspect.key}
     for bound in plan.bound.values():  # every stage behind those that it needs
-        if Grid.ship.key in bound.gather or any(source in found for source in bound.inputs):
+        if views <= set(bound.gather) or any(source in found for source in bound.inputs):
             found.append(bound)
     return [bound for bound in found if bound.stage.kept]

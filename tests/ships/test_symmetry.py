@@ -56,11 +56,12 @@ def test_equal_moments_are_not_enough():
 def test_a_plate_counts_from_a_thickness_on(exponent, length):
     """Twice its volume over its surface: its thickness, but for the rim."""
     thick = THINNEST * 10**exponent
+    found = barge(placed(box((length, thick, 3)), -20, 6 + thick / 2, 3))
+    thick = found.bounds[1, 1] - 6  # the union rounds to single precision, 0.2 um there
     mean = thick / (1 + thick * (1 / length + 1 / 3))
-    plate = placed(box((length, thick, 3)), -20, 6 + thick / 2, 3)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(symmetry, "BALANCED", np.inf)
-        assert ncti.ships.is_symmetric(barge(plate)) == (mean <= THINNEST)
+        assert ncti.ships.is_symmetric(found) == (mean <= THINNEST)
 
 
 @pytest.mark.parametrize("name", ncti.ships.names())

@@ -99,9 +99,9 @@ def test_one_pixel_has_no_shape(mask, interpolation):
 
 def test_what_is_no_image_is_refused():
     for value in (np.nan, np.inf):
-        with pytest.raises(ValueError, match=r"^image holds a value that is not finite"):
+        with pytest.raises(ValueError, match=r"^image is (nan|inf), but must be a finite number"):
             segment(np.full((1, 1), value), method="otsu")
-        with pytest.raises(ValueError, match=r"^mask holds a value outside \[0, 1\]"):
+        with pytest.raises(ValueError, match=r"^mask is (nan|inf), but must be a finite number"):
             log_polar(np.full((1, 1), value))
     with pytest.raises(ValueError, match=r"^image has shape \(0, 1\), but must have rows"):
         segment(np.zeros((0, 1)), method="otsu")
