@@ -73,7 +73,7 @@ def random_views(count: int, seed: int) -> list[Asked]:
     ]
 
 
-def measure(*, views: int = 200, seed: int = 1, costs: bool = True) -> Report:
+def measure(*, views: int = 200, seed: int = 2, costs: bool = True) -> Report:
     """Return coverage and tightness of bounds, and cost of tolerances, against the reference.
 
     Parameters
@@ -81,7 +81,7 @@ def measure(*, views: int = 200, seed: int = 1, costs: bool = True) -> Report:
     views : int
         Random views.
     seed : int
-        Of the views.
+        Of the views. On views of seed 1 the factor of the bound was set.
     costs : bool
         False to leave out fixed spacings, which take most of the time.
 

@@ -16,7 +16,7 @@ FINE, COARSE = (6, 7, 8), (2, 3, 4)
 """Harmonics of the strands, in sixteenths of a cycle a line, near the spacing and far above it."""
 
 STEEPNESS, ROUGHNESS, FACTOR, FEW = 0.29, -0.123, 1.2, 34.0
-"""Of `sampling_error`; `python -m benchmarks calibration` fits them again."""
+"""Of `sampling_error`; `python -m benchmarks calibration` fits the first three again."""
 
 SLOPE = 1.6
 """Power of the spacing with which the error falls."""
@@ -56,15 +56,19 @@ def sampling_error(
         1.2 (1 + (34/n)^2) a (a/c)^0.29 (a n^1.6)^-0.123
 
     for n lines. The factor with a/c continues the fall of the spectrum; the last draws a towards
-    that of a typical ship, whose a falls as n^-1.6; and few lines may agree by chance. The
-    exponents are a quantile regression on the true errors of 300 random views, with and without
-    a pulse, by lines 1 m to 1/32 m apart (`python -m benchmarks calibration`). With a factor of
-    1.14 the bound covers 97.7 % of the errors of 300 others, and is 1.7 times the error in the
-    median. Refining until a bound is small enough favours bounds that are too small; with 1.2 it
-    covers 97.6 % then, and is 1.8 times the error (140 views, seven tolerances, against the
-    reference). The difference of odd and even lines alone would be 1.9 to 2 times. The logarithm
-    of the error scatters about any such estimate by 0.25, and by 0.35 after long pulses abeam,
-    where few range bins share it: where the lines lie decides the phase of the harmonics at 1/d.
+    that of a typical ship, whose a falls as n^-1.6; and few lines may agree by chance.
+
+    Fitted: the exponents, and a factor of 1.14, by a quantile regression on the true errors of
+    300 random views, with and without a pulse, by lines 1 m to 1/32 m apart (`python -m benchmarks
+    calibration`). Judged by 300 others that bound covers 97.7 % of the errors, and is 1.7 times
+    the error in the median; the difference of odd and even lines alone would be 1.9 to 2 times.
+    Refining until a bound is small enough favours bounds that are too small, so the factor was
+    raised to 1.2 on 140 views with seven tolerances. Judged by 200 others (`python -m benchmarks
+    tolerances`) it covers 97.5 % then, and is 1.8 times the error.
+
+    The logarithm of the error scatters about any such estimate by 0.25, and by 0.35 after long
+    pulses abeam, where few range bins share it: where the lines lie decides the phase of the
+    harmonics at 1/d.
     """
     fine, coarse = spectrum(strands, pulse_width, bin_width=bin_width)
     if not fine > 0:
