@@ -44,6 +44,7 @@ def compiled(function: F) -> F:
         if not dispatcher.stats.cache_path.startswith(config.CACHE_DIR):  # numba's next choice
             return cast(F, compile_()(function))
         _keep_if_possible(dispatcher._cache)
+        _stamp(dispatcher._cache, function)
         return cast(F, dispatcher)
     finally:
         config.CACHE_DIR = before
@@ -64,6 +65,17 @@ def _keep_if_possible(kept: Any) -> None:
             save(*given)
 
     kept.load_overload, kept.save_overload = load_overload, save_overload
+
+
+def _stamp(kept: Any, function: Callable[..., Any]) -> None:
+    """Let a cache of numba find only machine code with the same constants of other modules.
+
+    Numba compiles them in, but compares the time of the function's own file alone.
+    """
+    given = sorted(function.__globals__.items())
+    constants = tuple((name, repr(one)) for name, one in given if isinstance(one, int | float))
+    index = kept._cache_file
+    index._source_stamp = (index._source_stamp, constants)
 
 
 def inlined(function: F) -> F:

@@ -112,3 +112,28 @@ def test_machine_code_that_others_may_have_written_is_not_loaded(compiled, tmp_p
     assert (
         again(5.0) == 2.5 and not again.stats.cache_hits and list(tmp_path.rglob("*.nbc")) == kept
     )
+
+
+def test_a_constant_of_another_module_is_compiled_again(tmp_path):
+    """Numba compares the time of the function's own file alone."""
+    (tmp_path / "loops.py").write_text(
+        "from depth import DEPTH\nfrom ncti.compiled import compiled\n"
+        "@compiled\ndef deep(x):\n    return x * DEPTH\n"
+        "print(deep(1), sum(deep.stats.cache_hits.values()))\n"
+    )
+    root = str(Path(__file__).resolve().parents[2])
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": root}
+
+    def run(depth):
+        (tmp_path / "depth.py").write_text(f"DEPTH = {depth}\n")
+        done = subprocess.run(
+            [sys.executable, "-B", "loops.py"],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout.split()
+
+    assert [run(2), run(2), run(30)] == [["2", "0"], ["2", "1"], ["30", "0"]]
