@@ -100,9 +100,9 @@ def interruptible() -> Iterator[None]:
     if not _is_here():
         yield
         return
-    heed()
-    _noted.interruptible += 1
+    _noted.interruptible += 1  # before asking, so that no signal falls in between
     try:
+        heed()
         yield
     finally:
         _noted.interruptible -= 1
