@@ -22,7 +22,8 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.reach import WHOLE, graph_of, versions
+from sweeps.engine.libraries import versions
+from sweeps.engine.reach import WHOLE, graph_of
 from sweeps.engine.sources import Module, open_module, place
 
 DATA_SUFFIXES = frozenset({".vert", ".frag", ".glsl"})
@@ -69,9 +70,15 @@ def code_digest(
     if not isinstance(plain, FunctionType):
         raise TypeError(f"{function!r} is not a Python function")
     start = _start(plain)
-    first, *_ = plain.__qualname__.split(".")
+    first, *inner = plain.__qualname__.split(".")
+    begin = start.bound.get(first, [WHOLE])
+    # made or wrapped by a call, such as `f = scaled(2)(g)`, which may be anywhere in the module
+    wrapped = isinstance(function, FunctionType) and function is not plain
+    by_call = wrapped and not all(at >= 0 and start.statements[at].decorators for at in begin)
+    if "<locals>" in inner or by_call:
+        begin = [WHOLE]
     graph = graph_of(roots, without)
-    code, tops = graph.closure(start, start.bound.get(first, [WHOLE]))
+    code, tops = graph.closure(start, begin)
     modules = sorted(code)
     statements = {name: found for name, found in code.items() if found}
     places = {(of.package, of.file.parent) for of in map(graph.module, modules) if of and of.file}

@@ -359,7 +359,8 @@ class Plan:
             place = functions[name].__module__, functions[name].__qualname__
             outputs = [(one.name, one.dtype, repr(one.empty)) for one in bound.stage.outputs]
             own = [name] if len(named[place]) > 1 else []
-            found[name] = digest(repr([[*place, *outputs, *own], self.code[name]]))
+            order = (bound.along, bound.gather)  # of the axes of arguments and results
+            found[name] = digest(repr([[*place, *outputs, *own], order, self.code[name]]))
         return found
 
     @cached_property

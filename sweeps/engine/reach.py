@@ -13,24 +13,30 @@ import builtins
 import hashlib
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from importlib import metadata
+from functools import cache, partial
 
+from sweeps.engine.libraries import versions
 from sweeps.engine.sources import (
     ANY_NAME,
+    FUNCTIONS,
+    MAKING,
     Chain,
     Module,
     Reference,
     Statement,
     chain,
     module,
+    names_in,
     place,
 )
 
 LABELS = frozenset({"help", "label"})  # arguments of declarations that are only shown
 LABEL_PLACE = {"Output": 3}  # of those without a name
+REGISTERING = re.compile("register|overload")  # in the name of a library's decorator
+
+_CHANGING = frozenset({"append", "extend", "insert", "add", "pop", "setdefault", "update"})
 
 Node = tuple[str, int]  # a module, and one of its statements, or
 LOADED, WHOLE = -1, -2  # that it is imported, or all of it
@@ -51,7 +57,6 @@ class Graph:
     def __init__(self, roots: frozenset[str], without: frozenset[str]) -> None:
         self._roots, self._without = roots, without
         self._started: dict[str, Module] = {}
-        # Cached: looked up some ten thousand times.
         self._edges = cache(self._reach)
         self._digest = cache(self._digest_of)
         self._kind = cache(self._kind_of)
@@ -89,10 +94,11 @@ class Graph:
         """Return the hash of a statement, and of the names by which it reaches others."""
         of = self.module(name)
         assert of is not None
-        declares = lambda one: self._declares(of, one)  # noqa: E731
-        text = of.statements[at].compiled(declares, lambda call: self._unlabelled(of, call))
-        links = sorted(self._edges(name, at).links)
-        return hashlib.blake2b(repr((text, links)).encode(), digest_size=16).hexdigest()
+        text = of.statements[at].compiled(
+            partial(self._declares, of), partial(self._unlabelled, of)
+        )
+        parts = repr((text, sorted(self._edges(name, at).links)))
+        return hashlib.blake2b(parts.encode(), digest_size=16).hexdigest()
 
     def _reach(self, name: str, at: int) -> _Reached:
         """Return what a statement leads to, or a module that is imported, or all of one."""
@@ -114,9 +120,8 @@ class Graph:
         """Add what an import of a module runs."""
         for reference in of.references:
             self._load(reference, found)
-        for at, statement in enumerate(of.statements):
-            if self._acts(of, statement):
-                found.nodes.add((of.name, at))
+        acting = (at for at, one in enumerate(of.statements) if self._acts(of, one))
+        found.nodes |= {(of.name, at) for at in acting}
         # parent packages whose import has side effects, such as setting a variable
         parts = of.name.split(".")
         for parent in (".".join(parts[:i]) for i in range(1, len(parts))):
@@ -145,14 +150,15 @@ class Graph:
             names
             for one in statement.decorators
             if self._declares(of, one)
-            for names in _names_in(one)
+            for names in names_in(one)
         }
         for names in uses.chains - (declaring - _names_of(statement, declaring)):
             root, *rest = names
             for target in uses.imports.get(root, ()):
                 self._refer(target, rest, found, set())
             self._look_up(of, names, found, set())
-            if root in ANY_NAME and root not in of.names and hasattr(builtins, root):
+            hidden = root in ANY_NAME and root not in of.names and hasattr(builtins, root)
+            if hidden or "__globals__" in rest or tuple(names[:2]) == ("sys", "modules"):
                 found.nodes.add((of.name, WHOLE))
         if any(name == "*" for targets in of.imports.values() for _, name in targets):
             found.nodes.add((of.name, WHOLE))
@@ -238,29 +244,33 @@ class Graph:
             return "source"
         return "" if standard else "library"
 
-    # what statements do --------------------------------------------------------------------
-
     def _acts(self, of: Module, statement: Statement) -> bool:
         """Return whether a statement at the top of a module may do more than bind names."""
         node = statement.node
-        if isinstance(node, ast.ClassDef):
-            given = [*statement.decorators, *node.bases]
-            keywords = any(one.arg == "metaclass" for one in node.keywords)
-            return keywords or any(self._is_own(of, one) for one in given)
-        if statement.defines:
-            return any(self._is_own(of, one) for one in statement.decorators)
         if statement.is_script:
-            return False
-        return not statement.assigns or any(
-            self._registers(of, names, frozenset()) for names in statement.uses.chains
-        )
-
-    def _registers(self, of: Module, names: Sequence[str], seen: frozenset[Reference]) -> bool:
-        """Return whether a name is of a function that changes objects of its module."""
-        root, *rest = names
-        if of.registers(root):
+            return statement.assigns_inside
+        if not (statement.assigns or statement.defines):
             return True
-        for owner, name in of.imports.get(root, set()) - seen:
+        given = [*statement.decorators, *getattr(node, "bases", ())]
+        keywords = [one.arg for one in getattr(node, "keywords", ())]
+        changes = isinstance(node, ast.ClassDef) and statement.assigns_inside
+        if changes or "metaclass" in keywords or any(self._is_own(of, one) for one in given):
+            return True
+        return any(self._registers(of, names, set()) for names in statement.used_by_calls)
+
+    def _registers(self, of: Module, names: Chain, seen: set[tuple[str, Chain]]) -> bool:
+        """Return whether a call of a name changes an object of a module, directly or further on."""
+        root, *rest = names
+        if not root or (of.name, names) in seen:
+            return False
+        seen.add((of.name, names))
+        if _changes(of, names):
+            return True
+        for statement in (of.statements[at] for at in of.bound.get(root, ())):
+            declares = any(self._declares(of, one) for one in statement.decorators)
+            if not declares and any(self._registers(of, one, seen) for one in statement.calls):
+                return True
+        for owner, name in of.imports.get(root, set()):
             if self._kind(owner) != "source":
                 continue
             inner = [*([name] if name else []), *rest]
@@ -269,7 +279,7 @@ class Graph:
             while len(inner) > 1 and self._place(f"{owner}.{inner[0]}") is not None:
                 owner, inner = f"{owner}.{inner[0]}", inner[1:]
             there = self.module(owner) if inner else None
-            if there is not None and self._registers(there, inner, seen | {(owner, inner[0])}):
+            if there is not None and self._registers(there, tuple(inner), seen):
                 return True
         return False
 
@@ -277,9 +287,10 @@ class Graph:
         """Return whether a decorator or a base is of a source that counts, or computed."""
         if self._declares(of, node):
             return False
-        root, *_ = chain(node.func if isinstance(node, ast.Call) else node)
+        root, *rest = chain(node.func if isinstance(node, ast.Call) else node)
         targets = of.imports.get(root, set())
-        if root in of.bound or not (targets or hasattr(builtins, root)):
+        known = bool(targets) or hasattr(builtins, root)
+        if root in of.bound or not known or REGISTERING.search(".".join((root, *rest))):
             return True
         return any(self._kind(f"{owner}.{name}") == "source" for owner, name in targets)
 
@@ -293,7 +304,8 @@ class Graph:
         if len(places) == 1 and not rest and root not in of.imports:
             value = getattr(of.statements[places[0]].node, "value", None)
             if isinstance(value, ast.Call) and chain(value.func)[-1] == "partial" and value.args:
-                return root not in _roots_in(value.args[0]) and self._declares(of, value.args[0])
+                own = root in {one for one, *_ in names_in(value.args[0])}
+                return not own and self._declares(of, value.args[0])
         return self._is_engine(of, root)
 
     def _is_engine(self, of: Module, root: str) -> bool:
@@ -309,17 +321,20 @@ class Graph:
         if not self._is_engine(of, names[0]):
             return call
         keywords = [
-            one for one in call.keywords if one.arg not in LABELS or not _is_text(one.value)
+            one
+            for one in call.keywords
+            if one.arg not in LABELS or not isinstance(one.value, ast.Constant)
         ]
         at = LABEL_PLACE.get(names[-1], len(call.args))
-        args = [one for n, one in enumerate(call.args) if n != at or not _is_text(one)]
+        args = [
+            one for n, one in enumerate(call.args) if n != at or not isinstance(one, ast.Constant)
+        ]
         return ast.Call(call.func, args, keywords)
 
     def _targets(self, owner: str, name: str) -> set[str]:
         """Return modules imported by `from owner import name`: of that name, or defining it."""
         package = self.module(owner)
         if name and name != "*" and self._place(f"{owner}.{name}") is not None:
-            # a package may bind the name of one of its modules to another object
             renamed = package is not None and name in package.names
             return {f"{owner}.{name}", owner} if renamed else {f"{owner}.{name}"}
         if package is None:
@@ -340,30 +355,11 @@ class Graph:
 graph_of = cache(Graph)
 
 
-def _names_in(node: ast.AST) -> set[Chain]:
-    """Return the names that an expression uses."""
-    names = (chain(one) for one in ast.walk(node) if isinstance(one, ast.Attribute | ast.Name))
-    return {one for one in names if one[0]}
-
-
 def _names_of(statement: Statement, among: set[Chain]) -> set[Chain]:
     """Return which of some names a definition uses outside its decorators."""
-    rest = [
-        inner
-        for name, value in ast.iter_fields(statement.node)
-        if name != "decorator_list"
-        for inner in (value if isinstance(value, list) else [value])
-        if isinstance(inner, ast.AST)
-    ]
-    return among & {one for node in rest for one in _names_in(node)} if among else set()
-
-
-def _roots_in(node: ast.expr) -> set[str]:
-    return {names[0] for names in _names_in(node)}
-
-
-def _is_text(node: ast.expr) -> bool:
-    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+    outside = {inner for one in statement.decorators for inner in ast.walk(one)}
+    rest = (one for one in ast.walk(statement.node) if one not in outside)
+    return among & {chain(one) for one in rest if isinstance(one, ast.Attribute | ast.Name)}
 
 
 def _within(name: str, packages: frozenset[str]) -> bool:
@@ -371,25 +367,34 @@ def _within(name: str, packages: frozenset[str]) -> bool:
     return any(f"{name}.".startswith(f"{package}.") for package in packages)
 
 
-@cache
-def versions(top: str) -> tuple[tuple[str, str], ...]:
-    """Return distributions of a top-level package with versions; empty if it is only a source."""
-    names = {owner.metadata["Name"] for owner in distributions().get(top, ())}
-    if not names and place(top) is None:
-        return ((top, "not installed"),)
-    return tuple((name, metadata.version(name)) for name in sorted(names))
+def _changes(of: Module, names: Chain) -> bool:
+    """Return whether what a name is, called, changes an object of the module or an argument."""
+    statements = [of.statements[at] for at in of.bound.get(names[0], ())]
+    if names[-1] in _CHANGING and any(one.assigns for one in statements):
+        return True
+    for statement in (one for one in statements if one.defines):
+        known = of.names | statement.uses.imports.keys()
+        if any(one[0] in known for one in _changed(statement.node)):
+            return True
+        inside = [one for one in ast.walk(statement.node) if isinstance(one, FUNCTIONS)]
+        for function in (one for one in inside if one.name not in MAKING):
+            given = {one.arg for one in function.args.args}
+            if any(one[0] in given for one in _changed(function)):
+                return True
+    return False
 
 
-@cache
-def distributions() -> dict[str, list[metadata.Distribution]]:
-    """Return the distributions that provide each top-level package.
-
-    Like `metadata.packages_distributions`, which is slow and, in Python 3.11, omits packages
-    that are a single compiled file.
-    """
-    found: dict[str, list[metadata.Distribution]] = {}
-    for owner in metadata.distributions():
-        files = owner.read_text("RECORD") or owner.read_text("top_level.txt") or ""
-        for top in {name.partition(".")[0] for name in re.findall("^[^/,\n]+", files, re.M)}:
-            found.setdefault(top, []).append(owner)
-    return found
+def _changed(function: ast.AST) -> Iterator[Chain]:
+    """Yield what a function assigns to, or calls a method of without using the result."""
+    for node in ast.walk(function):
+        if isinstance(node, ast.Global):
+            yield from ((name,) for name in node.names)
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
+            if chain(called := node.value.func) == ("setattr",) or isinstance(
+                called, ast.Attribute
+            ):
+                yield chain(called if isinstance(called, ast.Attribute) else node.value.args[0])
+        elif isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(node.ctx, ast.Load):
+            while isinstance(node, ast.Attribute | ast.Subscript):
+                node = node.value
+            yield chain(node)

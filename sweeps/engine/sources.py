@@ -23,10 +23,11 @@ Chain = tuple[str, ...]  # the names of `a.b.c`
 Place = tuple[Path | None, tuple[str, ...]]  # a module's file, and folders of modules below it
 
 ANY_NAME = frozenset({"eval", "exec", "globals", "vars"})  # whose use may reach any name
-_DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-_FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 _ASSIGNMENTS = (ast.Assign, ast.AnnAssign)
 _SIMPLE = (*_ASSIGNMENTS, ast.AugAssign, ast.Expr)
+MAKING = frozenset({"__init__", "__new__", "__post_init__"})  # methods that change a new object
 _BY_NAME = (b"import_module", b"__import__")
 _PASS = ast.Pass(lineno=1, end_lineno=1, col_offset=0, end_col_offset=0)
 _UNPLACED = frozenset({type(None), str, int, ast.Load, ast.Store, ast.Del})
@@ -54,7 +55,7 @@ class Statement:
 
     def __init__(self, node: ast.stmt, package: str, flags: int) -> None:
         self.node = node
-        self.defines = isinstance(node, _DEFINITIONS)
+        self.defines = isinstance(node, DEFINITIONS)
         # A script's own commands, of which only the names matter that they bind.
         self.is_script = isinstance(node, ast.If) and _is_main(node)
         self.assigns = isinstance(node, _ASSIGNMENTS) and all(
@@ -66,13 +67,13 @@ class Statement:
     @cached_property
     def names(self) -> frozenset[str]:
         """Names that it binds, and names bound inside it."""
-        if isinstance(self.node, _DEFINITIONS):
+        if isinstance(self.node, DEFINITIONS):
             return frozenset({self.node.name})
         found = set()
         for node in ast.walk(self.node):
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store | ast.Del):
                 found.add(node.id)
-            elif isinstance(node, _DEFINITIONS):
+            elif isinstance(node, DEFINITIONS):
                 found.add(node.name)
         return frozenset(found)
 
@@ -80,6 +81,40 @@ class Statement:
     def decorators(self) -> list[ast.expr]:
         """Decorators of a definition."""
         return getattr(self.node, "decorator_list", [])
+
+    @cached_property
+    def used_by_calls(self) -> set[Chain]:
+        """Names used where an import of the module calls something; none if it calls nothing."""
+        nodes: list[ast.AST] = [self.node]
+        if isinstance(self.node, FUNCTIONS):
+            given = self.node.args
+            nodes = [one for one in (*given.defaults, *given.kw_defaults) if one is not None]
+        elif isinstance(self.node, ast.AnnAssign):
+            nodes = [self.node.value] if self.node.value else []
+        run = [one for node in nodes for one in executed(node)]
+        return {
+            names
+            for one in run
+            if isinstance(one, ast.Attribute | ast.Name) and (names := chain(one))[0]
+            if any(isinstance(other, ast.Call) for other in run)
+        }
+
+    @cached_property
+    def calls(self) -> set[Chain]:
+        """Names of what it calls when it is called itself."""
+        nodes: list[ast.AST] = [self.node]
+        if isinstance(self.node, ast.ClassDef):  # to make an object
+            nodes = [one for one in self.node.body if getattr(one, "name", "") in MAKING]
+        found = (one for node in nodes for one in ast.walk(node) if isinstance(one, ast.Call))
+        return {chain(one.func) for one in found}
+
+    @cached_property
+    def assigns_inside(self) -> bool:
+        """Whether an import of the module assigns to an attribute or element inside it."""
+        return any(
+            isinstance(one, ast.Attribute | ast.Subscript) and not isinstance(one.ctx, ast.Load)
+            for one in executed(self.node)
+        )
 
     @cached_property
     def uses(self) -> Uses:
@@ -120,7 +155,7 @@ class Statement:
                     references |= found
             elif kind is ast.Global:
                 chains |= {(name,) for name in node.names}
-            elif kind in _DEFINITIONS and _is_text(node.body[0]):
+            elif kind in DEFINITIONS and _is_text(node.body[0]):
                 documented.append(node)
             elif kind is ast.If and _is_for_types(node):
                 waiting += [(one, False) for one in (node.test, *node.body)]
@@ -180,7 +215,6 @@ class Module:
         self.bound: dict[str, list[int]] = {}  # name: statements that bind it
         self.imports: dict[str, set[Reference]] = {}
         self.references: set[Reference] = set()
-        self._registers: dict[str, bool] = {}
         if self.is_python:
             self._parse()
 
@@ -200,10 +234,10 @@ class Module:
         flags = __future__.annotations.compiler_flag if later else 0
         called_by_name = any(word in self.source for word in _BY_NAME)
         for node in _top(tree.body):
-            if isinstance(node, _FUNCTIONS) or (isinstance(node, _SIMPLE) and not called_by_name):
+            if isinstance(node, FUNCTIONS) or (isinstance(node, _SIMPLE) and not called_by_name):
                 nodes: Iterable[ast.AST] = ()
             else:
-                nodes = _executed(node)
+                nodes = executed(node)
             for inner in nodes:
                 if isinstance(inner, ast.Import | ast.ImportFrom):
                     for alias in inner.names:
@@ -219,32 +253,6 @@ class Module:
                 self.bound.setdefault(name, []).append(len(self.statements))
             self.statements.append(statement)
 
-    def registers(self, name: str) -> bool:
-        """Return whether a function of the module changes an object of it, such as a registry."""
-        if name not in self._registers:
-            self._registers[name] = any(
-                names[0] in self.bound
-                for at in self.bound.get(name, ())
-                if isinstance(function := self.statements[at].node, _FUNCTIONS)
-                for names in _changed(function)
-            )
-        return self._registers[name]
-
-
-def _changed(function: ast.AST) -> Iterator[Chain]:
-    """Yield what a function assigns to, or calls a method of without using the result."""
-    for node in ast.walk(function):
-        if isinstance(node, ast.Global):
-            yield from ((name,) for name in node.names)
-        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
-            if isinstance(node.value.func, ast.Attribute):
-                yield chain(node.value.func)
-        elif isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(node.ctx, ast.Load):
-            inner: ast.expr = node
-            while isinstance(inner, ast.Attribute | ast.Subscript):
-                inner = inner.value
-            yield chain(inner)
-
 
 def _targets(node: ast.Assign | ast.AnnAssign) -> list[ast.expr]:
     return node.targets if isinstance(node, ast.Assign) else [node.target]
@@ -259,7 +267,7 @@ def _top(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
             yield node
 
 
-def _executed(tree: ast.AST) -> Iterator[ast.AST]:
+def executed(tree: ast.AST) -> Iterator[ast.AST]:
     """Yield nodes that an import of the module runs: not those inside functions."""
     waiting = [tree]
     while waiting:
@@ -383,3 +391,9 @@ def chain(node: ast.expr) -> tuple[str, ...]:
     if isinstance(node, ast.Attribute):
         return (*chain(node.value), node.attr)
     return (node.id,) if isinstance(node, ast.Name) else ("",)
+
+
+def names_in(node: ast.AST) -> set[Chain]:
+    """Return the names that an expression uses."""
+    names = (chain(one) for one in ast.walk(node) if isinstance(one, ast.Attribute | ast.Name))
+    return {one for one in names if one[0]}

@@ -14,7 +14,8 @@ import pytest
 from sweeps.engine import code, sources
 from sweeps.engine.code import code_digest
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.reach import distributions, graph_of, versions
+from sweeps.engine.libraries import distributions, versions
+from sweeps.engine.reach import graph_of
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOTS = frozenset({"fleet", "yard"})

@@ -248,6 +248,88 @@ def test_another_module_may_fill_a_registry(tmp_path, digest_in):  # noqa: F811
         assert digest_in(folder, "fleet.late", "late").digest != before, masts
 
 
+BOOKED = "from fleet.rope import BOOK\nimport fleet.book\ndef late(x):\n    return BOOK['a']\n"
+ROPE = "BOOK = {}\nclass Knot:\n    def __init__(self, x):\n        BOOK['a'] = x\n"
+TIED = "def late(x):\n    return x\n"
+SCALED = (
+    "from functools import wraps\ndef scaled(by):\n    def wrap(f):\n        {}\n"
+    "        def tied(x):\n            return by * f(x)\n        return tied\n    return wrap\n"
+)
+# A change of 2 in a module reached, which has an effect behind the back of the names used.
+BEHIND = {
+    "assignment of a call": (BOOKED, "from fleet.rope import BOOK\n_ = BOOK.setdefault('a', 2)\n"),
+    "a class that registers its objects": (BOOKED, "from fleet.rope import Knot\nknot = Knot(2)\n"),
+    "a function that calls another": (
+        BOOKED,
+        "from fleet.rope import BOOK\ndef put(x):\n    BOOK['a'] = x\n"
+        "def tie(x):\n    put(x)\n    return x\nknot = tie(2)\n",
+    ),
+    "attributes of another module": (
+        BOOKED,
+        "from fleet import rope\ndef tie(x):\n    rope.BOOK = x\nknot = tie({'a': 2})\n",
+    ),
+    "setattr": (
+        BOOKED,
+        "from fleet import rope\ndef tie(x):\n    setattr(rope, 'BOOK', x)\nknot = tie({'a': 2})\n",
+    ),
+    "an argument": (
+        BOOKED,
+        "from fleet.rope import BOOK\ndef put(book, x):\n    book['a'] = x\nknot = put(BOOK, 2)\n",
+    ),
+    "a default": (
+        BOOKED,
+        "from fleet.rope import BOOK\ndef put():\n    BOOK['a'] = 2\ndef other(x=put()): ...\n",
+    ),
+    "a class body": (BOOKED, "from fleet.rope import BOOK\nclass A:\n    BOOK['a'] = 2\n"),
+    "a library's registry": (
+        "import fleet.book\ndef late(x):\n    return x.fleet.deep\n",
+        "import xarray as xr\n@xr.register_dataset_accessor('fleet')\nclass Fleet:\n    deep = 2\n",
+    ),
+    "a script": (
+        "from fleet import rope\ndef late(x):\n    return rope.BOOK\n"
+        "if __name__ == '__main__':\n    rope.BOOK = 2\n",
+        "",
+    ),
+    "sys.modules": (
+        "import sys\nGAIN = 2\ndef late(x):\n    return getattr(sys.modules[__name__], 'GAIN')\n",
+        "",
+    ),
+    "a wrapper": (
+        SCALED.format("@wraps(f)") + TIED.replace("late", "raw") + "late = scaled(2)(raw)\n",
+        "",
+    ),
+    "a closure": (
+        SCALED.format("pass") + TIED.replace("late", "raw") + "late = scaled(2)(raw)\n",
+        "",
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore:registration of accessor")
+@pytest.mark.parametrize("how", BEHIND)
+def test_effects_of_an_import_count(tmp_path, digest_in, how):  # noqa: F811
+    late, book = BEHIND[how]
+    files = {"fleet/late.py": late, "fleet/book.py": book, "fleet/rope.py": ROPE}
+    folder = write(tmp_path, FILES | files)
+    before = digest_in(folder, "fleet.late", "late").digest
+    changed = {name: text.replace("2", "3") for name, text in files.items() if "2" in text}
+    assert digest_in(write(folder, changed), "fleet.late", "late").digest != before
+
+
+def test_calls_without_effects_do_not_count(tmp_path, digest_in):  # noqa: F811
+    late = "import fleet.book\ndef late(x):\n    return x\n"
+    book = (
+        "from fleet.hull import keel\n"
+        "class Plan:\n    def __init__(self, x):\n        self.x = x\n"
+        "def halved(x):\n    own = {}\n    own['a'] = x\n    return keel(x)\n"
+        "plan, half, size = Plan(2), halved(2), len('2')\n"
+    )
+    folder = write(tmp_path, FILES | {"fleet/late.py": late, "fleet/book.py": book})
+    before = digest_in(folder, "fleet.late", "late").digest
+    write(folder, {"fleet/book.py": book.replace("2", "3")})
+    assert digest_in(folder, "fleet.late", "late").digest == before
+
+
 SWEPT = """
 import sys
 from pathlib import Path

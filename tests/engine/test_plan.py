@@ -305,3 +305,27 @@ def test_only_what_is_missing_is_asked_for():
     ] * 4
     progress = schedule.progress["answers"]
     assert (progress.total, progress.reused) == (24, 16)
+
+
+def test_the_order_of_axes_given_to_a_function_counts():
+    """A gathered array of one value on an axis has the same cells in either order."""
+
+    class Sea(Settings, key="sea"):
+        state = number([1.0], label="state")
+        swell = number([2.0, 3.0], label="swell")
+
+    @stage(Output("height", label="height"), uses=(Sea,))
+    def height(state, swell):
+        return state * swell
+
+    def key(*axes):
+        @stage(Output("first", label="first"), uses=(Sea,), group="sea", gather=axes)
+        def first(height):
+            return height.mean(axis=0)[0]
+
+        sea = Experiment("sea", "Sea", (Sea,), (height, first))
+        plan = Plan(sea, read_choices(sea.declared, {}))
+        return plan.key(plan.bound["first"], ())
+
+    assert key(Sea.state, Sea.swell) == key(Sea.state, Sea.swell)
+    assert key(Sea.state, Sea.swell) != key(Sea.swell, Sea.state)
