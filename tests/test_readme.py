@@ -2,11 +2,14 @@
 
 import re
 import shlex
+import sys
 
 import matplotlib as mpl
 import pytest
 from commands import prepared
 from documentation import PAGES, ROOT, blocks, commands
+
+from sweeps.report.command import main
 
 README = ROOT / "README.md"
 
@@ -27,6 +30,18 @@ def test_the_lines_that_open_a_store_draw_four_views_of_its_ships(
     label = " ".join(panels[0].get_xlabel().split())
     assert label == "down-range from the ship origin [m]"
     plt.close("all")
+
+
+def test_the_scores_shown_are_those_of_the_sweep(smoke_store, tmp_path, monkeypatch, capsys):
+    (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["ncti-report", "sweep.zarr"])
+    main()
+    printed = [line.split() for line in capsys.readouterr().out.splitlines()]
+    (shown,) = [text for text in blocks(README, "") if text.startswith("classifier ")]
+    scores = [line.split() for line in shown.splitlines() if "[" in line]
+    assert len(scores) == 2
+    assert all(line in printed for line in scores)
 
 
 def test_the_call_of_a_single_signature_draws_it():

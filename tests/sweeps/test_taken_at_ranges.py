@@ -6,7 +6,7 @@ from commands import FAST, chosen
 from sweeps.engine.plan import Plan
 from sweeps.experiment import EXPERIMENT
 
-SILHOUETTES = ("silhouette_scores", "silhouette_worth")
+SILHOUETTES = ("silhouette_scores", "silhouette_constants")
 
 
 @pytest.mark.parametrize("zipped", ["[[infrared.ifov,infrared.range]]", "null"])
