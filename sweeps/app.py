@@ -145,7 +145,7 @@ def report_page(store: Path, finished: Finished) -> list[Path]:
 
     Returns the paths at which other files are in the way.
     """
-    from sweeps.engine.process import say
+    from sweeps.engine.process import say, uncollected
     from sweeps.report.command import write_report
     from sweeps.report.page.write import is_current
     from sweeps.report.work import write_work
@@ -153,15 +153,13 @@ def report_page(store: Path, finished: Finished) -> list[Path]:
     kept: list[Path] = []
     if not finished.written and is_current(store):
         return kept
-    gc.disable()  # figures are many small objects: collecting garbage takes 0.4 s
     try:
-        if finished.written:
-            kept += write_work(store, finished.progress)
-        kept += write_report(store)
+        with uncollected():  # figures are many small objects
+            if finished.written:
+                kept += write_work(store, finished.progress)
+            kept += write_report(store)
     except Exception as error:  # the tables are complete without it
         say(NAME, f"the report page is not written: {type(error).__name__}: {error}")
-    finally:
-        gc.enable()
     return kept
 
 

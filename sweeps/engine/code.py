@@ -81,7 +81,7 @@ def code_digest(
     code, tops = graph.closure(start, begin)
     modules = sorted(code)
     statements = {name: found for name, found in code.items() if found}
-    places = {(of.package, of.file.parent) for of in map(graph.module, modules) if of and of.file}
+    places = {(of.package, of.folder) for of in map(graph.module, modules) if of and of.folder}
     data = dict(pair for package, folder in places for pair in _data(package, folder))
     libraries = dict(pair for top in tops for pair in versions(top))
     for name in also:

@@ -44,7 +44,7 @@ from sweeps.engine.multirun import Job, batches, crossed, fused, jobs_of, read_j
 from sweeps.engine.packs import SHORTAGES
 from sweeps.engine.plan import Plan
 from sweeps.engine.preview import preview
-from sweeps.engine.process import environment, forgiving, say, show
+from sweeps.engine.process import environment, forgiving, say, show, uncollected
 from sweeps.engine.results import open_index
 from sweeps.engine.run import Finished, Place, existing, sweep
 from sweeps.engine.settings import Choices, Cluster, Run, settings_table
@@ -127,7 +127,8 @@ class Command:
             return ALL_DONE
         if "--cache" in given:
             return self._cache([one for one in given if one != "--cache"])
-        register(experiment)
+        with uncollected():
+            register(experiment)
         options = get_args_parser().parse_intermixed_args(given)
         overrides = options.overrides
         plain = replaceable(
@@ -182,7 +183,7 @@ class Command:
         # Report invalid single values before the checks, which may take long.
         read = partial(read_configuration, replace(experiment, check=nothing_to_check))
         master = None
-        with composing(experiment):
+        with composing(experiment), uncollected():
             if several:
                 front: Any = GlobalHydra.instance().hydra
                 with legible(overrides):

@@ -27,7 +27,7 @@ def distributions() -> dict[str, list[metadata.Distribution]]:
     found: dict[str, list[metadata.Distribution]] = {}
     for owner in metadata.distributions():
         files = owner.read_text("RECORD") or owner.read_text("top_level.txt") or ""
-        for top in {name.partition(".")[0] for name in re.findall("^[^/,\n]+", files, re.M)}:
+        for top in {name.partition(".")[0] for name in re.findall("\n([^/,\n]+)", f"\n{files}")}:
             found.setdefault(top, []).append(owner)
     return found
 

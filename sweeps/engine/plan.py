@@ -15,6 +15,7 @@ from typing import Any
 from sweeps.engine.code import code_digest
 from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.kinds import Value
+from sweeps.engine.process import uncollected
 from sweeps.engine.seeds import STREAM_VERSION
 from sweeps.engine.settings import Choices, Joint, Noting, Run, Setting
 from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
@@ -364,6 +365,7 @@ class Plan:
         return found
 
     @cached_property
+    @uncollected()
     def code(self) -> dict[str, str]:
         """Return by stage the hash of its code and libraries, for the store's attributes."""
         roots, without = frozenset(self.experiment.code), frozenset({ENGINE})

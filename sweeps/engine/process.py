@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -34,6 +35,18 @@ def show(what: Any, *, error: bool = False) -> None:
         console = Console(file=stream, highlight=False, markup=False, soft_wrap=True)
         console.print(what)
         console.file.flush()
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Pause the collection of garbage, which takes long where many small objects stay."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 @contextmanager

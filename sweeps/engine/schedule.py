@@ -14,6 +14,7 @@ import numpy as np
 from sweeps.engine.failures import Failure
 from sweeps.engine.packs import Spot
 from sweeps.engine.plan import Place, Plan, digest
+from sweeps.engine.process import uncollected
 from sweeps.engine.stage import Bound
 from sweeps.engine.tasks import Call, Made, Read, Recipe, Source, Step
 
@@ -78,6 +79,7 @@ class Schedule:
 
     # what is missing ------------------------------------------------------------------------
 
+    @uncollected()
     def resolve(self, find: Find) -> None:
         """Look up all cells that are needed, and plan calls for missing ones."""
         plan = self.plan

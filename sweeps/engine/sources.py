@@ -210,6 +210,7 @@ class Module:
 
     def __init__(self, name: str, file: Path | None, package: str, source: bytes) -> None:
         self.name, self.file, self.package, self.source = name, file, package, source
+        self.folder = file and file.parent
         self.is_python = file is None or file.suffix == ".py"
         self.statements: list[Statement] = []
         self.bound: dict[str, list[int]] = {}  # name: statements that bind it
