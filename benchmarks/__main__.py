@@ -150,7 +150,11 @@ def main(arguments: list[str] | None = None) -> None:
         "--million", action="store_true", help="synthesis: an average of 1,000,000 frames, too"
     )
     parser.add_argument(
-        "--seeds", type=int, default=10, metavar="N", help="results: number of seeds (10)"
+        "--seeds",
+        type=int,
+        default=results.SEEDS,
+        metavar="N",
+        help=f"results: number of seeds ({results.SEEDS})",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument(

@@ -28,7 +28,7 @@ from sweeps.engine.cluster import ClusterChoice
 
 ROOT = Path(__file__).resolve().parent.parent
 README, PAGE = ROOT / "README.md", ROOT / "docs" / "results.md"
-LEAST_SEEDS = 2
+SEEDS, LEAST_SEEDS = 20, 2
 CLASSIFIERS = ("acn", "correlation", "likelihood")
 
 LEARNED = tuple(np.arange(0.0, 90.1, STEP).tolist())

@@ -29,12 +29,12 @@ def seeds_of(rng, experiments, *, seeds, views, draws, hopeless):
     ("views", "hopeless"), [(40, 0.2), (120, 0.2), (40, 0.6), (120, 0.5), (40, 0.01), (120, 0.003)]
 )
 def test_intervals_cover_in_95_of_100_repetitions(views, hopeless):
-    """Of 2,000 experiments of ten seeds; a binomial test at 1e-4 against 94 %.
+    """Of 2,000 experiments of all seeds; a binomial test at 1e-4 against 94 %.
 
     Percentages are no normal variables, hence 94. Where wrong answers are rare, more is covered.
     """
     rng = np.random.default_rng(21)
-    found, truth = seeds_of(rng, 2000, seeds=10, views=views, draws=2, hopeless=hopeless)
+    found, truth = seeds_of(rng, 2000, seeds=results.SEEDS, views=views, draws=2, hopeless=hopeless)
     intervals = [over_seeds(one, views=views) for one in found]
     covered = sum(one.low <= truth <= one.high for one in intervals)
     assert stats.binom.cdf(covered, 2000, 0.94) > 1e-4, covered
@@ -87,7 +87,7 @@ def test_the_command_writes_every_table_of_the_pages(made):
     for name, (headings, rows) in pages.items():
         wanted = [column.heading for column in made[name].columns]
         assert headings[1:] == wanted[1:], name
-        assert headings[0] == wanted[0].replace("2 seeds", "10 seeds"), name
+        assert headings[0] == wanted[0].replace("2 seeds", f"{results.SEEDS} seeds"), name
         assert rows == len(made[name].rows), name
 
 
