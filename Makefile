@@ -8,10 +8,10 @@ test benchmark lint format: GROUPS = dev
 docs: GROUPS = docs
 
 sweep: setup        ## the source's whole experiment; further overrides in ARGS
-	$(BIN)/ncti-sweep +experiment=paper $(ARGS)
+	$(BIN)/ncti-sweep +experiment=paper store=paper.zarr $(ARGS)
 
 smoke: setup        ## the same in seconds
-	$(BIN)/ncti-sweep +experiment=smoke $(ARGS)
+	$(BIN)/ncti-sweep +experiment=smoke store=smoke.zarr $(ARGS)
 
 test: setup lint    ## lint, format, types, then every test, the smoke sweep among them
 	$(BIN)/pytest -q -n logical --maxprocesses 8 --dist loadfile $(ARGS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from rich.console import Console
@@ -12,6 +12,7 @@ from rich.console import Console
 import ncti.ships
 from benchmarks import (
     accuracy,
+    bounds,
     budget,
     calibration,
     classification,
@@ -28,6 +29,7 @@ from benchmarks import (
     invariance,
     lines,
     memory,
+    pages,
     paper,
     reproduction,
     results,
@@ -40,13 +42,14 @@ from benchmarks import (
 from benchmarks.reports import Report, machine, show, write_json
 from sweeps.stages.views import cache_folder
 
-REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
+REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]] = {
     "views": lambda asked: views.measure(asked.ship, repeats=asked.repeats),
     "accuracy": lambda asked: accuracy.measure(asked.ship, repeats=asked.repeats),
     "lines": lambda asked: lines.measure(repeats=asked.repeats),
     "line_names": lambda asked: lines.measure_names(),
     "tolerances": lambda asked: tolerances.measure(),
     "calibration": lambda asked: calibration.measure(),
+    "bounds": lambda asked: bounds.measure(),
     "budget": lambda asked: budget.measure(),
     "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
@@ -77,6 +80,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report]] = {
     "near_stern": lambda asked: reproduction.near_stern(),
     "figures": lambda asked: reproduction.figures(),
     "design": lambda asked: design.measure(),
+    "results": lambda asked: results.measure(results.Sizes(asked.seeds)),
     "history": lambda asked: history.record(repeats=asked.repeats),
 }
 SETS = {
@@ -94,6 +98,7 @@ MEANINGS = {
     "line_names": "ships identified by the same",
     "tolerances": "bounds and costs of tolerances on 200 random views, against the reference",
     "calibration": "constants of the bound on errors of lines, fitted to true errors",
+    "bounds": "percent correct of the likelihood classifier, by what it takes as known",
     "budget": "what each approximation does to profiles and identification",
     "skips": "time saved by skipped work",
     "invariance": "change of a silhouette's map by shift, scale and rotation",
@@ -124,7 +129,7 @@ MEANINGS = {
     "near_stern": "Figure 16: effects of the models, and of the flight",
     "figures": "the source's statements on its figures, measured on ours",
     "design": "the source's statements on the design of its sensors",
-    "fits": "the last nine together, of docs/reproduction.md",
+    "fits": "the eight of docs/reproduction.md together",
     "results": "every figure of README.md and docs/results.md, as means over --seeds",
     "history": "error and time of fixed views, appended to benchmarks/history.csv and drawn",
     "all": "everything but history, which takes long",
@@ -160,7 +165,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--write",
         action="store_true",
-        help="write the budget, the fits and the results into their pages too",
+        help="write tables into the pages that have them too",
     )
     asked = parser.parse_args(arguments)
     if asked.repeats < 1:
@@ -178,30 +183,22 @@ def main(arguments: list[str] | None = None) -> None:
     here = machine()
     console.print(", ".join(f"{key} {value}" for key, value in here.items()), highlight=False)
     reports: dict[str, Report] = {}
+    placed: dict[str, Report] = {}
     for name, run in REPORTS.items():
-        if name in SETS.get(asked.report, (asked.report,)):
-            try:
-                reports[name] = run(asked)
-            except RuntimeError as error:
-                print(f"benchmark: {name} failed: {error}", file=sys.stderr)
-                sys.exit(1)
-            show(reports[name], console)
-    if asked.report in ("results", "all"):
+        if name not in SETS.get(asked.report, (asked.report,)):
+            continue
         try:
-            tables = results.measure(results.Sizes(asked.seeds))
+            made = run(asked)
         except RuntimeError as error:
-            print(f"benchmark: results failed: {error}", file=sys.stderr)
+            print(f"benchmark: {name} failed: {error}", file=sys.stderr)
             sys.exit(1)
-        for report in tables.values():
+        tables = {"": made} if isinstance(made, Report) else made
+        for table, report in tables.items():
             show(report, console)
-        reports |= {f"results_{name}": report for name, report in tables.items()}
-        if asked.write:
-            results.write_all(tables)
-    if asked.write and "budget" in reports:
-        budget.write(reports["budget"])
-    for name in fits.REPORTS if asked.write else ():
-        if name in reports:
-            budget.write(reports[name], fits.PAGE, fits.begin(name))
+            reports[f"{name}_{table}" if table else name] = report
+            placed[pages.begin(name, table)] = report
+    if asked.write:
+        pages.write(placed)
     if asked.json:
         write_json(asked.json, here, reports)
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # o
 
 import ncti.ships
 from benchmarks.classifiers import FRAMES, SHIPS, SIGNAL, SLANT_RANGE
-from benchmarks.reports import Column, Report, Sample, to_markdown
+from benchmarks.reports import Column, Report, Sample
 from benchmarks.views import DEPRESSION
 from ncti.classify import GaussianTemplates
 from ncti.evaluate import aspect_bins
@@ -29,14 +28,11 @@ from ncti.ladar import (
 )
 from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import drawn_range, line_image
+from ncti.render import Sampling, drawn_range, line_image
 from ncti.render.choice import choose_engine
 from ncti.render.far_field import reach_of
 from ncti.render.view import ROLL
 from sweeps.stages.views import Render, image
-
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "error_budget.md"
-BEGIN, END = "<!-- begin: python -m benchmarks budget --write -->", "<!-- end -->"
 
 STEP = 3.0  # between templates [deg]
 ASPECTS = tuple(np.arange(0.0, 90.1, STEP).tolist())
@@ -166,10 +162,7 @@ def _drawn(ship: str, aspect: float, *, engine: str) -> RangeExtent:
         drawn_aspect=aspect,
         depression=DEPRESSION,
         drawn_range=drawn_range(reach_of(mesh.vertices), SLANT_RANGE),
-        drawing_engine=engine,
-        pixel=Render.pixel.default,
-        samples=Render.samples.default,
-        roll=ROLL,
+        sampling=Sampling(engine, Render.pixel.default, Render.samples.default, ROLL),
         fineness=(),
     )
     return range_extent(seen, slant_range=SLANT_RANGE, ifov=15.0 / SLANT_RANGE)
@@ -396,11 +389,3 @@ def _between(views: Views) -> Sample:
         found.append(near)
         exact.append(here)
     return _errors(found, exact)
-
-
-def write(report: Report, page: Path = PAGE, begin: str = BEGIN) -> None:
-    """Write a report's table into its page, between two marker lines."""
-    text = page.read_text(encoding="utf-8")
-    before, rest = text.split(begin)
-    _, after = rest.split(END, 1)
-    page.write_text(f"{before}{begin}\n\n{to_markdown(report)}\n{END}{after}", encoding="utf-8")

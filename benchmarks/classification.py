@@ -10,7 +10,7 @@ from benchmarks.phases import timed
 from benchmarks.reports import Report
 from benchmarks.sweeping import by_stage, choices_of, on_workers
 from sweeps.engine.plan import Plan
-from sweeps.engine.results import open_index
+from sweeps.engine.results import CellIndex
 from sweeps.engine.stage import Bound
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid
@@ -41,14 +41,15 @@ def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
     choices = choices_of(overrides)
     plan = Plan(EXPERIMENT, choices)
     stages = naming_stages(plan)
-    keys = [plan.key(bound, place) for bound in stages for place in plan.cells(bound)]
+    names = {bound.name for bound in stages}
     runs = []
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent)
         timed(EXPERIMENT, choices, on_workers(folder, "first.zarr"))
         for turn in range(repeats):
-            with open_index(folder / "cache", lambda sentence: None) as index:
-                index.forget(keys)
+            for pack in CellIndex(folder / "cache", lambda sentence: None).packs.values():
+                if pack.stage in names:
+                    (folder / "cache" / pack.path).unlink()
             runs.append(timed(EXPERIMENT, choices, on_workers(folder, f"{turn}.zarr")))
     return by_stage(
         f"Classification part of `{' '.join(overrides)}`",

@@ -60,8 +60,8 @@ def sweep(overrides: Sequence[str], folder: Path) -> Swept:
     Parameters
     ----------
     overrides : sequence of str
-        Its arguments. With `-m` among them every job has a store in Hydra's folder, else the
-        store is `sweep.zarr` in the folder.
+        Its arguments. With a launcher of Hydra's among them, every job has a store in Hydra's
+        folder, else the store is `sweep.zarr` in the folder.
     folder : Path
         See `new_folder`.
 
@@ -74,12 +74,10 @@ def sweep(overrides: Sequence[str], folder: Path) -> Swept:
     RuntimeError
         If it fails, or does not say what it did.
     """
-    keys = {
-        "cache": folder / "cache",
-        "hydra.run.dir": folder / "hydra",
-        "hydra.sweep.dir": folder / "hydra",
-    }
-    if "-m" not in overrides:
+    keys = {"cache": folder / "cache"}
+    if any(one.startswith("hydra/") for one in overrides):
+        keys["hydra.sweep.dir"] = folder / "hydra"
+    else:
         keys["store"] = folder / "sweep.zarr"
     arguments = [*overrides, *(f"{key}={value}" for key, value in keys.items())]
     run = watch([sys.executable, *PROGRAM, *arguments], cores=CORES)

@@ -21,15 +21,14 @@ from ncti.features import profile_vector
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.run import Place
 from sweeps.experiment import EXPERIMENT
-from sweeps.report.rows import source_figures
+from sweeps.report.beside import source_figures
 from sweeps.stages.views import cache_folder
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "reproduction.md"
 REPORTS = (
     *("fit_tolerance", "fit_target_free", "fit_learning_rate", "fit_inner_radius"),
-    *("spread", "protocol", "near_stern", "figures", "design"),
+    *("spread", "protocol", "near_stern", "figures"),
 )
-"""Names of the reports of that page."""
+"""Names of the reports of docs/reproduction.md."""
 
 GROUPS = ("0-27°", "30-57°", "60-90°")
 FRAMES = (32, 16, 8, 4)  # the rows of the source's Tables 2 and 4
@@ -47,11 +46,6 @@ RATES = (0.03, 0.1, 0.3)
 ORDERS = 24
 
 Floats = NDArray[np.float64]
-
-
-def begin(name: str) -> str:
-    """Return the line of the page after which a report is written."""
-    return f"<!-- begin: python -m benchmarks {name} --write -->"
 
 
 def swept(overrides: Sequence[str], *groups: str) -> list[xr.Dataset]:

@@ -23,6 +23,7 @@ from benchmarks.views import DEPRESSION, EDGES, PULSE_WIDTH
 from ncti.ladar import RangeExtent, range_extent
 from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
+from ncti.render import Sampling
 from ncti.render.view import ROLL, View
 from sweeps.stages.views import LINES, Render, image
 
@@ -93,10 +94,7 @@ def _sweep(engine: str, fineness: tuple[float, ...] = ()) -> Make:
             drawn_aspect=aspect,
             depression=DEPRESSION,
             drawn_range=SLANT_RANGE,
-            drawing_engine=engine,
-            pixel=Render.pixel.default,
-            samples=Render.samples.default,
-            roll=ROLL,
+            sampling=Sampling(engine, Render.pixel.default, Render.samples.default, ROLL),
             fineness=fineness,
         )
         return range_extent(seen, slant_range=SLANT_RANGE)
@@ -115,7 +113,7 @@ WAYS: dict[str, tuple[str, Make]] = {
     "lines": ("lines 0.25 m apart", _sweep(LINES)),
     "tolerance": (
         f"lines within {TOLERANCE:g}",
-        _sweep(LINES, (TOLERANCE, PULSE_WIDTH * 1e9, 1.0)),
+        _sweep(LINES, (TOLERANCE, PULSE_WIDTH, 1.0)),
     ),
     "profile": (f"simulate.range_profile, {FRAMES} frames", _profile),
 }

@@ -39,7 +39,7 @@ from ncti.ladar import (
 )
 from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import drawn_range, threads
+from ncti.render import Sampling, drawn_range, threads
 from ncti.render.choice import choose_engine
 from ncti.render.far_field import reach_of
 from ncti.render.view import ROLL
@@ -181,7 +181,7 @@ def _ways() -> dict[str, How]:
     return {
         f"pixels ({engine})": (engine, ()),
         "lines": (LINES, ()),
-        f"lines, tolerance {TOLERANCE:g}": (LINES, (TOLERANCE, min(PULSES), 1.0)),
+        f"lines, tolerance {TOLERANCE:g}": (LINES, (TOLERANCE, min(PULSES) * 1e-9, 1.0)),
     }
 
 
@@ -199,7 +199,7 @@ def _tasks(ships: Sequence[str], aspects: Sequence[float], replicates: int) -> d
             area: dict[str, Any] = {
                 "fraction": exact.area / SIDE**2,
                 "cell": exact.cell,
-                "strands": None,
+                "strands": np.zeros((0, 0)),
             }
             seen[EXACT] = replace(seen["lines"], **area)
             for way, extent in zip(seen, alike(list(seen.values())), strict=True):
@@ -254,10 +254,7 @@ def _extent(mesh: trimesh.Trimesh, aspect: float, how: How, slant_range: float) 
         drawn_aspect=aspect,
         depression=DEPRESSION,
         drawn_range=drawn_range(reach_of(mesh.vertices), slant_range),
-        drawing_engine=engine,
-        pixel=Render.pixel.default,
-        samples=Render.samples.default,
-        roll=ROLL,
+        sampling=Sampling(engine, Render.pixel.default, Render.samples.default, ROLL),
         fineness=fineness,
     )
     return range_extent(seen, slant_range=slant_range, ifov=SIDE / slant_range)

@@ -53,13 +53,15 @@ def timed(experiment: Experiment, choices: Choices, place: Place) -> Timed:
         If a cell fails.
     """
     start = time.perf_counter()
-    steps: list[float] = []  # the first when missing cells are known, the last when all are made
+    # The first when missing cells are known, the last when all are made; none if all are stored.
+    steps: list[float] = []
 
     def step(schedule: Schedule) -> None:
         steps.append(time.perf_counter())
 
     finished = sweep(experiment, choices, place, Watch(lambda sentence: None, step))
     end = time.perf_counter()
+    steps += [] if steps else [end]
     for what, why in finished.failures:
         raise RuntimeError(f"{what}: {why}")
     return Timed(

@@ -19,7 +19,7 @@ from benchmarks.sweeping import CORES, choices_of
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.run import Place
 from sweeps.experiment import EXPERIMENT
-from sweeps.stages.fresh import drawn_aspects
+from sweeps.stages.classifier import drawn_aspects
 from sweeps.stages.views import cache_folder
 
 LEVEL = 0.95
@@ -123,7 +123,7 @@ def listed(values: Sequence[float]) -> str:
 
 
 def aspects_of(learned: Sequence[float], fresh: int, seed: int) -> list[float]:
-    """Return the random aspects of `grid.fresh` between the ends of the learned ones, of a seed."""
+    """Return the aspects of `grid.random_aspects` between the ends of learned ones, of a seed."""
     drawn = drawn_aspects(min(learned), max(learned), fresh, seed)
     return sorted(set(drawn) - set(learned))
 
@@ -169,6 +169,29 @@ def swept_by_seed(
             for name, one in whole.items()
         }
         for own in tests
+    ]
+
+
+def swept_anew(
+    overrides: Sequence[str],
+    groups: Sequence[str],
+    *,
+    seeds: int,
+    learned: Sequence[float],
+    fresh: int,
+    label: str,
+    workers: ClusterChoice = WORKERS,
+) -> list[dict[str, xr.Dataset]]:
+    """Return the same as `swept_by_seed`, from one sweep a seed, which redraws training, too."""
+    aspects = (f"grid.aspect={listed(learned)}", f"grid.random_aspects={fresh}")
+    return [
+        swept(
+            [*overrides, *aspects, f"seed={seed}"],
+            groups,
+            label=f"{label}, seed {seed}",
+            workers=workers,
+        )
+        for seed in range(seeds)
     ]
 
 

@@ -14,7 +14,7 @@ from benchmarks.fits import INFRARED, Floats, mean_and_error, overall, percent, 
 from benchmarks.reports import Column, Report
 from ncti.features import profile_vector
 from ncti.irar import profile_correlation
-from sweeps.report.rows import source_figures
+from sweeps.report.beside import source_figures
 
 CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")
 FLOWN = (
@@ -103,7 +103,7 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
     groups = [f"classification/{name}" for name in (*CLASSIFIERS, "acn_infrared")]
     commands = [
         [*common, "classifier.learn_in_test=[true,false]"],
-        [*common, f"grid.fresh={fresh}"],
+        [*common, f"grid.random_aspects={fresh}"],
     ]
     regular, drawn = ([*swept(one, *groups)] for one in commands)
     rows: list[dict[str, Any]] = []

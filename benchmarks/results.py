@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from benchmarks.budget import write
-from benchmarks.repeated import WORKERS, listed, swept, swept_by_seed
+from benchmarks.repeated import WORKERS, listed, swept, swept_anew, swept_by_seed
 from benchmarks.reports import Report
+from benchmarks.result_flights import (
+    CHAINS,
+    CLUTTERS,
+    FLIGHT,
+    FLOWN,
+    MEASURED,
+    MISSIONS,
+    NEAR,
+    SENSITIVITY,
+    chains,
+    measured,
+    near_stern,
+    sensitivity,
+    tilts,
+)
+from benchmarks.result_learners import learners
 from benchmarks.result_tables import (
     GROUPS,
     STEP,
@@ -26,9 +40,8 @@ from benchmarks.result_tables import (
 )
 from sweeps.engine.cluster import ClusterChoice
 
-ROOT = Path(__file__).resolve().parent.parent
-README, PAGE = ROOT / "README.md", ROOT / "docs" / "results.md"
 SEEDS, LEAST_SEEDS = 20, 2
+DRAWS = 10  # of what takes long: trainings of the multilayered network, and flights
 CLASSIFIERS = ("acn", "correlation", "likelihood")
 
 LEARNED = tuple(np.arange(0.0, 90.1, STEP).tolist())
@@ -48,9 +61,15 @@ KNOWN = (
     *("grid.frame_count=16", "classifier.name=likelihood"),
     *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
 )
+LEARNERS = ("grid.frame_count=16", "classifier.name=mnn", "grid.replicate=4")
 PROTOCOL = (
-    *("+experiment=draws", "grid.pulse_width=30", "grid.vigilance=0.95", "ladar.phases=2"),
-    *("classifier.orders=4", "infrared.phases=2", "infrared.orders=4"),
+    *(
+        "+experiment=draws",
+        "grid.pulse_width=30",
+        "grid.vigilance=0.95",
+        "ladar.subpixel_offsets=2",
+    ),
+    *("classifier.orders=4", "infrared.subpixel_offsets=2", "infrared.orders=4"),
     "classifier.name=[acn,mnn,correlation,likelihood]",
 )
 FORMED = (
@@ -63,7 +82,7 @@ UNKNOWN = (
     "classifier.template_spacing=3",
 )
 
-PARTS = ("new", "known", "protocol", "categories", "unknown")
+PARTS = ("new", "known", "learners", "protocol", "categories", "unknown", "flights")
 
 
 @dataclass(frozen=True)
@@ -74,6 +93,8 @@ class Sizes:
     ----------
     seeds : int
         Number of seeds, at least two.
+    draws : int
+        Number of seeds of trainings of the multilayered network and of flights, at least two.
     more : tuple of str
         Arguments of `ncti-sweep` that are added to every sweep.
     learned : tuple of float
@@ -87,6 +108,7 @@ class Sizes:
     """
 
     seeds: int
+    draws: int = DRAWS
     more: tuple[str, ...] = ()
     learned: tuple[float, ...] = LEARNED
     fresh: int = FRESH
@@ -97,16 +119,6 @@ class Sizes:
 def in_group(group: str, *names: str) -> tuple[str, ...]:
     """Return the names of groups of a store that begin alike."""
     return tuple(group + name for name in names)
-
-
-def begin(name: str) -> str:
-    """Return the line of a page after which a table is written."""
-    return f"<!-- begin: python -m benchmarks results --write ({name}) -->"
-
-
-def name_of_page(name: str) -> Path:
-    """Return the page that has a table."""
-    return README if name == "summary" else PAGE
 
 
 def measure(sizes: Sizes) -> dict[str, Report]:
@@ -130,6 +142,20 @@ def measure(sizes: Sizes) -> dict[str, Report]:
             workers=sizes.workers,
         )
 
+    def flown(overrides: Sequence[str], label: str, group: str = "validation") -> xr.Dataset:
+        """Return a group of a sweep of flights."""
+        asked = [*overrides, *more]
+        return swept(asked, [group], label=label, workers=sizes.workers)[group].squeeze(drop=True)
+
+    def past(ships: Iterable[str], overrides: Sequence[str], label: str) -> dict[str, xr.Dataset]:
+        """Return flights past ships, each at its range, several draws."""
+        at_range = {ship: (f"grid.ship={ship}", f"irar.range={MISSIONS[ship]}") for ship in ships}
+        return {
+            ship: flown([*overrides, *of_ship, drawn], f"{label}, {ship}")
+            for ship, of_ship in at_range.items()
+        }
+
+    drawn = f"grid.replicate={sizes.draws}"
     made: dict[str, Report] = {}
     if "new" in parts:
         answers = each(NEW, GROUPS, "new aspects")
@@ -140,6 +166,18 @@ def measure(sizes: Sizes) -> dict[str, Report]:
         made |= prior_knowledge(each(KNOWN, groups, "known gain and floor"))
     if "summary" in made and "known" in made:
         made["summary"] = with_known(made["summary"], made["known"])
+    if "learners" in parts:
+        made |= learners(
+            swept_anew(
+                [*LEARNERS, *more],
+                ["range_profile", "classification/mnn"],
+                seeds=sizes.draws,
+                learned=sizes.learned,
+                fresh=sizes.fresh,
+                label="other learners",
+                workers=sizes.workers,
+            )
+        )
     if "protocol" in parts:
         groups = in_group("classification/", *CLASSIFIERS, "mnn", "acn_infrared")
         made |= protocol(alone(PROTOCOL, groups, "the source's protocol"))
@@ -148,10 +186,10 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "unknown" in parts:
         groups = in_group("classification/", *CLASSIFIERS)
         made |= unknown(each(UNKNOWN, groups, "unknown ships"))
+    if "flights" in parts:
+        made |= near_stern(past(MISSIONS, NEAR, "near-stern flights"))
+        made |= tilts(past(FLOWN, [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"], "clutter"))
+        made |= chains(flown([*CHAINS, drawn], "chains of corrections"))
+        made |= sensitivity(flown([*SENSITIVITY, drawn], "errors of navigation"))
+        made |= measured(flown([*MEASURED, drawn], "measured profiles", "classification/measured"))
     return made
-
-
-def write_all(reports: Mapping[str, Report], pages: Callable[[str], Path] = name_of_page) -> None:
-    """Write tables into their pages, between marker lines."""
-    for name, report in reports.items():
-        write(report, pages(name), begin(name))

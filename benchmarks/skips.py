@@ -23,6 +23,7 @@ from ncti.infrared import contrast, silhouette, thermal_images
 from ncti.ladar import RangeExtent, cumulative_average, frames, range_extent, sample_frames
 from ncti.render import LineImage, draw_lines, line_image, range_image, surfaces, threads
 from ncti.render.line_sweep import cross, project
+from ncti.render.mask import ship_mask
 from ncti.render.solid import Solid
 from ncti.render.surfaces import Surfaces
 from ncti.render.view import ROLL, View
@@ -215,6 +216,13 @@ def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
 
     yield Skip(
         f"views shared by sensors, {DRAWN} of {LOOKS}", lambda: drawn(DRAWN), lambda: drawn(LOOKS)
+    )
+
+    near: dict[str, Any] = VIEW | {"slant_range": SLANT_RANGE, "pixel": 0.25}
+    yield Skip(
+        "depth and facets of silhouettes",
+        lambda: ship_mask(mesh, **near).hit.astype(float),
+        lambda: range_image(mesh, **near, engine="osmesa").hit.astype(float),
     )
 
     alike = symmetric(mesh)

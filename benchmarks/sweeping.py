@@ -6,12 +6,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import hydra
-
 from benchmarks.phases import Timed
 from benchmarks.reports import Column, Report, Sample
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.front import composing, read_configuration, register, replaceable
+from sweeps.engine.overrides import read_jobs
 from sweeps.engine.run import Place
 from sweeps.engine.settings import Choices
 from sweeps.experiment import EXPERIMENT
@@ -30,10 +28,8 @@ COLUMNS = (
 
 def choices_of(overrides: Sequence[str]) -> Choices:
     """Return the checked choices of a command line of `ncti-sweep`; builds the ships."""
-    register(EXPERIMENT)
-    with composing(EXPERIMENT):
-        composed = hydra.compose("config", overrides=replaceable(EXPERIMENT, overrides))
-        return read_configuration(EXPERIMENT, composed)
+    [job] = read_jobs(EXPERIMENT, overrides, several=False)
+    return EXPERIMENT.check(job.choices)
 
 
 def on_workers(folder: Path, store: str) -> Place:

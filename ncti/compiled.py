@@ -1,4 +1,8 @@
-"""Functions compiled by numba and kept in the user's cache, never in the package."""
+"""Functions compiled by numba and kept in the user's cache, never in the package.
+
+Private names of numba are in this module alone, as in versions 0.61 to 0.68: no public one counts
+the constants of other modules, or leaves the code in memory where the cache cannot be written.
+"""
 
 from __future__ import annotations
 

@@ -6,12 +6,11 @@ a second, and an interrupt meanwhile is reported as one.
 
 from __future__ import annotations
 
-import atexit
-import gc
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,31 +36,23 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     *modules : module
         Sensors and classifiers besides the project's; see `sweeps.experiment`.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if "--version" in given:
+        print(f"{NAME} {version(NAME)}")
+        sys.exit(0)
     with ExitStack() as signals:
         signals.enter_context(stopping())
         try:
-            status = _main(list(sys.argv[1:] if arguments is None else arguments), modules)
+            if all(word in MULTIRUN for word in given if word.startswith("-")):
+                _say("reading the configuration")
+            with _workers_ahead(given):
+                status = command(*modules, given=given).main(given)
         except Stopped as stopped:
             _say(stopped.words)
             status = stopped.status
         if arguments is None:  # this process ends, and a signal that comes too late is only noted
             _until_exit.append(signals.pop_all())
     sys.exit(status)
-
-
-def _main(given: list[str], modules: Sequence[Any]) -> int:
-    """Run a command line; return the exit status."""
-    from sweeps.engine.version import OPTION, version_of
-
-    if OPTION in given:
-        print(version_of(NAME, NAME))
-        return 0
-    # No garbage collection at exit, which would take 0.2 s.
-    atexit.register(gc.freeze)
-    if all(one in MULTIRUN for one in given if one.startswith("-")):
-        _say("reading the configuration")
-    with _workers_ahead(given):
-        return command(*modules, given=given).main(given)
 
 
 def _say(sentence: str) -> None:
@@ -97,17 +88,17 @@ def _workers_ahead(arguments: Sequence[str]) -> Iterator[None]:
     """
     from platformdirs import user_cache_path
 
-    from sweeps.engine.results import INDEX
+    from sweeps.engine.packs import ROOM
 
     given = dict(one.partition("=")[::2] for one in arguments)
     asked = not any(key.lstrip("+").startswith(("-", "dry_run", "cluster")) for key in given)
     cache, store = Path(given.get("cache") or user_cache_path(NAME)), given.get("store")
-    if not asked or (cache / INDEX).exists() or (store and Path(store).exists()):
+    if not asked or (cache / ROOM).exists() or (store and Path(store).exists()):
         yield
         return
-    from sweeps.engine.forking import fork_server_ahead
+    from sweeps.engine.forking import fork_server
 
-    with fork_server_ahead(["sweeps.ahead"]):
+    with fork_server(["sweeps.ahead"], ahead=True):
         yield
 
 
@@ -119,8 +110,8 @@ def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence
     from sweeps.engine.errors import SweepIncomplete
     from sweeps.engine.process import say
     from sweeps.report.own import sentence_of
-    from sweeps.report.screen import screen
     from sweeps.report.summary import summarize
+    from sweeps.report.terminal import screen
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
 
@@ -145,7 +136,7 @@ def report_page(store: Path, finished: Finished) -> list[Path]:
 
     Returns the paths at which other files are in the way.
     """
-    from sweeps.engine.process import say, uncollected
+    from sweeps.engine.process import say
     from sweeps.report.command import write_report
     from sweeps.report.page.write import is_current
     from sweeps.report.work import write_work
@@ -154,10 +145,9 @@ def report_page(store: Path, finished: Finished) -> list[Path]:
     if not finished.written and is_current(store):
         return kept
     try:
-        with uncollected():  # figures are many small objects
-            if finished.written:
-                kept += write_work(store, finished.progress)
-            kept += write_report(store)
+        if finished.written:
+            kept += write_work(store, finished.progress)
+        kept += write_report(store)
     except Exception as error:  # the tables are complete without it
         say(NAME, f"the report page is not written: {type(error).__name__}: {error}")
     return kept

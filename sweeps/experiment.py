@@ -1,28 +1,26 @@
 """The experiment, assembled from the declarations of the modules of `sweeps.stages`.
 
-A module declares any of SETTINGS, STAGES, TABLES and STATUSES; SENSOR or NAME, if it is a sensor or
-a classifier; `check`, which refuses inconsistent choices, and `remarks` on them. To add one,
-pass it to `assemble` with `MODULES`.
+A module declares stages, by themselves or in tuples, and any of SETTINGS, TABLES and STATUSES;
+SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses inconsistent choices, and
+`remarks` on them. To add one, pass it to `assemble` with `MODULES`.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.kinds import Kind, SetOf, Word
+from sweeps.engine.kinds import Draws, Kind, SetOf, Word
 from sweeps.engine.process import environment
-from sweeps.engine.settings import Choices, Run, Settings
+from sweeps.engine.settings import Choices, Run, Setting
 from sweeps.engine.stage import Experiment, Stage
 from sweeps.stages import (
     acn,
     classifier,
-    corrections,
     correlation,
-    exact,
     flights,
     fusion,
     images,
@@ -35,10 +33,7 @@ from sweeps.stages import (
     portraits,
     run_time,
     scan,
-    scan_targets,
-    scan_visits,
     signatures,
-    silhouettes,
     views,
 )
 from sweeps.stages.classifier import Classifier
@@ -60,15 +55,14 @@ from sweeps.stages.views import (
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
 
 MODULES: tuple[Any, ...] = (
-    *(views, portraits, ladar, infrared, images, silhouettes),
-    *(irar, flights, corrections, signatures),
+    *(views, portraits, ladar, infrared, images),
+    *(irar, flights, signatures),
     *(classifier, acn, mnn, correlation, likelihood, fusion, measured),
-    *(exact, run_time),
-    *(scan, scan_targets, scan_visits),
+    *(run_time, scan),
 )
 
 EXAMPLES = (
-    ("+experiment=smoke", "seconds, into outputs/"),
+    ("+experiment=smoke", "seconds, into sweep.zarr"),
     ("+experiment=paper store=paper.zarr", "the article's experiment"),
     ("+experiment=paper dry_run=true", "cells and time it would take"),
     ("grid.ship=duncan grid.aspect=[0,30,60,90]", "one ship, four aspects"),
@@ -108,19 +102,19 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         Sweep.sensor.key: replace(sensors, kind=named("SENSOR")),
         Classifier.name.key: named("NAME"),
     }
-    stages = declared("STAGES")
-
-    def variables(choices: Choices) -> dict[str, str]:
-        folder = choices.one(Run.cache)
-        return {CACHE_VARIABLE: os.path.abspath(folder)} if folder else {}
+    stages = stages_of(modules)
+    settings = tuple(
+        replace(one, kind=kinds[one.key]) if one.key in kinds else one
+        for group in declared("SETTINGS")
+        for one in group.declared
+    )
 
     def check(choices: Choices) -> Choices:
-        with environment(variables(choices)):
-            for one in modules:
-                if hasattr(one, "check"):
-                    choices = one.check(choices)
-                if hasattr(one, "check_meshes"):
-                    one.check_meshes(choices, lambda ship: read_mesh(hull.function(ship)))
+        with environment(_variables(choices)):
+            for module in modules:
+                if hasattr(module, "check"):
+                    choices = module.check(choices)
+            flights.check_meshes(choices, lambda ship: read_mesh(hull.function(ship)))
             # A store records the engine that rendered, not the choice "auto".
             return choices.having(Render.engine, drawing_engines(choices))
 
@@ -136,16 +130,18 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         digests = {str(ship): hull.function(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
         given = {label: words for label, words in transforms.items() if words}
-        return {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
+        swept = [setting.name for setting in settings if _is_swept(setting, choices)]
+        shown = {"swept": swept} if swept else {}
+        return shown | {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
 
     return Experiment(
         "ncti-sweep",
         TITLE,
-        tuple(_with_words(group, kinds) for group in declared("SETTINGS")),
+        settings,
         stages,
         tables=declared("TABLES"),
         statuses=declared("STATUSES"),
-        environment=variables,
+        environment=_variables,
         check=check,
         checking="checking the configuration and loading the ships (built on first use)",
         remarks=remarks,
@@ -160,6 +156,29 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     )
 
 
+def _variables(choices: Choices) -> dict[str, str]:
+    """Return the environment in which stages find the cache of ships."""
+    folder = choices.one(Run.cache)
+    return {CACHE_VARIABLE: os.path.abspath(folder)} if folder else {}
+
+
+def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:
+    """Return the stages that some modules declare, in the order in which they do."""
+    values = [value for module in modules for value in vars(module).values()]
+    several = (value if isinstance(value, tuple) else (value,) for value in values)
+    return tuple(dict.fromkeys(s for stages in several for s in stages if isinstance(s, Stage)))
+
+
+def _is_swept(setting: Setting, choices: Choices) -> bool:
+    """Return whether a setting has several values that are not its default."""
+    values = choices[setting]
+    if len(values) < 2 or isinstance(setting.kind, Draws):
+        return False
+    if setting.fallback is not None:
+        return values != choices[setting.fallback]
+    return setting.default is None or values != setting.values(setting.default)
+
+
 def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
     """Return the classifiers of a sweep that add no groups to its store."""
     asked = [stage for stage in stages if stage.group is not None and stage.when(choices)]
@@ -169,17 +188,6 @@ def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
         return choices.having(Classifier.name, tuple(one for one in names if one != name))
 
     return [name for name in names if all(one.when(without(name)) for one in asked)]
-
-
-def _with_words(group: type[Settings], kinds: Mapping[str, Kind]) -> type[Settings]:
-    """Return a group of settings, with other kinds for some of them."""
-    if not any(setting.key in kinds for setting in group.declared):
-        return group
-    members: dict[str, Any] = {
-        setting.key.rpartition(".")[2]: replace(setting, kind=kinds.get(setting.key, setting.kind))
-        for setting in group.declared
-    }
-    return type(group.__name__, (Settings,), {"__doc__": group.__doc__, **members}, key=group.key)
 
 
 EXPERIMENT = assemble(*MODULES)

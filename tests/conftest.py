@@ -1,5 +1,6 @@
 """Fixtures that several rooms share, and the search path of the tests' own modules."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,9 @@ import pytest
 from hypothesis import settings
 from once import made_once
 from platformdirs import user_cache_path
+
+# Ships and compiled loops are kept from run to run, and never in the cache of whoever runs tests.
+os.environ["XDG_CACHE_HOME"] = str(Path(__file__).parents[1] / ".pytest_cache" / "home")
 
 # The first example of a test may import a library, which takes longer than a deadline allows.
 settings.register_profile("untimed", deadline=None)
@@ -19,7 +23,7 @@ for room in ("engine", "sweeps", "convergence", "report"):  # whose modules othe
 
 @pytest.fixture(scope="session")
 def cache() -> Path:
-    """Cache of the user, whose meshes all sweeps share: ships are built once a machine."""
+    """Cache of all tests, whose meshes sweeps share: ships are built once."""
     return user_cache_path("ncti-sweep")
 
 

@@ -38,19 +38,3 @@ def test_other_generators_draw_themselves(kind):
     found = np.empty(1000, dtype=np.float32)
     draw_normals(ours, found)
     np.testing.assert_array_equal(found, theirs.standard_normal(1000, dtype=np.float32))
-
-
-def test_a_generator_of_ones_own_is_asked():
-    class Constant(np.random.Generator):
-        def standard_normal(self, size=None, dtype=np.float64, out=None):
-            out[:] = 0.5
-            return out
-
-    found = np.empty(10, dtype=np.float32)
-    draw_normals(Constant(np.random.PCG64(0)), found)
-    assert (found == 0.5).all()
-
-
-def test_a_part_of_an_array_that_does_not_lie_together_is_refused():
-    with pytest.raises(ValueError, match="contiguous"):
-        draw_normals(np.random.default_rng(0), np.empty((4, 4), dtype=np.float32)[:, :2])

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
     from ncti.classify.bands import lower_band
     from ncti.classify.baselines import CorrelationNeighbour
-    from ncti.classify.fusion import fit_sharpness, fuse, label_posterior
+    from ncti.classify.fusion import fuse, label_posterior
     from ncti.classify.gain_annealed import GainAnnealedNetwork
     from ncti.classify.likelihood import GaussianTemplates
     from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
@@ -22,7 +22,6 @@ __all__ = [
     "GaussianTemplates",
     "Similarities",
     "cluster",
-    "fit_sharpness",
     "fuse",
     "label_posterior",
     "lower_band",
@@ -36,7 +35,6 @@ _DEFINED_IN = {
     "GaussianTemplates": "likelihood",
     "Similarities": "vigilance_sweep",
     "cluster": "vigilance_sweep",
-    "fit_sharpness": "fusion",
     "fuse": "fusion",
     "label_posterior": "fusion",
     "lower_band": "bands",

@@ -8,12 +8,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin, _fit_context
+from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.exceptions import ConvergenceWarning
-from sklearn.utils._param_validation import Interval
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from ncti.classify.constraints import Interval, fit_context
 from ncti.classify.directions import NO_CATEGORY, SAME_DIRECTION, polar
 
 Floats = NDArray[np.float64]
@@ -121,7 +121,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         self.learning_rate = learning_rate
         self.max_passes = max_passes
 
-    @_fit_context(prefer_skip_nested_validation=True)
+    @fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Form the categories from X and label them by y.
 

@@ -107,10 +107,10 @@ def lower_band(covariance: ArrayLike) -> Floats:
     return np.where(inside, dense[..., np.where(inside, lag + n, 0), n], 0.0)
 
 
-def factored(bands: Floats, nugget: float) -> Floats:
-    """Return the lower Cholesky factors of (template, lag, bin) bands that include the nugget.
+def factored(bands: Floats, diagonal_loading: float) -> Floats:
+    """Return the lower Cholesky factors of (template, lag, bin) bands that include the loading.
 
-    Raises `ValueError` that asks for a larger nugget if a band is not positive definite.
+    Raises `ValueError` that asks for a larger diagonal loading if a band is not positive definite.
     """
     factors = np.empty_like(bands)
     for t, band in enumerate(bands):
@@ -118,8 +118,8 @@ def factored(bands: Floats, nugget: float) -> Floats:
             factors[t] = cholesky_banded(band, lower=True)
         except LinAlgError:
             raise ValueError(
-                f"nugget is {nugget!r}, but must be larger for covariance[{t}], which is "
-                "not positive definite with it"
+                f"diagonal_loading is {diagonal_loading!r}, but must be larger for "
+                f"covariance[{t}], which is not positive definite with it"
             ) from None
     return factors
 
@@ -183,7 +183,7 @@ def coloured(factor: Floats, white: Floats) -> Floats:
 def densities(
     factor: Floats, unit: Floats, off: Floats, frames: Floats, priors: ArrayLike
 ) -> Floats:
-    """Return log densities and squared distances of averages of frames for one template.
+    """Return log densities of averages of frames for one template.
 
     Parameters
     ----------
@@ -200,8 +200,8 @@ def densities(
 
     Returns
     -------
-    (2, prior, sample) float64 ndarray
-        Natural logarithms of the density, and squared Mahalanobis distances.
+    (prior, sample) float64 ndarray
+        Natural logarithms of the density.
 
     Notes
     -----
@@ -215,12 +215,11 @@ def densities(
     size = 2 * np.log(factor[0]).sum() + len(white) * np.log(2 * math.pi / frames)
     gram, along = unit.T @ unit, (unit.T @ white).T
     deviations = np.asarray(priors)
-    found: Floats = np.empty((2, len(deviations), len(off)))
+    found: Floats = np.empty((len(deviations), len(off)))
     for k, prior in enumerate(deviations):
         scale = np.append(prior, np.ones(len(gram) - len(prior)))
         inner = np.eye(len(gram)) + frames[:, None, None] * (gram * np.outer(scale, scale))
         overlap = frames[:, None] * (along * scale)
         known = np.sum(overlap * np.linalg.solve(inner, overlap[..., None])[..., 0], axis=1)
-        found[1, k] = alone - known
-        found[0, k] = -(alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
+        found[k] = -(alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
     return found

@@ -3,73 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_labels
-from ncti.classify.bands import coloured
-from ncti.classify.between import CIRCLE, every_other, halves
-from ncti.classify.fusion import STEPS, label_posterior
+from ncti.classify.between import CIRCLE, halves
+from ncti.classify.fusion import label_posterior, members, posterior_of
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
-UNKNOWN_ERROR = 1.0  # if there are too few templates to leave some out: the residual's full scale
-CALIBRATED_AT = 16  # frames in the averages used for calibration
-WITHIN = 1e-4, 1e2  # bounds of the template error
 FRESH = 1 / 12  # mean square of the distance of a new aspect, over that of one left out
 NEARBY = 15.0  # standard deviation of the weight of answers by their distance in aspect [deg]
 ANYWHERE = 0.05  # weight of answers at any distance, relative to those at the same aspect
-LEAST_DOUBT = 1e-6
-CERTAIN = 0.999  # largest doubt at an aspect left out
+LEAST_OUTLIERS = 1e-6
+CERTAIN = 0.999  # largest outlier fraction at an aspect left out
 BISECTIONS = 40
+STEPS = np.geomspace(1e-4, 1e10, 31)
+"""Products of inverse temperature and the spread of scores, searched first."""
+UNLIKE = -1.0  # cosine to what is left out: below that of any map
 
 Floats = NDArray[np.float64]
 
 
-def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> float:
-    """Return the template error that maximises the likelihood of templates left out.
-
-    Parameters
-    ----------
-    templates : GaussianTemplates
-        Classifier with aspects and some template error.
-    rng : numpy.random.Generator
-        Draws an average of 16 frames from every second template of a label.
-
-    Returns
-    -------
-    float
-        Template error from 1e-4 to 100, to 5 %, with the largest mean log density of an average
-        under the two neighbouring templates of its label. 1 if no label has five templates.
-    """
-    # Imported here because scipy.optimize takes half a second.
-    from scipy.optimize import minimize_scalar
-
-    out, beside = every_other(templates.labels_, templates.aspect_)
-    if not out.any():
-        return UNKNOWN_ERROR
-    samples, rest = _drawn(templates, out, CALIBRATED_AT, rng), templates.without(out)
-    priors = np.array([[templates.gain_sigma, templates.floor_sigma]])
-    answering = [(t, rows) for t, rows in enumerate(beside.T) if rows.any()]
-
-    def surprise(log_error: float) -> float:
-        """Return the mean negative log density of the averages."""
-        rest.template_error_ = math.exp(log_error)
-        logs = np.full(beside.shape, -np.inf)
-        for t, rows in answering:
-            frames = np.full(rows.sum(), float(CALIBRATED_AT))
-            logs[rows, t] = rest.density(t, samples[rows], frames, priors)[0, 0]
-        return -float(np.logaddexp.reduce(logs, axis=1).mean())
-
-    bounds = tuple(map(math.log, WITHIN))
-    found = minimize_scalar(surprise, bounds=bounds, method="bounded", options={"xatol": 0.05})
-    return math.exp(float(found.x))
-
-
-def fit_doubt(
+def fit_outlier_fraction(
     templates: GaussianTemplates,
     frame_count: int,
     rng: np.random.Generator,
@@ -97,8 +57,8 @@ def fit_doubt(
 
     See Also
     --------
-    ncti.classify.fusion.doubted : Scores that allow for this probability.
-    fit_sharpness_and_doubt : The same for scores that are not log densities.
+    ncti.classify.fusion.with_outliers : Scores that allow for this probability.
+    fit_temperature_and_outliers : The same for scores that are not log densities.
 
     Notes
     -----
@@ -106,40 +66,40 @@ def fit_doubt(
     are overconfident. Averages drawn from every second template are therefore classified by those
     that remain, then those between by the first, and e maximises the likelihood of their true
     labels, (1 - e) p + e / labels, p being the posterior. One right and one wrong answer are
-    added, as in `ncti.classify.fit_sharpness`.
+    added, as in `fit_temperature_and_outliers`.
 
     Profiles change faster with aspect abeam than at the bow, so e depends on the aspect: answers
     have weight 0.05 + exp(-x^2 / 2) at a distance of x times 15 degrees, and those added the mean
     weight of all. Width and weight were fitted to right answers of fusion at random aspects.
 
     A template left out lies a whole step from the next one, a new aspect up to half a step, and at
-    a template there is no doubt. Failures are taken as independent chances that grow with the
-    square of the distance, whose mean is 1/12: of e remains 1 - (1 - e)^(1/12).
+    a template there is no outlier fraction. Failures are taken as independent chances that grow
+    with the square of the distance, whose mean is 1/12: of e remains 1 - (1 - e)^(1/12).
 
     Examples
     --------
-    Exact templates leave no doubt:
+    Exact templates leave no outlier fraction:
 
     >>> import numpy as np
     >>> from ncti.classify import GaussianTemplates, lower_band
-    >>> from ncti.classify.calibration import fit_doubt
+    >>> from ncti.classify.calibration import fit_outlier_fraction
     >>> band = lower_band(np.stack([np.eye(3)] * 2))
     >>> exact = GaussianTemplates().fit([[0, 1, 0], [1, 0, 0]], band, ["duncan", "roberts"], 0)
-    >>> fit_doubt(exact, 16, np.random.default_rng(0))
+    >>> fit_outlier_fraction(exact, 16, np.random.default_rng(0))
     array([0., 0.])
     """
     require("frame_count", frame_count, whole=True, minimum=1)
     given = np.asarray(templates.gain_sigma if gain_sigma is None else gain_sigma)
-    doubt = np.zeros((*given.shape, len(templates.labels_)))
+    outlier_fraction = np.zeros((*given.shape, len(templates.labels_)))
     if not templates.template_error_:
-        return doubt
+        return outlier_fraction
     sets = halves(templates.labels_, templates.aspect_)
     if not sets:
-        return doubt
+        return outlier_fraction
     # Probabilities of the true labels of templates left out, for each gain prior.
     true = []
     for out in sets:
-        samples, rest = _drawn(templates, out, frame_count, rng), templates.without(out)
+        samples, rest = templates.drawn(out, frame_count, rng), templates.without(out)
         own = templates.labels_[out]  # every label keeps templates
         logs = rest.log_likelihood(samples, frame_count, gain_sigma=given.ravel())
         posteriors = [label_posterior(one, rest.labels_)[1] for one in logs]
@@ -153,16 +113,16 @@ def fit_doubt(
     weight = ANYWHERE + np.exp(-((apart / NEARBY) ** 2) / 2)
     labels = len(templates.classes_)
     for g, one in enumerate(answers):
-        found = likely_doubt(one, labels, weight, added=weight.mean(axis=1))
+        found = likely_outlier_fraction(one, labels, weight, added=weight.mean(axis=1))
         fresh = -np.expm1(FRESH * np.log1p(-np.minimum(found, CERTAIN)))
-        doubt.reshape(-1, len(place))[g] = fresh[place]
-    return doubt
+        outlier_fraction.reshape(-1, len(place))[g] = fresh[place]
+    return outlier_fraction
 
 
-def likely_doubt(
+def likely_outlier_fraction(
     probability: Floats, labels: int, weight: Floats, *, added: ArrayLike = 1.0
 ) -> Floats:
-    """Return the doubt that maximises the likelihood of true labels.
+    """Return the outlier fraction that maximises the likelihood of true labels.
 
     Parameters
     ----------
@@ -184,33 +144,36 @@ def likely_doubt(
     more = np.broadcast_to(added, weight.shape[:-1])[..., None]
     weights = np.concatenate([weight, more, more], axis=-1)
     answers = np.append(probability, [1.0, 0.0])
-    low, high = (np.full(weights.shape[:-1], end) for end in (LEAST_DOUBT, 1.0))
+    lost = 1 / labels - answers
+    rise = weights * lost
+    low, high = (np.full(weights.shape[:-1], end) for end in (LEAST_OUTLIERS, 1.0))
     for _ in range(BISECTIONS):
         middle = np.sqrt(low * high)
-        mixed = answers + middle[..., None] * (1 / labels - answers)
-        rising = (weights * (1 / labels - answers) / mixed).sum(axis=-1) > 0
+        rising = (rise / (answers + middle[..., None] * lost)).sum(axis=-1) > 0
         low, high = np.where(rising, middle, low), np.where(rising, high, middle)
     return high
 
 
-def fit_sharpness_and_doubt(
+def fit_temperature_and_outliers(
     scores: ArrayLike, labels: ArrayLike, truth: ArrayLike, *, weight: ArrayLike = 1.0
 ) -> tuple[float, float]:
-    """Return the factor that turns scores into log densities, and their doubt, fitted together.
+    """Return the factor that turns scores into log densities, and their outlier fraction.
 
     Parameters
     ----------
-    scores, labels, truth
-        See `ncti.classify.fit_sharpness`.
+    scores, labels
+        See `ncti.classify.label_posterior`; at least one sample.
+    truth : (sample,) array_like
+        True label of each sample.
     weight : float or (sample,) array_like, default=1.0
         Weight of each sample.
 
     Returns
     -------
-    sharpness : float
+    inverse_temperature : float
         Factor above 0, in the inverse unit of the scores; 0 if every sample has one score for all
         templates, or all templates have the same label.
-    doubt : float
+    outlier_fraction : float
         Probability that the scores of a sample carry no information, in [0, 1].
 
     Raises
@@ -221,29 +184,42 @@ def fit_sharpness_and_doubt(
 
     See Also
     --------
-    ncti.classify.fit_sharpness : The factor alone, which has to be smaller.
-    ncti.classify.fusion.doubted : Scores that allow for the doubt.
+    ncti.classify.fusion.with_outliers : Scores that allow for the outlier fraction.
+    fit_held_out_phases : The same for silhouettes at several places on the detector.
 
     Notes
     -----
+    Temperature scaling [1]_: numbers fitted to samples other than those to be classified, which do
+    not change the order of templates, but decide the weight of one sensor against another. Log
+    densities have the factor 1 and need no fit.
+
     A factor alone must be small enough for the worst answers, so it discards what the others
     contain, and yet leaves wrong answers that are too sure. Here the probability of the true label
-    is (1 - e) p + e / labels, with p the posterior at the sharpness s; s and e maximise its
-    likelihood, with one right and one wrong answer added.
+    is (1 - e) p + e / labels, with p the posterior at the inverse temperature s; s and e maximise
+    its likelihood, with one right and one wrong answer added, as n correct answers in n do not make
+    the next one certain [2]_.
+
+    References
+    ----------
+    .. [1] C. Guo, G. Pleiss, Y. Sun and K. Q. Weinberger, "On calibration of modern neural
+       networks", Proceedings of the 34th International Conference on Machine Learning (2017),
+       arXiv:1706.04599.
+    .. [2] J. C. Platt, "Probabilistic outputs for support vector machines and comparisons to
+       regularized likelihood methods", in Advances in Large Margin Classifiers, MIT Press (1999).
 
     Examples
     --------
     One answer in ten is of another ship altogether:
 
     >>> import numpy as np
-    >>> from ncti.classify.calibration import fit_sharpness_and_doubt
+    >>> from ncti.classify.calibration import fit_temperature_and_outliers
     >>> rng = np.random.default_rng(0)
     >>> truth = rng.integers(4, size=4000)
     >>> shown = np.where(rng.random(4000) < 0.1, rng.integers(4, size=4000), truth)
     >>> seen = 4.0 * np.eye(4)[shown] + rng.normal(size=(4000, 4))
     >>> logs = -((seen[:, None] - 4.0 * np.eye(4)) ** 2).sum(axis=2) / 2
-    >>> sharpness, doubt = fit_sharpness_and_doubt(logs / 10, np.arange(4), truth)
-    >>> print(f"{sharpness:.0f} {doubt:.2f}")
+    >>> fitted = fit_temperature_and_outliers(logs / 10, np.arange(4), truth)
+    >>> print("{:.0f} {:.2f}".format(*fitted))
     10 0.11
     """
     values, names = require_all("scores", scores), require_labels("labels", labels)
@@ -260,32 +236,90 @@ def fit_sharpness_and_doubt(
     spread = float(np.ptp(values, axis=1).mean()) if len(classes) > 1 else 0.0
     if spread == 0.0:
         return 0.0, 0.0
-    # Imported here because scipy.optimize takes half a second.
-    from scipy.optimize import minimize_scalar
-
     at = np.arange(len(true)), np.searchsorted(classes, true)
+    member, every = members(np.searchsorted(classes, names)), np.ones((1, names.size), np.bool_)
 
-    def fitted(log_sharpness: float) -> tuple[float, float]:
-        """Return the best doubt at a sharpness, and the negative log-likelihood."""
-        probability = label_posterior(math.exp(log_sharpness) * values, names)[1][at]
-        doubt = float(likely_doubt(probability, len(classes), weights))
+    def fitted(log_inverse_temperature: float) -> tuple[float, float]:
+        """Return the best outlier fraction at an inverse temperature, and the loss."""
+        logs = math.exp(log_inverse_temperature) * values
+        probability = posterior_of(logs, member, every)[at]
+        outlier_fraction = float(likely_outlier_fraction(probability, len(classes), weights))
         answers = np.append(probability, [1.0, 0.0])
-        mixed = (1 - doubt) * answers + doubt / len(classes)
-        return doubt, -float(np.append(weights, [1.0, 1.0]) @ np.log(mixed))
+        mixed = (1 - outlier_fraction) * answers + outlier_fraction / len(classes)
+        return outlier_fraction, -float(np.append(weights, [1.0, 1.0]) @ np.log(mixed))
 
-    # Coarse steps first, because there may be several local maxima.
-    steps = np.log(STEPS / spread)
-    lowest = int(np.argmin([fitted(step)[1] for step in steps]))
-    bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])
-    found = float(minimize_scalar(lambda x: fitted(x)[1], bounds=bounds, method="bounded").x)
+    found = least_at(lambda log_inverse_temperature: fitted(log_inverse_temperature)[1], spread)
     return math.exp(found), fitted(found)[0]
 
 
-def _drawn(
-    templates: GaussianTemplates, which: NDArray[np.bool_], frames: int, rng: np.random.Generator
-) -> Floats:
-    """Return (sample, bin) averages, one drawn from the moments of each chosen template."""
-    factors = templates.cholesky_[which]
-    noise = rng.standard_normal((len(factors), templates.mean_.shape[1]))
-    drawn = np.array([coloured(*pair) for pair in zip(factors, noise, strict=True)])
-    return templates.mean_[which] + drawn / math.sqrt(frames)
+def least_at(loss: Callable[[float], float], spread: float) -> float:
+    """Return the logarithm of the inverse temperature at which a loss, a function of it, is least.
+
+    Parameters
+    ----------
+    loss : callable
+        Loss at the logarithm of an inverse temperature.
+    spread : float
+        Mean spread of the scores of a sample, above 0, which sets the scale of the inverse
+        temperature.
+
+    Returns
+    -------
+    float
+        The logarithm: the lowest of `STEPS` over the spread, refined between its neighbours.
+    """
+    # Imported here because scipy.optimize takes half a second.
+    from scipy.optimize import minimize_scalar
+
+    # Coarse steps first, because means over templates may add a local maximum before the minimum.
+    steps = np.log(STEPS / spread)
+    lowest = int(np.argmin([loss(step) for step in steps]))
+    bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])
+    return float(minimize_scalar(loss, bounds=bounds, method="bounded").x)
+
+
+def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike) -> Floats:
+    """Return the inverse temperature and outlier fraction of each phase, fitted to the others.
+
+    Parameters
+    ----------
+    scores : (phase, template, template) array_like
+        Cosine of a sample of every template to all templates, at two places on the detector or
+        more.
+    labels : (template,) array_like
+        Label of each template.
+    aspect : (template,) array_like
+        Aspect of each template, or its number.
+
+    Returns
+    -------
+    (2, phase) float64 ndarray
+        See `fit_temperature_and_outliers`. Samples count 11/12 with the templates of their own
+        aspect, and 1/12 without: similarity falls with the square of the distance in aspect.
+
+    See Also
+    --------
+    ncti.classify.fusion.similarity_between_phases : Such scores.
+
+    Examples
+    --------
+    Where a phase errs, the others do not trust it:
+
+    >>> import numpy as np
+    >>> from ncti.classify.calibration import fit_held_out_phases
+    >>> labels, aspect = np.divmod(np.arange(20), 10)
+    >>> good = np.where(labels[:, None] == labels, 1.0, 0.0)
+    >>> (fit_held_out_phases([-good, good, good], labels, aspect)[1] > 0.5).tolist()
+    [False, True, True]
+    """
+    values, place = require_all("scores", scores), require_all("aspect", aspect)
+    phases, views, _ = values.shape
+    without = np.where(place[:, None] == place, UNLIKE, values)
+    weight = np.repeat([1 - FRESH, FRESH], (phases - 1) * views)
+    truth = np.tile(require_labels("labels", labels), 2 * (phases - 1))
+    constants = np.empty((2, phases))
+    for phase in range(phases):
+        others = np.arange(phases) != phase
+        rows = np.concatenate([values[others], without[others]]).reshape(-1, views)
+        constants[:, phase] = fit_temperature_and_outliers(rows, labels, truth, weight=weight)
+    return constants

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require_all, require_flags, require_labels
 
 Floats = NDArray[np.float64]
-
-STEPS = np.geomspace(1e-4, 1e10, 31)  # of sharpness times the spread of scores, searched first
 
 
 def label_posterior(
@@ -46,7 +43,7 @@ def label_posterior(
     See Also
     --------
     fuse : Scores of several sensors as one.
-    fit_sharpness : Factor that turns scores into log densities.
+    ncti.classify.calibration.fit_temperature_and_outliers : Log densities from other scores.
 
     Examples
     --------
@@ -66,92 +63,34 @@ def label_posterior(
     if not answers.any(axis=1).all():
         raise ValueError("exclude leaves out all templates of a sample, but must leave one")
     classes, label = np.unique(names, return_inverse=True)
-    member = (label[:, None] == np.arange(len(classes))).astype(np.float64)
+    return classes, posterior_of(values, members(label), answers)
+
+
+def members(label: NDArray[np.integer]) -> Floats:
+    """Return the (template, class) matrix that is 1 where a template has a label, by number."""
+    return (label[:, None] == np.arange(label.max(initial=-1) + 1)).astype(np.float64)
+
+
+def posterior_of(values: Floats, member: Floats, answers: NDArray[np.bool_]) -> Floats:
+    """Return the posterior of `label_posterior` from what has been checked.
+
+    Parameters
+    ----------
+    values : (sample, template) float64 ndarray
+        Scores.
+    member : (template, class) float64 ndarray
+        See `members`.
+    answers : (sample or 1, template) bool ndarray
+        False for templates that are left out.
+    """
     # The best template of a sample has weight 1, so that nothing overflows and no sum is 0.
     best = values.max(axis=1, keepdims=True, initial=-np.inf, where=answers)
     weights = np.exp(np.minimum(values - best, 0.0)) * answers
     by_class = (weights @ member) / np.maximum(answers @ member, 1.0)
-    return classes, by_class / by_class.sum(axis=1, keepdims=True)
+    return by_class / by_class.sum(axis=1, keepdims=True)
 
 
-def fit_sharpness(scores: ArrayLike, labels: ArrayLike, truth: ArrayLike) -> float:
-    """Return the factor that turns scores into log densities, fitted to known labels.
-
-    Parameters
-    ----------
-    scores, labels
-        See `label_posterior`; at least one sample.
-    truth : (sample,) array_like
-        True label of each sample.
-
-    Returns
-    -------
-    float
-        Factor above 0, in the inverse unit of the scores; 0 if every sample has one score for all
-        templates, or all templates have the same label.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not match, a score is not finite, or a true label has no template.
-
-    See Also
-    --------
-    fuse : Sum of scores times their factors.
-    label_posterior : Probabilities from log densities.
-
-    Notes
-    -----
-    Temperature scaling [1]_: one number, fitted to samples other than those to be classified. It
-    does not change the order of templates, but decides the weight of one sensor against another.
-
-    If every true label has the best score, the likelihood grows with the factor without bound. But
-    n correct answers in n do not make the next one certain, so the labels are fitted with
-    probability (n + 1)/(n + 2) and the rest is spread over the other labels [2]_. This amounts to
-    one wrong answer in total and errs towards a smaller factor: if no answer is wrong, the best
-    label is about n times as likely as all others. Log densities have the factor 1 and need no
-    fit.
-
-    References
-    ----------
-    .. [1] C. Guo, G. Pleiss, Y. Sun and K. Q. Weinberger, "On calibration of modern neural
-       networks", Proceedings of the 34th International Conference on Machine Learning (2017),
-       arXiv:1706.04599.
-    .. [2] J. C. Platt, "Probabilistic outputs for support vector machines and comparisons to
-       regularized likelihood methods", in Advances in Large Margin Classifiers, MIT Press (1999).
-
-    Examples
-    --------
-    Log densities that were divided by 10 get a factor of 10 back, within the error of the fit:
-
-    >>> import numpy as np
-    >>> from ncti.classify import fit_sharpness
-    >>> rng = np.random.default_rng(0)
-    >>> truth = rng.integers(3, size=5000)
-    >>> signal = 2.0 * np.eye(3)
-    >>> seen = signal[truth] + rng.normal(size=(5000, 3))
-    >>> logs = -((seen[:, None] - signal) ** 2).sum(axis=2) / 2
-    >>> print(f"{fit_sharpness(logs / 10, [0, 1, 2], truth):.0f}")
-    10
-    """
-    spread, surprise = _surprise(scores, labels, truth)
-    if surprise is None:
-        return 0.0
-    # Imported here because scipy.optimize takes half a second.
-    from scipy.optimize import minimize_scalar
-
-    # Factors for scores of any size, in coarse steps first, because means over templates may add a
-    # local maximum before the minimum.
-    steps = np.log(STEPS / spread)
-    lowest = int(np.argmin([surprise(math.exp(step)) for step in steps]))
-    bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])
-    found = minimize_scalar(
-        lambda logarithm: surprise(math.exp(logarithm)), bounds=bounds, method="bounded"
-    )
-    return math.exp(float(found.x))
-
-
-def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: ArrayLike) -> Floats:
+def with_outliers(scores: ArrayLike, labels: ArrayLike, *, outlier_fraction: ArrayLike) -> Floats:
     """Return log densities of a sensor that carries no information with some probability.
 
     Parameters
@@ -161,62 +100,62 @@ def doubted(scores: ArrayLike, labels: ArrayLike, *, doubt: ArrayLike) -> Floats
         sample.
     labels : (template,) array_like
         Label of each template.
-    doubt : float or (template,) array_like
+    outlier_fraction : float or (template,) array_like
         Probability that the scores carry no information, in [0, 1], of all templates or of each;
-        see `ncti.classify.calibration.fit_doubt`.
+        see `ncti.classify.calibration.fit_outlier_fraction`.
 
     Returns
     -------
     (sample, template) float64 ndarray
-        log((1 - doubt) p + doubt), with p the density relative to its mean over all labels. The
-        most probable label remains the same if all templates have one doubt, but its lead over
-        the others is bounded.
+        log((1 - outlier fraction) p + outlier fraction), with p the density relative to its mean
+        over all labels. The most probable label remains the same if all templates have one outlier
+        fraction, but its lead over the others is bounded.
 
     Raises
     ------
     ValueError
-        If shapes do not match, a score is not finite or the doubt is out of range.
+        If shapes do not match, a score is not finite or the outlier fraction is out of range.
 
     See Also
     --------
     ncti.classify.fuse : Combination with the scores of another sensor.
-    ncti.classify.calibration.fit_doubt : Estimate of the probability.
+    ncti.classify.calibration.fit_outlier_fraction : Estimate of the probability.
 
     Examples
     --------
-    Odds of a million to one become 19 to 1 at a doubt of 10 %:
+    Odds of a million to one become 19 to 1 at an outlier fraction of 10 %:
 
     >>> import numpy as np
-    >>> from ncti.classify.fusion import doubted
-    >>> logs = doubted(np.log([[1e6, 1.0]]), ["duncan", "roberts"], doubt=0.1)
+    >>> from ncti.classify.fusion import with_outliers
+    >>> logs = with_outliers(np.log([[1e6, 1.0]]), ["duncan", "roberts"], outlier_fraction=0.1)
     >>> print(f"{np.exp(logs[0, 0] - logs[0, 1]):.1f}")
     19.0
     """
     values, names, _ = _checked(scores, labels)
-    share = require_all("doubt", doubt, minimum=0, maximum=1)
+    share = require_all("outlier_fraction", outlier_fraction, minimum=0, maximum=1)
     if share.shape not in ((), names.shape):
         raise ValueError(
-            f"doubt has shape {share.shape}, but must be one number or one for each of "
+            f"outlier_fraction has shape {share.shape}, but must be one number or one for each of "
             f"{names.size} templates"
         )
     best = values.max(axis=1, keepdims=True, initial=-np.inf)
     _, label, count = np.unique(names, return_inverse=True, return_counts=True)
     weight = 1.0 / (count[label] * len(count))
     mean = np.log(np.exp(values - best) @ weight)[:, None]
-    with np.errstate(divide="ignore"):  # a doubt of 0 or 1, whose logarithm is -inf
+    with np.errstate(divide="ignore"):  # an outlier fraction of 0 or 1, whose logarithm is -inf
         return np.logaddexp(np.log1p(-share) + values - best - mean, np.log(share))
 
 
-def fuse(*scores: ArrayLike, sharpness: Sequence[float]) -> Floats:
+def fuse(*scores: ArrayLike, inverse_temperature: Sequence[float]) -> Floats:
     """Return the combined scores of several sensors.
 
     Parameters
     ----------
     *scores : (sample, template) array_like
         Scores of each sensor for the same samples and templates.
-    sharpness : sequence of float
+    inverse_temperature : sequence of float
         Factor that turns the scores of each sensor into log densities: 1 for log densities, else
-        from `fit_sharpness`.
+        from `ncti.classify.calibration.fit_temperature_and_outliers`.
 
     Returns
     -------
@@ -231,7 +170,7 @@ def fuse(*scores: ArrayLike, sharpness: Sequence[float]) -> Floats:
 
     See Also
     --------
-    fit_sharpness : Factor of a sensor, from samples with known labels.
+    ncti.classify.calibration.fit_temperature_and_outliers : Factor of a sensor.
     label_posterior : Probabilities from the combined scores.
 
     Notes
@@ -250,23 +189,64 @@ def fuse(*scores: ArrayLike, sharpness: Sequence[float]) -> Floats:
     >>> labels = ["duncan", "duncan", "roberts", "roberts"]  # at 0 and 90 degrees each
     >>> profile = np.log([[0.45, 0.45, 0.05, 0.05]])
     >>> silhouette = np.log([[0.05, 0.45, 0.05, 0.45]])
-    >>> fused = fuse(profile, silhouette, sharpness=(1.0, 1.0))
+    >>> fused = fuse(profile, silhouette, inverse_temperature=(1.0, 1.0))
     >>> int(fused.argmax()), label_posterior(fused, labels)[1].round(2).tolist()
     (1, [[0.9, 0.1]])
     """
     values = [require_all("scores", one) for one in scores]
-    sharp = require_all("sharpness", sharpness, minimum=0)
+    factors = require_all("inverse_temperature", inverse_temperature, minimum=0)
     shapes = {one.shape for one in values}
-    if sharp.shape != (len(values),) or len(shapes) != 1 or values[0].ndim != 2:
+    if factors.shape != (len(values),) or len(shapes) != 1 or values[0].ndim != 2:
         listed = ", ".join(str(one.shape) for one in values)
         raise ValueError(
-            f"scores have shapes {listed} for sharpness of shape {sharp.shape}, but must be as "
-            "many of one shape (sample, template)"
+            f"scores have shapes {listed} for inverse_temperature of shape {factors.shape}, but "
+            "must be as many of one shape (sample, template)"
         )
     total = np.zeros(values[0].shape)
-    for one, step in zip(values, sharp, strict=True):
+    for one, step in zip(values, factors, strict=True):
         total += step * (one - one.max(axis=1, keepdims=True, initial=-np.inf))
     return total
+
+
+def similarity_between_phases(
+    silhouettes: NDArray[np.float32], templates: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the largest cosine of each silhouette to each template in all other phases.
+
+    Parameters
+    ----------
+    silhouettes : (phase, sample, feature) float32 ndarray
+        Maps at two places on the detector or more.
+    templates : (phase, template, feature) float32 ndarray
+        Maps of each template at the same places.
+
+    Returns
+    -------
+    (phase, sample, template) float32 ndarray
+        Cosine; 0 for an empty map. In use, no template has the same place on the detector as the
+        silhouette, so its own is left out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.classify.fusion import similarity_between_phases
+    >>> maps = np.array([[[1, 0]], [[1, 1]]], np.float32)
+    >>> similarity_between_phases(maps, maps).round(2).ravel().tolist()
+    [0.7099999785423279, 0.7099999785423279]
+    """
+    phases, views, features = templates.shape
+    known = _directions(templates)
+    best = np.empty((phases, silhouettes.shape[1], views), dtype=np.float32)
+    for phase, seen in enumerate(_directions(silhouettes)):
+        others = known[np.arange(phases) != phase].reshape(-1, features)
+        best[phase] = (seen @ others.T).reshape(-1, phases - 1, views).max(axis=1)
+    return best
+
+
+def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return vectors of unit length; those of length 0 as they are."""
+    norm = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
+    return np.asarray(vectors / np.where(norm > 0, norm, np.float32(1)), dtype=np.float32)
 
 
 def _checked(
@@ -286,43 +266,3 @@ def _checked(
             f"exclude has shape {left_out.shape}, but must be {values.shape} or {names.shape}"
         )
     return values, names, left_out
-
-
-def _surprise(
-    scores: ArrayLike, labels: ArrayLike, truth: ArrayLike
-) -> tuple[float, Callable[[float], float] | None]:
-    """Return the spread of scores, and the loss at the true labels as a function of sharpness.
-
-    The loss is the mean cross-entropy; None if the sharpness has no effect.
-    """
-    values, names, _ = _checked(scores, labels)
-    true = require_labels("truth", truth)
-    if true.shape != values.shape[:1] or not true.size:
-        raise ValueError(
-            f"truth has shape {true.shape}, but must be one label for each sample, "
-            f"({len(values)},), and there must be a sample"
-        )
-    unknown = np.setdiff1d(true, names)
-    if unknown.size:
-        raise ValueError(f"truth has {unknown[0]!r}, but must be among the labels")
-    # Imported here because scipy.special is slow to import.
-    from scipy.special import logsumexp
-
-    classes, label = np.unique(names, return_inverse=True)
-    spread = float(np.ptp(values, axis=1).mean())
-    if spread == 0.0 or len(classes) == 1:
-        return spread, None
-    share = (label[:, None] == np.arange(len(classes))) / np.bincount(label)
-    # Best template of every label, and the others relative to it, so that no sum is 0.
-    best = np.stack([values[:, label == k].max(axis=1) for k in range(len(classes))], axis=1)
-    behind = values - best[:, label]
-    lead = best - best.max(axis=1, keepdims=True)
-    wrong = 1.0 / (len(values) + 2)
-    wanted = np.where(true[:, None] == classes, 1.0 - wrong, wrong / (len(classes) - 1))
-
-    def surprise(sharpness: float) -> float:
-        """Return the mean cross-entropy of the wanted and the predicted probabilities."""
-        density = sharpness * lead + np.log(np.exp(sharpness * behind) @ share)
-        return float((logsumexp(density, axis=1) - (wanted * density).sum(axis=1)).mean())
-
-    return spread, surprise

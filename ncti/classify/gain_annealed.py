@@ -8,15 +8,15 @@ from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin, _fit_context
+from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils import check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ncti.checks import require
 from ncti.classify.back_propagation import Layer, Network
+from ncti.classify.constraints import Interval, StrOptions, fit_context
 
 # Within these bounds no product of weights, gains and inputs leaves float64 in any training.
 LARGEST_INPUT = 1e100
@@ -188,7 +188,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         self.scaling = scaling
         self.random_state = random_state
 
-    @_fit_context(prefer_skip_nested_validation=True)
+    @fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Train the network on X, with one output for every label in y.
 

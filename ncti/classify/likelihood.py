@@ -10,24 +10,27 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cholesky_banded
-from sklearn.base import BaseEstimator, _fit_context
-from sklearn.utils._param_validation import Interval
+from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from ncti.checks import require_all, require_flags
 from ncti.classify.bands import (
     checked_averages,
     checked_moments,
+    coloured,
     densities,
     factored,
     mean_correlation,
     residual_band,
     whiten,
 )
-from ncti.classify.between import cells
-from ncti.classify.calibration import UNKNOWN_ERROR, calibrated_error
+from ncti.classify.between import cells, every_other
+from ncti.classify.constraints import Interval, fit_context
 from ncti.classify.fusion import label_posterior
 
+UNKNOWN_ERROR = 1.0  # if there are too few templates to leave some out: the residual's full scale
+CALIBRATED_AT = 16  # frames in the averages used for calibration
+WITHIN = 1e-4, 1e2  # bounds of the template error
 WIDEST = 1e6  # of any prior: flat compared to the likelihood, and its square is still finite
 
 Floats = NDArray[np.float64]
@@ -45,7 +48,7 @@ class GaussianTemplates(BaseEstimator):
         Prior standard deviation of a shift of the noise floor, the same in all bins, in units of
         the root-mean-square standard deviation of one frame of the templates. At 0 the floor is
         known.
-    nugget : float, default=1e-3
+    diagonal_loading : float, default=1e-3
         Variance of independent noise in every bin of one frame, relative to the mean variance of
         the templates.
     template_error : float or None, default=0
@@ -62,7 +65,7 @@ class GaussianTemplates(BaseEstimator):
     mean_ : (template, bin) float64 ndarray
         Mean of a frame.
     cholesky_ : (template, lag, bin) float64 ndarray
-        Lower Cholesky factor of the covariance of one frame, nugget included, as a lower band.
+        Lower Cholesky factor of the covariance of one frame, loading included, as a lower band.
     template_error_ : float
         As given, or as calibrated.
 
@@ -77,7 +80,7 @@ class GaussianTemplates(BaseEstimator):
     An average y of N frames of a template with mean m, floor f and one-frame covariance C is
     modelled as
 
-        y = m + (a - 1) (m - f) + b + e,   e ~ N(0, (C + nugget v I) / N),
+        y = m + (a - 1) (m - f) + b + e,   e ~ N(0, (C + l v I) / N),
         a ~ N(1, gain_sigma^2),   b ~ N(0, floor_sigma^2 v) in all bins,
 
     with v the mean variance of all templates. Gain and shift are integrated out: they add a matrix
@@ -100,9 +103,9 @@ class GaussianTemplates(BaseEstimator):
 
     The matched filter limits the band of the field, not of its magnitude: the smallest eigenvalue
     of C, relative to the variance of a bin, is 2e-3 at 30 ns, 3e-4 at 50 ns and 5e-7 at 200 ns
-    (bins of 1 m). The nugget represents electronics and rounding after the detector, 30 dB below
-    the noise of a bin. At 30 ns scores agree within half a point for nuggets from 1e-7 to 1e-1; for
-    longer pulses it prevents decisions on digits that are never recorded.
+    (bins of 1 m). The diagonal loading l represents electronics and rounding after the detector,
+    30 dB below the noise of a bin. At 30 ns scores agree within half a point for loadings from
+    1e-7 to 1e-1; for longer pulses it prevents decisions on digits that are never recorded.
 
     A sum of magnitudes has skewness 0.63 over the square root of their number, IFOVs times N. From
     some 100 on, the probabilities are correct for sampled frames; with 32 they are one percentage
@@ -129,7 +132,7 @@ class GaussianTemplates(BaseEstimator):
     _parameter_constraints: ClassVar[dict] = {
         "gain_sigma": [Interval(Real, 0, WIDEST, closed="both")],
         "floor_sigma": [Interval(Real, 0, WIDEST, closed="both")],
-        "nugget": [Interval(Real, 0, WIDEST, closed="both")],
+        "diagonal_loading": [Interval(Real, 0, WIDEST, closed="both")],
         "template_error": [Interval(Real, 0, WIDEST, closed="both"), None],
     }
 
@@ -138,15 +141,15 @@ class GaussianTemplates(BaseEstimator):
         *,
         gain_sigma: float = 1.0,
         floor_sigma: float = 1.0,
-        nugget: float = 1e-3,
+        diagonal_loading: float = 1e-3,
         template_error: float | None = 0.0,
     ) -> None:
         self.gain_sigma = gain_sigma
         self.floor_sigma = floor_sigma
-        self.nugget = nugget
+        self.diagonal_loading = diagonal_loading
         self.template_error = template_error
 
-    @_fit_context(prefer_skip_nested_validation=True)
+    @fit_context(prefer_skip_nested_validation=True)
     def fit(
         self,
         mean: ArrayLike,
@@ -187,7 +190,7 @@ class GaussianTemplates(BaseEstimator):
         ------
         ValueError
             If shapes do not match, an element is not finite, a covariance is not positive
-            definite even with its nugget, aspects are missing or not distinct, or the generator
+            definite even with its loading, aspects are missing or not distinct, or the generator
             is missing.
         """
         means, bands, names, signal = checked_moments(mean, covariance, labels, floor)
@@ -195,8 +198,8 @@ class GaussianTemplates(BaseEstimator):
         self.mean_ = means
         variance = float(bands[:, 0].mean())
         self._whole = bands.copy()
-        self._whole[:, 0] += self.nugget * variance
-        self.cholesky_ = factored(self._whole, self.nugget)
+        self._whole[:, 0] += self.diagonal_loading * variance
+        self.cholesky_ = factored(self._whole, self.diagonal_loading)
         # Directions of a unit of gain and of the prior of the floor. The likelihood needs them
         # whitened, which for exact templates is done once.
         shift = np.full_like(signal, math.sqrt(variance))
@@ -291,30 +294,13 @@ class GaussianTemplates(BaseEstimator):
             If X is empty, has another number of bins, has an element that is not finite or whose
             square overflows, a count is below 1, or a deviation is out of range.
         """
-        found: Floats = self.compare(X, frame_count, gain_sigma=gain_sigma)[0]
-        return found
-
-    def compare(
-        self, X: ArrayLike, frame_count: ArrayLike, *, gain_sigma: ArrayLike | None = None
-    ) -> Floats:
-        """Return the log density of each average under each template, and its squared distance.
-
-        Parameters and errors are those of `log_likelihood`.
-
-        Returns
-        -------
-        (2, ..., sample, template) float64 ndarray
-            Natural logarithms, and squared Mahalanobis distances with all unknowns integrated
-            out: chi-square distributed, with as many degrees of freedom as bins, for averages of
-            the template itself with unknowns drawn from their priors.
-        """
         check_is_fitted(self)
         samples, frames = checked_averages(X, frame_count, self.mean_.shape[1])
         given = self.gain_sigma if gain_sigma is None else gain_sigma
         gains = require_all("gain_sigma", given, minimum=0, maximum=WIDEST)
         floors = require_all("floor_sigma", self.floor_sigma, minimum=0, maximum=WIDEST)
         pairs = np.stack([gains.ravel(), np.full(gains.size, floors)], axis=1)
-        result = np.empty((2, len(pairs), len(samples), len(self.mean_)))
+        result = np.empty((len(pairs), len(samples), len(self.mean_)))
         with np.errstate(over="ignore", invalid="ignore"):
             for t in range(len(self.mean_)):
                 # The residual is the same in all frames, so its weight against their noise grows
@@ -327,7 +313,7 @@ class GaussianTemplates(BaseEstimator):
                 f"X reaches {np.abs(samples).max():g}, but its squared distance to the templates "
                 "must be a finite number"
             )
-        return result.reshape(2, *gains.shape, len(samples), -1)
+        return result.reshape(*gains.shape, len(samples), -1)
 
     def posterior(self, X: ArrayLike, frame_count: ArrayLike) -> Floats:
         """Return the probability of each label.
@@ -366,6 +352,13 @@ class GaussianTemplates(BaseEstimator):
         best = self.posterior(X, frame_count).argmax(axis=1)
         return self.classes_[best]
 
+    def drawn(self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator) -> Floats:
+        """Return (sample, bin) averages, one drawn from the moments of each chosen template."""
+        factors = self.cholesky_[which]
+        noise = rng.standard_normal((len(factors), self.mean_.shape[1]))
+        deviations = np.array([coloured(*pair) for pair in zip(factors, noise, strict=True)])
+        return self.mean_[which] + deviations / math.sqrt(frames)
+
     def density(self, template: int, samples: Floats, frames: Floats, priors: Floats) -> Floats:
         """Return `ncti.classify.bands.densities` for one template.
 
@@ -382,3 +375,45 @@ class GaussianTemplates(BaseEstimator):
         whole = self._whole[template] + residual_band(scale, self._correlation)
         factor = cholesky_banded(whole, lower=True)
         return factor, whiten(factor, self._directions[template])
+
+
+def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> float:
+    """Return the template error that maximises the likelihood of templates left out.
+
+    Parameters
+    ----------
+    templates : GaussianTemplates
+        Classifier with aspects and some template error.
+    rng : numpy.random.Generator
+        Draws an average of 16 frames from every second template of a label.
+
+    Returns
+    -------
+    float
+        Template error from 1e-4 to 100, to 5 %, with the largest mean log density of an average
+        under the two neighbouring templates of its label. 1 if no label has five templates.
+    """
+    # Imported here because scipy.optimize takes half a second.
+    from scipy.optimize import minimize_scalar
+
+    out, beside = every_other(templates.labels_, templates.aspect_)
+    if not out.any():
+        return UNKNOWN_ERROR
+    samples, rest = templates.drawn(out, CALIBRATED_AT, rng), templates.without(out)
+    priors = np.array([[templates.gain_sigma, templates.floor_sigma]])
+    answering = [(t, rows) for t, rows in enumerate(beside.T) if rows.any()]
+
+    def negative_log_likelihood(log_error: float) -> float:
+        """Return the mean negative log density of the averages."""
+        rest.template_error_ = math.exp(log_error)
+        logs = np.full(beside.shape, -np.inf)
+        for t, rows in answering:
+            frames = np.full(rows.sum(), float(CALIBRATED_AT))
+            logs[rows, t] = rest.density(t, samples[rows], frames, priors)[0]
+        return -float(np.logaddexp.reduce(logs, axis=1).mean())
+
+    bounds = tuple(map(math.log, WITHIN))
+    found = minimize_scalar(
+        negative_log_likelihood, bounds=bounds, method="bounded", options={"xatol": 0.05}
+    )
+    return math.exp(float(found.x))

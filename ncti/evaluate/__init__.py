@@ -1,8 +1,8 @@
 """Scores of classifiers by aspect bin, with confidence intervals, and category formation."""
 
 from ncti.evaluate.categories import CategoryFormation, category_formation
-from ncti.evaluate.open_set import OpenSetScores, open_set_scores
-from ncti.evaluate.replicates import replicated_accuracy
+from ncti.evaluate.open_set import OpenSetScores, open_set_scores, rejection_thresholds
+from ncti.evaluate.replicates import paired_difference, replicated_accuracy
 from ncti.evaluate.scores import AspectAccuracy, accuracy_by_aspect, aspect_bins, wilson_interval
 
 __all__ = [
@@ -13,6 +13,8 @@ __all__ = [
     "aspect_bins",
     "category_formation",
     "open_set_scores",
+    "paired_difference",
+    "rejection_thresholds",
     "replicated_accuracy",
     "wilson_interval",
 ]

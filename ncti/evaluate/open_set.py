@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require_all, require_flags
 
@@ -104,3 +104,48 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
     return OpenSetScores(
         auroc=float(beaten.sum() / pairs), oscr=float(beaten[right[learned]].sum() / pairs)
     )
+
+
+def rejection_thresholds(similarity: ArrayLike, shares: ArrayLike) -> NDArray[np.float64]:
+    """Return up to which similarity answers must be rejected to reject some shares of them.
+
+    Parameters
+    ----------
+    similarity : (...) array_like
+        Similarity of answers to classes absent from training.
+    shares : (share,) array_like
+        Least fractions of these answers to reject, in [0, 1].
+
+    Returns
+    -------
+    (share,) float64 ndarray
+        Largest similarity that is rejected; -infinity for a share of 0, NaN without an answer.
+
+    Raises
+    ------
+    ValueError
+        If a similarity is not finite, or a share is not in [0, 1].
+
+    See Also
+    --------
+    open_set_scores : Areas under the curves of such thresholds.
+
+    Notes
+    -----
+    The characteristic has a corner at every similarity of an answer to an unknown class. To reject
+    a share of these answers, all answers up to a quantile of the similarity are rejected.
+
+    Examples
+    --------
+    Of four answers two must be rejected for at least 30 percent:
+
+    >>> from ncti.evaluate import rejection_thresholds
+    >>> rejection_thresholds([0.9, 0.5, 0.8, 0.6], [0.0, 0.3, 1.0])
+    array([-inf,  0.6,  0.9])
+    """
+    ranked = np.sort(require_all("similarity", similarity).ravel())
+    share = require_all("shares", shares, minimum=0, maximum=1)
+    if not ranked.size:
+        return np.where(share > 0, np.nan, -np.inf)
+    count = np.ceil(share * ranked.size - 1e-9).astype(int)
+    return np.where(count > 0, ranked[np.maximum(count - 1, 0)], -np.inf)

@@ -87,7 +87,7 @@ def replicated_accuracy(
 
     Examples
     --------
-    Eight draws whose answers to each of 124 views are all the same are worth no more than one
+    Eight draws whose answers to each of 124 views are all the same contain no more than one
     draw: the interval of 992 answers is that of 124:
 
     >>> import numpy as np
@@ -140,6 +140,102 @@ def replicated_accuracy(
     )
     fraction = np.where(n > 0, fraction, np.nan)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
+
+
+def paired_difference(
+    first: ArrayLike,
+    second: ArrayLike,
+    aspects: ArrayLike,
+    *,
+    draws: int = 1,
+    answered: ArrayLike = True,
+) -> AspectAccuracy:
+    """Return how much larger a second fraction of correct answers to the same views is.
+
+    Parameters
+    ----------
+    first, second : (..., draw, ..., ship, aspect) array_like of bool
+        True for correct answers, with the axes of `replicated_accuracy`.
+    aspects, draws, answered
+        As of `replicated_accuracy`.
+
+    Returns
+    -------
+    AspectAccuracy
+        Second fraction less the first, from -1 to 1, with the ends of its interval.
+
+    Raises
+    ------
+    ValueError
+        As of `replicated_accuracy`, or if the shapes differ.
+
+    See Also
+    --------
+    replicated_accuracy : Each fraction alone.
+
+    Notes
+    -----
+    Newcombe's method 10 [1]_ on the intervals of both fractions. With p the fractions, l and u
+    their lower and upper ends, the lower end is below the difference by
+
+        sqrt((p2 - l2)^2 - 2 phi (p2 - l2) (u1 - p1) + (u1 - p1)^2),
+
+    and the upper end likewise. For several draws phi is the correlation of the means of the views
+    of a bin; for one, it is that of the answers. A positive one has the correction for continuity,
+    and 0 stands where there is none.
+
+    References
+    ----------
+    .. [1] R. G. Newcombe, "Improved confidence intervals for the difference between binomial
+       proportions based on paired data", Statistics in Medicine 17, 2635-2650 (1998),
+       doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C.
+
+    Examples
+    --------
+    Of 40 views the second classifier identifies four more, and none less:
+
+    >>> import numpy as np
+    >>> from ncti.evaluate import paired_difference
+    >>> first = np.arange(40).reshape(1, 1, 40) < 30
+    >>> second = np.arange(40).reshape(1, 1, 40) < 34
+    >>> more = paired_difference(first, second, np.full(40, 45.0))
+    >>> [float(one[-1].round(2)) for one in (more.fraction, more.ci_low, more.ci_high)]
+    [0.1, -0.01, 0.22]
+    """
+    both = [checked_answers(first), checked_answers(second)]
+    if both[0].shape != both[1].shape:
+        raise ValueError(
+            f"second has shape {both[1].shape}, but must have that of first, {both[0].shape}"
+        )
+    one, other = (
+        replicated_accuracy(right, aspects, draws=draws, answered=answered) for right in both
+    )
+    labels, index = aspect_bins(aspects)
+    count = np.broadcast_to(np.asarray(answered), both[0].shape).astype(float)
+    kinds = tuple(range(-2 - draws, -2))
+    answers = max(np.prod([count.shape[kind] for kind in kinds]), 1)  # to a view
+    seen = count.sum(axis=kinds)
+    means = [(right * count).sum(axis=kinds) / np.maximum(seen, 1.0) for right in both]
+    phi = np.zeros(one.fraction.shape)
+    for k in range(len(labels) + 1):
+        inside = (seen > 0) & ((index == k) | (k == len(labels)))
+        some = np.maximum(inside.sum(axis=(-2, -1), keepdims=True), 1)
+        a, b = (
+            np.where(inside, mean - (mean * inside).sum(axis=(-2, -1), keepdims=True) / some, 0.0)
+            for mean in means
+        )
+        squares = (a**2).sum(axis=(-2, -1)) * (b**2).sum(axis=(-2, -1))
+        product = (a * b).sum(axis=(-2, -1))
+        product = np.where(product > 0, np.maximum(product - 0.5 / answers, 0.0), product)
+        phi[..., k] = np.where(squares > 0, product / np.sqrt(np.maximum(squares, 1e-300)), 0.0)
+
+    def reach(up: Floats, down: Floats) -> Floats:
+        return np.sqrt(np.maximum(up**2 - 2.0 * phi * up * down + down**2, 0.0))
+
+    difference = other.fraction - one.fraction
+    low = difference - reach(other.fraction - other.ci_low, one.ci_high - one.fraction)
+    high = difference + reach(other.ci_high - other.fraction, one.fraction - one.ci_low)
+    return AspectAccuracy(one.labels, difference, low, high, one.n)
 
 
 def _views(values: Floats, member: Floats) -> Floats:

@@ -2,6 +2,7 @@
 
 from ncti.infrared.bands import LONG_WAVE, MID_WAVE, band_contrast
 from ncti.infrared.detection import detection_probability, detection_threshold
+from ncti.infrared.imager import Imager
 from ncti.infrared.radiometry import (
     CONTRAST_AT_ZERO,
     EXTINCTION,
@@ -13,7 +14,7 @@ from ncti.infrared.radiometry import (
     noise_temperature,
     snr,
 )
-from ncti.infrared.silhouette import Silhouette, coverage_of, silhouette
+from ncti.infrared.silhouette import Silhouette, coverage_of, footprint, silhouette
 from ncti.infrared.super_resolution import reconstruction_error, shifted_images
 from ncti.infrared.synthesis import SUPER_RESOLUTIONS, image, pixel_sigma, thermal_images
 
@@ -26,6 +27,7 @@ __all__ = [
     "NEDT",
     "SPREAD",
     "SUPER_RESOLUTIONS",
+    "Imager",
     "Silhouette",
     "attenuation",
     "band_contrast",
@@ -33,6 +35,7 @@ __all__ = [
     "coverage_of",
     "detection_probability",
     "detection_threshold",
+    "footprint",
     "image",
     "noise_temperature",
     "pixel_sigma",

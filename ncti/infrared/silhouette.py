@@ -19,6 +19,34 @@ Extent = tuple[float, float, float, float]  # left, right, bottom, top [m]
 _ROUNDING = 1e-6  # pixel; far above the rounding error of a coordinate over the footprint
 
 
+def footprint(slant_range: float, ifov: float) -> float:
+    """Return the side of a pixel on the target.
+
+    Parameters
+    ----------
+    slant_range : float
+        Sensor to target [m].
+    ifov : float
+        Instantaneous field of view of a pixel [rad].
+
+    Returns
+    -------
+    float
+        Side of the square that the pixel covers at that range [m].
+
+    See Also
+    --------
+    silhouette : Shares of such pixels that a ship fills.
+
+    Examples
+    --------
+    >>> from ncti.infrared import footprint
+    >>> footprint(100e3, 150e-6)
+    15.0
+    """
+    return ifov * (slant_range / 1e3) * 1e3  # in this order, by which results are stored
+
+
 @dataclass(frozen=True, eq=False)
 class Silhouette:
     """Fraction of each detector pixel that the ship fills.

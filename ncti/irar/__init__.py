@@ -2,6 +2,7 @@
 
 from ncti.irar.autofocus import autofocus
 from ncti.irar.chain import Correction, correct, profile, segmented
+from ncti.irar.corrected import Chain
 from ncti.irar.flight import Flight, ship_heading
 from ncti.irar.landmarks import Landmarks, Peak, landmarks, profile_correlation
 from ncti.irar.materials import reflectivity
@@ -15,6 +16,7 @@ from ncti.irar.tilt import Tilt, tilts
 from ncti.irar.time_delay import time_delay_integrate
 
 __all__ = [
+    "Chain",
     "Correction",
     "Flight",
     "Landmarks",

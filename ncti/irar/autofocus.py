@@ -64,14 +64,14 @@ def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
     return centres.astype(np.float64), smooth
 
 
-def autofocus(scan: Scan, belief: Flight, *, reach: float = 0.1) -> Flight:
+def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
     """Return the flight with the aircraft speed at which most steep faces are upright.
 
     Parameters
     ----------
     scan : Scan
         Raw images.
-    belief : Flight
+    estimate : Flight
         The flight as navigation measures it.
     reach : float
         Largest error of the closing speed to search for, as a fraction of it, below 1.
@@ -79,7 +79,7 @@ def autofocus(scan: Scan, belief: Flight, *, reach: float = 0.1) -> Flight:
     Returns
     -------
     Flight
-        The belief with a corrected `aircraft_speed`.
+        The estimate with a corrected `aircraft_speed`.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def autofocus(scan: Scan, belief: Flight, *, reach: float = 0.1) -> Flight:
     90 m/s
     """
     require("reach", reach, positive=True, below=1)
-    flight = belief
+    flight = estimate
     for _ in range(ROUNDS):
         slope = _commonest_slope(scan, flight, reach=reach)
         # An error dv of the closing speed makes an upright face lean by dv / climb.
@@ -139,7 +139,7 @@ def closing_per_speed(flight: Flight) -> float:
 
 def _commonest_slope(scan: Scan, flight: Flight, *, reach: float) -> float:
     """Return the most frequent slope of faces in the corrected image [m/m]."""
-    image = segmented(correct(scan, Correction(), belief=flight, overscanned=True), flight)
+    image = segmented(correct(scan, Correction(), estimate=flight, overscanned=True), flight)
     # Horizontal distance of every pixel, from its range and its angle below the horizon.
     below = math.radians(flight.depression) - np.arctan(image.row * flight.ifov)
     level = image.range * np.cos(below)[:, None]

@@ -116,7 +116,7 @@ def nearest_ship_range(scan: Scan) -> Floats:
 
 
 def places(
-    scan: Scan, correction: Correction, *, belief: Flight | None = None
+    scan: Scan, correction: Correction, *, estimate: Flight | None = None
 ) -> tuple[Floats, Floats, Floats]:
     """Return row, column and range of every sample after the geometric corrections.
 
@@ -126,7 +126,7 @@ def places(
         Raw images.
     correction : Correction
         Methods.
-    belief : Flight, optional
+    estimate : Flight, optional
         The flight as navigation measures it; the true one when not given.
 
     Returns
@@ -136,7 +136,7 @@ def places(
     range : (line, sample) float64 ndarray
         Range in the snapshot [m].
     """
-    flight = scan.flight if belief is None else belief
+    flight = scan.flight if estimate is None else estimate
     # Mirror: the shear of the lines.
     samples, time = np.arange(flight.samples), scan.time
     row, column = raw_places(flight, samples)
@@ -161,7 +161,7 @@ def correct(
     scan: Scan,
     correction: Correction | None = None,
     *,
-    belief: Flight | None = None,
+    estimate: Flight | None = None,
     window: Window | None = None,
     overscanned: bool = False,
 ) -> Snapshot:
@@ -173,7 +173,7 @@ def correct(
         Raw images.
     correction : Correction, optional
         Methods; the exact ones when not given.
-    belief : Flight, optional
+    estimate : Flight, optional
         The flight as navigation measures it; the true one when not given.
     window : Window, optional
         Pixels of the result; all that contain samples when not given.
@@ -219,8 +219,8 @@ def correct(
     ((345, 60), (30, 19))
     """
     how = Correction() if correction is None else correction
-    flight = scan.flight if belief is None else belief
-    row, column, ranges = places(scan, how, belief=belief)
+    flight = scan.flight if estimate is None else estimate
+    row, column, ranges = places(scan, how, estimate=estimate)
     if window is None:
         window = window_of(row, column)
     # Looks of each pixel: overscanned rows overlap.

@@ -24,7 +24,7 @@ RATES = ("line", "pulse")
 def correct_as_printed(
     scan: Scan,
     *,
-    belief: Flight | None = None,
+    estimate: Flight | None = None,
     window: Window | None = None,
     rate: str = "line",
 ) -> Snapshot:
@@ -34,7 +34,7 @@ def correct_as_printed(
     ----------
     scan : Scan
         Raw images.
-    belief : Flight, optional
+    estimate : Flight, optional
         The flight as navigation measures it; the true one when not given.
     window : Window, optional
         Pixels of the result; all that the rotated image fills when not given.
@@ -89,7 +89,7 @@ def correct_as_printed(
     """
     if rate not in RATES:
         raise ValueError(f"rate is {rate!r}, but must be one of {', '.join(RATES)}")
-    flight = scan.flight if belief is None else belief
+    flight = scan.flight if estimate is None else estimate
     # Average N scans at a time, with ranges corrected for the approach.
     scans = max(1, round(flight.lines_per_pixel))
     rows = len(scan.intensity) // scans

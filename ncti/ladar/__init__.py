@@ -2,7 +2,7 @@
 
 from ncti.ladar.budget import carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
-from ncti.ladar.extent import RangeExtent, range_extent
+from ncti.ladar.extent import RangeExtent, bin_centres, no_return, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks, sample_frames
 from ncti.ladar.moments import banded_frame_moments, frame_moments
 from ncti.ladar.pulse import noise_floor
@@ -11,6 +11,7 @@ from ncti.ladar.tolerance import extent_within, lines_within
 __all__ = [
     "RangeExtent",
     "banded_frame_moments",
+    "bin_centres",
     "carrier_to_noise",
     "cumulative_average",
     "expected_profile",
@@ -18,6 +19,7 @@ __all__ = [
     "frame_blocks",
     "frame_moments",
     "lines_within",
+    "no_return",
     "noise_floor",
     "power_ratio",
     "range_extent",

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +46,9 @@ class RangeExtent:
         Side of an IFOV [rad].
     slant_range : float
         Distance from sensor to ship origin [m].
-    strands : (16, bin) float64 ndarray or None
+    strands : (16, bin) float64 ndarray
         Fractions from every sixteenth line, summed over IFOVs; the strands add up to the sum of
-        `fraction`. None if made from a range image.
+        `fraction`. Empty if made from a range image.
     line_count : int
         Lines across the ship; 0 if made from a range image.
     shift : (float, float)
@@ -87,10 +90,17 @@ class RangeExtent:
     cell: NDArray[np.int64]
     ifov: float
     slant_range: float
-    strands: NDArray[np.float64] | None = None
+    strands: NDArray[np.float64] = field(default_factory=partial(np.zeros, (0, 0)))
     line_count: int = 0
     shift: tuple[float, float] = (0.0, 0.0)
     far_field_error: float = 0.0
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any]) -> RangeExtent:
+        """Return the range extent whose attributes are given by name, numbers as arrays or not."""
+        arrays = {name: np.asarray(value) for name, value in attributes.items()}
+        plain: Any = {name: one if one.ndim else one.item() for name, one in arrays.items()}
+        return cls(**plain)
 
     @property
     def error(self) -> float:
@@ -120,7 +130,7 @@ class RangeExtent:
         `far_field_error` is added: the whole is the error at the slant range, also of a view that
         was drawn in the far field.
         """
-        if self.strands is None:
+        if not len(self.strands):
             return math.nan
         error = sampling_error(self.strands, self.line_count, pulse_width, bin_width=self.bin_width)
         return error + self.far_field_error
@@ -287,7 +297,7 @@ def binned_extent(
     half_window, bin_count = bins_of(window, bin_width)
     right, up = shift
     lambertian = reflectance == "lambertian"
-    strands = None
+    strands = np.zeros((0, bin_count))
     # Pieces of lines are integrated exactly, and in strands for the error estimate.
     if isinstance(image, LineImage):
         parts = image.bin(
@@ -364,6 +374,61 @@ def bins_of(window: float, bin_width: float) -> tuple[float, int]:
         )
     bin_count = max(1, round(window / bin_width))
     return bin_count * bin_width / 2, bin_count
+
+
+def bin_centres(window: float, bin_width: float) -> Floats:
+    """Return the down-range positions of the bins of a profile.
+
+    Parameters
+    ----------
+    window, bin_width : float
+        Range window centred on the ship, and a bin of it [m].
+
+    Returns
+    -------
+    (bin,) float64 ndarray
+        Centres of the bins, relative to the ship origin [m].
+
+    See Also
+    --------
+    range_extent : Returns an extent with these bins.
+
+    Examples
+    --------
+    >>> from ncti.ladar import bin_centres
+    >>> bin_centres(4.0, 1.0).tolist()
+    [-1.5, -0.5, 0.5, 1.5]
+    """
+    bins = round(window / bin_width)
+    return bin_width * (np.arange(bins, dtype=np.float64) - (bins - 1) / 2)
+
+
+def no_return(window: float, bin_width: float) -> RangeExtent:
+    """Return the range extent of a window without a ship.
+
+    Parameters
+    ----------
+    window, bin_width : float
+        As of `bin_centres` [m].
+
+    Returns
+    -------
+    RangeExtent
+        Without an IFOV.
+
+    See Also
+    --------
+    range_extent : Range extent of a ship.
+
+    Examples
+    --------
+    >>> from ncti.ladar import no_return
+    >>> no_return(250.0, 1.0).fraction.shape
+    (0, 250)
+    """
+    bins = bin_centres(window, bin_width)
+    nothing, cell = np.zeros((0, bins.size)), np.zeros((0, 2), dtype=np.int64)
+    return RangeExtent(nothing, bins, bin_width, cell, ifov=1.0, slant_range=1.0)
 
 
 def _check_clear(image: RangeImage | LineImage, seen: Floats, slant_range: float) -> None:

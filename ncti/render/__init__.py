@@ -9,6 +9,7 @@ from ncti.render.flight import depression_angle
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
 from ncti.render.rays import RayHits, cast_rays
+from ncti.render.sampled import Sampling
 from ncti.render.view import far_field_error
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "LineImage",
     "RangeImage",
     "RayHits",
+    "Sampling",
     "available_engines",
     "cast_rays",
     "depression_angle",

@@ -1,6 +1,8 @@
 """Drawing of facet numbers by pyrender's renderer and scene.
 
-Importing this module imports OpenGL: `ncti.render.opengl.bind_platform` comes before.
+Importing this module imports OpenGL: `ncti.render.opengl.bind_platform` comes before. Private names
+of pyrender and PyOpenGL are in this module alone, as in versions 0.1.45 and 3.1.7: no public one
+draws without walking through the scene for every image.
 """
 
 from __future__ import annotations

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -114,34 +113,6 @@ def line_image(
     return _drawn(Surfaces.of(mesh), view, float(spacing), float(phase))
 
 
-def between(mesh: trimesh.Trimesh, lines: LineImage, factor: int) -> LineImage:
-    """Return the lines that lie between given ones in a view by lines closer together.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        Ship of the view.
-    lines : LineImage
-        View of it.
-    factor : int
-        The spacing is divided by it.
-
-    Returns
-    -------
-    LineImage
-        Lines of the finer view, with their numbers and spacing in it, without the given ones.
-
-    See Also
-    --------
-    refined : The new lines together with the given ones.
-    """
-    if not (isinstance(factor, int | np.integer) and factor >= 2):
-        raise ValueError(f"factor is {factor!r}, but must be a whole number from 2 on")
-    kept, phase = divmod(factor * lines.phase, 1.0)
-    view = View(lines.aspect, lines.depression, lines.roll, slant_range=lines.slant_range)
-    return _drawn(Surfaces.of(mesh), view, lines.spacing / factor, phase, int(factor), int(kept))
-
-
 def refined(mesh: trimesh.Trimesh, lines: LineImage, factor: int = 2) -> LineImage:
     """Return a view by lines closer together: the given lines, and new ones between them.
 
@@ -159,6 +130,11 @@ def refined(mesh: trimesh.Trimesh, lines: LineImage, factor: int = 2) -> LineIma
     LineImage
         As `line_image` of the spacing divided by the factor, with the phase multiplied by it.
 
+    Raises
+    ------
+    ValueError
+        If the factor is no whole number, or below 2.
+
     See Also
     --------
     line_image : The first lines.
@@ -173,13 +149,12 @@ def refined(mesh: trimesh.Trimesh, lines: LineImage, factor: int = 2) -> LineIma
     >>> refined(box, lines, 3).spacing
     0.25
     """
-    return merged(lines, between(mesh, lines, factor))
-
-
-def merged(lines: LineImage, new: LineImage) -> LineImage:
-    """Return lines and those of `between` as one view."""
-    factor = round(lines.spacing / new.spacing)
-    kept = math.floor(factor * lines.phase)
+    if not (isinstance(factor, int | np.integer) and factor >= 2):
+        raise ValueError(f"factor is {factor!r}, but must be a whole number from 2 on")
+    kept, phase = divmod(factor * lines.phase, 1.0)
+    view = View(lines.aspect, lines.depression, lines.roll, slant_range=lines.slant_range)
+    spacing = lines.spacing / factor
+    new = _drawn(Surfaces.of(mesh), view, spacing, phase, int(factor), int(kept))
     line = np.concatenate([factor * lines.line + np.int32(kept), new.line])
     order = np.argsort(line, kind="stable")
     return replace(

@@ -10,7 +10,8 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ncti.render.solid import STEEPEST, Solid, covered
+from ncti.render.incidence import STEEPEST
+from ncti.render.solid import Solid, covered
 from ncti.render.view import Lattice, View
 
 STEP = 2.0**-20

@@ -8,12 +8,14 @@ import numpy as np
 
 from ncti.machine_code import Loops
 
-LINES = "lines"
+LINES, MASK = "lines", "mask"
 _VIEW: dict[str, Any] = {"aspect": 30.0, "depression": 10.0}
 
 
 def of_engine(engine: str) -> Loops:
-    """Return the loops that an engine runs, or "lines", of which others compile the rest."""
+    """Return the loops that an engine runs, "mask" or "lines", of which others compile the rest."""
+    if engine == MASK:
+        return Loops("silhouettes", ("render.mask.snapped", "render.mask.fill"), _draw_mask)
     what = f"the engine {engine}"
     if engine == LINES:
         return Loops(what, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
@@ -28,6 +30,14 @@ def _draw_lines() -> None:
     from ncti.render.draw_lines import line_image
 
     line_image(trimesh.creation.box(), **_VIEW).bin(side=1.0)
+
+
+def _draw_mask() -> None:
+    import trimesh
+
+    from ncti.render.mask import ship_mask
+
+    ship_mask(trimesh.creation.box(), pixel=0.25, **_VIEW)
 
 
 def _draw_by_embree() -> None:

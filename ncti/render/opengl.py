@@ -43,6 +43,9 @@ def bind_platform(name: str) -> None:
         )
     _process = os.getpid()
     os.environ["PYOPENGL_PLATFORM"] = name
+    # Mesa maps its cache of shaders into memory, and a full disk then ends the process (SIGBUS).
+    # Only depth is drawn, so the cache saves nothing.
+    os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
     if name == "osmesa":
         import OpenGL.osmesa
         import OpenGL.platform

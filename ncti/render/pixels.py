@@ -13,18 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.compiled import compiled, inlined
-from ncti.render.solid import STEEP, STEEPEST
+from ncti.render.incidence import STEEP, STEEPEST
 
 Floats = NDArray[np.float64]
+Index = int | np.integer[Any]
 
 BATCH = 256
 """Facets tried at once, few enough that their corners stay in the first cache."""
 
 ROWS = 4
-"""Rows of a facet that are tried for the whole batch; four facets in five have no more."""
+"""Rows of a facet that are tried at a time; four facets in five have no more."""
 
 COVERS, MORE = 1, 2
-"""State of a facet: it has a pixel centre in one of those rows; it has more rows."""
+"""State of a facet: it has a pixel centre in one of these rows; it has more rows."""
 
 
 @compiled
@@ -73,7 +74,8 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     vector instructions; facets are chosen and looked up between them.
     """
     found = np.empty(len(faces) + 1, np.int32)
-    number = 0
+    # Typed, for a plain 0 would have what takes it as an argument compiled once more.
+    number, begin = np.int64(0), np.int64(0)
     batch, candidate = np.empty((6, BATCH)), np.empty((6, BATCH + 1))
     facet, state = np.empty(BATCH + 1, np.int32), np.empty(BATCH, np.uint8)
     for start in range(0, len(faces), BATCH):
@@ -87,17 +89,19 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
             batch[4, e], batch[5, e] = seen[k, 0], seen[k, 1]
         # Keep candidates by the bounding box, without a branch, which could not be predicted.
         _in_front(batch, size, margin, state)
-        candidates = 0
+        candidates = begin
         for e in range(size):
             facet[candidates] = start + e
             for c in range(6):
                 candidate[c, candidates] = batch[c, e]
             candidates += state[e]
         # Keep those with a centre between their sides.
-        _covering(candidate, candidates, margin, state)
+        _covering(candidate, begin, candidates, 0.0, margin, state)
         for e in range(candidates):
-            if state[e] == MORE:
-                state[e] = _covers_later(candidate, e, margin)
+            tried = float(ROWS)
+            while state[e] == MORE:
+                _covering(candidate, e, e + 1, tried, margin, state)
+                tried += ROWS
             found[number] = facet[e]
             number += state[e] & COVERS
     return found[:number]
@@ -129,27 +133,28 @@ def _in_front(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]
 
 
 @compiled
-def _covering(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]) -> None:
-    """Set the state of facets to COVERS, MORE, both or 0; parameters as of `_in_front`."""
-    for e in range(size):
+def _covering(
+    corner: Floats, begin: Index, end: Index, tried: float, margin: float, state: NDArray[np.uint8]
+) -> None:
+    """Set the state of facets to COVERS, MORE, both or 0, by the next of their rows.
+
+    Parameters
+    ----------
+    corner, margin, state
+        As of `_in_front`.
+    begin, end : int
+        First facet, and one past the last.
+    tried : float
+        Rows of each that have been tried before.
+    """
+    for number in range(end - begin):
+        e = np.uintp(begin + number)  # unsigned, as above
         triangle = _bounds(corner, e, margin)
-        low, high = triangle[:2]
+        low, high = triangle[0] + tried, triangle[1]
         covers = False
         for row in range(ROWS):
             covers |= _covers(triangle, low + row)
         state[e] = np.uint8(COVERS if covers else 0) | np.uint8(MORE if low + ROWS <= high else 0)
-
-
-@compiled
-def _covers_later(corner: Floats, e: int, margin: float) -> int:
-    """Return COVERS if a facet has a centre in a row that `_covering` does not try, else 0."""
-    triangle = _bounds(corner, e, margin)
-    row, high = triangle[0] + ROWS, triangle[1]
-    while row <= high:
-        if _covers(triangle, row):
-            return COVERS
-        row += 1.0
-    return 0
 
 
 @inlined
@@ -184,7 +189,7 @@ def _side(x: float, y: float, run: float, rise: float, margin: float) -> tuple[f
 
 
 @inlined
-def _bounds(corner: Floats, e: int, margin: float) -> tuple[Any, ...]:
+def _bounds(corner: Floats, e: Index, margin: float) -> tuple[Any, ...]:
     """Return first and last row of a facet, left and right end of its box, and its three sides."""
     ax, ay, px, py = corner[0, e], corner[1, e], corner[2, e], corner[3, e]
     qx, qy = corner[4, e], corner[5, e]

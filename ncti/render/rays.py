@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.embree import EmbreeEngine
-from ncti.render.solid import STEEP, STEEPEST, Solid
+from ncti.render.incidence import STEEP, STEEPEST
+from ncti.render.solid import Solid
 
 if TYPE_CHECKING:
     import trimesh

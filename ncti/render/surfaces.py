@@ -62,6 +62,11 @@ class Surfaces:
         """Largest distance of a vertex from the ship origin [m]."""
         return float(np.linalg.norm(self.vertices + self.centre, axis=1).max())
 
+    @cached_property
+    def size(self) -> Floats:
+        """(3,) float64 ndarray: length, beam and height of the box around the vertices [m]."""
+        return np.ptp(self.vertices, axis=0)
+
     @classmethod
     def of(cls, mesh: trimesh.Trimesh) -> Surfaces:
         """Return the surfaces of a mesh, kept as long as its solid is."""

@@ -27,7 +27,7 @@ class Schedule:
         Moves of the laser radar to its visits.
     dwelling : float
         Frames of the laser radar on its visits.
-    alone : float
+    exhaustive : float
         Frames of the laser radar over the whole field, without an imager.
 
     See Also
@@ -37,7 +37,7 @@ class Schedule:
     Examples
     --------
     >>> from ncti.search import Schedule
-    >>> search = Schedule(imaging=1.0, slewing=0.5, dwelling=0.5, alone=200.0)
+    >>> search = Schedule(imaging=1.0, slewing=0.5, dwelling=0.5, exhaustive=200.0)
     >>> search.total, search.gain
     (2.0, 100.0)
     """
@@ -45,7 +45,7 @@ class Schedule:
     imaging: float
     slewing: float
     dwelling: float
-    alone: float
+    exhaustive: float
 
     @property
     def total(self) -> float:
@@ -55,7 +55,7 @@ class Schedule:
     @property
     def gain(self) -> float:
         """Duration by the laser radar alone, over that of the search."""
-        return self.alone / self.total
+        return self.exhaustive / self.total
 
 
 def position_count(width: float, height: float, *, element: float, detector: int = DETECTOR) -> int:
@@ -273,7 +273,7 @@ def schedule(
     >>> from ncti.search import schedule
     >>> pulses = {"frame_count": 16, "pulse_rate": 1000.0}
     >>> found = schedule([40, 40], imaging=2.0, whole=20_475, slew_time=0.5, **pulses)
-    >>> found.total, found.alone
+    >>> found.total, found.exhaustive
     (4.28, 327.6)
     """
     require("imaging", imaging, minimum=0.0)
@@ -282,5 +282,5 @@ def schedule(
         imaging=imaging,
         slewing=len(visits) * slew_time,
         dwelling=dwell(sum(visits), frame_count=frame_count, pulse_rate=pulse_rate),
-        alone=dwell(whole, frame_count=frame_count, pulse_rate=pulse_rate),
+        exhaustive=dwell(whole, frame_count=frame_count, pulse_rate=pulse_rate),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.infrared.radiometry import IFOV, contrast
@@ -146,36 +147,39 @@ def infrared_image(
         **scene,
     )
     left, bottom = silhouette(lines, footprint=footprint, phase=phase, margin=MARGIN).origin
+    air = {key: scene[key] for key in ("contrast_at_zero", "extinction") if key in scene}
+    attrs = {
+        "units": "K",
+        "long_name": "temperature above the sea",
+        "slant_range_km": slant_range / 1e3,
+        "depression_deg": float(depression),
+        "frame_count": frames,
+        "super_resolution": super_resolution,
+        "ifov_urad": round(ifov * 1e6, 9),
+        "contrast_K": contrast(float(slant_range), **air),
+        **seed_of(rng),
+    }
+    seen = coordinates(mesh, aspect=aspect)
+    return _labelled(temperature, seen, attrs, origin=(left, bottom), footprint=footprint)
+
+
+def _labelled(
+    temperature: NDArray[np.float64],
+    coords: dict[str, Any],
+    attrs: dict[str, Any],
+    *,
+    origin: tuple[float, float],
+    footprint: float,
+) -> xr.DataArray:
+    """Return an image with its coordinates across and up, of pixels from an origin on [m]."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     rows, columns = temperature.shape
-    places = {"vertical": (bottom, rows), "horizontal": (left, columns)}
-    air = {key: scene[key] for key in ("contrast_at_zero", "extinction") if key in scene}
+    left, bottom = origin
+    for name, first, count in (("vertical", bottom, rows), ("horizontal", left, columns)):
+        about = {"units": "m", "long_name": f"{name} cross-range"}
+        coords[name] = (name, first + footprint * np.arange(count), about)
     return xr.DataArray(
-        temperature,
-        dims=("vertical", "horizontal"),
-        name="image",
-        coords={
-            **coordinates(mesh, aspect=aspect),
-            **{
-                name: (
-                    name,
-                    first + footprint * np.arange(count),
-                    {"units": "m", "long_name": f"{name} cross-range"},
-                )
-                for name, (first, count) in places.items()
-            },
-        },
-        attrs={
-            "units": "K",
-            "long_name": "temperature above the sea",
-            "slant_range_km": slant_range / 1e3,
-            "depression_deg": float(depression),
-            "frame_count": frames,
-            "super_resolution": super_resolution,
-            "ifov_urad": round(ifov * 1e6, 9),
-            "contrast_K": contrast(float(slant_range), **air),
-            **seed_of(rng),
-        },
+        temperature, coords, dims=("vertical", "horizontal"), name="image", attrs=attrs
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
 from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
@@ -99,7 +99,8 @@ def range_profile(
         Averaged amplitude less its expected noise floor, in units in which one target-free IFOV
         has `ncti.ladar.noise_floor()`. The coordinate `expected`, of the same dimensions, is the
         expected profile less the same floor. Attributes: `error_bound`, the largest over aspects,
-        and `accuracy_reached`, yes or no, beside the settings.
+        and `accuracy_reached`, "yes" if it is within `accuracy`, else "no", beside the settings.
+        The bound is an estimate: one or two views in a thousand are called accurate and are not.
 
     Raises
     ------
@@ -139,19 +140,13 @@ def range_profile(
     >>> float(seen.max() - seen.min())
     110.0
     """
-    require_all("aspect", aspect, minimum=-360.0, maximum=360.0)
-    if np.ndim(aspect) > 1 or np.size(aspect) == 0:
-        raise ValueError(f"aspect has shape {np.shape(aspect)}, but must be one number or a list")
+    aspects = _checked_aspects(aspect)
     frames = check_frames(frames)
     require("accuracy", accuracy, positive=True, maximum=1.0)
     check_sight(slant_range, ifov)
     if cnr_db is not None:
         require("cnr_db", cnr_db, minimum=-LOUDEST, maximum=LOUDEST)
-    require("window", window, positive=True)
-    require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
-    # A hair less than the shortest pulse is a rounding of it.
-    shortest = shortest_pulse(bin_width) * (1 - 1e-9)
-    require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
+    _check_binning(window, bin_width, pulse_width)
     generator(rng, aspect=0.0)
     mesh = mesh_of(ship)
     ratio = carrier_to_noise(slant_range) if cnr_db is None else power_ratio(cnr_db)
@@ -161,7 +156,7 @@ def range_profile(
         "target_free_ifovs": target_free_ifovs,
     }
     extents, expected, averaged = [], [], []
-    for each in np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist():
+    for each in aspects:
         extent = extent_within(
             mesh,
             aspect=each,
@@ -175,13 +170,10 @@ def range_profile(
             window=window,
             spacing=SPACING,
         )
-        stream = generator(rng, aspect=each)
-        blocks = frame_blocks(extent, frame_count=frames, rng=stream, **signal)
-        [average] = cumulative_average(blocks, [frames])
-        floor = (len(extent.fraction) + target_free_ifovs) * noise_floor()
+        average, mean = _above_floor(extent, frames, generator(rng, aspect=each), signal)
         extents.append(extent)
-        expected.append(expected_profile(extent, **signal) - floor)
-        averaged.append(average - floor)
+        expected.append(mean)
+        averaged.append(average)
     attributes = {
         "slant_range_km": slant_range / 1e3,
         "depression_deg": float(depression),
@@ -202,6 +194,17 @@ def range_profile(
         aspect=aspect,
         attributes=attributes,
     )
+
+
+def _above_floor(
+    extent: RangeExtent, frames: int, rng: np.random.Generator, signal: dict[str, Any]
+) -> tuple[Floats, Floats]:
+    """Return an average of frames and its expectation, both above the noise floor."""
+    [average] = cumulative_average(
+        frame_blocks(extent, frame_count=frames, rng=rng, **signal), [frames]
+    )
+    floor = (len(extent.fraction) + signal["target_free_ifovs"]) * noise_floor()
+    return average - floor, expected_profile(extent, **signal) - floor
 
 
 def _achieved(extents: list[RangeExtent], pulse_width: float, accuracy: float) -> dict[str, Any]:
@@ -240,3 +243,21 @@ def _labelled(
         },
         attrs={**label, **attributes},
     )
+
+
+def _checked_aspects(aspect: ArrayLike) -> list[float]:
+    """Return aspects [deg] as a list; raise `ValueError` if they are none, or out of range."""
+    require_all("aspect", aspect, minimum=-360.0, maximum=360.0)
+    if np.ndim(aspect) > 1 or np.size(aspect) == 0:
+        raise ValueError(f"aspect has shape {np.shape(aspect)}, but must be one number or a list")
+    aspects: list[float] = np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist()
+    return aspects
+
+
+def _check_binning(window: float, bin_width: float, pulse_width: float) -> None:
+    """Raise `ValueError` for a window [m] of too many bins, or a pulse [s] that they miss."""
+    require("window", window, positive=True)
+    require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
+    # A hair less than the shortest pulse is a rounding of it.
+    shortest = shortest_pulse(bin_width) * (1 - 1e-9)
+    require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -15,50 +16,33 @@ def plain(attributes: Mapping[str, Any]) -> dict[str, str | int | float | list[i
     NetCDF files have no mappings, truth values, nulls, lists of texts or empty lists. Raises
     TypeError if JSON has no text of a value.
     """
-    given = {name: _unboxed(value) for name, value in attributes.items()}
-    return {
-        name: value
-        if _is_plain(value)
-        else json.dumps(value, ensure_ascii=False, default=_for_json)
-        for name, value in given.items()
+    texts = {
+        name: json.dumps(value, ensure_ascii=False, default=_of_numpy)
+        for name, value in attributes.items()
     }
+    given = {name: json.loads(text) for name, text in texts.items()}
+    return {name: value if _is_plain(value) else texts[name] for name, value in given.items()}
 
 
 def nested(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return plain attributes with mappings and lists read from their JSON text."""
-    return {name: _read(value) for name, value in attributes.items()}
-
-
-def _read(value: Any) -> Any:
-    if not isinstance(value, str) or not value.startswith(("{", "[")):
-        return value
-    try:
-        return json.loads(value)
-    except ValueError:  # a text that only begins like one
-        return value
+    found = dict(attributes)
+    for name, value in found.items():
+        if isinstance(value, str) and value.startswith(("{", "[")):
+            with suppress(ValueError):  # a text that only begins like one
+                found[name] = json.loads(value)
+    return found
 
 
 def _is_plain(value: Any) -> bool:
-    if isinstance(value, list):
-        return bool(value) and all(_is_number(one) for one in value)
-    return isinstance(value, str) or _is_number(value)
+    numbers = value if isinstance(value, list) and value else [value]
+    return isinstance(value, str) or all(
+        type(one) is float or (type(one) is int and -(2**63) <= one < 2**63) for one in numbers
+    )
 
 
-def _is_number(value: Any) -> bool:
-    if isinstance(value, int) and not isinstance(value, bool):
-        return -(2**63) <= value < 2**63
-    return isinstance(value, float)
-
-
-def _unboxed(value: Any) -> Any:
-    """Return a value of numpy, or a tuple, as one of Python."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    return list(value) if isinstance(value, tuple) else value
-
-
-def _for_json(value: Any) -> Any:
-    """Return a value inside another that JSON does not know as one that it does."""
+def _of_numpy(value: Any) -> Any:
+    """Return a value of numpy as one that JSON knows."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{value!r} cannot be an attribute")

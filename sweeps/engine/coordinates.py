@@ -25,13 +25,13 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
     found: dict[str, Array] = {}
     for setting, values in zip(axis.settings, columns, strict=True):
         label = setting.key.replace(".", "_") if setting.name in (name, *found) else setting.name
-        found[label] = Array.of((name,), value_array(values), setting.attrs)
+        found[label] = Array.of((name,), value_array(values), setting.attrs, coordinate=True)
     labels = axis.labels or [
         ",".join(f"{label}={_word(value)}" for label, value in zip(found, point, strict=True))
         for point in axis.points
     ]
     about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
-    return {name: Array.of((name,), np.array(labels), about), **found}
+    return {name: Array.of((name,), np.array(labels), about, coordinate=True), **found}
 
 
 def _word(value: Any) -> str:
@@ -48,9 +48,11 @@ def setting_coordinates(
     else:
         (_, own), *others = offered(tuple(values)).items()
         found = {**({} if scalar else {name: own}), **dict(others)}
-    if scalar:
-        return {label: Array.of((), array[0], attrs) for label, (array, attrs) in found.items()}
-    return {label: Array.of((name,), array, attrs) for label, (array, attrs) in found.items()}
+    dims: tuple[str, ...] = () if scalar else (name,)
+    return {
+        label: Array.of(dims, array[0] if scalar else array, attrs, coordinate=True)
+        for label, (array, attrs) in found.items()
+    }
 
 
 def value_array(values: Sequence[Any]) -> NDArray[Any]:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.coordinates import axis_coordinates, setting_coordinates
-from sweeps.engine.errors import DeclarationError
 from sweeps.engine.packs import Spot
 from sweeps.engine.plan import Plan
 from sweeps.engine.returned import Arrays, uneven
@@ -29,7 +27,6 @@ REMEMBERED = 2**28  # bytes of cells that stay in memory between variables
 AT_ONCE = 512  # cells whose shapes are looked at
 
 Reader = Callable[[Sequence[Spot]], list[Arrays | None]]
-Spans = list[tuple[int, int]]  # begin and length along each own dimension of an output
 
 
 MEASURED = "measured while the cell was computed; differs if computed again"
@@ -45,29 +42,10 @@ class Layout:
     axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
     order: tuple[int, ...]  # source of each dimension: these axes first, then its own
 
-    @property
-    def ragged(self) -> bool:
-        """Return whether its arrays differ in shape or start."""
-        return bool(self.output.dims) and (self.output.pad is not None or bool(self.output.origin))
-
-    def spans(self, arrays: Arrays) -> Spans:
-        """Return start and length of a cell on each own dimension."""
-        output, shape = self.output, arrays[self.output.name].shape
-        if len(shape) != len(output.dims):
-            raise DeclarationError(
-                f"stage {self.bound.name}: {output.name} has the shape {shape}, but the dimensions "
-                f"{', '.join(output.dims)}"
-            )
-        begins = [
-            int(arrays[output.origin[dim]]) if dim in output.origin else 0 for dim in output.dims
-        ]
-        return list(zip(begins, shape, strict=True))
-
-
-def within(spans: Spans, starts: Sequence[int]) -> tuple[slice, ...]:
-    """Return the slices of a cell in its variable, given the starts of its own dimensions."""
-    pairs = zip(spans, starts, strict=True)
-    return tuple(slice(begin - start, begin - start + size) for (begin, size), start in pairs)
+    def begins(self, arrays: Arrays) -> list[int]:
+        """Return where a cell begins on each own dimension."""
+        begins = {dim: int(arrays[name]) for dim, name in self.output.origin.items()}
+        return [begins.get(dim, 0) for dim in self.output.dims]
 
 
 def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
@@ -97,29 +75,6 @@ def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
     return layouts
 
 
-def _shared(layouts: Sequence[Layout], extents: Sequence[Spans | None]) -> list[Spans]:
-    """Return extents of the outputs of a group, in which each dimension has one length.
-
-    Where cells of a stage failed, its padded arrays may be shorter than those of another stage.
-    """
-    longest: dict[str, tuple[int, int]] = {}
-    for layout, spans in zip(layouts, extents, strict=True):
-        for dim, span in zip(layout.output.dims, spans or (), strict=spans is not None):
-            longest[dim] = max(longest.get(dim, span), span, key=lambda one: one[1])
-
-    def extent(layout: Layout, spans: Spans | None, number: int, dim: str) -> tuple[int, int]:
-        if spans is None:
-            return longest.get(dim, (0, 0))
-        start, length = spans[number]
-        padded = layout.output.pad is not None and dim not in layout.output.origin
-        return start, longest[dim][1] if padded else length
-
-    return [
-        [extent(layout, spans, number, dim) for number, dim in enumerate(layout.output.dims)]
-        for layout, spans in zip(layouts, extents, strict=True)
-    ]
-
-
 def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
     """Return numbers of the axes that become dimensions, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
@@ -145,127 +100,116 @@ class Cube:
         self.spots = spots
         self.failed = failed
         self._read_cells = read
-        self._lock = threading.Lock()
+        # By group: starts of own dimensions that have an origin, and lengths of all.
+        self._extents: dict[str, tuple[dict[str, int], dict[str, int]]] = {}
         self._memory: dict[Spot, Arrays] = {}
         self._held = 0
 
     def groups(self) -> dict[str, Group]:
         """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
-        found: dict[str, Group] = {}
         members: dict[str, list[Layout]] = defaultdict(list)
         for bound in self.plan.targets:
             for layout in layouts_of(self.plan, bound):
                 members[layout.group].append(layout)
-        for name, layouts in members.items():
-            names = self._names(layouts)
-            group = found[name] = Group({}, {}, ragged={})
-            extents = _shared(layouts, [self._extents(group, one) for one in layouts])
-            for layout, extent in zip(layouts, extents, strict=True):
-                self._add(group, layout, names, extent)
-            group.coordinates.update(self._coordinates(layouts, names))
-        for name, arrays, labels in self._statuses():
-            group = found.setdefault(name, Group({}, {}))
-            group.arrays.update(arrays)
-            group.coordinates.update(labels)
+        found = {name: self._group(layouts) for name, layouts in members.items()}
+        for name, arrays in self._statuses():
+            found.setdefault(name, Group()).arrays.update(arrays)
         return dict(sorted(found.items()))
+
+    def _group(self, layouts: Sequence[Layout]) -> Group:
+        """Return a group of its variables, and the coordinates of their dimensions."""
+        names, arrays = self._names(layouts), dict[str, Array]()
+        starts, lengths = self._extents[layouts[0].group] = self._extents_of(layouts)
+        for layout in layouts:
+            named = {one.name: one for one in layout.bound.stage.outputs}
+            for dim, name in layout.output.origin.items():
+                values = starts.get(dim, 0) + np.arange(lengths[dim])
+                about = {"units": named[name].unit, "long_name": named[name].label}
+                arrays[dim] = Array.of((dim,), values, about, coordinate=True)
+            arrays[layout.output.name] = self._variable(layout, names)
+        return Group(arrays | self._coordinates(layouts, names))
 
     def _names(self, layouts: Sequence[Layout]) -> dict[int, str]:
         """Return names of all axes that a group depends on; the whole key if the word is taken."""
         axes, number_of = self.plan.axes, self.plan.axis_number
-        taken = {dim for one in layouts for dim in one.output.dims}
-        gathered = {
-            number_of(key)
+        names = {
+            number_of(key): axes[number_of(key)].name
             for one in layouts
             for key in one.bound.gather
             if axes[number_of(key)].name in one.output.dims
         }
         bounds = {number_of(key): one.bound for one in reversed(layouts) for key in one.bound.needs}
-        names: dict[int, str] = {}
-        for number in dict.fromkeys((*_dimensions(self.plan, *bounds.values()), *sorted(bounds))):
+        for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
             setting = axes[number].settings[0]
             name = bounds[number].stage.names.get(setting) or axes[number].name
-            if name in taken and number not in gathered:
-                name = setting.key.replace(".", "_")
-            names[number] = name
-            taken.add(name)
-        return names | {number: axes[number].name for number in gathered}
+            taken = name in names.values()
+            names.setdefault(number, setting.key.replace(".", "_") if taken else name)
+        return names
 
-    def _add(self, group: Group, layout: Layout, names: Mapping[int, str], extents: Spans) -> None:
-        """Add the variable of an output, and coordinates of its own dimensions, to its group."""
-        output, plan = layout.output, self.plan
-        starts, lengths = [start for start, _ in extents], [length for _, length in extents]
-        for dim, start, length in zip(output.dims, starts, lengths, strict=True):
-            if dim in output.origin:
-                outputs = layout.bound.stage.outputs
-                begin = next(one for one in outputs if one.name == output.origin[dim])
-                about = {"units": begin.unit, "long_name": begin.label}
-                group.coordinates[dim] = Array.of((dim,), start + np.arange(length), about)
-        shape = (*(len(plan.axes[number].points) for number in layout.axes), *lengths)
+    def _variable(self, layout: Layout, names: Mapping[int, str]) -> Array:
+        """Return the variable of an output."""
+        output, (_, lengths) = layout.output, self._extents[layout.group]
+        own = [lengths[dim] for dim in output.dims]
+        shape = (*(len(self.plan.axes[number].points) for number in layout.axes), *own)
         dims = (*(names[number] for number in layout.axes), *output.dims)
         dtype = np.dtype(output.dtype)
-        chunks = suggest_chunks(shape, dtype.itemsize, whole=len(output.dims))
+        chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if words else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
         if output.measured:
             attrs["comment"] = MEASURED
-        if output.step != 1:
-            attrs["scale_factor"] = output.step  # the integers are then read as numbers
-        back = np.argsort(layout.order)
-
-        def read(region: tuple[slice, ...]) -> NDArray[Any]:
-            natural = tuple(region[k] for k in back)
-            return self._region(layout, starts, lengths, natural).transpose(layout.order)
-
         given: Any = (tuple(one[k] for k in layout.order) for one in (dims, shape, chunks))
         named, sizes, parts = given
-        fill = None if words else output.empty
-        found = Array(named, sizes, dtype, fill, attrs, parts, read)
+        read, coordinate = partial(self._region, layout), layout.bound.stage.coordinates
         if words:  # few, and stored no wider than the longest
-            found = replace(found, read=read(tuple(slice(0, size) for size in sizes)))
-        into = group.coordinates if layout.bound.stage.coordinates else group.arrays
-        into[output.name] = found
+            texts = read(tuple(slice(0, size) for size in sizes))
+            return Array.of(named, texts, attrs, coordinate=coordinate)
+        return Array(named, sizes, dtype, attrs, read, parts, output.empty, coordinate)
 
     def _keys(self, layout: Layout, ranges: Sequence[range]) -> list[str]:
         """Return keys of the cells in ranges of the variable's axes, the last fastest."""
-        own = self.plan.axes_on(layout.bound)
-        at = [layout.axes.index(number) if number in layout.axes else None for number in own]
-        return [
-            self.plan.key(layout.bound, tuple(0 if k is None else point[k] for k in at))
-            for point in product(*ranges)
-        ]
+        plan, bound = self.plan, layout.bound
+        by_axis = dict(zip(layout.axes, ranges, strict=True))
+        own = plan.axes_on(bound)
+        cells = plan.cells(bound).reshape([len(plan.axes[number].points) for number in own])
+        cells = cells[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
+        order = [own.index(number) for number in layout.axes if number in own]
+        others = [at for at, number in enumerate(own) if number not in by_axis]
+        return plan.keys(bound, cells.transpose(order + others).ravel()).tolist()
 
-    def _extents(self, group: Group, layout: Layout) -> Spans | None:
-        """Return start and length of an output's own dimensions over all cells; None if none."""
-        dims = layout.output.dims
-        numbers = self.plan.gathered(layout.bound)
-        gathered = {self.plan.axes[n].name: len(self.plan.axes[n].points) for n in numbers}
-        if set(dims) <= set(gathered):
-            return [(0, gathered[dim]) for dim in dims]
-        keys = self._keys(layout, [range(len(self.plan.axes[n].points)) for n in layout.axes])
-        there = [key for key in dict.fromkeys(keys) if key in self.spots]
-        spans: dict[str, Spans] = {}
-        for start in range(0, len(there) if layout.ragged else min(len(there), 1), AT_ONCE):
-            part = there[start : start + (AT_ONCE if layout.ragged else 1)]
-            cells = self._cells([self.spots[key] for key in part])
-            spans |= zip(part, map(layout.spans, cells), strict=True)
-        if layout.ragged:
-            group.ragged[layout.output.name] = [spans.get(key) for key in keys]
-        if not spans:
-            return None
-        along = list(zip(*spans.values(), strict=True))
-        starts = [min(begin for begin, _ in one) for one in along]
-        ends = [max(begin + length for begin, length in one) for one in along]
-        return [(start, end - start) for start, end in zip(starts, ends, strict=True)]
+    def _extents_of(self, layouts: Sequence[Layout]) -> tuple[dict[str, int], dict[str, int]]:
+        """Return starts of own dimensions with an origin over all cells, and lengths of all."""
+        ends: dict[tuple[str, bool], tuple[int, int]] = {}  # by whether there is an origin
+        lengths: dict[str, int] = {}
+        for layout in layouts:
+            output, axes = layout.output, self.plan.axes
+            numbers = map(self.plan.axis_number, layout.bound.gather)
+            gathered = {axes[n].name: len(axes[n].points) for n in numbers}
+            lengths |= {dim: max(lengths.get(dim, 0), gathered.get(dim, 0)) for dim in output.dims}
+            if gathered.keys() >= set(output.dims):
+                continue
+            keys = self._keys(layout, [range(len(axes[n].points)) for n in layout.axes])
+            spots = [self.spots[key] for key in dict.fromkeys(keys) if key in self.spots]
+            for arrays in self._each(spots[:1] if output.even else spots):
+                shape = arrays[output.name].shape
+                for dim, begin, size in zip(output.dims, layout.begins(arrays), shape, strict=True):
+                    low, high = ends.get((dim, dim in output.origin), (begin, begin))
+                    ends[dim, dim in output.origin] = min(low, begin), max(high, begin + size)
+        for (dim, _), (low, high) in ends.items():
+            lengths[dim] = max(lengths[dim], high - low)
+        return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
 
-    def _region(
-        self, layout: Layout, starts: list[int], lengths: list[int], region: tuple[slice, ...]
-    ) -> NDArray[Any]:
+    def _region(self, layout: Layout, region: tuple[slice, ...]) -> NDArray[Any]:
         """Return values of a region of a variable, complete along its own dimensions."""
         output, count = layout.output, len(layout.axes)
-        ranges = [range(one.start, one.stop) for one in region[:count]]
+        starts, lengths = self._extents[layout.group]
+        natural = [region[k] for k in np.argsort(layout.order)]
+        own = tuple(lengths[dim] for dim in output.dims)
+        first = [starts.get(dim, 0) if dim in output.origin else 0 for dim in output.dims]
+        ranges = [range(one.start, one.stop) for one in natural[:count]]
         shape = tuple(map(len, ranges))
-        flat = np.full((math.prod(shape), *lengths), output.empty, dtype=output.dtype)
+        flat = np.full((math.prod(shape), *own), output.empty, dtype=output.dtype)
         wanted: dict[int, Spot] = {}
         for number, key in enumerate(self._keys(layout, ranges)):
             if key in self.spots:
@@ -274,32 +218,35 @@ class Cube:
                 flat[number] = output.failed
         for number, arrays in zip(wanted, self._cells(list(wanted.values())), strict=True):
             array = arrays[output.name]
-            if layout.ragged:
-                if output.pad is not None:
-                    flat[number] = output.pad
-                flat[number][within(layout.spans(arrays), starts)] = array
-            elif array.shape == tuple(lengths):
-                flat[number] = array
-            else:
-                raise uneven(layout.bound.name, output.name, array.shape, tuple(lengths))
-        own: Any = (..., *region[count:])
-        return flat.reshape((*shape, *lengths))[own]
+            if output.even and array.shape != own:
+                raise uneven(layout.bound.name, output.name, array.shape, own)
+            if output.pad is not None:
+                flat[number] = output.pad
+            corner = map(int.__sub__, layout.begins(arrays), first)
+            place: Any = [
+                slice(at, at + size) for at, size in zip(corner, array.shape, strict=True)
+            ]
+            flat[(number, *place)] = array
+        inside: Any = (..., *natural[count:])
+        return flat.reshape((*shape, *own))[inside].transpose(layout.order)
+
+    def _each(self, spots: Sequence[Spot]) -> Iterator[Arrays]:
+        """Yield arrays of cells, of which few are in memory at once."""
+        for start in range(0, len(spots), AT_ONCE):
+            yield from self._cells(spots[start : start + AT_ONCE])
 
     def _cells(self, spots: Sequence[Spot]) -> list[Arrays]:
         """Return arrays of cells, from memory if they were read recently."""
-        with self._lock:
-            found = {spot: self._memory[spot] for spot in spots if spot in self._memory}
+        memory = self._memory  # several threads may ask
+        found = {spot: memory[spot] for spot in spots if spot in memory}
         lacking = [spot for spot in dict.fromkeys(spots) if spot not in found]
         for spot, arrays in zip(lacking, self._read_cells(lacking), strict=True):
             if arrays is None:
                 raise Damaged((spot.key,))
-            found[spot] = arrays
-        with self._lock:
-            for spot in lacking:
-                self._memory[spot] = found[spot]
-                self._held += sum(array.nbytes for array in found[spot].values())
-            if self._held > REMEMBERED:
-                self._memory, self._held = {}, 0
+            found[spot] = memory[spot] = arrays
+            self._held += sum(array.nbytes for array in arrays.values())
+        if self._held > REMEMBERED:
+            self._memory, self._held = {}, 0
         return [found[spot] for spot in spots]
 
     def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
@@ -317,42 +264,46 @@ class Cube:
                         found |= setting_coordinates(setting, label, [value], scalar=True)
         return found
 
-    def _statuses(self) -> Iterator[tuple[str, dict[str, Array], dict[str, Array]]]:
-        """Yield group, variables and coordinates of the states of stages."""
+    def _statuses(self) -> Iterator[tuple[str, dict[str, Array]]]:
+        """Yield group and arrays of the states of stages."""
         shared = {one.name: one for one in self.plan.experiment.statuses}
-        of_shared: dict[str, list[Bound]] = defaultdict(list)
+        members: dict[tuple[str, str, tuple[int, ...]], list[Bound]] = defaultdict(list)
         for bound in self.plan.targets:
-            if bound.stage.status in shared:
-                of_shared[bound.stage.status].append(bound)
-            elif not bound.stage.status and not bound.stage.coordinates:
-                group = f"status_{bound.stage.group}".replace("/", "_")
-                numbers = _dimensions(self.plan, bound)
-                yield group, *self._status(bound.name, f"state of {bound.name}", [bound], numbers)
-        for name, bounds in of_shared.items():
+            stage = bound.stage
+            if status := shared.get(stage.status):
+                over = tuple(self.plan.axis_number(one.key) for one in status.over)
+                members[status.name, status.label, over].append(bound)
+            elif not stage.status and not stage.coordinates:
+                name = f"status_{stage.group}".replace("/", "_") + f":{bound.name}"
+                over = tuple(_dimensions(self.plan, bound))
+                members[name, f"state of {bound.name}", over].append(bound)
+        for (name, label, over), bounds in members.items():
             group, _, variable = name.partition(":")
-            numbers = [self.plan.axis_number(one.key) for one in shared[name].over]
-            yield group, *self._status(variable, shared[name].label, bounds, numbers)
+            yield group, self._status(variable, label, bounds, over)
 
     def _status(
         self, name: str, label: str, bounds: Sequence[Bound], numbers: Sequence[int]
-    ) -> tuple[dict[str, Array], dict[str, Array]]:
+    ) -> dict[str, Array]:
+        """Return the worst state of some stages along axes, and the coordinates of these."""
         plan = self.plan
         axes = [plan.axes[number] for number in numbers]
         worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
         for bound in bounds:
             own = plan.axes_on(bound)
-            at = [own.index(number) if number in own else None for number in numbers]
-            for place in plan.cells(bound):
-                if (key := plan.key(bound, place)) not in self.spots:
-                    point = tuple(slice(None) if k is None else place[k] for k in at)
+            for cell, key in enumerate(plan.keys(bound, plan.cells(bound))):
+                if key not in self.spots:
+                    point = tuple(
+                        plan.places(bound, number, cell) if number in own else slice(None)
+                        for number in numbers
+                    )
                     state = FAILED if key in self.failed else MISSING
                     worst[point] = np.where(worst[point] == FAILED, FAILED, state)
         names: list[str] = []
         for axis in axes:
             taken = axis.name in (*names, name)
             names.append(axis.settings[0].key.replace(".", "_") if taken else axis.name)
-        labels: dict[str, Array] = {}
+        found: dict[str, Array] = {}
         for axis, axis_name in zip(axes, names, strict=True):
-            labels |= axis_coordinates(axis, axis_name)
+            found |= axis_coordinates(axis, axis_name)
         attrs = {"units": "1", "long_name": label, **STATE}
-        return {name: Array.of(tuple(names), worst, attrs, MISSING)}, labels
+        return found | {name: Array.of(tuple(names), worst, attrs, MISSING)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import chain
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from sweeps.engine.errors import DeclarationError
 
-RNG, THERE = "rng", "there"
+RNG, VALID = "rng", "valid"
 NO_STATUS = "-"
 
 Stages = Iterable[Any]  # of `sweeps.engine.stage`, which imports this module
@@ -42,7 +42,6 @@ def check_declarations(
         _check_name(f"setting {setting.key}", setting.name)
     for stage in stages:
         _check_stage(stage, keys)
-        _check_arguments(stage, {one.name for one in stages})
         if stage.status and stage.status != NO_STATUS:
             _check_known(f"stage {stage.name}: status", stage.status, [s.name for s in statuses])
     for status in statuses:
@@ -54,6 +53,44 @@ def check_declarations(
         for group in table.of:
             _check_known(f"table {table.group}: group", group, groups)
         groups.add(table.group)
+
+
+def check_names(settings: Iterable[Any], stages: Iterable[Any]) -> None:
+    """Raise DeclarationError if an output or own dimension is named like something in its group.
+
+    Parameters
+    ----------
+    settings : iterable of Setting
+        All of the experiment's.
+    stages : iterable of Bound
+        Its stages, with the settings that they depend on.
+    """
+    in_stores = {s.key: s for s in settings if s.shown or s.noted or not s.fixed}
+    axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
+    dims: set[tuple[str, str]] = set()
+    stored = [
+        (bound, output, output.group or bound.stage.group)
+        for bound in stages
+        for output in bound.stage.outputs
+        if bound.stage.group is not None and output.stored
+    ]
+    for bound, output, group in stored:
+        dims |= {(group, dim) for dim in output.dims}
+        for setting in (in_stores[key] for key in bound.needs if key in in_stores):
+            axes[group, bound.stage.names.get(setting) or setting.name] = setting.key
+    for bound, output, group in stored:
+        what = f"stage {bound.name}: {output.name}"
+        if (key := axes.get((group, output.name))) is not None:
+            raise DeclarationError(f"{what} is named like the setting {key}; rename one of them")
+        if (group, output.name) in dims and output.dims != (output.name,):
+            raise DeclarationError(f"{what} is named like a dimension of its group")
+        for dim in output.dims:
+            key = axes.get((group, dim))
+            if key is not None and key not in bound.gather:
+                raise DeclarationError(
+                    f"{what} has a dimension named like the setting {key}, which the stage does "
+                    "not gather; rename one of them"
+                )
 
 
 def _check_stage(stage: Any, keys: set[str]) -> None:
@@ -80,33 +117,8 @@ def _check_stage(stage: Any, keys: set[str]) -> None:
     drawn = stage.stream is not None or stage.noise or stage.optional
     if drawn and RNG not in stage.arguments:
         raise DeclarationError(f"{what} has a stream, but its function does not take {RNG}")
-    if THERE in stage.arguments and not stage.gather:
-        raise DeclarationError(f"{what} takes {THERE}, but gathers nothing")
-    # An argument may be of a group that the experiment lacks.
-    for name in stage.arguments:
-        source = stage.reads.get(name, name)
-        found = next(_offered(stage, source), source)
-        if hasattr(found, "key"):
-            _check_known(f"{what}: setting", found.key, keys)
-
-
-def _check_arguments(stage: Any, stages: set[str]) -> None:
-    """Refuse an argument that is both a setting and another stage."""
-    own = {stage.name, getattr(stage.function, "__name__", "")}  # a function may refine a setting
-    for name in stage.arguments:
-        if name in stages - own and name not in stage.reads:
-            for setting in _offered(stage, name):
-                raise DeclarationError(
-                    f"stage {stage.name}: argument {name!r} is both the setting {setting.key} and "
-                    "a stage; rename one of them, or say which by reads"
-                )
-
-
-def _offered(stage: Any, name: Any) -> Iterator[Any]:
-    """Yield settings of a name in the groups that a stage uses."""
-    if isinstance(name, str):
-        for group in stage.uses:
-            yield from (one for one in group.declared if one.key.rpartition(".")[2] == name)
+    if VALID in stage.arguments and not stage.gather:
+        raise DeclarationError(f"{what} takes {VALID}, but gathers nothing")
 
 
 def _check_dtype(what: str, dtype: str, stored: Any) -> None:

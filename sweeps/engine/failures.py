@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-FILE = "failures.log"
 LONGEST, LARGEST = 200, 20_000  # characters of an argument; of a traceback
 
 
@@ -56,8 +55,8 @@ class FailureLog:
     A traceback that occurs again is only referred to. No error of the disk is raised.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.path = folder / FILE
+    def __init__(self, path: Path) -> None:
+        self.path = path
         self.written = False
         self._seen: dict[str, str] = {}
 

@@ -16,13 +16,13 @@ import socket
 import tempfile
 import uuid
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.packs import make_folder, seal, unseal
+from sweeps.engine.packs import SHORTAGES, make_folder, unseal
 from sweeps.engine.zarr_array import METADATA
 
 MANIFEST = "manifest"
@@ -49,8 +49,7 @@ def check_target(path: str | Path) -> None:
 
     A store is replaced whole, with everything in it. Nor may it be inside another one.
     """
-    place = _checked_place("store", path)
-    _check_outside("store", path, place.parents)
+    place = _checked_place("store", path, inside=True)
     if place.exists():
         if not (place / MANIFEST).is_file():
             reason = (
@@ -61,14 +60,11 @@ def check_target(path: str | Path) -> None:
             more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
             reason = f"in which no sweep wrote {foreign[0]!r}{more}; move that elsewhere"
             raise _wrong("store", path, reason)
-    _check_writable("store", path, place.parent)
 
 
 def check_folder(key: str, path: str | Path) -> None:
     """Refuse a setting's path that is in a store, or is not a folder and cannot become one."""
-    place = _checked_place(key, path)
-    _check_outside(key, path, (place, *place.parents))
-    _check_writable(key, path, place)
+    _checked_place(key, path, inside=False)
 
 
 def check_apart(
@@ -95,7 +91,7 @@ def check_apart(
             if store := around(written):
                 reason = f"whose report would be written into the store {str(store)!r}"
                 raise _wrong("store", path, f"{reason}; give another path")
-        for other in _folders(place.parent):
+        for other in place.parent.glob("*"):
             if is_store(other) and place in map(real_place, beside(other)):
                 reason = f"where the report of the store {str(other)!r} is written"
                 raise _wrong("store", path, f"{reason}; give another path")
@@ -106,55 +102,33 @@ def is_store(folder: Path) -> bool:
     return any((folder / name).is_file() for name in OF_ZARR)
 
 
-def _folders(path: Path) -> list[Path]:
-    """Return the folders in a folder, as far as it can be listed."""
-    with suppress(OSError), os.scandir(path) as entries:
-        return [Path(entry) for entry in entries if entry.is_dir()]
-    return []
-
-
-def _check_outside(key: str, path: str | Path, folders: Iterable[Path]) -> None:
-    """Refuse a path if one of some folders around it is a store."""
-    for folder in folders:
-        if is_store(folder):
-            raise _wrong(key, path, f"but must not be in the store {str(folder)!r}")
-
-
 def _wrong(key: str, path: str | Path, reason: str) -> ConfigurationError:
     return ConfigurationError(f"{key} is {str(path)!r}, {reason}")
 
 
-def _checked_place(key: str, path: str | Path) -> Path:
-    """Return the real path; refuse a URL, dangling link or impossible name."""
+def _checked_place(key: str, path: str | Path, *, inside: bool) -> Path:
+    """Return the real path; refuse a URL, an impossible name, or a folder that cannot be written.
+
+    That is the folder of this path, or the one that it is `inside`.
+    """
     if _URL.match(str(path)):
         raise _wrong(key, path, "but must be a folder on a file system: URLs are not supported")
     try:
         place = real_place(Path(path))
-        links = [part for part in (Path(path), *Path(path).parents) if part.is_symlink()]
-        dangling = [part for part in links if not part.exists()]
-        # The name of the unfinished copy is longer.
-        most = os.pathconf(_nearest(place.parent), "PC_NAME_MAX")
-        most -= len(hidden(place, PARTIAL).name) - len(place.name) if place.name else 0
+        with suppress(FileNotFoundError, NotADirectoryError):
+            os.lstat(hidden(place, PARTIAL) if place.name else place)  # the longest name beside it
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise _wrong(key, path, f"which cannot be used: {reason}") from error
-    if dangling:
-        raise _wrong(key, path, f"but {str(dangling[0])!r} is a link to nothing")
+    for link in (Path(path), *Path(path).parents):
+        if link.is_symlink() and not link.exists():
+            raise _wrong(key, path, f"but {str(link)!r} is a link to nothing")
     if not str(path) or not place.name:
         raise _wrong(key, path, "but must be the name of a folder")
-    if (length := len(os.fsencode(place.name))) > most:
-        raise _wrong(key, path, f"whose name has {length} bytes, but must have at most {most}")
-    return place
-
-
-def _nearest(folder: Path) -> Path:
-    """Return the nearest existing folder or file above a path."""
-    return next(part for part in (folder, *folder.parents) if part.exists())
-
-
-def _check_writable(key: str, path: str | Path, folder: Path) -> None:
-    """Refuse a path unless files can be made in a folder, or the folder itself."""
-    nearest = _nearest(folder)
+    around = [place, *place.parents][inside:]
+    if store := next(filter(is_store, around), None):
+        raise _wrong(key, path, f"but must not be in the store {str(store)!r}")
+    nearest = next(part for part in around if part.exists())
     if not nearest.is_dir():
         raise _wrong(key, path, f"but {str(nearest)!r} is not a folder")
     try:
@@ -162,6 +136,7 @@ def _check_writable(key: str, path: str | Path, folder: Path) -> None:
     except OSError as error:
         reason = f"but nothing can be written in {str(nearest)!r}: {error.strerror}"
         raise _wrong(key, path, reason) from error
+    return place
 
 
 @contextmanager
@@ -190,8 +165,7 @@ def locked(path: Path) -> Iterator[None]:
     try:
         since = datetime.now(UTC).isoformat(timespec="seconds")
         holder = {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
-        os.ftruncate(held, 0)
-        os.pwrite(held, json.dumps(holder).encode(), 0)
+        file.write_text(json.dumps(holder))
         _remove_orphans(place)
         yield
     finally:
@@ -206,14 +180,12 @@ def _acquire(file: Path) -> int:
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(descriptor), file.stat()):
+            if os.fstat(descriptor).st_nlink:
                 return descriptor
-        except FileNotFoundError:  # its holder removed it before releasing it
-            pass
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)
+        os.close(descriptor)  # its holder removed it before releasing it
 
 
 def _holder(file: Path) -> str:
@@ -279,69 +251,48 @@ def write_file(file: Path, content: bytes) -> int:
     Others may read it as far as the umask lets them, and never write it.
     """
     make_folder(file.parent, OPEN)
-    with open(file, "wb", opener=_readable) as opened:
+    with open(file, "wb", opener=lambda name, flags: os.open(name, flags, READABLE)) as opened:
         opened.write(content)
     return zlib.crc32(content)
-
-
-def _readable(name: str, flags: int) -> int:
-    return os.open(name, flags, READABLE)
-
-
-def write_manifest(path: Path, known: Mapping[str, int]) -> None:
-    """Write the manifest of a store, given the checksums that are known from writing files."""
-    names = sorted(_names(path))
-    files = {name: known[name] if name in known else _checksum(path / name) for name in names}
-    write_file(path / MANIFEST, seal(files))
 
 
 def read_manifest(path: Path) -> dict[str, int]:
     """Return the checksum of every file of a store, by name relative to it.
 
-    Raises ConfigurationError if the manifest is missing or damaged.
+    Raises ConfigurationError if the manifest is missing or damaged, and OSError if it cannot be
+    read for want of descriptors or memory.
     """
     try:
-        files: dict[str, int] = unseal((path / MANIFEST).read_bytes())
-        if not (isinstance(files, dict) and all(isinstance(one, int) for one in files.values())):
-            raise ValueError("it is not a list of files")
-    except (OSError, ValueError) as error:
+        files = unseal((path / MANIFEST).read_bytes())
+        return {str(name): int(checksum) for name, checksum in files.items()}
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise_shortage(error)
         raise ConfigurationError(
             f"store is {str(path)!r}, whose {MANIFEST} cannot be read; "
             "give another path, or remove it if it is a damaged store"
         ) from error
-    return files
 
 
 def verify(path: Path, groups: Iterable[str] | None = None) -> list[str]:
     """Return sorted names of files of a store that are missing, changed or unexpected.
 
     A file that is not in the manifest counts as damage, because zarr would read it as a chunk. If
-    `groups` are given, only their files and all metadata are verified.
+    `groups` are given, only their files and all metadata are verified. Raises OSError where files
+    cannot be read for want of descriptors or memory.
     """
-    files, there = read_manifest(path), set(_names(path))
-    if groups is not None:
-        inside = tuple(f"{group}/" for group in groups)
-
-        def asked(name: str) -> bool:
-            return name.startswith(inside) or name.endswith(METADATA)
-
-        files, there = (
-            {name: files[name] for name in files if asked(name)},
-            set(filter(asked, there)),
-        )
-    damaged = there ^ set(files)
-    for name in there - damaged:
-        try:
-            if _checksum(path / name) != files[name]:
-                damaged.add(name)
-        except OSError:
-            damaged.add(name)
-    return sorted(damaged)
+    files = read_manifest(path)
+    inside = tuple(f"{group}/" for group in groups or ())
+    return sorted(
+        name
+        for name in {*files, *_names(path)}
+        if groups is None or name.startswith(inside) or name.endswith(METADATA)
+        if name not in files or _checksum(path / name) != files[name]
+    )
 
 
 def _names(path: Path) -> Iterator[str]:
     """Yield files of a store, and links to folders, by name relative to it."""
-    for folder, inner, files in os.walk(path):
+    for folder, inner, files in os.walk(path, onerror=raise_shortage):
         links = (one for one in inner if os.path.islink(f"{folder}/{one}"))
         for file in (*files, *links):
             name = f"{folder}/{file}"[len(str(path)) + 1 :]
@@ -349,5 +300,16 @@ def _names(path: Path) -> Iterator[str]:
                 yield name
 
 
-def _checksum(file: Path) -> int:
-    return zlib.crc32(file.read_bytes())
+def raise_shortage(error: Exception) -> None:
+    """Raise an error of the process or the machine, which says nothing about the files."""
+    if getattr(error, "errno", None) in SHORTAGES:
+        raise error
+
+
+def _checksum(file: Path) -> int | None:
+    """Return the checksum of a file; None if it cannot be read."""
+    try:
+        return zlib.crc32(file.read_bytes())
+    except OSError as error:
+        raise_shortage(error)
+    return None

@@ -6,14 +6,16 @@ thread, so that forking it is safe.
 
 from __future__ import annotations
 
-import os
+import multiprocessing
 import signal
 import sys
-import threading
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import forkserver, resource_tracker
 from typing import Any
+
+import psutil  # type: ignore[import-untyped]
 
 from sweeps.engine.process import ONE_THREAD, environment
 
@@ -28,6 +30,8 @@ ENVIRONMENT = ONE_THREAD | dict(
 IMPORTS = "IMPORTS"
 """Name of a module's list of what its stages import when they are called."""
 
+ENDING = 5.0  # s until a process that was asked to start or to end has done so
+
 
 def worth_importing(modules: Iterable[str]) -> list[str]:
     """Return names of some modules and of those listed in their `IMPORTS`, each once."""
@@ -36,52 +40,62 @@ def worth_importing(modules: Iterable[str]) -> list[str]:
 
 
 @contextmanager
-def fork_server(modules: Iterable[str]) -> Iterator[str]:
+def fork_server(modules: Iterable[str], *, ahead: bool = False) -> Iterator[str]:
     """Start the process that imports some modules; it ends with this context.
 
-    Yields the start method of `multiprocessing` to use meanwhile. If a server
-    was started ahead, it is used, whatever it imports. If this process has another one, which
-    may have older code, or none can be started, as where the path of the temporary folder is too
-    long for a socket, they are spawned instead.
+    Yields the start method of `multiprocessing` to use meanwhile. If a server was started `ahead`,
+    before it was known whether any workers are needed, it is used, whatever it imports. If this
+    process has another one, which may have older code, or none can be started, as where the path of
+    the temporary folder is too long for a socket, they are spawned instead.
     """
-    server: Any = forkserver._forkserver
-    if server._forkserver_pid is not None:
-        yield "forkserver" if server._forkserver_pid in _ahead else "spawn"
+    if server := running_server():
+        yield "forkserver" if server.pid in _ahead else "spawn"
         return
-    before = server._preload_modules
-    server.set_forkserver_preload(["distributed", *modules])
+    multiprocessing.set_forkserver_preload(["distributed", *modules])
     try:
-        method = "forkserver"
-        try:
-            with environment(ENVIRONMENT), interrupts_held():
-                server.ensure_running()
-        except OSError:
-            method = "spawn"
-        yield method
+        with environment(ENVIRONMENT), interrupts_held():
+            forkserver.ensure_running()
+    except OSError:
+        yield "spawn"
+        return
+    _wait(running_server)  # until it runs its own command, it looks like a copy of this process
+    server = running_server()
+    if server is None:
+        yield "spawn"
+        return
+    if ahead:
+        _ahead.add(server.pid)
+    try:
+        yield "forkserver"
     finally:
-        server.set_forkserver_preload(before)
-        server._stop()
+        _ahead.discard(server.pid)
+        # This one, or its replacement; `forkserver` reaps it when it starts the next.
+        _wait(_server_ended)
 
 
-@contextmanager
-def fork_server_ahead(modules: Iterable[str]) -> Iterator[None]:
-    """Start the process that workers are forked from, before knowing whether any are needed.
+def _wait(condition: Callable[[], Any]) -> None:
+    """Wait some seconds for a condition."""
+    end = time.monotonic() + ENDING
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.002)
 
-    It ends with this context, even during its imports.
-    """
-    server: Any = forkserver._forkserver
-    with fork_server(modules):
-        own = server._forkserver_pid
-        if own is None:
-            yield
-            return
-        _ahead.add(own)
-        try:
-            yield
-        finally:
-            _ahead.discard(own)
-            with suppress(ProcessLookupError):
-                os.kill(own, signal.SIGTERM)
+
+def _server_ended() -> bool:
+    """Ask the server to end; return whether there is none."""
+    if server := running_server():
+        with suppress(psutil.NoSuchProcess):
+            server.terminate()
+    return server is None
+
+
+def running_server() -> Any:
+    """Return the process (of psutil) from which `multiprocessing` forks; None if there is none."""
+    for child in psutil.Process().children():
+        with suppress(psutil.Error):  # one that has just ended
+            is_server = any(forkserver.__name__ in word for word in child.cmdline())
+            if is_server and child.status() != psutil.STATUS_ZOMBIE:
+                return child
+    return None
 
 
 _ahead: set[int] = set()  # process ids
@@ -91,24 +105,14 @@ _ahead: set[int] = set()  # process ids
 def interrupts_held() -> Iterator[None]:
     """Shield processes started meanwhile from Ctrl-C, which a terminal sends to all processes.
 
-    This process receives it, at the end of this context at the earliest, and stops its workers in
-    order; they would print tracebacks.
+    This process receives it, and stops its workers in order; they would print tracebacks.
     """
     # Processes inherit the signals that the thread which starts them blocks, and threads those of
     # their starter, as does a worker that is restarted later. Python 3.11 unblocks the signal where
     # it first starts its resource tracker, so that must have started already.
     resource_tracker.ensure_running()
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    arrived = []
-    # Other threads of this process may take the signal; its effect is left to the main one.
-    if in_main_thread:
-        before = signal.signal(signal.SIGINT, lambda *_: arrived.append(True))
     try:
         yield
     finally:
-        if in_main_thread:
-            signal.signal(signal.SIGINT, before)
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        if arrived:
-            signal.raise_signal(signal.SIGINT)

@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PATIENCE = 5.0  # s of cleaning up, after which another signal ends the process at once
@@ -62,19 +61,19 @@ def stopping() -> Iterator[None]:
     if _noted.handled or threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {one: signal.getsignal(one) for one in SIGNALS}
+    handlers = {one: signal.getsignal(one) for one in SIGNALS}
+    before = {one: was for one, was in handlers.items() if was not in (signal.SIG_IGN, None)}
     hook = sys.unraisablehook
     _noted.number, _noted.interruptible, _noted.handled = None, 0, True
-    sys.unraisablehook = _quiet(hook)
-    for one, handler in before.items():
-        if handler not in (signal.SIG_IGN, None):
-            signal.signal(one, _note)
+    # Nothing is printed of a `Stopped` that the interpreter cannot raise.
+    sys.unraisablehook = lambda error: issubclass(error.exc_type, Stopped) or hook(error)
+    for one in before:
+        signal.signal(one, _note)
     try:
         yield
     finally:
         for one, handler in before.items():
-            if handler is not None:
-                signal.signal(one, handler)
+            signal.signal(one, handler)
         sys.unraisablehook, _noted.handled = hook, False
 
 
@@ -120,13 +119,3 @@ def _note(number: int, frame: FrameType | None) -> None:
             raise Stopped(number)
     elif time.monotonic() - _noted.at > PATIENCE:
         os._exit(128 + number)
-
-
-def _quiet(hook: Any) -> Any:
-    """Return a hook that prints nothing of a `Stopped` which the interpreter cannot raise."""
-
-    def unraisable(error: Any) -> None:
-        if not issubclass(error.exc_type, Stopped):
-            hook(error)
-
-    return unraisable

@@ -22,7 +22,12 @@ class Kind:
 
     @property
     def allowed(self) -> str:
-        """Description of allowed values, such as 'a finite number at least 0'."""
+        """Description of allowed values, such as 'null or a finite number at least 0'."""
+        return f"null or {self._words}" if self.null else self._words
+
+    @property
+    def _words(self) -> str:
+        """Description of allowed values but null."""
         raise NotImplementedError
 
     def _holds(self, value: Any) -> bool:
@@ -58,25 +63,21 @@ class Kind:
 class Number(Kind):
     """Finite numbers from `low` to `high`, also given by start, stop and step.
 
-    They are less than `below`, and above 0 where they must be positive.
+    They are less than `below`.
     """
 
     low: float = -math.inf
     high: float = math.inf
     below: float = math.inf
-    positive: bool = False
 
     sort: ClassVar[str] = "finite"
 
     @property
-    def allowed(self) -> str:
-        """See `Kind.allowed`."""
-        bounds = ["above 0"] if self.positive else []
-        bounds += [f"at least {self.low:g}"] if self.low > -math.inf else []
+    def _words(self) -> str:
+        bounds = [f"at least {self.low:g}"] if self.low > -math.inf else []
         bounds += [f"at most {self.high:g}"] if self.high < math.inf else []
         bounds += [f"below {self.below:g}"] if self.below < math.inf else []
-        words = f"a {self.sort} number {' and '.join(bounds)}".rstrip()
-        return f"null or {words}" if self.null else words
+        return f"a {self.sort} number {' and '.join(bounds)}".rstrip()
 
     def _holds(self, value: Any) -> bool:
         return (
@@ -84,7 +85,6 @@ class Number(Kind):
             and not isinstance(value, bool)
             and max(self.low, -LARGEST) <= value <= min(self.high, LARGEST)
             and value < self.below
-            and not (self.positive and value <= 0)
         )
 
     def _listed(self, key: str, given: Any) -> list[Any]:
@@ -116,8 +116,7 @@ class Draws(Kind):
     high: int
 
     @property
-    def allowed(self) -> str:
-        """See `Kind.allowed`."""
+    def _words(self) -> str:
         return f"a whole number from 1 to {self.high}"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
@@ -134,9 +133,8 @@ class Word(Kind):
     words: tuple[str, ...]
 
     @property
-    def allowed(self) -> str:
-        """See `Kind.allowed`."""
-        return f"{'null or ' if self.null else ''}one of {', '.join(self.words)}"
+    def _words(self) -> str:
+        return f"one of {', '.join(self.words)}"
 
     def _holds(self, value: Any) -> bool:
         return isinstance(value, str) and value in self.words
@@ -146,7 +144,7 @@ class Word(Kind):
 class Switch(Kind):
     """On, off, or both."""
 
-    allowed: ClassVar[str] = "one of true, false"
+    _words: ClassVar[str] = "one of true, false"
 
     def _holds(self, value: Any) -> bool:
         return isinstance(value, bool)
@@ -156,10 +154,7 @@ class Switch(Kind):
 class Text(Kind):
     """Any text that is not empty, such as a path."""
 
-    @property
-    def allowed(self) -> str:
-        """See `Kind.allowed`."""
-        return "null or a text" if self.null else "a text"
+    _words: ClassVar[str] = "a text"
 
     def _holds(self, value: Any) -> bool:
         return isinstance(value, str) and value != ""
@@ -176,8 +171,7 @@ class Vector(Kind):
     element: Number = field(default_factory=Number)
 
     @property
-    def allowed(self) -> str:
-        """See `Kind.allowed`."""
+    def _words(self) -> str:
         return f"a list of {self.size}, each {self.element.allowed}"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
@@ -221,7 +215,7 @@ class SetOf(Kind):
 class Groups(Kind):
     """Lists of words, each list a group: one value."""
 
-    allowed: ClassVar[str] = "a list of lists of names"
+    _words: ClassVar[str] = "a list of lists of names"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """See `Kind.values`."""
@@ -267,12 +261,11 @@ def _steps(key: str, given: Mapping[str, Any]) -> list[float]:
             "stop and step, or be a list"
         )
     for name, value in given.items():
-        if not isinstance(value, int | float) or isinstance(value, bool):
-            raise ValueError(f"{key}.{name} is {shown(value)}, but must be a number")
-    start, stop, step = (
-        Number(positive=name == "step").values(f"{key}.{name}", given[name])[0]
-        for name in ("start", "stop", "step")
-    )
+        if not Number()._holds(value):
+            raise ValueError(Number()._refused(f"{key}.{name}", value))
+    start, stop, step = (float(given[name]) for name in ("start", "stop", "step"))
+    if step <= 0:
+        raise ValueError(f"{key}.step has {shown(given['step'])}, but must be above 0")
     # In whole multiples of a common decimal: 0.1 steps give 0.3 and not 0.30000000000000004.
     exact = [Fraction(repr(one)) for one in (start, stop, step)]
     unit = math.lcm(*(one.denominator for one in exact))

@@ -1,27 +1,27 @@
 """Packs: files on disk, each with finished results of many cells.
 
-A pack is a sealed line with its stage, the keys of its cells, the checksums of their records and
-their layout, followed by the records: the arrays of a cell, one after another. Packs and their
-folders are made for this user alone, and files of other users are not read.
+A pack has two sealed lines, one with its stage, the keys of its cells and the time that they took,
+one with the place, checksum and layout of each, followed by the records: the arrays of a cell, one
+after another. Packs and their folders are made for this user alone, and files of other users are
+not read.
 """
 
 from __future__ import annotations
 
 import errno
 import json
-import math
 import os
 import re
-import time
 import uuid
 import zlib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from io import BufferedReader
-from itertools import accumulate
 from pathlib import Path
+from time import time_ns
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,11 +33,8 @@ PRIVATE = 0o700  # mode of the folders of a cache
 
 # Errors of this process or machine, not of a file: what they hide is not damaged.
 SHORTAGES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR})
-PAUSES = (0.05, 0.2, 0.8)  # s before a file is opened again after one of them
 
 Cell = dict[str, NDArray[Any]]
-
-_NAME = re.compile(r"[0-9a-f]{32}\.(pack|partial)")
 
 
 class Spot(NamedTuple):
@@ -67,12 +64,17 @@ class Pack:
     """A file of finished cells: path relative to its folder, bytes, keys in the order of rows."""
 
     path: str
-    size: int
-    keys: tuple[str, ...]
+    size: int = 0
+    keys: tuple[str, ...] = ()
+    stage: str = "(unreadable)"
+    seconds: float = 0.0  # that all cells took
 
 
 def write_pack(
-    folder: Path, stage: str, cells: Sequence[tuple[str, Mapping[str, NDArray[Any]]]]
+    folder: Path,
+    stage: str,
+    cells: Sequence[tuple[str, Mapping[str, NDArray[Any]]]],
+    seconds: float = 0.0,
 ) -> Pack:
     """Write cells, given by key (32 hexadecimal digits), to a new file below a folder.
 
@@ -80,37 +82,38 @@ def write_pack(
     strings of variable width.
     """
     layouts: dict[Any, int] = {}
-    described = [_record(outputs) for _, outputs in cells]
-    records = [record for _, record in described]
+    rows, records, end = [], [], 0
+    for _, outputs in cells:
+        layout, record = _record(outputs)
+        number = layouts.setdefault(layout, len(layouts))
+        rows.append((end, len(record), zlib.crc32(record), number))
+        records.append(record)
+        end += len(record)
     keys = tuple(key for key, _ in cells)
-    layout_of = [layouts.setdefault(layout, len(layouts)) for layout, _ in described]
-    document = {
-        "stage": stage,
-        "keys": keys,
-        "checksums": list(map(zlib.crc32, records)),
-        "layout_of": layout_of,
-        "layouts": list(layouts),
-    }
-    header = seal(document)
+    header = seal([stage, seconds, keys]) + seal([rows, list(layouts)])
     # A name begins with the time, so that the newest of equal cells is known.
-    path = f"{ROOM}/{time.time_ns():016x}{uuid.uuid4().hex[:16]}.pack"
+    path = f"{ROOM}/{time_ns():016x}{uuid.uuid4().hex[:16]}.pack"
     write_whole(folder, path, (header, *records))
-    return Pack(path, len(header) + sum(map(len, records)), keys)
+    return Pack(path, len(header) + end, keys, stage, seconds)
 
 
 def _record(outputs: Mapping[str, NDArray[Any]]) -> tuple[Any, bytes]:
-    """Return name, dtype and shape of each array of a cell, and the bytes of all."""
-    layout, parts = [], []
+    """Return name, dtype, shape and offset of each array of a cell, and the bytes of all."""
+    layout, record = [], bytearray()
     for name, values in outputs.items():
         array = np.asarray(values)
-        if not _is_plain(array.dtype):
-            raise TypeError(
-                f"output {name} has dtype {array.dtype}, but must be of numbers, truth values, "
-                "times or strings of fixed width"
-            )
-        layout.append((name, array.dtype.str, array.shape))
-        parts += [array.tobytes(), bytes(-array.nbytes % ALIGNED)]
-    return tuple(layout), b"".join(parts)
+        layout.append((name, _plain(array.dtype).str, array.shape, len(record)))
+        record += array.tobytes() + bytes(-array.nbytes % ALIGNED)
+    return tuple(layout), bytes(record)
+
+
+@cache
+def _plain(code: str | np.dtype[Any]) -> np.dtype[Any]:
+    """Return a dtype; TypeError unless the bytes of an array are its values: no pointers."""
+    dtype = np.dtype(code)
+    if dtype.hasobject or dtype.names or dtype.subdtype:
+        raise TypeError(f"arrays of dtype {dtype} cannot be kept")
+    return dtype
 
 
 def make_folder(path: Path, mode: int) -> None:
@@ -136,7 +139,7 @@ def write_whole(folder: Path, path: str, parts: Iterable[bytes]) -> None:
     partial = folder / ROOM / f"{uuid.uuid4().hex}.partial"
     make_folder(partial.parent, PRIVATE)
     try:
-        with open(partial, "xb", opener=_private) as file:
+        with open(partial, "xb", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
             file.writelines(parts)
         partial.replace(folder / path)
     except BaseException:
@@ -144,44 +147,23 @@ def write_whole(folder: Path, path: str, parts: Iterable[bytes]) -> None:
         raise
 
 
-def _private(name: str, flags: int) -> int:
-    """Open a new file that others may neither read nor write."""
-    return os.open(name, flags, 0o600)
-
-
 @contextmanager
 def open_own(path: Path) -> Iterator[BufferedReader]:
-    """Open a file to read it; raise PermissionError if it is another user's.
-
-    Try again if the process or the machine lacks something, such as file descriptors, meanwhile.
-    """
-    for pause in (*PAUSES, None):
-        try:
-            file = path.open("rb")
-            break
-        except OSError as error:
-            if error.errno not in SHORTAGES or pause is None:
-                raise
-            time.sleep(pause)
-    with file:
+    """Open a file to read it; raise PermissionError if it is another user's."""
+    with path.open("rb") as file:
         if not is_own(file.fileno()):
             raise PermissionError(errno.EPERM, "belongs to another user", str(path))
         yield file
 
 
 @contextmanager
-def undamaged(*kinds: type[Exception]) -> Iterator[None]:
+def undamaged() -> Iterator[None]:
     """Suppress errors of absent or damaged files, but not of a process that lacks something."""
     try:
         yield
-    except kinds as error:
+    except Exception as error:
         if isinstance(error, MemoryError) or getattr(error, "errno", None) in SHORTAGES:
             raise
-
-
-def _is_plain(dtype: np.dtype[Any]) -> bool:
-    """Return whether the bytes of an array of a dtype are its values: no pointers, no fields."""
-    return not (dtype.hasobject or dtype.names or dtype.subdtype)
 
 
 def read_cells(folder: Path, requests: Sequence[Spot]) -> list[Cell | None]:
@@ -194,55 +176,48 @@ def read_cells(folder: Path, requests: Sequence[Spot]) -> list[Cell | None]:
     Raises
     ------
     OSError
-        If this process or machine lacks something, such as file descriptors, for a while.
+        If this process or machine lacks something, such as file descriptors.
     """
     found: list[Cell | None] = [None] * len(requests)
     places: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
     for place, (path, row, key) in enumerate(requests):
         places[path].append((row, place, key))
     for path, wanted in places.items():
-        with undamaged(Exception), open_own(folder / path) as file:
-            header = unseal(file.readline())
-            layouts = list(map(_laid_out, header["layouts"]))
-            of, keys = header["layout_of"], header["keys"]
-            starts = list(accumulate((layouts[number][1] for number in of), initial=file.tell()))
-            end = os.fstat(file.fileno()).st_size
+        with undamaged(), open_own(folder / path) as file:
+            (_, _, keys), (rows, layouts) = unseal(file.readline()), unseal(file.readline())
+            first, last = file.tell(), os.fstat(file.fileno()).st_size
             for row, place, key in sorted(wanted):
-                layout, size = layouts[of[row]]
-                if keys[row] != key or starts[row] + size > end:
+                start, size, checksum, layout = rows[row]
+                if keys[row] != key or first + start + size > last:
                     continue
                 # Memory of its own for each cell: arrays are aligned, writable and apart.
                 record = np.empty(size, dtype=np.uint8)
-                file.seek(starts[row])
+                file.seek(first + start)
                 whole = file.readinto(record) == size  # type: ignore[arg-type]
-                if whole and zlib.crc32(record.data) == header["checksums"][row]:
+                if whole and zlib.crc32(record.data) == checksum:
                     found[place] = {
-                        name: np.ndarray(shape, dtype, record, start)
-                        for name, shape, dtype, start in layout
+                        name: np.ndarray(shape, _plain(code), record, offset)
+                        for name, code, shape, offset in layouts[layout]
                     }
     return found
 
 
-def _laid_out(described: Any) -> tuple[list[tuple[Any, ...]], int]:
-    """Return name, shape, dtype and offset of each array, and the size of the record [byte]."""
-    layout, place = [], 0
-    for name, code, shape in described:
-        dtype = np.dtype(code)
-        if not _is_plain(dtype):
-            raise ValueError(f"dtype {code}")
-        layout.append((name, tuple(shape), dtype, place))
-        size = dtype.itemsize * math.prod(shape)
-        place += size + -size % ALIGNED
-    return layout, place
+def described_pack(folder: Path, path: str, size: int) -> Pack:
+    """Return what the first line of a pack says of it; no cells, if that cannot be read."""
+    with undamaged(), open_own(folder / path) as file:
+        stage, seconds, keys = unseal(file.readline())
+        if not (seconds >= 0 and all(isinstance(key, str) for key in keys)):
+            raise ValueError("it is not a pack")
+        return Pack(path, size, tuple(keys), str(stage), seconds)
+    return Pack(path, size)
 
 
-def list_files(folder: Path) -> tuple[set[str], set[str]]:
-    """Return paths of all packs of a folder and of partial files, relative to it."""
-    packs: set[str] = set()
-    partials: set[str] = set()
-    with undamaged(OSError), os.scandir(folder / ROOM) as entries:
+def files_of(folder: Path, kind: str) -> dict[str, os.stat_result]:
+    """Return status of the packs, or partial files, of a folder, by path relative to it."""
+    found: dict[str, os.stat_result] = {}
+    with undamaged(), os.scandir(folder / ROOM) as entries:
         for entry in entries:
-            if _NAME.fullmatch(entry.name) and entry.is_file():
-                into = packs if entry.name.endswith(".pack") else partials
-                into.add(f"{ROOM}/{entry.name}")
-    return packs, partials
+            if re.fullmatch(rf"[0-9a-f]{{32}}\.{kind}", entry.name) and entry.is_file():
+                with suppress(FileNotFoundError):  # deleted by another process just now
+                    found[f"{ROOM}/{entry.name}"] = entry.stat()
+    return found

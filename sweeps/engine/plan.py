@@ -1,29 +1,31 @@
-"""The cells of a sweep: axes of every stage, values at every place, and keys."""
+"""The cells of a sweep: axes of every stage, its cells by number, and their keys.
+
+Cells of a stage are numbered over its axes of several values, the last axis fastest. Which cells of
+an input they take, and what these are called, is arithmetic with whole arrays of such numbers.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import inspect
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from itertools import product
+from functools import cached_property
 from math import prod
-from typing import Any
+from typing import Any, NamedTuple
 
-from sweeps.engine.code import code_digest
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.code import Code, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.kinds import Value
-from sweeps.engine.process import uncollected
 from sweeps.engine.seeds import STREAM_VERSION
 from sweeps.engine.settings import Choices, Joint, Noting, Run, Setting
 from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
 
-ENGINE = "sweeps.engine"
-
-Place = tuple[int, ...]  # of a cell on the axes of its stage that have several values
-Points = tuple[tuple[Value, ...], ...]
+Cells = NDArray[np.int64]  # numbers of cells of a stage
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Axis:
 
     name: str
     settings: tuple[Setting, ...]
-    points: Points  # a value of each setting, for every place
+    points: tuple[tuple[Value, ...], ...]  # a value of each setting, for every place
     labels: tuple[str, ...] | None = None  # of the places, where settings run together
 
     @property
@@ -62,6 +64,23 @@ def axes_of(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
     return tuple(axes.values())
 
 
+class Taken(NamedTuple):
+    """Cells of an input that the cells of a stage take.
+
+    `first` has one for each cell of the stage, (cell,). `further`, (gathered axis, ...), is what to
+    add to it for every place on those gathered axes that the input has, in the order of
+    `Stage.gather`.
+    """
+
+    source: Bound
+    first: Cells
+    further: Cells
+
+    def of(self, cells: Cells) -> Cells:
+        """Return the cells taken by distinct ones among some cells, (distinct, taken)."""
+        return np.unique(self.first[cells])[:, None] + self.further.ravel()
+
+
 class Plan:
     """Plan of a sweep: stages, their cells and the keys of these."""
 
@@ -85,35 +104,21 @@ class Plan:
             if bound in wanted:
                 wanted.update(bound.inputs)
         self.bound = {name: bound for name, bound in self._every.items() if bound in wanted}
-        # Cached: looked up some hundred thousand times.
-        self.axes_on = cache(self._axes_on)
-        self.whole_axes = cache(self._whole_axes)
-        self.plain_value = cache(self._plain_value)
-        self.key = cache(self._key)
-        self._taken = cache(self._taken_from)
-        self._where = cache(self._where_on)
-        self._whole_key = cache(self._key_of_all)
-        for bound in (one for one in self.bound.values() if not one.stage.plain):
-            for axis in (self.axes[number] for number in self.gathered(bound)):
-                if axis.several and axis.is_joint:
-                    raise ConfigurationError(
-                        f"{axis.settings[0].key} runs together with other settings, but must run "
-                        f"alone because {bound.name} uses all of its values"
-                    )
-        self._places_at = {
-            (bound, source, one): self._moved(bound, source, one, other)
-            for bound in self.bound.values()
-            for one, other in bound.stage.at.items()
-            for source in bound.inputs
-            if one.key in source.needs
-        }
+        self._strides = {bound: self._strides_of(bound) for bound in self.bound.values()}
+        self.together = {bound: self._together(bound) for bound in self.bound.values()}
+        # What follows is filled as it is needed.
+        self._columns: dict[tuple[Bound, str], tuple[int, tuple[Value, ...]]] = {}
+        self._taken: dict[Bound, dict[Bound, Taken]] = {}
+        self._keys: dict[Bound, NDArray[Any]] = {}
+        self._plain: dict[tuple[Bound, int], Value] = {}
+        for bound in self.bound.values():
+            self._check_joint(bound)
+            if bound.stage.at:
+                self.taken(bound)  # which may refuse it
 
     def unread(self, keys: Iterable[str]) -> list[str]:
         """Return which of some keys the experiment's stages read, but none of this plan does."""
-        read, known = (
-            {key for bound in stages for key in (*bound.needs, *bound.gather)}
-            for stages in (self.bound.values(), self._every.values())
-        )
+        read, known = _read_by(self.bound.values()), _read_by(self._every.values())
         noting = Noting(self.choices.values, self.choices.joint)
         for bound in self._every.values():
             bound.stage.when(noting)
@@ -125,99 +130,116 @@ class Plan:
         }
         return sorted(key for key in keys if key in known and key not in read)
 
-    @property
-    def modules(self) -> list[str]:
-        """Sorted names of the modules of its stages."""
-        return sorted({one.stage.function.__module__ for one in self.bound.values()})
-
     # axes -----------------------------------------------------------------------------------
 
     @property
     def swept(self) -> dict[str, int]:
         """Return the number of values of every axis of several that a stage depends on."""
-        read = {number for one in self.bound.values() for number in self.axes_on(one)}
-        read |= {number for one in self.bound.values() for number in self.gathered(one)}
+        read = {self.axis_number(key) for key in _read_by(self.bound.values())}
         return {
             "+".join(one.key for one in axis.settings): len(axis.points)
             for number, axis in enumerate(self.axes)
             if axis.several and number in read
         }
 
-    def _axes_on(self, bound: Bound) -> tuple[int, ...]:
-        """Return numbers of the axes with several values that a stage depends on, ascending."""
-        found = {self._axis_of[key][0] for key in bound.needs}
-        return tuple(number for number in sorted(found) if self.axes[number].several)
-
     def axis_number(self, key: str) -> int:
         """Return the number of a setting's axis."""
         return self._axis_of[key][0]
 
-    def together(self, bound: Bound) -> tuple[int, ...]:
-        """Return numbers of the axes with several values that a stage computes together."""
-        return tuple(
-            number
-            for number in self.axes_on(bound)
+    def axes_on(self, bound: Bound) -> tuple[int, ...]:
+        """Return numbers of the axes with several values that a stage depends on, ascending."""
+        return tuple(self._strides[bound])
+
+    def _together(self, bound: Bound) -> dict[int, int]:
+        """Return axes that a stage computes together: number, and stride of its cells along it."""
+        return {
+            number: stride
+            for number, stride in self._strides[bound].items()
             if len(self.axes[number].settings) == 1
             and self.axes[number].settings[0].key in bound.along
-        )
+        }
 
-    def gathered(self, bound: Bound) -> tuple[int, ...]:
-        """Return numbers of the axes that a stage gathers, in the order in which it names them."""
-        return tuple(self._axis_of[key][0] for key in bound.gather)
+    def _strides_of(self, bound: Bound) -> dict[int, int]:
+        """Return by axis of several values how far apart the cells of neighbouring places are."""
+        numbers = sorted({self.axis_number(key) for key in bound.needs})
+        several = [number for number in numbers if self.axes[number].several]
+        lengths = [len(self.axes[number].points) for number in several]
+        return {number: prod(lengths[at + 1 :]) for at, number in enumerate(several)}
 
-    def cells(self, bound: Bound) -> Iterator[Place]:
-        """Yield places of all cells of a stage, the last axis fastest."""
-        return self._places(self.axes_on(bound))
+    def _check_joint(self, bound: Bound) -> None:
+        """Refuse settings that run together with others, but are gathered."""
+        for axis in (self.axes[self.axis_number(key)] for key in bound.gather):
+            if axis.several and axis.is_joint and not bound.stage.plain:
+                raise ConfigurationError(
+                    f"{axis.settings[0].key} runs together with other settings, but must run "
+                    f"alone because {bound.name} uses all of its values"
+                )
+
+    # cells ----------------------------------------------------------------------------------
 
     def count(self, bound: Bound) -> int:
         """Return the number of cells of a stage."""
-        return prod(len(self.axes[number].points) for number in self.axes_on(bound))
+        return prod(len(self.axes[number].points) for number in self._strides[bound])
 
-    def _places(self, numbers: Iterable[int]) -> Iterator[Place]:
-        return product(*(range(len(self.axes[number].points)) for number in numbers))
+    def cells(self, bound: Bound) -> Cells:
+        """Return the numbers of all cells of a stage."""
+        return np.arange(self.count(bound))
 
-    def value(self, bound: Bound, key: str, place: Place) -> Value:
-        """Return the value of a setting at a place of a stage."""
-        points, at, position = self._where(bound, key)
-        return points[0 if at is None else place[at]][position]
+    def places(self, bound: Bound, number: int, cells: Cells | int) -> Any:
+        """Return the places of some cells of a stage on an axis; 0 if it does not depend on it."""
+        stride = self._strides[bound].get(number)
+        return 0 * cells if stride is None else cells // stride % len(self.axes[number].points)
 
-    def _where_on(self, bound: Bound, key: str) -> tuple[Points, int | None, int]:
-        """Return points of a setting's axis, and its position in a stage's places and points."""
-        number, position = self._axis_of[key]
-        axis = self.axes[number]
-        return axis.points, self.axes_on(bound).index(number) if axis.several else None, position
+    def value(self, bound: Bound, key: str, cell: int) -> Value:
+        """Return the value of a setting in a cell of a stage."""
+        if (bound, key) not in self._columns:
+            number, position = self._axis_of[key]
+            column = tuple(point[position] for point in self.axes[number].points)
+            self._columns[bound, key] = self._strides[bound].get(number, 1), column
+        stride, values = self._columns[bound, key]
+        return values[cell // stride % len(values)]
 
-    def described(self, bound: Bound, place: Place) -> str:
-        """Return a place in words: name=value for every axis of several values."""
+    def described(self, bound: Bound, cell: int) -> str:
+        """Return a cell in words: name=value for every axis of several values."""
         words = [bound.name]
-        for number, at in zip(self.axes_on(bound), place, strict=True):
-            axis = self.axes[number]
-            words.append(f"{axis.name}={axis.labels[at] if axis.labels else _shown(axis, at)}")
+        for number in self._strides[bound]:
+            axis, at = self.axes[number], self.places(bound, number, cell)
+            shown = axis.labels[at] if axis.labels else ",".join(map(_word, axis.points[at]))
+            words.append(f"{axis.name}={shown}")
         return " ".join(words)
 
     # inputs ---------------------------------------------------------------------------------
 
-    def source_place(
-        self, bound: Bound, source: Bound, place: Place, moved: Mapping[int, int] | None = None
-    ) -> Place:
-        """Return the place of the input's cell that a cell takes, `moved` on some axes."""
-        if not moved and not bound.stage.at:
-            return tuple([place[at] for at in self._taken(bound, source)])
-        own = dict(zip(self.axes_on(bound), place, strict=True)) | dict(moved or {})
-        there = dict(own)
-        for one, other in bound.stage.at.items():
-            if (bound, source, one) in self._places_at:
-                number, _ = self._axis_of[one.key]
-                value = self.value(bound, other.key, place)
-                there[number] = self._places_at[bound, source, one][value, own.get(number)]
-        return tuple([there[number] for number in self.axes_on(source)])
+    def taken(self, bound: Bound) -> dict[Bound, Taken]:
+        """Return which cells of each of its inputs the cells of a stage take."""
+        if bound not in self._taken:
+            sources = dict.fromkeys(bound.inputs)
+            self._taken[bound] = {source: self._taken_of(bound, source) for source in sources}
+        return self._taken[bound]
 
-    def _moved(
-        self, bound: Bound, source: Bound, one: Setting, other: Setting
-    ) -> dict[tuple[Value, int | None], int]:
-        """Return places of an input on the axis of a setting that takes the value of another.
+    def inputs(self, bound: Bound) -> list[Taken]:
+        """Return what a stage takes of its inputs that are cells."""
+        return [one for one in self.taken(bound).values() if not one.source.stage.plain]
 
-        By that value, and by the stage's own place on that axis, if it has one.
+    def _taken_of(self, bound: Bound, source: Bound) -> Taken:
+        cells, strides = self.cells(bound), self._strides[source]
+        moved = {
+            self.axis_number(one.key): self._moved(bound, source, one, other)
+            for one, other in bound.stage.at.items()
+            if one.key in source.needs
+        }
+        first = 0 * cells
+        for number, stride in strides.items():
+            own = moved[number] if number in moved else self.places(bound, number, cells)
+            first += stride * own
+        further = np.zeros((), dtype=np.int64)
+        for number in (self.axis_number(key) for key in bound.gather if key in source.needs):
+            places = np.arange(len(self.axes[number].points))
+            further = further[..., None] + strides.get(number, 0) * places
+        return Taken(source, first, further)
+
+    def _moved(self, bound: Bound, source: Bound, one: Setting, other: Setting) -> Cells:
+        """Return by cell the place of an input on a setting's axis that takes another's value.
 
         Raises
         ------
@@ -227,64 +249,43 @@ class Plan:
         number, position = self._axis_of[one.key]
         axis, (at, part) = self.axes[number], self._axis_of[other.key]
         read = [k for k, member in enumerate(axis.settings) if member.key in source.needs]
-        owned = number in self.axes_on(bound)
-        found: dict[tuple[Value, int | None], int] = {}
-        for own in range(len(axis.points)) if owned else (None,):
-            others = self.axes[at].points if own is None or at != number else [axis.points[own]]
-            for value in (point[part] for point in others):
-                fitting = [k for k, point in enumerate(axis.points) if point[position] == value]
-                if not fitting:
-                    raise ConfigurationError(
-                        f"{other.key} has {_word(value)}, but every value must be one of "
-                        f"{one.key}, because {bound.name} takes {source.name} there"
-                    )
-                several = len({tuple(axis.points[k][r] for r in read) for k in fitting}) > 1
-                if own in fitting:
-                    found[value, own] = own
-                elif several or (owned and len(read) > 1):
-                    raise ConfigurationError(
-                        f"{one.key} runs together with other settings, but must run alone "
-                        f"because {bound.name} takes {source.name} at the value of {other.key}"
-                    )
-                else:
-                    found[value, own] = fitting[0]
-        return found
+        owned, cells = number in self._strides[bound], self.cells(bound)
+        length = len(axis.points)
+        pairs = self.places(bound, at, cells) * length + self.places(bound, number, cells)
+        distinct, inverse = np.unique(pairs, return_inverse=True)
+        places = []
+        for there, own in (divmod(pair, length) for pair in distinct.tolist()):
+            value = self.axes[at].points[there][part]
+            fitting = [k for k, point in enumerate(axis.points) if point[position] == value]
+            known = {tuple(axis.points[k][r] for r in read) for k in fitting}
+            if owned and own in fitting:
+                places.append(own)
+            elif len(known) == 1 and not (owned and len(read) > 1):
+                places.append(fitting[0])
+            else:
+                raise ConfigurationError(
+                    f"{other.key} has {_word(value)}, but every value must be one of {one.key}, "
+                    "which must not run together with other settings, because "
+                    f"{bound.name} takes {source.name} there"
+                )
+        return np.array(places)[inverse]
 
-    def _taken_from(self, bound: Bound, source: Bound) -> tuple[int, ...]:
-        """Return which places on the axes of a stage are those of an input's cell."""
-        own = self.axes_on(bound)
-        return tuple(own.index(number) for number in self.axes_on(source))
+    def plain_argument(self, bound: Bound, argument: Argument, cell: int) -> Value:
+        """Return the value of an argument that is a setting or a plain stage."""
+        setting, source = argument.setting, argument.source
+        if setting is not None:
+            gathered = setting.key in bound.gather
+            given = self.choices[setting] if gathered else self.value(bound, setting.key, cell)
+            return setting.in_si(given)
+        assert source is not None
+        there = source, int(self.taken(bound)[source].first[cell])
+        if there not in self._plain:
+            self._plain[there] = self._plain_value(*there)
+        return self._plain[there]
 
-    def _whole_axes(self, bound: Bound, source: Bound) -> tuple[int, ...]:
-        """Return numbers of the axes gathered of an input, in the order of `Stage.gather`."""
-        there = self.axes_on(source)
-        return tuple(number for number in self.gathered(bound) if number in there)
-
-    def sources(self, bound: Bound, source: Bound, place: Place) -> Iterator[tuple[Place, Place]]:
-        """Yield place on the gathered axes, and the input's place, of all cells taken."""
-        points = self._places(self.whole_axes(bound, source))
-        first = self.first_source(bound, source, place)
-        return zip(points, self.from_first(bound, source, first), strict=True)
-
-    def first_source(self, bound: Bound, source: Bound, place: Place) -> Place:
-        """Return the place of the first of the input's cells that a cell takes."""
-        whole = self.whole_axes(bound, source)
-        return self.source_place(bound, source, place, dict.fromkeys(whole, 0))
-
-    def from_first(self, bound: Bound, source: Bound, first: Place) -> Iterator[Place]:
-        """Yield places of all cells of an input that a cell takes, given the first."""
-        whole = self.whole_axes(bound, source)
-        # In the order of the gathering stage, which may differ from that of the input.
-        order = [self.axes_on(source).index(number) for number in whole]
-        place = list(first)
-        for point in self._places(whole):
-            for at, index in zip(order, point, strict=True):
-                place[at] = index
-            yield tuple(place)
-
-    def _plain_value(self, bound: Bound, place: Place) -> Value:
-        """Return the result of a plain stage at one of its places."""
-        given = {one.name: self.plain_argument(bound, one, place) for one in bound.arguments}
+    def _plain_value(self, bound: Bound, cell: int) -> Value:
+        """Return the result of a plain stage in one of its cells."""
+        given = {one.name: self.plain_argument(bound, one, cell) for one in bound.arguments}
         try:
             return bound.stage.checked_value(bound.stage.function(**given))
         except (ConfigurationError, DeclarationError):
@@ -295,62 +296,65 @@ class Plan:
                 f"{bound.name} cannot be computed from {words}: {error or type(error).__name__}"
             ) from error
 
-    def plain_argument(self, bound: Bound, argument: Argument, place: Place) -> Value:
-        """Return the value of an argument that is a setting or a plain stage."""
-        if argument.setting is not None:
-            if argument.setting.key in bound.gather:
-                return self.choices[argument.setting]
-            return self.value(bound, argument.setting.key, place)
-        assert argument.source is not None
-        return self.plain_value(argument.source, self.source_place(bound, argument.source, place))
-
-    def stream(self, bound: Bound, place: Place) -> tuple[int, dict[str, Any]]:
+    def stream(self, bound: Bound, cell: int) -> tuple[int, dict[str, Any]]:
         """Return the seed and the names of a cell's noise stream; see `sweeps.engine.seeds`."""
         name: dict[str, Any] = {"stage": bound.stage.noise or bound.name}
         if bound.stage.stream is None:
             keys = [key for key in bound.needs if key != Run.seed.key]
-            name |= {key: self.value(bound, key, place) for key in keys}
+            name |= {key: self.value(bound, key, cell) for key in keys}
         for setting in bound.stage.stream or ():
-            value = self.value(bound, setting.key, place)
+            value = self.value(bound, setting.key, cell)
             if value or setting not in bound.stage.optional:
                 name[setting.name] = value
-        return self.value(bound, Run.seed.key, place), name
+        return self.value(bound, Run.seed.key, cell), name
 
     # keys -----------------------------------------------------------------------------------
 
-    def _key(self, bound: Bound, place: Place) -> str:
-        """Return the hash of everything that a cell depends on."""
-        parts = [self._code[bound.name]]
+    def key(self, bound: Bound, cell: int) -> str:
+        """Return the key of one cell; see `keys`."""
+        return str(self.keys(bound, np.array([cell]))[0])
+
+    def keys(self, bound: Bound, cells: Cells) -> NDArray[Any]:
+        """Return the hash of everything that a cell depends on, of each of some cells.
+
+        Those of all that they depend on are made first, and none is made twice.
+        """
+        if bound not in self._keys:
+            self._keys[bound] = np.full(self.count(bound), "", dtype=object)
+        known = self._keys[bound]
+        new = cells[known[cells] == ""]
+        if new.size:
+            new = np.unique(new)
+            known[new] = self._new_keys(bound, new)
+        return known[cells]
+
+    def _new_keys(self, bound: Bound, cells: Cells) -> list[str]:
+        parts = [[self._code[bound.name]] * len(cells)]
         for argument in bound.arguments:
             source = argument.source
             if source is None or source.stage.plain:
-                value = self.plain_argument(bound, argument, place)
-                parts.append(f"{argument.name}={value_token(value)}")
-            elif self.whole_axes(bound, source):
-                first = self.first_source(bound, source, place)
-                parts.append(f"{argument.name}:{self._whole_key(bound, source, first)}")
+                values = (self.plain_argument(bound, argument, cell) for cell in cells.tolist())
+                parts.append([f"{argument.name}={value_token(value)}" for value in values])
             else:
-                there = self.source_place(bound, source, place)
-                parts.append(f"{argument.name}:{self.key(source, there)}")
+                taken = self.taken(bound)[source]
+                _, inverse = np.unique(taken.first[cells], return_inverse=True)
+                rows = self.keys(source, taken.of(cells))
+                every = [f"{argument.name}:{digest(''.join(row))}" for row in rows]
+                parts.append([every[at] for at in inverse.tolist()])
         if bound.random:
-            parts.append(repr((STREAM_VERSION, *self.stream(bound, place))))
-        return digest("\0".join(parts))
-
-    def _key_of_all(self, bound: Bound, source: Bound, first: Place) -> str:
-        """Return one hash of all cells that a stage gathers of an input."""
-        return digest(
-            "\0".join(self.key(source, there) for there in self.from_first(bound, source, first))
-        )
+            streams = (self.stream(bound, cell) for cell in cells.tolist())
+            parts.append([repr((STREAM_VERSION, np.__version__, *stream)) for stream in streams])
+        return [digest("\0".join(one)) for one in zip(*parts, strict=True)]
 
     def fingerprint(self, bound: Bound) -> str:
         """Return the hash of the keys of all cells of a stage."""
-        return digest("".join(self.key(bound, place) for place in self.cells(bound)))
+        return digest("".join(self.keys(bound, self.cells(bound))))
 
     @cached_property
     def _code(self) -> dict[str, str]:
         """Return by stage the hash of its code and of the names of its function and outputs."""
         # Two stages of one function share their results: its name counts, not theirs. Functions
-        # of one name, such as lambdas, are told apart by the names of their stages.
+        # of one name, such as lambdas, are distinguished by the names of their stages.
         functions = {name: inspect.unwrap(one.stage.function) for name, one in self._every.items()}
         named: dict[tuple[str, str], set[int]] = defaultdict(set)
         for one in functions.values():
@@ -365,28 +369,27 @@ class Plan:
         return found
 
     @cached_property
-    @uncollected()
+    def source_code(self) -> Code:
+        """Return the code of the experiment's packages."""
+        functions = (one.function for one in self.experiment.stages)
+        declared = frozenset(place_of(one) for one in functions if inspect.unwrap(one) is one)
+        return Code(frozenset(self.experiment.code), declared)
+
+    @cached_property
     def code(self) -> dict[str, str]:
         """Return by stage the hash of its code and libraries, for the store's attributes."""
-        roots, without = frozenset(self.experiment.code), frozenset({ENGINE})
-        return {
-            name: code_digest(
-                bound.stage.function,
-                roots=roots,
-                without=without,
-                also=(*bound.stage.also, *(("numpy",) if bound.random else ())),  # of its draws
-            ).digest
-            for name, bound in self.bound.items()
-        }
+        functions = {name: bound.stage.function for name, bound in self.bound.items()}
+        return {name: self.source_code.digest(one).digest for name, one in functions.items()}
+
+
+def _read_by(stages: Iterable[Bound]) -> set[str]:
+    """Return keys of the settings that some stages depend on."""
+    return {key for bound in stages for key in (*bound.needs, *bound.gather)}
 
 
 def digest(text: str) -> str:
     """Return a hash of a text: 32 hexadecimal digits."""
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
-
-
-def _shown(axis: Axis, at: int) -> str:
-    return ",".join(map(_word, axis.points[at]))
 
 
 def _word(value: Value) -> str:

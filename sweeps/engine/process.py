@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -22,31 +21,14 @@ ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", 
 def say(name: str, sentence: str) -> None:
     """Print a sentence to stderr, ignoring errors."""
     with suppress(OSError, ValueError, AttributeError):  # there may be no stderr at all
-        text = f"{name}: {sentence}\n"
-        encoding = sys.stderr.encoding or "utf-8"
-        sys.stderr.write(text.encode(encoding, "backslashreplace").decode(encoding))
+        sys.stderr.write(f"{name}: {sentence}\n")
         sys.stderr.flush()
 
 
-def show(what: Any, *, error: bool = False) -> None:
-    """Print a text or a table of rich, ignoring errors."""
-    stream = sys.stderr if error else sys.stdout
+def show(what: Any) -> None:
+    """Print a text or a table of rich to stdout, ignoring errors."""
     with suppress(OSError, ValueError, SystemExit):  # rich ends the process for a closed pipe
-        console = Console(file=stream, highlight=False, markup=False, soft_wrap=True)
-        console.print(what)
-        console.file.flush()
-
-
-@contextmanager
-def uncollected() -> Iterator[None]:
-    """Pause the collection of garbage, which takes long where many small objects stay."""
-    was = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was:
-            gc.enable()
+        Console(highlight=False, markup=False, soft_wrap=True).print(what)
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from typing import Any
 
-from sweeps.engine.code import code_digest
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word
 from sweeps.engine.plan import Plan, digest
@@ -61,8 +60,7 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     }
     if choices.joint:
         attributes["joint"] = [
-            [one.name, list(one.keys), [list(point) for point in one.points], one.labels]
-            for one in choices.joint
+            [one.name, one.keys, _numbers(one, choices), one.labels] for one in choices.joint
         ]
     if failures:
         attributes["failures"] = dict(sorted(failures.items()))
@@ -74,18 +72,21 @@ def _shown_digest(plan: Plan) -> str:
     experiment = plan.experiment
     settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
     outputs = [list(map(repr, one.stage.outputs)) for one in plan.targets]
-    tables = [(one.group, one.of, _code_of(one.make, experiment)) for one in experiment.tables]
+    tables = [
+        (one.group, one.of, _code_of(one.make, plan), *map(repr, one.displays))
+        for one in experiment.tables
+    ]
     statuses = [(one.name, one.label) for one in experiment.statuses]
     return digest(repr([settings, outputs, tables, statuses]))
 
 
-def _code_of(function: Callable[..., Any], experiment: Experiment) -> str:
+def _code_of(function: Callable[..., Any], plan: Plan) -> str:
     """Return the hash of the code of a table; empty if it is no function of a file."""
     given: Any = function
     while isinstance(given, partial):
         given = given.func
     try:
-        return code_digest(given, roots=frozenset(experiment.code)).digest
+        return plan.source_code.digest(given).digest
     except (ConfigurationError, TypeError):
         return ""
 
@@ -119,21 +120,21 @@ def choices_of(experiment: Experiment, attributes: Mapping[str, Any]) -> Choices
     declared = _identity(experiment)
     choices = read_choices(declared, flatten(declared, attributes["configuration"]))
     joint = []
-    for name, keys, points, labels in attributes.get("joint", ()):
-        # As settings have them: JSON turns tuples into lists, and subclasses of str into texts.
-        known = [{_plain(value): value for value in choices.values[key]} for key in keys]
-        there = tuple(
-            tuple(of[_plain(value)] for of, value in zip(known, point, strict=True))
-            for point in points
-        )
-        joint.append(Joint(name, tuple(keys), there, tuple(labels) if labels else None))
+    for name, keys, numbers, labels in attributes.get("joint", ()):
+        columns = [
+            [choices.values[key][number] for number in column]
+            for key, column in zip(keys, numbers, strict=True)
+        ]
+        points = tuple(zip(*columns, strict=True))
+        joint.append(Joint(name, tuple(keys), points, tuple(labels) if labels else None))
     return Choices(choices.values, tuple(joint))
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, list | tuple):
-        return tuple(map(_plain, value))
-    return str(value) if isinstance(value, str) else value
+def _numbers(joint: Joint, choices: Choices) -> list[list[int]]:
+    """Return which of its values each setting has at the points of joint settings."""
+    columns = zip(joint.keys, zip(*joint.points, strict=True), strict=True)
+    numbers = {key: {one: k for k, one in enumerate(choices.values[key])} for key in joint.keys}
+    return [[numbers[key][value] for value in column] for key, column in columns]
 
 
 def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], plan: Plan) -> None:
@@ -153,19 +154,21 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
         lacking = sorted(set(there).difference(asked), key=there.index)
         if not lacking:
             continue
-        both = sorted({*map(_shown, there), *map(_shown, asked)}, key=_numeric)
-        advice = f"give {setting.key}=[{','.join(both)}] to have both, or another store"
-        if setting.fixed or not isinstance(setting.kind, Number | Count | Word | Switch | Text):
-            advice = "give another store"
+        advice = "give another store"
+        if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
+            both = sorted({*there, *asked}, key=lambda value: (value is None, value))
+            words = ",".join(map(_shown, both))
+            advice = f"give {setting.key}=[{words}] to have both, or another store"
         raise ConfigurationError(
             f"{setting.key} is {', '.join(map(_shown, asked))}, but the store {path!r} has "
             f"{', '.join(map(_shown, lacking))}: {advice}"
         )
-    if keys := _lacking_together(before, plan.choices):
-        raise ConfigurationError(
-            f"store is {path!r}, which has other values of {', '.join(keys)} together; have these "
-            "among those that run together, too, or give another store"
-        )
+    for joint in plan.choices.joint:
+        if not _points(before, joint.keys) <= set(joint.points):
+            raise ConfigurationError(
+                f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
+                "together; have these among those that run together, too, or give another store"
+            )
     now = {"code": plan.code, "versions": versions(experiment)}
     for kind, word in (("code", "code of"), ("versions", "version of")):
         for name, value in old.get(kind, {}).items():
@@ -176,36 +179,19 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
                 )
 
 
-def _lacking_together(before: Choices, now: Choices) -> tuple[str, ...]:
-    """Return keys of joint settings of which some combinations are missing now."""
-    groups: list[set[str]] = []
-    for joint in (*before.joint, *now.joint):
-        met = [group for group in groups if group & set(joint.keys)]
-        groups = [group for group in groups if group not in met] + [set(joint.keys).union(*met)]
-    for keys in (tuple(sorted(group)) for group in groups):
-        if not _points(before, keys) <= _points(now, keys):
-            return keys
-    return ()
-
-
 def _points(choices: Choices, keys: tuple[str, ...]) -> set[tuple[Value, ...]]:
-    """Return combinations of values of some settings, which include all joint ones."""
-    joint = [one for one in choices.joint if set(one.keys) <= set(keys)]
-    together = {key for one in joint for key in one.keys}
-    axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
-    axes += [[{key: one} for one in choices.values[key]] for key in keys if key not in together]
-    met = (ChainMap(*point) for point in product(*axes))
-    return {tuple(values[key] for key in keys) for values in met}
+    """Return combinations of the values of some settings, which may be among joint ones."""
+    axes = [
+        [dict(zip(one.keys, point, strict=True)) for point in one.points]
+        for one in choices.joint
+        if not set(one.keys).isdisjoint(keys)
+    ]
+    joint = {key for one in choices.joint for key in one.keys}
+    axes += [[{key: one} for one in choices.values[key]] for key in keys if key not in joint]
+    return {tuple(ChainMap(*point)[key] for key in keys) for point in product(*axes)}
 
 
 def _shown(value: Value) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:.12g}" if isinstance(value, float) else "null" if value is None else str(value)
-
-
-def _numeric(word: str) -> tuple[int, float, str]:
-    try:
-        return 0, float(word), word
-    except ValueError:
-        return 1, 0.0, word

@@ -47,13 +47,12 @@ def arrays_of(stage: str, slots: Sequence[Slot], found: Any, along: tuple[int, .
         sentence with stage, output, what was returned, and what is allowed.
     """
     names = [slot.name for slot in slots]
-    if not isinstance(found, Mapping):
-        if len(names) != 1:
-            raise TypeError(f"{stage} must return a mapping of {', '.join(names)}")
+    if not isinstance(found, Mapping) and len(names) == 1:
         found = {names[0]: found}
-    if found.keys() != set(names):
+    given = list(found) if isinstance(found, Mapping) else [type(found).__name__]
+    if set(given) != set(names):
         raise TypeError(
-            f"{stage} returned {', '.join(map(str, found))}, but must return {', '.join(names)}"
+            f"{stage} returned {', '.join(map(str, given))}, but must return {', '.join(names)}"
         )
     return {slot.name: _array(stage, slot, found[slot.name], along) for slot in slots}
 
@@ -72,35 +71,27 @@ def _array(stage: str, slot: Slot, given: Any, along: tuple[int, ...]) -> NDArra
             raise _refused(stage, slot, "rows of different lengths", "an array") from None
         if array.dtype != dtype:
             array = _cast(stage, slot, array, dtype)
-    if along and array.shape[: len(along)] != along:
-        leading = f"one that begins with {along}, the numbers of values computed together"
-        raise _refused(stage, slot, f"an array of shape {array.shape}", leading)
-    if array.ndim != len(along) + slot.dims:
-        leading = f"{len(along)} of the values computed together and " if along else ""
-        allowed = f"one of {len(along) + slot.dims} dimensions: {leading}{slot.dims} of its own"
+    if array.shape[: len(along)] != along or array.ndim != len(along) + slot.dims:
+        leading = f"{along}, the numbers of values computed together, and " if along else ""
+        allowed = f"one of {leading}{slot.dims} dimensions of its own"
         raise _refused(stage, slot, f"an array of shape {array.shape}", allowed)
     return array
 
 
 def _cast(stage: str, slot: Slot, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return an array in another dtype; digits of floats may go, and nothing else."""
-    texts = dtype.kind in "SU" and array.dtype.kind in "OSTU"
-    if texts and array.dtype.kind == "O":
-        texts = all(isinstance(one, str) for one in array.flat)
+    texts = dtype.kind in "SU" and all(isinstance(one, str | bytes) for one in array.flat)
     if not texts and array.dtype.kind not in CAST.get(dtype.kind, dtype.kind) and array.size:
         odd = next((one for one in array.flat if one is None), f"values of dtype {array.dtype}")
         raise _refused(stage, slot, str(odd))
     with np.errstate(all="ignore"):
         cast = array.astype(dtype)
-    if dtype.kind in "fc":
-        if np.isfinite(cast).all():  # mostly
-            return cast
-        lost = np.isinf(cast) & np.isfinite(array)
-    else:
-        with np.errstate(all="ignore"):
+        if dtype.kind in "fc":
+            lost = np.isinf(cast) & np.isfinite(array)
+        else:
             lost = cast.astype(array.dtype) != array
-        if dtype.kind in "iu" and array.dtype.kind in "iu":
-            lost |= (cast < 0) != (array < 0)  # they may wrap there and back
+    if dtype.kind in "iu" and array.dtype.kind in "iu":
+        lost |= (cast < 0) != (array < 0)  # they may wrap there and back
     if lost.any():
         raise _refused(stage, slot, repr(array[lost].flat[0].item()))
     return cast

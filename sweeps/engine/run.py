@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import errno
 import time
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from itertools import count
 from pathlib import Path
 
 from sweeps.engine.attributes import nested, plain
-from sweeps.engine.cluster import ClusterChoice, Executor, InlineExecutor, executor
+from sweeps.engine.cluster import ClusterChoice, Executor, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import (
@@ -31,25 +31,28 @@ from sweeps.engine.folders import (
     verify,
 )
 from sweeps.engine.interrupts import heed, heeding, interruptible
-from sweeps.engine.packs import PRIVATE, Spot, read_cells
+from sweeps.engine.packs import PRIVATE, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
-from sweeps.engine.results import CellIndex, open_index
+from sweeps.engine.results import CellIndex
 from sweeps.engine.returned import uneven
-from sweeps.engine.schedule import Job, Progress, Schedule, Watch, apart
+from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Bound, Experiment, functions_of
+from sweeps.engine.stage import Experiment, functions_of
 from sweeps.engine.store import read_attributes, write_store
-from sweeps.engine.tables import add_tables
-from sweeps.engine.takeover import OldStore
-from sweeps.engine.tasks import Call, Damaged, Report, run_calls
+from sweeps.engine.tasks import Call, Damaged, Done, Report, run_calls
 
 WRITERS = 2  # threads that write chunks
 AT_ONCE = 512  # cells that are read again after damage
 ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 QUICK = 1.0  # s of work that finishes before worker processes would have started
+LIBRARIES = ("xarray", "zarr", "dask.array")  # of tables and reports, imported in most of a second
+
+Task = tuple[list[Job], tuple[Call, ...]]
+Outcome = tuple[set[str], list[tuple[str, str]]]
+"""Keys of cells that could not be read back; names of those that failed, and why."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class Finished:
     """Outcome of a sweep: progress by stage, and the cells that failed with the reason of each.
 
     `axes` has the number of values of everything that was swept, by key; keys of settings that
-    run together are joined by `+`. `left` says which part of the report could not be written.
+    run together are joined by `+`.
     """
 
     progress: Mapping[str, Progress] = field(default_factory=dict)
@@ -81,7 +84,6 @@ class Finished:
     written: bool = False  # whether the store is new or changed
     seconds: float = 0.0
     axes: Mapping[str, int] = field(default_factory=dict)
-    left: str = ""
 
 
 def existing(experiment: Experiment, path: Path, plan: Plan) -> Mapping[str, object] | None:
@@ -102,25 +104,48 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     OSError
         If the store cannot be written; finished results are kept in the cache.
     """
-    with environment(experiment.environment(choices)):
-        return _locked_sweep(experiment, choices, place, watch)
-
-
-def _locked_sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) -> Finished:
     start, begun = time.perf_counter(), time.time()
-    check_target(place.store)
-    check_folder("cache", place.cache)
-    check_apart([place.store], place.cache, lambda store: ())
     place = replace(place, cache=place.cache.absolute())  # workers may be started elsewhere
-    plan = Plan(experiment, choices)
-    with locked(place.store), open_index(place.cache, watch.say) as index:
+    with ExitStack() as stack:
+        stack.enter_context(environment(experiment.environment(choices)))
+        check_target(place.store)
+        check_folder("cache", place.cache)
+        check_apart([place.store], place.cache, lambda store: ())
+        plan = Plan(experiment, choices)
+        stack.enter_context(locked(place.store))
+        index = CellIndex(place.cache, watch.say)
         old = existing(experiment, place.store, plan)
-        # The thread starts and ends workers while this one plans and writes.
-        with _spill(place.store) as spill, ThreadPoolExecutor(1, "cluster") as thread:
-            finished = _sweep(plan, place, old, index, spill, watch, thread)
+        if old is not None and is_whole(plan, place.store, old, watch.say):
+            finished = _unchanged(plan, index, watch)
+        else:
+            finished = _until_undamaged(plan, place, index, watch, is_new=old is None)
         index.shrink(place.cache_limit, keep_since=begun)
     finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
     return finished
+
+
+def _until_undamaged(
+    plan: Plan, place: Place, index: CellIndex, watch: Watch, *, is_new: bool
+) -> Finished:
+    """Compute and write all cells, and again those that are damaged when they are read back."""
+    # The thread starts and ends workers while this one plans and writes.
+    with _spill(place.store) as spill, ThreadPoolExecutor(1, "cluster") as thread:
+        for _ in range(ROUNDS):
+            costs = {name: seconds for name, (seconds, _) in index.costs().items()}
+            schedule = Schedule(plan, costs, place.verify)
+            ahead = is_new and not index.summary()  # so there is certainly work
+            damaged, failures = _compute(schedule, place, index, spill, watch, thread, ahead=ahead)
+            if not damaged:
+                try:
+                    failures += _write(schedule, place, watch)
+                except Damaged:
+                    damaged = _damaged(schedule, place)
+                else:
+                    index.used(path for path, *_ in schedule.spots.values())
+                    return Finished(schedule.progress, failures, written=True)
+            watch.say(f"{len(damaged):,} results in the cache are damaged and are computed again")
+            index.forget(sorted(damaged))
+    raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
 
 
 @contextmanager
@@ -134,105 +159,63 @@ def _spill(store: Path) -> Iterator[Path]:
         remove_folder(folder)
 
 
-def _sweep(
-    plan: Plan,
+def _compute(
+    schedule: Schedule,
     place: Place,
-    old: Mapping[str, object] | None,
     index: CellIndex,
     spill: Path,
     watch: Watch,
     thread: ThreadPoolExecutor,
-) -> Finished:
-    schedule = Schedule(plan, {name: seconds for name, (seconds, _) in index.costs().items()})
-    before = OldStore(plan, place.store, old, watch.say) if old is not None else None
+    *,
+    ahead: bool,
+) -> Outcome:
+    """Compute missing cells on workers, started `ahead` of the planning if asked to.
 
-    def find(bound: Bound, keys: Sequence[str]) -> dict[str, Spot]:
-        found = index.find(keys)
-        if before is not None and len(found) < len(keys):
-            found |= before.find(bound, [key for key in keys if key not in found], spill)
-        return found
+    Returns the outcome of `execute`.
+    """
+    plan, choice = schedule.plan, place.cluster
+    stack = ExitStack()
 
-    failures: list[tuple[str, str]] = []
-    for _ in range(ROUNDS):
-        damaged: set[str] = set()
-        with _workers(place, plan, spill, watch, thread) as start:
-            if place.cluster.kind == "local" and old is None and not index.summary():
-                start(sum(plan.count(bound) for bound in plan.bound.values() if bound.stage.kept))
-            with interruptible():
-                schedule.resolve(find)
-                missing = schedule.missing_cells()
-            cells = sum(number for _, number in missing)
-            total = sum(one.total for one in schedule.progress.values())
-            watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
-            watch.step(schedule)
-            if schedule.ready:
-                measured = all(bound.name in schedule.costs for bound, _ in missing)
-                quick = measured and schedule.work_left() < QUICK
-                starting = start(len(missing), quick=quick)
-                if place.cluster.kind == "local":
-                    functions = functions_of(bound for bound, _ in missing)
-                    plan.experiment.prepare(plan.choices, functions, heeding(watch.say))
-                with interruptible():
-                    workers = starting.result()
-                if plan.experiment.tables and not isinstance(workers, InlineExecutor):
-                    thread.submit(_import_for_tables)  # while they work
-                damaged, failed = execute(
-                    schedule,
-                    workers,
-                    index,
-                    folder=place.cache,
-                    spill=spill,
-                    watch=watch,
-                    verify=place.verify,
-                )
-                failures += failed
-            elif old is not None and _is_whole(plan, place.store, old, watch):
-                index.used(path for path, *_ in schedule.spots.values())
-                return Finished(schedule.progress, failures)
-        if not damaged:
-            try:
-                failures += _write(plan, schedule, place, watch)
-            except Damaged:
-                damaged = _damaged(schedule, place)
-            else:
-                index.used(path for path, *_ in schedule.spots.values())
-                return Finished(schedule.progress, failures, written=True)
-        watch.say(f"{len(damaged):,} results in the cache are damaged and are computed again")
-        index.forget(sorted(damaged))
-        for key in [key for key, spot in schedule.spots.items() if spot.key in damaged]:
-            del schedule.spots[key]
-    raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
+    def start(choice: ClusterChoice, tasks: int) -> Future[Executor]:
+        entered = executor(
+            choice,
+            tasks=tasks,
+            packages=plan.experiment.code,
+            modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
+            folders=(place.cache, spill),
+            say=watch.say,
+        )
+        return thread.submit(stack.enter_context, entered)
 
-
-@contextmanager
-def _workers(
-    place: Place, plan: Plan, spill: Path, watch: Watch, thread: ThreadPoolExecutor
-) -> Iterator[Callable[..., Future[Executor]]]:
-    """Yield a function that starts workers in a thread, once; stop them afterwards."""
-    stack, choice = ExitStack(), place.cluster
-    started: list[Future[Executor]] = []
-
-    def start(tasks: int, *, quick: bool = False) -> Future[Executor]:
-        if not started:
-            chosen = ClusterChoice("inline") if quick and choice.kind == "local" else choice
-            entered = executor(
-                chosen,
-                tasks=tasks,
-                packages=plan.experiment.code,
-                modules=plan.modules,
-                folders=(place.cache, spill),
-                say=watch.say,
-            )
-            started.append(thread.submit(stack.enter_context, entered))
-        return started[0]
-
+    starting: Future[Executor] | None = None
     try:
-        yield start
+        if ahead and choice.kind == "local":
+            every = sum(plan.count(bound) for bound in plan.bound.values() if bound.stage.kept)
+            starting = start(choice, every)
+        with interruptible():
+            schedule.resolve(index.find)
+            missing = schedule.missing_cells()
+        cells = sum(number for _, number in missing)
+        total = sum(one.total for one in schedule.progress.values())
+        watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
+        watch.step(schedule)
+        if not missing:
+            return set(), []
+        if starting is None:
+            measured = all(bound.name in schedule.costs for bound, _ in missing)
+            quick = choice.kind == "local" and measured and schedule.work_left() < QUICK
+            choice = ClusterChoice("inline") if quick else choice
+            starting = start(choice, len(missing))
+        if place.cluster.kind in ("inline", "local"):
+            functions = functions_of(bound for bound, _ in missing)
+            plan.experiment.prepare(plan.choices, functions, heeding(watch.say))
+        with interruptible():
+            workers = starting.result()
+        for name in LIBRARIES if choice.kind != "inline" and plan.experiment.tables else ():
+            thread.submit(import_module, name)  # while they work
+        return execute(schedule, workers, index, folder=place.cache, spill=spill, watch=watch)
     finally:
         thread.submit(stack.close)
-
-
-# running tasks ----------------------------------------------------------------------------------
 
 
 def execute(
@@ -243,104 +226,80 @@ def execute(
     folder: Path,
     spill: Path,
     watch: Watch,
-    verify: float = 0.0,
-) -> tuple[set[str], list[tuple[str, str]]]:
+) -> Outcome:
     """Run all calls of a schedule, and record finished cells in the index.
 
-    Packs go to `folder`, or to `spill` when that is full. A share `verify` of the cells is computed
-    again, alone: a cell that then differs fails. Returns the keys of cells that could not
+    Packs go to `folder`, or to `spill` when that is full. Returns the keys of cells that could not
     be read back, and the names of those that failed, with the reasons. Raises `DeclarationError`
     if arrays of an output differ in shape, and it has no value to pad them with.
     """
     damaged: set[str] = set()
     failures: list[tuple[str, str]] = []
-    under_way: dict[int, tuple[list[Job], tuple[Call, ...]]] = {}
+    under_way: dict[int, Task] = {}
+    # A worker that dies, for example out of memory, takes other tasks with it. So each of them is
+    # run again, alone, when all others have finished, and then each of its calls.
+    suspects: deque[Task] = deque()
+    alone = False  # whether what is under way is a suspect
     numbers = count()
-    spilled = False
+    spilled = ""
     shapes: dict[tuple[str, str], tuple[int, ...]] = {}
 
-    def hand_out(jobs: list[Job], calls: tuple[Call, ...]) -> None:
+    def hand_out(task: Task) -> None:
         number = next(numbers)
-        if verify:
-            pairs = zip(jobs, calls, strict=True)
-            calls = tuple(_verified(schedule, job, call, verify) for job, call in pairs)
-        executor.submit(number, run_calls, calls, folder, spill)
-        under_way[number] = jobs, calls
+        executor.submit(number, run_calls, task[1], folder, spill)
+        under_way[number] = task
 
-    def fail(job: Job, why: str, arguments: str = "", traceback: str = "") -> None:
-        schedule.finish(job, None, why, 0.0)
-        for place in job.places:
-            failures.append((schedule.plan.described(job.bound, place), why))
-            watch.failed(Failure(*failures[-1], arguments, traceback))
+    def take_down(job: Job, done: Done) -> None:
+        schedule.finish(job, done.cells, done.seconds)
+        for cell, why in zip(job.cells, done.cells, strict=True):
+            if isinstance(why, str):
+                failures.append((schedule.plan.described(job.bound, cell), why))
+                watch.failed(Failure(*failures[-1], done.arguments, done.traceback))
 
-    def take_down(jobs: list[Job], report: Report) -> None:
-        seconds: dict[str, float] = defaultdict(float)
-        for job, done in zip(jobs, report.calls, strict=True):
-            if done.damaged:
-                damaged.update(done.damaged)
-            elif done.reason and len(job.places) > 1:
-                for alone, call in schedule.retried(job):  # one of its values may be the cause
-                    hand_out([alone], (call,))
-            elif done.reason:
-                fail(job, done.reason, done.arguments, done.traceback)
-            else:
-                seconds[job.bound.name] += done.seconds
-                spots = iter(done.spots)
-                for number, alone in enumerate(apart(job) if done.differing else ()):
-                    if number in done.differing:
-                        fail(alone, done.differing[number])
-                    else:
-                        schedule.finish(alone, [next(spots)], "", done.seconds / len(job.places))
-                if not done.differing:
-                    schedule.finish(job, done.spots, "", done.seconds)
-        for stage, output, shape in report.shapes:
-            first = shapes.setdefault((stage, output), shape)
-            if shape != first:
-                raise uneven(stage, output, shape, first)
-        for name, pack in report.packs:
-            if not Path(pack.path).is_absolute():  # spilled packs are removed after this run
-                index.add(name, [pack], seconds[name])
-
-    while schedule.ready or under_way:
-        while schedule.ready and len(under_way) < AHEAD * executor.workers:
-            jobs, calls = schedule.batch(executor.workers)
-            if calls:
-                hand_out(jobs, calls)
+    while schedule.ready or under_way or suspects:
+        if not under_way and (alone := bool(suspects)):
+            hand_out(suspects.popleft())
+        most = 0 if alone or suspects else AHEAD * executor.workers
+        while schedule.ready and len(under_way) < most:
+            task = schedule.batch(executor.workers)
+            if task[0]:
+                hand_out(task)
         with interruptible():
-            finished = executor.finished() if under_way else []
-        for task, report, error in finished:
-            jobs, calls = under_way.pop(task)
-            if error is None:
-                take_down(jobs, report)
-                if report.spilled and not spilled:
-                    spilled = True
-                    watch.say(
-                        f"results are not cached: the cache cannot be written ({report.spilled})"
-                    )
-            elif len(jobs) == 1:
-                fail(jobs[0], reason(error), traceback=traceback_of(error))
-            else:
-                for job, call in zip(jobs, calls, strict=True):  # one may have killed the worker
-                    hand_out([job], (call,))
+            finished = executor.finished()
+        for number, report, error in finished:
+            jobs, calls = under_way.pop(number)
+            if error is not None and not alone:
+                suspects.append((jobs, calls))
+                continue
+            if error is not None and len(jobs) > 1:
+                suspects += [([job], (call,)) for job, call in zip(jobs, calls, strict=True)]
+                continue
+            if error is not None:
+                why = (reason(error),) * len(jobs[0].cells)
+                report = Report((Done(0.0, why, traceback=traceback_of(error)),))
+            for job, done in zip(jobs, report.calls, strict=True):
+                if done.damaged:
+                    damaged.update(done.damaged)
+                elif done.traceback and error is None and len(job.cells) > 1:
+                    for one in job.apart:  # one of its values may be the cause
+                        schedule.make_ready(one)
+                else:
+                    take_down(job, done)
+            for stage, output, shape in report.shapes:
+                first = shapes.setdefault((stage, output), shape)
+                if shape != first:
+                    raise uneven(stage, output, shape, first)
+            for pack in report.packs:
+                if not Path(pack.path).is_absolute():  # spilled packs are removed after this run
+                    index.add(pack)
+            if report.spilled and not spilled:
+                spilled = report.spilled
+                watch.say(f"results are not cached: the cache cannot be written ({spilled})")
         watch.step(schedule)
     return damaged, failures
 
 
-def _verified(schedule: Schedule, job: Job, call: Call, share: float) -> Call:
-    """Return a call with those for a share of its cells, chosen by their keys, again alone."""
-    keys = [schedule.plan.key(job.bound, place) for place in job.places]
-    chosen = [number for number, key in enumerate(keys) if int(key[:8], 16) < share * 2**32]
-    again = ((number, schedule.call(job.bound, [job.places[number]])) for number in chosen)
-    return replace(call, again=tuple(again))
-
-
 # the store --------------------------------------------------------------------------------------
-
-
-def _import_for_tables() -> None:
-    """Import libraries for tables and the report, which takes most of a second."""
-    for name in ("xarray", "zarr", "dask.array"):  # which xarray imports for its first variable
-        import_module(name)
 
 
 def _damaged(schedule: Schedule, place: Place) -> set[str]:
@@ -354,7 +313,7 @@ def _damaged(schedule: Schedule, place: Place) -> set[str]:
     return damaged
 
 
-def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -> bool:
+def is_whole(plan: Plan, path: Path, old: Mapping[str, object], say: Callable[[str], None]) -> bool:
     """Return whether a store already has all of a plan, and is undamaged."""
     # As read back from a store.
     heed()
@@ -362,25 +321,41 @@ def _is_whole(plan: Plan, path: Path, old: Mapping[str, object], watch: Watch) -
         return False
     bad = verify(path)
     if bad:
-        watch.say(f"{len(bad):,} files of the store are damaged ({bad[0]}) and are written again")
+        say(f"{len(bad):,} files of the store are damaged ({bad[0]}) and are written again")
     return not bad
 
 
-def _write(plan: Plan, schedule: Schedule, place: Place, watch: Watch) -> list[tuple[str, str]]:
+def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
+    """Return the outcome of a sweep whose store has everything already."""
+    progress = {}
+    for bound in plan.targets:
+        keys = list({*plan.keys(bound, plan.cells(bound))})
+        index.used(path for path, *_ in index.find(keys).values())
+        progress[bound.name] = Progress(len(keys), len(keys))
+    cells = sum(one.total for one in progress.values())
+    watch.say(f"0 cells to compute, {cells:,} are in the store")
+    return Finished(progress)
+
+
+def _write(schedule: Schedule, place: Place, watch: Watch) -> list[tuple[str, str]]:
     """Assemble the store with its tables, and move it to its place; return tables that failed."""
     heed()
-    failed = schedule.failed
+    plan, failed = schedule.plan, schedule.failed
     cube = Cube(plan, schedule.spots, failed, partial(read_cells, place.cache))
     failures = {
-        plan.described(bound, at): failed[key]
+        plan.described(bound, cell): failed[key]
         for bound in plan.bound.values()
         if failed and bound.stage.kept
-        for at in plan.cells(bound)
-        if (key := plan.key(bound, at)) in failed
+        for cell, key in enumerate(plan.keys(bound, plan.cells(bound)))
+        if key in failed
     }
+    found: list[Failure] = []
     with interruptible():
         groups = cube.groups()
-        found = add_tables(plan, groups)
+        if plan.experiment.tables:
+            from sweeps.engine.tables import add_tables  # imports xarray, which takes long
+
+            found = add_tables(plan, groups)
     lost = {failure.what: failure.why for failure in found}
     for failure in found:
         watch.failed(failure)

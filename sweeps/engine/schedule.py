@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import product
+from dataclasses import astuple, dataclass, field
 from statistics import median
+from typing import Any
 
 import numpy as np
 
+from sweeps.engine.declarations import VALID
 from sweeps.engine.failures import Failure
 from sweeps.engine.packs import Spot
-from sweeps.engine.plan import Place, Plan, digest
-from sweeps.engine.process import uncollected
+from sweeps.engine.plan import Cells, Plan, digest
 from sweeps.engine.stage import Bound
-from sweeps.engine.tasks import Call, Made, Read, Recipe, Source, Step
+from sweeps.engine.tasks import Call, Read, Recipe, Source, Step
 
 SHORTEST, LONGEST = 0.2, 1.5  # s, range of a task's duration
 TOGETHER = 5.0  # s, longest task if cells share costly objects
 UNKNOWN = 0.1  # s a cell, until one is timed
 MOST_CELLS = 4096  # of one task
 
-Find = Callable[[Bound, Sequence[str]], dict[str, Spot]]
-Need = tuple[Bound, Bound, Place]  # a stage, an input, and the first of its cells
+Find = Callable[[Sequence[str]], dict[str, Spot]]
 
 
 @dataclass
@@ -42,84 +40,100 @@ class Progress:
         """Number of cells still to be computed."""
         return self.total - self.reused - self.done - self.failed
 
-    def begin(self, total: int, missing: int) -> None:
-        """Set the numbers of all and missing cells; called again if some were damaged."""
-        self.total = max(total, self.total)
-        self.reused = max(self.total - missing - self.done - self.failed, 0)
-        self.done = self.total - missing - self.reused - self.failed
+    @classmethod
+    def over(cls, stages: Iterable[Progress]) -> Progress:
+        """Return the sums over some stages."""
+        return cls(*map(sum, zip(*map(astuple, stages), strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Cells that one call computes, and keys of in-memory objects that it shares with others."""
+    """Cells that one call computes, their keys, and in-memory objects shared with other jobs."""
 
     bound: Bound
-    places: tuple[Place, ...]
-    affinity: tuple[str, ...]
+    cells: tuple[int, ...]
+    keys: tuple[str, ...]
+    affinity: tuple[int, ...]  # numbers of these objects, dependencies first
+
+    @property
+    def apart(self) -> list[Job]:
+        """Jobs of one cell each."""
+        pairs = zip(self.cells, self.keys, strict=True)
+        return [Job(self.bound, (cell,), (key,), self.affinity) for cell, key in pairs]
 
 
 @dataclass
 class Schedule:
     """Cells of a plan: finished, failed, or still to be computed.
 
-    `costs` has the seconds per cell by stage; `spots`, by key, locations; `failed`, reasons.
+    `costs` has the seconds per cell by stage; `spots`, by key, locations; `failed`, reasons. Of a
+    share `verify` of the cells, calls say how to compute them again, alone.
     """
 
     plan: Plan
     costs: dict[str, float] = field(default_factory=dict)
+    verify: float = 0.0
     spots: dict[str, Spot] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     progress: dict[str, Progress] = field(default_factory=dict)
-    _renamed: dict[str, str] = field(default_factory=dict)
-    _waiting: dict[str, list[Job]] = field(default_factory=dict)
-    _missing: dict[Job, int] = field(default_factory=dict)
-    _ready: OrderedDict[tuple[str, ...], deque[Job]] = field(default_factory=OrderedDict)
+    _waiting: dict[str, list[Job]] = field(default_factory=lambda: defaultdict(list))
+    _missing: dict[Job, int] = field(default_factory=dict)  # inputs that each job waits for
+    _ready: OrderedDict[tuple[int, ...], deque[Job]] = field(default_factory=OrderedDict)
     _load: dict[str, int] = field(default_factory=lambda: defaultdict(int))
-    _find: Find = lambda bound, keys: {}
+    _objects: dict[str, int] = field(default_factory=dict)
+    _find: Find = lambda keys: {}
 
     # what is missing ------------------------------------------------------------------------
 
-    @uncollected()
     def resolve(self, find: Find) -> None:
         """Look up all cells that are needed, and plan calls for missing ones."""
-        plan = self.plan
-        self._find = find
-        wanted: dict[str, dict[str, Place]] = defaultdict(dict)
-        stages: list[list[Job]] = []
+        plan, self._find = self.plan, find
+        wanted = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
         for bound in plan.targets:
-            wanted[bound.name] = {plan.key(bound, place): place for place in plan.cells(bound)}
+            wanted[bound][:] = True
         todo: set[str] = set()
-        for bound in reversed(plan.bound.values()):
-            cells = wanted[bound.name]
-            if not bound.stage.kept or not cells:
-                continue
-            unknown = [key for key in cells if key not in self.spots and key not in self.failed]
-            self.spots.update(find(bound, unknown))
-            # Cells that another stage is about to compute are shared, and counted there.
-            missing = {k: cells[k] for k in unknown if k not in self.spots and k not in todo}
-            own = sum(key not in todo for key in cells)
-            self.progress.setdefault(bound.name, Progress()).begin(own, len(missing))
-            todo.update(missing)
-            for group in self._groups(bound, missing.values()):
-                for source, there in self._inputs(group):
-                    wanted[source.name].setdefault(plan.key(source, there), there)
-            stages.append(self._jobs(bound, missing.values()))
-        self._waiting, self._missing = defaultdict(list), {}
-        self._ready, self._load = OrderedDict(), defaultdict(int)
-        # Stages come in the order in which they need each other.
-        missing_of: dict[Need, set[str]] = {}
+        stages: list[list[Job]] = []
+        for bound in reversed(plan.bound.values()):  # each before those that it needs
+            cells = np.flatnonzero(wanted[bound])
+            if bound.stage.kept and cells.size:
+                # Equal keys are one cell.
+                pairs = zip(plan.keys(bound, cells).tolist(), cells.tolist(), strict=True)
+                # Cells that another stage is about to compute are shared, and counted there.
+                by_key = {key: cell for key, cell in pairs if key not in todo}
+                self.spots.update(find(list(by_key)))
+                missing = {key: cell for key, cell in by_key.items() if key not in self.spots}
+                total = len(by_key)
+                self.progress[bound.name] = Progress(total, total - len(missing))
+                todo.update(missing)
+                stages.append(self._jobs(bound, missing))
+                cells = np.array([*missing.values()], dtype=np.int64)
+            for taken in plan.inputs(bound):
+                wanted[taken.source][taken.of(cells)] = True
+        unfinished: dict[tuple[Bound, Bound, int], set[str]] = {}
         for job in (job for jobs in reversed(stages) for job in jobs):
-            needs: set[str] = set()
-            for group in self._groups(job.bound, job.places):
-                if group not in missing_of:
-                    keys = {plan.key(source, there) for source, there in self._inputs(group)}
-                    missing_of[group] = keys & todo
-                needs |= missing_of[group]
+            needs = self._unfinished(job.bound, np.array(job.cells), todo, unfinished)
             self._missing[job] = len(needs)
             for key in needs:
                 self._waiting[key].append(job)
             if not needs:
-                self._make_ready(job)
+                self.make_ready(job)
+
+    def _unfinished(
+        self, bound: Bound, cells: Cells, todo: set[str], known: dict[Any, set[str]]
+    ) -> set[str]:
+        """Return keys of inputs of some cells that are to be computed; `known` has earlier ones."""
+        needs: set[str] = set()
+        for source, first, further in self.plan.inputs(bound):
+            for start in set(first[cells].tolist()):
+                one = bound, source, start
+                if one not in known:
+                    taken = (start + further).ravel()
+                    if source.stage.kept:
+                        known[one] = todo.intersection(self.plan.keys(source, taken).tolist())
+                    else:
+                        known[one] = self._unfinished(source, taken, todo, known)
+                needs |= known[one]
+        return needs
 
     @property
     def ready(self) -> bool:
@@ -128,62 +142,46 @@ class Schedule:
 
     def missing_cells(self) -> list[tuple[Bound, int]]:
         """Return stage and number of cells of every call that is left."""
-        return [(job.bound, len(job.places)) for job in self._missing]
+        return [(job.bound, len(job.cells)) for job in self._missing]
 
-    def _groups(self, bound: Bound, places: Iterable[Place]) -> list[Need]:
-        """Return the needs of a stage's cells, each once, in order."""
-        return list(dict.fromkeys(one for place in places for one in self._needs(bound, place)))
-
-    def _needs(self, bound: Bound, place: Place) -> Iterator[Need]:
-        """Yield the needs of a cell, one per input, equal if the input's cells are."""
-        for source in bound.inputs:
-            if not source.stage.plain:
-                yield bound, source, self.plan.first_source(bound, source, place)
-
-    def _inputs(self, need: Need) -> Iterator[tuple[Bound, Place]]:
-        """Yield every stored cell that is needed, including those needed by in-memory objects."""
-        bound, source, first = need
-        for there in self.plan.from_first(bound, source, first):
-            if source.stage.kept:
-                yield source, there
-            else:
-                for inner in self._needs(source, there):
-                    yield from self._inputs(inner)
-
-    def _jobs(self, bound: Bound, places: Iterable[Place]) -> list[Job]:
+    def _jobs(self, bound: Bound, missing: Mapping[str, int]) -> list[Job]:
         """Return calls for some cells: those that differ only on axes computed together share one.
 
         Calls that share in-memory objects are adjacent, closest where they share most.
         """
-        along = self.plan.together(bound)
-        free = [at for at, number in enumerate(self.plan.axes_on(bound)) if number not in along]
-        groups: dict[Place, list[Place]] = defaultdict(list)
-        for place in places:
-            groups[tuple([place[at] for at in free])].append(place)
-        jobs = [Job(bound, tuple(one), self._affinity(bound, one[0])) for one in groups.values()]
-        keys = dict.fromkeys(key for job in jobs for key in job.affinity)
-        first = {key: number for number, key in enumerate(keys)}
-        return sorted(jobs, key=lambda job: [first[key] for key in job.affinity])
+        groups: dict[int, list[tuple[str, int]]] = defaultdict(list)
+        starts = self._start(bound, np.array([*missing.values()], dtype=np.int64)).tolist()
+        for start, one in zip(starts, missing.items(), strict=True):
+            groups[start].append(one)
+        jobs = []
+        for group in groups.values():
+            keys, cells = zip(*group, strict=True)
+            objects = dict.fromkeys(self._shared(bound, cells[0])) or [bound.name]
+            affinity = [self._objects.setdefault(key, len(self._objects)) for key in objects]
+            jobs.append(Job(bound, cells, keys, tuple(affinity)))
+        return sorted(jobs, key=lambda job: job.affinity)
 
-    def _affinity(self, bound: Bound, place: Place) -> tuple[str, ...]:
+    def _start(self, bound: Bound, cells: Cells) -> Cells:
+        """Return cells at the first place of all axes computed together."""
+        for number, stride in self.plan.together[bound].items():
+            cells = cells - stride * self.plan.places(bound, number, cells)
+        return cells
+
+    def _shared(self, bound: Bound, cell: int) -> list[str]:
         """Return keys of the in-memory objects that a cell needs, dependencies first."""
         keys: list[str] = []
-
-        def collect(one: Bound, there: Place) -> None:
-            for source in one.inputs:
-                if source.stage.memory:
-                    _, at = next(self.plan.sources(one, source, there))
-                    collect(source, at)
-                    keys.append(self.plan.key(source, at))
-
-        collect(bound, place)
-        return tuple(dict.fromkeys(keys)) or (bound.name,)
+        for source, first, _ in self.plan.inputs(bound):
+            if source.stage.memory:
+                there = int(first[cell])
+                keys += [*self._shared(source, there), self.plan.key(source, there)]
+        return keys
 
     # batches --------------------------------------------------------------------------------
 
-    def _make_ready(self, job: Job) -> None:
+    def make_ready(self, job: Job) -> None:
+        """Let a job be part of the next batches."""
         self._ready.setdefault(job.affinity, deque()).append(job)
-        self._load[job.bound.name] += len(job.places)
+        self._load[job.bound.name] += len(job.cells)
 
     def batch(self, workers: int) -> tuple[list[Job], tuple[Call, ...]]:
         """Remove and return the next task of the calls that are ready; empty if there is none.
@@ -198,183 +196,148 @@ class Schedule:
         seconds, cells = 0.0, 0
         # At least one, even if a damaged index has wrong costs.
         while self._ready and cells < MOST_CELLS:
-            affinity, there = next(iter(self._ready.items()))
+            affinity, queue = next(iter(self._ready.items()))
             shared = bool(jobs) and len(affinity) > 2 and affinity[:2] == jobs[-1].affinity[:2]
             longest = min(TOGETHER, max(left / workers / 2, size)) if shared else size
             if cells and seconds >= longest:
                 break
-            job = there.popleft()
-            if not there:
+            job = queue.popleft()
+            if not queue:
                 del self._ready[affinity]
             self._missing.pop(job, None)
-            self._load[job.bound.name] -= len(job.places)
+            self._load[job.bound.name] -= len(job.cells)
             for part, call in self._calls(job):
                 jobs.append(part)
                 calls.append(call)
-            seconds += costs[job.bound.name] * len(job.places)
-            cells += len(job.places)
+            seconds += costs[job.bound.name] * len(job.cells)
+            cells += len(job.cells)
         return jobs, tuple(calls)
 
     def _calls(self, job: Job) -> Iterator[tuple[Job, Call]]:
         """Yield a job's calls: one, or one per cell if some input has failed."""
-        lost = [self._lost(job.bound, place) if self.failed else "" for place in job.places]
-        kept = [self.stored_key(job.bound, place) for place in job.places]
-        own = [self.plan.key(job.bound, place) for place in job.places]
-        if not any(lost) and kept == own:
-            yield job, self.call(job.bound, job.places)
+        found = [self._now(job.bound, cell) for cell in job.cells] if self.failed else []
+        if all(now == ("", key) for now, key in zip(found, job.keys, strict=False)):
+            yield job, self.call(job)
             return
-        for alone, why, key in zip(apart(job), lost, kept, strict=True):
+        for alone, (why, key) in zip(job.apart, found, strict=True):
             if why:
-                self.finish(alone, None, why, 0.0)
-            elif spot := self._find(job.bound, [key]).get(key):
-                self.finish(alone, [spot], "", 0.0)
+                self.finish(alone, [why], 0.0)
+            elif spot := self._find([key]).get(key):
+                self.finish(alone, [spot], 0.0)
             else:
-                yield alone, self.call(alone.bound, alone.places)
+                yield alone, self.call(alone)
 
-    def retried(self, job: Job) -> list[tuple[Job, Call]]:
-        """Return calls for a job's cells one by one, after a call for all of them failed."""
-        return [(alone, self.call(alone.bound, alone.places)) for alone in apart(job)]
+    def _now(self, bound: Bound, cell: int) -> tuple[str, str]:
+        """Return why a cell cannot be computed, if an input failed, and the key of its result.
 
-    def _lost(self, bound: Bound, place: Place) -> str:
-        """Return why a cell cannot be computed, if an input failed; else an empty text."""
-        for source in bound.inputs:
-            if source.stage.plain:
-                continue
-            found = [there for _, there in self.plan.sources(bound, source, place)]
-            if source.stage.kept:
-                gone = [there for there in found if self.plan.key(source, there) in self.failed]
-            else:
-                gone = [there for there in found if self._lost(source, there)]
-            if gone and (len(gone) == len(found) or not self.plan.whole_axes(bound, source)):
-                return f"needs {self.plan.described(source, gone[0])}, which failed"
-        return ""
+        That is another key than its own where some of the inputs that it gathers failed.
+        """
+        key = self.plan.key(bound, cell)
+        odd = []
+        for source, first, further in self.plan.inputs(bound) if self.failed else ():
+            taken = (first[cell] + further).ravel().tolist()
+            states = [self._input_now(source, there) for there in taken]
+            gone = [there for there, (why, _) in zip(taken, states, strict=True) if why]
+            if gone and (len(gone) == len(taken) or not further.ndim):
+                return f"needs {self.plan.described(source, gone[0])}, which failed", ""
+            for number, (there, (_, now)) in enumerate(zip(taken, states, strict=True)):
+                if now != self.plan.key(source, there):
+                    odd.append((source.name, number, now))
+        return "", digest(repr((key, odd))) if odd else key
 
-    def stored_key(self, bound: Bound, place: Place) -> str:
-        """Return the key under which a cell is stored: a different one if inputs are missing."""
-        key = self.plan.key(bound, place)
-        if not self.failed:
-            return key
-        if key not in self._renamed:
-            odd = []
-            for source in bound.inputs:
-                if not source.stage.plain:
-                    for point, there in self.plan.sources(bound, source, place):
-                        own = self.plan.key(source, there)
-                        now = "" if own in self.failed else self.stored_key(source, there)
-                        if now != own:
-                            odd.append((source.name, point, now))
-            self._renamed[key] = digest(repr((key, odd))) if odd else key
-        return self._renamed[key]
+    def _input_now(self, source: Bound, cell: int) -> tuple[str, str]:
+        """Return why an input's cell failed, or else the key under which its result is kept."""
+        if not source.stage.kept:
+            return self._now(source, cell)
+        key = self.plan.key(source, cell)
+        return (self.failed[key], "") if key in self.failed else ("", self.spots[key].key)
 
     # calls ----------------------------------------------------------------------------------
 
-    def call(self, bound: Bound, places: Sequence[Place]) -> Call:
-        """Return one call for cells that differ only on the axes computed together."""
-        plan, numbers = self.plan, self.plan.axes_on(bound)
-        values = {
-            number: sorted({place[numbers.index(number)] for place in places})
-            for number in plan.together(bound)
-        }
-        # In the order of the stage, including axes of one value.
-        order = [plan.axis_number(key) for key in bound.along]
-        shape = tuple(len(values.get(number, (0,))) for number in order)
-        cells = []
-        for place in places:
-            point = [values[n].index(place[numbers.index(n)]) if n in values else 0 for n in order]
-            at = int(np.ravel_multi_index(point, shape)) if order else 0
-            cells.append((self.stored_key(bound, place), at))
-        return Call(
-            Step.of(bound.stage), self._recipe(bound, places[0], values), shape, tuple(cells)
-        )
+    def call(self, job: Job, *, verified: bool = True) -> Call:
+        """Return one call for a job; a share of its cells is computed again if `verified`."""
+        plan, bound = self.plan, job.bound
+        # The cells that it computes: by the values that occur on each axis computed together.
+        grid = self._start(bound, np.array(job.cells[0]))
+        strides = plan.together[bound]
+        for key in bound.along:
+            number = plan.axis_number(key)
+            places = np.unique(plan.places(bound, number, np.array(job.cells)))
+            grid = np.add.outer(grid, strides.get(number, 0) * places)
+        at = {cell: place for place, cell in enumerate(grid.ravel().tolist())}
+        keys = [self._now(bound, cell)[1] for cell in job.cells] if self.failed else job.keys
+        cells = zip(keys, (at[cell] for cell in job.cells), strict=True)
+        again = [
+            (number, self.call(alone, verified=False))
+            for number, alone in enumerate(job.apart if verified and self.verify else ())
+            if int(alone.keys[0][:8], 16) < self.verify * 2**32
+        ]
+        return Call(self._recipe(bound, grid), grid.shape, tuple(cells), tuple(again))
 
-    def _recipe(self, bound: Bound, place: Place, values: Mapping[int, list[int]]) -> Recipe:
-        """Return arguments of a call for some places on the axes that it computes together."""
-        plan = self.plan
+    def _recipe(self, bound: Bound, grid: Cells) -> Recipe:
+        """Return arguments of a call for cells of which each axis is one that it computes."""
+        plan, along, cell = self.plan, bound.along, int(grid.flat[0])
         sources: dict[str, Source] = {}
-        there: np.ndarray | None = None
+        asks = VALID in bound.stage.arguments
+        gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
+        valid = np.ones(gathered, dtype=bool) if asks else None
         for argument in bound.arguments:
             source, setting = argument.source, argument.setting
-            if setting is not None and setting.key in bound.along:
-                number = plan.axis_number(setting.key)
-                points = [plan.axes[number].points[at][0] for at in values.get(number, ())]
-                found = tuple(points) or (plan.value(bound, setting.key, place),)
-                sources[argument.name] = (found,)
+            if setting is not None and setting.key in along:
+                rows = np.moveaxis(grid, along.index(setting.key), 0)
+                firsts = rows.reshape(len(rows), -1)[:, 0].tolist()
+                values = tuple(plan.value(bound, setting.key, one) for one in firsts)
+                sources[argument.name] = (setting.in_si(values),)
             elif source is None or source.stage.plain:
-                sources[argument.name] = (plan.plain_argument(bound, argument, place),)
+                sources[argument.name] = (plan.plain_argument(bound, argument, cell),)
             elif not source.stage.kept:
-                at = plan.source_place(bound, source, place)
-                recipe = self._recipe(source, at, {})
-                made = Made(Step.of(source.stage), self.stored_key(source, at), recipe)
-                sources[argument.name] = made
+                there = plan.taken(bound)[source].first[cell]
+                sources[argument.name] = self._recipe(source, np.array(there))
             else:
-                sources[argument.name], known = self._read(bound, source, place, values)
-                if known is not None:
-                    there = known if there is None else there & known
-        stream = plan.stream(bound, place) if bound.random else None
-        flags = None if there is None else (there.shape, there.tobytes())
-        return Recipe(sources, stream, flags)
+                read, present = self._read(bound, source, grid)
+                sources[argument.name] = read
+                if valid is not None:
+                    valid &= present
+        stream = plan.stream(bound, cell) if bound.random else None
+        key = "" if bound.stage.kept else self._now(bound, cell)[1]
+        return Recipe(Step.of(bound.stage), sources, stream, valid, key)
 
-    def _read(
-        self, bound: Bound, source: Bound, place: Place, values: Mapping[int, list[int]]
-    ) -> tuple[Read, np.ndarray | None]:
-        """Return an input, and for a gathered one which of its cells exist."""
-        plan, step = self.plan, Step.of(source.stage)
-        own = dict(zip(plan.axes_on(bound), place, strict=True))
-        # In the order of the stage: axes computed together, then those that it gathers.
-        axes: dict[int, Sequence[int]] = {}
-        for key in (*bound.along, *bound.gather):
-            number = plan.axis_number(key)
-            if key in source.needs:
-                every = range(len(plan.axes[number].points))
-                alone = [own.get(number, 0)]
-                axes[number] = every if key in bound.gather else values.get(number, alone)
-        if not axes:
-            at = plan.source_place(bound, source, place)
-            return Read(step, (self.spots[plan.key(source, at)],)), None
-        shape = tuple(map(len, axes.values()))
-        flat, spots = [], []
-        for number, point in enumerate(product(*axes.values())):
-            at = plan.source_place(bound, source, place, dict(zip(axes, point, strict=True)))
-            spot = self.spots.get(plan.key(source, at))
-            if spot is not None:
-                flat.append(number)
-                spots.append(spot)
-        read = Read(step, tuple(spots), shape, tuple(flat))
-        if not bound.gather:
-            return read, None
-        flags = np.zeros(math.prod(shape), dtype=bool)
-        flags[flat] = True
-        gathered = plan.gathered(bound)
-        together = tuple(range(len(axes) - len([number for number in axes if number in gathered])))
-        known = np.asarray(flags.reshape(shape).all(axis=together))
-        # Along axes on which the input does not depend, all cells exist if one does.
-        lacking = [at for at, number in enumerate(gathered) if number not in axes]
-        lengths = [len(plan.axes[number].points) for number in gathered]
-        return read, np.broadcast_to(np.expand_dims(known, lacking), lengths)
+    def _read(self, bound: Bound, source: Bound, grid: Cells) -> tuple[Read, Any]:
+        """Return an input, and where on the gathered axes all of its cells exist."""
+        plan, (_, first, further) = self.plan, self.plan.taken(bound)[source]
+        # Along axes on which the input does not depend, it is the same.
+        own = tuple(slice(None) if key in source.needs else 0 for key in bound.along)
+        taken = np.add.outer(first[grid[own]], further)
+        found = [self.spots.get(key) for key in plan.keys(source, taken.ravel())]
+        places = [place for place, spot in enumerate(found) if spot is not None]
+        spots = tuple(spot for spot in found if spot is not None)
+        read = Read(Step.of(source.stage), spots, np.shape(taken) or None, tuple(places))
+        there = np.array([spot is not None for spot in found]).reshape(np.shape(taken))
+        present = np.asarray(there.all(axis=tuple(range(there.ndim - further.ndim))))
+        lacking = tuple(slice(None) if key in source.needs else None for key in bound.gather)
+        return read, present[lacking]
 
     # outcomes -------------------------------------------------------------------------------
 
-    def finish(self, job: Job, spots: Sequence[Spot] | None, why: str, seconds: float) -> None:
-        """Record where a job's cells are, or why it failed, and release waiting calls."""
+    def finish(self, job: Job, cells: Sequence[Spot | str], seconds: float) -> None:
+        """Record where each of a job's cells is, or why it failed, and release waiting calls."""
         name = job.bound.name
         shown = self.progress[name]
         shown.seconds += seconds
-        if spots is not None and seconds:
-            each = seconds / len(job.places)
-            known = self.costs.get(name)
-            self.costs[name] = each if known is None else 0.7 * known + 0.3 * each
-        for number, place in enumerate(job.places):
-            key = self.plan.key(job.bound, place)
-            if spots is None:
-                self.failed[key] = why
+        if seconds:
+            each = seconds / len(cells)
+            self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
+        for key, found in zip(job.keys, cells, strict=True):
+            if isinstance(found, str):
+                self.failed[key] = found
                 shown.failed += 1
             else:
-                self.spots[key] = spots[number]
+                self.spots[key] = found
                 shown.done += 1
             for waiting in self._waiting.pop(key, ()):
                 self._missing[waiting] -= 1
                 if not self._missing[waiting]:
-                    self._make_ready(waiting)
+                    self.make_ready(waiting)
 
     def work_left(self) -> float:
         """Return seconds that the missing cells take; the median stands in for an untimed stage."""
@@ -391,8 +354,3 @@ class Watch:
     say: Callable[[str], None]
     step: Callable[[Schedule], None] = lambda schedule: None
     failed: Callable[[Failure], None] = lambda failure: None
-
-
-def apart(job: Job) -> list[Job]:
-    """Return a job's cells one by one."""
-    return [Job(job.bound, (place,), job.affinity) for place in job.places]

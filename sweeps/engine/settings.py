@@ -51,6 +51,8 @@ class Setting:
     noted: bool = False  # whether, with one value, it is a scalar coordinate
     fallback: Setting | None = None  # whose values null stands for
     identity: bool = True  # whether results depend on it
+    si: float | None = None  # factor from its unit to SI, in which stages get it
+    was: str = ""  # former last word of its key, which is refused with the one of now
     key: str = ""  # in the configuration, given by `Settings`
 
     @property
@@ -63,6 +65,12 @@ class Setting:
         """CF attributes of its coordinate."""
         worded = isinstance(self.kind, Word | Text)
         return ({} if worded else {"units": self.unit}) | {"long_name": self.label}
+
+    def in_si(self, value: Value) -> Value:
+        """Return a value, or a tuple of values, as stages get it: in SI if it has a factor."""
+        if isinstance(value, tuple) and self.si is not None:
+            return tuple(self.in_si(one) for one in value)
+        return value if self.si is None or value is None else value * self.si
 
     @property
     def entries(self) -> tuple[Setting, ...]:
@@ -166,9 +174,7 @@ class Run(Settings):
     """The run."""
 
     seed = count(0, 0, 2**63, label="seed of all noise")
-    store = text(
-        None, label="folder of the store; null: sweep.zarr in Hydra's output folder", **_WHERE
-    )
+    store = text(None, label="folder of the store; null: sweep.zarr", **_WHERE)
     cache = text(None, label="folder of finished results; null: the user's cache folder", **_WHERE)
     cache_limit = number(
         20,
@@ -184,7 +190,7 @@ class Run(Settings):
         0,
         1,
         label="share of the computed cells that are computed again, alone, and compared",
-        help="a cell of which a bit differs fails",
+        help="a cell of which a bit differs fails; reused cells are not checked",
         **_WHERE,
     )
 
@@ -332,22 +338,6 @@ def flatten(settings: Iterable[Setting], tree: Mapping[str, Any]) -> dict[str, A
         if isinstance(branch, Mapping) and last in branch:
             found[setting.key] = branch[last]
     return found
-
-
-def settings_table(settings: Iterable[Setting]) -> str:
-    """Return a Markdown table of settings: key, default, unit, allowed values and meaning.
-
-    Keys of a mapping that may be a value of a setting follow that setting.
-    """
-    rows = [("key", "default", "unit", "allowed", "meaning"), ("---",) * 5]
-    for one in (entry for setting in settings for entry in (setting, *setting.entries)):
-        unit = "" if one.unit == "1" else one.unit
-        about = "; ".join(filter(None, (one.label, one.help)))
-        axis = f"one value: {one.fixed}" if one.fixed else ""
-        null = "null or " if one.fallback is not None else ""
-        allowed = "; ".join(filter(None, (f"{null}{one.kind.allowed}", axis)))
-        rows.append((f"`{one.key}`", written_default(one.default), unit, allowed, about))
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 def written_default(default: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +28,8 @@ class Shared(NamedTuple):
     def check(self) -> None:
         """Raise `OtherCode` or `Apart` if this process has other code or does not see a folder."""
         check_code(self.code)
-        _check_marks(self.marks)
+        for path, token in self.marks:
+            _check_mark(path, token)
 
 
 UNSHARED = (OtherCode, Apart)
@@ -42,44 +43,37 @@ def marked(folders: Iterable[Path]) -> Iterator[tuple[tuple[str, str], ...]]:
     A folder that is full or cannot be written is left out, since no worker can use it either.
     Raises ConfigurationError if files there belong to another user than that of this process.
     """
-    made: list[tuple[str, str]] = []
-    try:
+    marks: list[tuple[str, str]] = []
+    with ExitStack() as stack:
         for folder in folders:
             token = uuid.uuid4().hex
             # By this name it is found after a crash, as one of an unfinished pack.
             mark = folder.absolute() / ROOM / f"{token}.partial"
             with suppress(OSError):
                 write_whole(folder.absolute(), f"{ROOM}/{mark.name}", [token.encode()])
-                made.append((str(mark), token))
-        _check_marks(tuple(made))
-        yield tuple(made)
-    except Apart as error:
-        raise ConfigurationError(f"this process {error}") from None
-    finally:
-        for path, _ in made:
-            Path(path).unlink(missing_ok=True)
-
-
-def _read(mark: Path) -> str:
-    with open_own(mark) as file:
-        return file.read().decode("ascii", "replace")
+                stack.callback(mark.unlink, missing_ok=True)
+                marks.append((str(mark), token))
+        try:
+            Shared(marks=tuple(marks)).check()
+        except Apart as error:
+            raise ConfigurationError(f"this process {error}") from None
+        yield tuple(marks)
 
 
 @cache
-def _check_marks(marks: tuple[tuple[str, str], ...]) -> None:
-    """Raise `Apart` if a file that marks a folder is not seen by this process, or another's."""
-    for path, token in marks:
-        folder = Path(path).parent.parent
-        try:
-            found = _read(Path(path))
-        except OSError as error:
-            if error.errno == errno.EPERM:
-                raise Apart(
-                    f"sees files of another user in {str(folder)!r}; it must run as the same user"
-                ) from None
-            found = ""
-        if found != token:
+def _check_mark(path: str, token: str) -> None:
+    """Raise `Apart` if the file that marks a folder is not seen by this process, or another's."""
+    folder, found = str(Path(path).parent.parent), b""
+    try:
+        with open_own(Path(path)) as file:
+            found = file.read()
+    except OSError as error:
+        if error.errno == errno.EPERM:
             raise Apart(
-                f"does not see the folder {str(folder)!r} of this command; it must be on a file "
-                "system that all of them share"
-            )
+                f"sees files of another user in {folder!r}; it must run as the same user"
+            ) from None
+    if found != token.encode():
+        raise Apart(
+            f"does not see the folder {folder!r} of this command; it must be on a file system that "
+            "all of them share"
+        )

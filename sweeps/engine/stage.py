@@ -6,7 +6,7 @@ A stage is declared by a decorator and stays the plain function that it is:
     def period(stiffness, mass):
         return 2 * math.pi * math.sqrt(mass / stiffness)
 
-Each argument is a setting, the result of another stage, `rng` or `there`. What a result depends
+Each argument is a setting, the result of another stage, `rng` or `valid`. What a result depends
 on, and so its cells, its key, its dimensions and its progress line, is derived from these names.
 """
 
@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sweeps.engine.declarations import RNG, THERE, check_declarations
+from sweeps.engine.declarations import RNG, VALID, check_declarations, check_names
+from sweeps.engine.display import Display
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.kinds import Value
 from sweeps.engine.settings import ENGINE_SETTINGS, Choices, Joint, Run, Setting, Settings
@@ -59,7 +60,6 @@ class Output:
     without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
     group: str | None = None  # of the store; None: as of the stage
     stored: bool = True  # else it is only an input of other stages
-    step: float = 1.0  # unit of the integers: 1/255 of shares kept in bytes
     # Whether it is measured by the machine, such as a run time: computed again, it differs. It is
     # kept like any other result, and marked in the store.
     measured: bool = False
@@ -96,7 +96,7 @@ class Stage:
     # these as leading axes. A result must not depend on the other values.
     along: tuple[Setting, ...] = ()
     # Axes gathered: it gets a tuple of all values, and inputs with these as leading axes,
-    # behind those of `along`. Failed inputs are filled; `there` flags the others.
+    # behind those of `along`. Failed inputs are filled; `valid` flags the others.
     gather: tuple[Setting, ...] = ()
     # Settings whose values key the stream of `rng`, besides `seed` and the stage's name, or
     # `noise`; cells that differ only in others share their noise. None: all it depends on.
@@ -112,7 +112,6 @@ class Stage:
     # text or tuple of them, counts as a value, whatever its inputs.
     plain: bool = False
     status: str = ""  # group and variable of its state, such as `status:view`
-    also: tuple[str, ...] = ()  # distributions that it depends on without importing them
     coordinates: bool = False  # whether its outputs are coordinates of their group
     # Inputs are of the other's value; settings that run together with it are as they are there.
     at: Mapping[Setting, Setting] = field(default_factory=dict)
@@ -120,8 +119,23 @@ class Stage:
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
-        """Names of the function's arguments."""
-        return tuple(inspect.signature(self.function).parameters)
+        """Names of the function's arguments, without those that keep their default.
+
+        A function of any arguments (`**values`) takes those of `reads`.
+        """
+        parameters = inspect.signature(self.function).parameters.values()
+        takes_any = any(one.kind is one.VAR_KEYWORD for one in parameters)
+        named = tuple(
+            one.name
+            for one in parameters
+            if one.kind is not one.VAR_KEYWORD
+            and (
+                one.default is one.empty
+                or one.name in self.reads
+                or any(hasattr(group, one.name) for group in self.uses)
+            )
+        )
+        return named + tuple(name for name in self.reads if takes_any and name not in named)
 
     @property
     def kept(self) -> bool:
@@ -172,6 +186,7 @@ class Table:
     # (data set of each of them, ..., choices) -> data set, or None if there is nothing
     make: Callable[..., xr.Dataset | None]
     when: Condition = always
+    displays: tuple[Display, ...] = ()  # tables shown of it; none: one of all its variables
 
 
 @dataclass(frozen=True)
@@ -200,7 +215,7 @@ class Experiment:
 
     name: str  # of the command, and of its distribution
     title: str  # of its stores
-    settings: tuple[type[Settings], ...]
+    settings: tuple[type[Settings] | Setting, ...]
     stages: tuple[Stage, ...]
     tables: tuple[Table, ...] = ()  # computed in this order
     statuses: tuple[Status, ...] = ()
@@ -214,7 +229,7 @@ class Experiment:
     about: Callable[[Choices], list[str]] = lambda choices: []  # lines on what is swept
     versions: tuple[str, ...] = ()  # distributions listed in the store's attributes
     attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # further ones
-    # Called if workers start on this machine, with the functions of stages to be computed, those
+    # Called before stages run on this machine, with the functions of stages to be computed, those
     # in memory among them, and a function that prints a sentence: for work that one process does
     # for all.
     prepare: Callable[[Choices, Collection[Callable[..., Any]], Say], None] = lambda *given: None
@@ -227,12 +242,18 @@ class Experiment:
 
     def __post_init__(self) -> None:
         check_declarations(self.declared, self.stages, self.tables, self.statuses)
+        check_names(self.declared, bind(self).values())
 
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
         """Every setting, including those of the engine."""
-        groups = (*self.settings, *ENGINE_SETTINGS)
-        return tuple(setting for group in groups for setting in group.declared)
+        return (*self.own, *(one for group in ENGINE_SETTINGS for one in group.declared))
+
+    @cached_property
+    def own(self) -> tuple[Setting, ...]:
+        """Every setting of the experiment."""
+        groups = ((one,) if isinstance(one, Setting) else one.declared for one in self.settings)
+        return tuple(setting for group in groups for setting in group)
 
     @cached_property
     def by_name(self) -> dict[str, Stage]:
@@ -251,7 +272,7 @@ class Argument:
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """A stage with resolved arguments, without `rng` and `there`."""
+    """A stage with resolved arguments, without `rng` and `valid`."""
 
     stage: Stage
     arguments: tuple[Argument, ...]
@@ -274,6 +295,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
         If an argument is neither a setting nor a stage, or stages need each other in a circle.
     """
     bound: dict[str, Bound] = {}
+    keys = {one.key for one in experiment.declared}
     under_way: list[str] = []
     together = {key: one.keys for one in joint if len(one.points) > 1 for key in one.keys}
 
@@ -283,7 +305,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
         if name not in bound:
             under_way.append(name)
             declared = experiment.by_name[name]
-            named = [one for one in declared.arguments if one not in (RNG, THERE)]
+            named = [one for one in declared.arguments if one not in (RNG, VALID)]
             arguments = tuple(argument(declared, one) for one in named)
             bound[name] = _bound(declared, arguments, together)
             under_way.pop()
@@ -291,17 +313,27 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
 
     def argument(declared: Stage, name: str) -> Argument:
         """Return an argument's setting or stage: from `reads`, else the one of that name."""
+        what = f"stage {declared.name}: argument {name!r} is"
         source = declared.reads.get(name, name)
         settings = (getattr(group, name, None) for group in declared.uses if source == name)
-        for found in (source, *settings):
-            if isinstance(found, Setting):
-                return Argument(name, setting=found)
+        setting = next((one for one in (source, *settings) if isinstance(one, Setting)), None)
+        if setting is not None:
+            # A function may refine the setting of its name.
+            own = {declared.name, getattr(declared.function, "__name__", ""), *declared.reads}
+            if name in experiment.by_name.keys() - own:
+                raise DeclarationError(
+                    f"{what} both the setting {setting.key} and a stage; rename one of them, or "
+                    "say which by reads"
+                )
+            if setting.key not in keys:
+                raise DeclarationError(
+                    f"stage {declared.name}: setting {setting.key} is not in the experiment"
+                )
+            return Argument(name, setting=setting)
         if source in experiment.by_name:
             return Argument(name, source=visit(source))
         groups = ", ".join(group.__name__ for group in declared.uses) or "the groups it uses"
-        raise DeclarationError(
-            f"stage {declared.name}: argument {name!r} is neither a setting of {groups} nor a stage"
-        )
+        raise DeclarationError(f"{what} neither a setting of {groups} nor a stage")
 
     for declared in experiment.stages:
         visit(declared.name)

@@ -11,29 +11,29 @@ import json
 import zlib
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 from sweeps.engine.attributes import nested, plain
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import (
+    MANIFEST,
     OPEN,
     PARTIAL,
     Remove,
     check_target,
     hidden,
     put_in_place,
+    raise_shortage,
     read_manifest,
     real_place,
     remove_folder,
     write_file,
-    write_manifest,
 )
 from sweeps.engine.interrupts import interruptible
-from sweeps.engine.packs import make_folder
+from sweeps.engine.packs import make_folder, seal
 from sweeps.engine.zarr_array import METADATA, Array, Group, Region, encode, metadata, regions
-
-RAGGED = "ragged"  # file with the extents of a group's ragged arrays, ignored by zarr
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
@@ -61,8 +61,9 @@ def write_store(
     make_folder(place.parent, OPEN)
     partial = hidden(place, PARTIAL)
     try:
-        known = _write_groups(partial, attributes, everywhere, groups, threads)
-        write_manifest(partial, known)
+        files = _write_metadata(partial, _nodes(groups, attributes, everywhere))
+        files |= _write_chunks(partial, groups, threads)
+        write_file(partial / MANIFEST, seal(files))
         check_target(path)  # another process may have written something there
         put_in_place(partial, place)
     finally:
@@ -84,73 +85,29 @@ def read_attributes(path: Path) -> dict[str, Any] | None:
             raise ValueError("its checksum differs")
         return nested(json.loads(content)["attributes"])
     except (OSError, ValueError) as error:
+        raise_shortage(error)
         raise ConfigurationError(
             f"store is {str(path)!r}, whose {METADATA} cannot be read; "
             "give another path or remove it"
         ) from error
 
 
-def _write_groups(
-    path: Path,
-    attributes: Mapping[str, Any],
-    everywhere: tuple[str, ...],
-    groups: Mapping[str, Group],
-    threads: int,
-) -> dict[str, int]:
-    """Write groups into a new store; return checksums of all files."""
-    nodes: Nodes = {}
-    arrays: dict[str, Array] = {}
+def _nodes(
+    groups: Mapping[str, Group], attributes: Mapping[str, Any], everywhere: tuple[str, ...]
+) -> Nodes:
+    """Return the metadata of the root, groups and arrays by path, the root's being empty."""
     shared = plain({name: attributes[name] for name in everywhere})
+    nodes = {"": _group_node(plain(attributes))}
     for name, group in groups.items():
-        parts = name.split("/")
-        for depth in range(1, len(parts)):
-            nodes.setdefault("/".join(parts[:depth]), _group_node(shared))
+        for parent in accumulate(name.split("/"), "{}/{}".format):
+            nodes.setdefault(parent, _group_node(shared))
         nodes[name] = _group_node({**shared, **group.attributes})
-        for inner, array in (*group.arrays.items(), *group.coordinates.items()):
-            if f"{name}/{inner}" in nodes:
-                raise ValueError(f"'{name}/{inner}' is given twice")
-            nodes[f"{name}/{inner}"] = metadata(array)
-            arrays[f"{name}/{inner}"] = array
-    written = _write_metadata(path, nodes, attributes)
     for name, group in groups.items():
-        if group.ragged:
-            file = f"{name}/{RAGGED}"
-            written[file] = write_file(path / file, json.dumps(group.ragged).encode())
-
-    def write(job: tuple[str, Array, str, Region]) -> tuple[str, int | None]:
-        name, array, chunk, region = job
-        content = encode(array, region)
-        file = f"{name}/{chunk}"
-        return file, None if content is None else write_file(path / file, content)
-
-    with ThreadPoolExecutor(threads) as pool:
-        jobs = ((name, array, *chunk) for name, array in arrays.items() for chunk in regions(array))
-        chunks = pool.map(write, jobs)
-        try:
-            with interruptible():
-                done = dict(chunks)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return written | {name: checksum for name, checksum in done.items() if checksum is not None}
-
-
-def _write_metadata(path: Path, nodes: Nodes, attributes: Mapping[str, Any]) -> dict[str, int]:
-    """Write the metadata of arrays, groups and root; return checksums of the files."""
-    # zarr reads the children of a group only if they follow each other.
-    ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))
-    written: dict[str, int] = {}
-    for name, node in {"": _group_node(plain(attributes)), **nodes}.items():
-        prefix = f"{name}/" if name else ""
-        if node["node_type"] == "group":
-            below = [inner for inner in ordered if inner.startswith(prefix)]
-            node = _group_node(
-                node["attributes"], {inner.removeprefix(prefix): nodes[inner] for inner in below}
-            )
-        file = f"{prefix}{METADATA}"
-        content = json.dumps(node, separators=(",", ":")).encode()
-        written[file] = write_file(path / file, content)
-    return written
+        for inner, array in group.arrays.items():
+            if f"{name}/{inner}" in nodes:
+                raise ValueError(f"'{name}/{inner}' is a group and an array")
+            nodes[f"{name}/{inner}"] = metadata(array)
+    return nodes
 
 
 def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) -> dict[str, Any]:
@@ -164,3 +121,43 @@ def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) ->
         },
         "node_type": "group",
     }
+
+
+def _write_metadata(path: Path, nodes: Nodes) -> dict[str, int]:
+    """Write the metadata of all nodes; return checksums of the files."""
+    # zarr reads the children of a group only if they follow each other.
+    ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))
+    files: dict[str, int] = {}
+    for name, node in nodes.items():
+        prefix = f"{name}/" if name else ""
+        if node["node_type"] == "group":
+            below = [one for one in ordered if one.startswith(prefix) and one]
+            inside = {one.removeprefix(prefix): nodes[one] for one in below}
+            node = _group_node(node["attributes"], inside)
+        content = json.dumps(node, separators=(",", ":")).encode()
+        files[f"{prefix}{METADATA}"] = write_file(path / f"{prefix}{METADATA}", content)
+    return files
+
+
+def _write_chunks(path: Path, groups: Mapping[str, Group], threads: int) -> dict[str, int]:
+    """Write all chunks that are not empty; return checksums of the files."""
+
+    def write(job: tuple[str, Array, Region]) -> tuple[str, int] | None:
+        file, array, region = job
+        content = encode(array, region)
+        return None if content is None else (file, write_file(path / file, content))
+
+    jobs = (
+        (f"{name}/{inner}/{chunk}", array, region)
+        for name, group in groups.items()
+        for inner, array in group.arrays.items()
+        for chunk, region in regions(array)
+    )
+    with ThreadPoolExecutor(threads) as pool:
+        written = pool.map(write, jobs)
+        try:
+            with interruptible():
+                return dict(filter(None, written))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

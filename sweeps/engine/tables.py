@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
+from xarray.backends import BackendArray
+from xarray.core.indexing import (
+    ExplicitIndexer,
+    IndexingSupport,
+    LazilyIndexedArray,
+    explicit_indexing_adapter,
+)
 
+from sweeps.engine.display import ATTRIBUTE
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.packs import SHORTAGES
 from sweeps.engine.plan import Plan
 from sweeps.engine.tasks import Damaged
 from sweeps.engine.zarr_array import Array, Group, metadata
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
@@ -37,13 +40,16 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
             if table.when(plan.choices):
                 given = [dataset_of(groups[one]) for one in table.of]
                 made = table.make(*given, plan.choices)
-                if not (made is None or hasattr(made, "data_vars")):
+                if not isinstance(made, xr.Dataset | None):
                     kind = type(made).__name__
                     raise TypeError(
                         f"its function returned a {kind}, but must return a data set or None"
                     )
                 if made is not None:
-                    groups[table.group] = _storable(group_of(made))
+                    if table.displays:
+                        shown = [one.written(plan.choices) for one in table.displays]
+                        made = made.assign_attrs({ATTRIBUTE: shown})
+                    groups[table.group] = group_of(made)
         except (Damaged, DeclarationError):  # of cells, not of the table
             raise
         except Exception as error:
@@ -53,68 +59,36 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
     return list(failed.values())
 
 
-def _storable(group: Group) -> Group:
-    """Return a group; raise TypeError if one of its arrays cannot be stored."""
-    for array in (*group.arrays.values(), *group.coordinates.values()):
-        metadata(array)
-    return group
+class Values(BackendArray):
+    """Values of an array, which are all read when some are wanted."""
+
+    def __init__(self, array: Array) -> None:
+        self.shape, self.dtype, self._array = array.shape, array.stored, array
+
+    def __getitem__(self, key: ExplicitIndexer) -> NDArray[Any]:
+        values = self._array.whole()
+        return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, values.__getitem__)
 
 
 def dataset_of(group: Group) -> xr.Dataset:
     """Return the data set that xarray would open of a written group; variables are read lazily."""
-    import xarray as xr  # slow to import, and not every sweep has tables
-    from xarray.backends.common import AbstractDataStore, BackendArray
-    from xarray.core.indexing import (
-        ExplicitIndexer,
-        IndexingSupport,
-        LazilyIndexedArray,
-        explicit_indexing_adapter,
-    )
-
-    class Values(BackendArray):
-        def __init__(self, of: dict[str, Array], name: str) -> None:
-            self.shape, self.dtype = of[name].shape, of[name].opened
-            self._of, self._name = of, name
-
-        def __getitem__(self, key: ExplicitIndexer) -> NDArray[Any]:
-            given = self._of[self._name]
-            if not isinstance(given.read, np.ndarray):
-                # All of it, whatever the key, in the order in which it would be read: sums
-                # may depend on that in their last bit.
-                whole = given.read(tuple(slice(0, size) for size in self.shape))
-                given = self._of[self._name] = replace(given, read=np.ascontiguousarray(whole))
-            values = np.asarray(given.read).astype(self.dtype)
-            return explicit_indexing_adapter(
-                key, self.shape, IndexingSupport.BASIC, values.__getitem__
-            )
-
-    class Opened(AbstractDataStore):
-        def get_variables(self) -> dict[str, xr.Variable]:
-            return {
-                # With its dtype, else xarray makes objects of texts.
-                name: xr.Variable(
-                    one.dims,
-                    LazilyIndexedArray(Values(of, name)),
-                    one.attributes,
-                    {"dtype": one.opened},
-                )
-                for of in (group.arrays, group.coordinates)
-                for name, one in of.items()
-            }
-
-        def get_attrs(self) -> Mapping[str, Any]:
-            return group.attributes
-
-    return xr.open_dataset(Opened())
+    variables = {  # with their dtype, else xarray makes objects of texts
+        name: xr.Variable(
+            one.dims, LazilyIndexedArray(Values(one)), one.attributes, {"dtype": one.stored}
+        )
+        for name, one in group.arrays.items()
+    }
+    return xr.decode_cf(xr.Dataset(variables, attrs=group.attributes))
 
 
 def group_of(dataset: xr.Dataset) -> Group:
-    """Return the group of a store that holds a data set."""
-    variables, coordinates = (
-        {
-            str(name): Array.of(tuple(map(str, found.dims)), found.values, found.attrs)
-            for name, found in given.items()
-        }
-        for given in (dataset.data_vars, dataset.coords)
-    )
-    return Group(variables, coordinates, dataset.attrs)
+    """Return the group of a store that holds a data set; TypeError if it cannot be stored."""
+    arrays = {
+        str(name): Array.of(
+            tuple(map(str, one.dims)), one.values, one.attrs, coordinate=name in dataset.coords
+        )
+        for name, one in dataset.variables.items()
+    }
+    for array in arrays.values():
+        metadata(array)
+    return Group(arrays, dataset.attrs)

@@ -7,19 +7,20 @@ or an object made by another stage in this process, which keeps the last few of 
 
 from __future__ import annotations
 
-import importlib
 import threading
 import time
-from collections import OrderedDict, defaultdict
+from collections import OrderedDict, defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from pkgutil import resolve_name
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sweeps.engine.declarations import RNG, THERE
+from sweeps.engine.declarations import RNG, VALID
 from sweeps.engine.failures import described, reason, traceback_of
 from sweeps.engine.packs import Pack, Spot, read_cells, write_pack
 from sweeps.engine.returned import Arrays, Slot, arrays_of
@@ -27,7 +28,7 @@ from sweeps.engine.seeds import cell_rng
 from sweeps.engine.stage import Stage
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
-AHEAD_RECIPES = 512
+AHEAD_CALLS = 512
 
 
 @dataclass(frozen=True)
@@ -35,37 +36,28 @@ class Step:
     """Description of a stage for workers."""
 
     name: str
-    function: Any  # its module and qualified name, or itself if it is in no module
+    place: str  # module and qualified name of its function
+    function: Callable[..., Any] | None  # itself, if workers cannot import it
     outputs: tuple[Slot, ...]
     keep: int  # number of results in memory, of a stage not kept on disk
-    drawn: bool  # whether it takes `rng`
-    asks: bool  # whether it takes `there`
 
     @classmethod
     @cache
     def of(cls, stage: Stage) -> Step:
         """Return the description of a stage."""
-        function: Any = stage.function
-        module, name = function.__module__, function.__qualname__
-        if module != "__main__" and "<" not in name:
-            function = module, name
-        stored = stage.group is not None
+        function, stored = stage.function, stage.group is not None
+        place = f"{function.__module__}:{function.__qualname__}"
+        imported = "<" not in place and not place.startswith("__main__:")
         outputs = tuple(
             Slot(one.name, one.dtype, one.empty, len(one.dims), stored and one.even, one.measured)
             for one in stage.outputs
         )
-        asked = stage.arguments
-        return cls(stage.name, function, outputs, stage.memory, RNG in asked, THERE in asked)
+        return cls(stage.name, place, None if imported else function, outputs, stage.memory)
 
     @property
     def call(self) -> Callable[..., Any]:
         """The function."""
-        if not isinstance(self.function, tuple):
-            return self.function
-        module, name = self.function
-        found: Any = importlib.import_module(module)
-        for word in name.split("."):
-            found = getattr(found, word)
+        found: Any = self.function or resolve_name(self.place)
         return found.function if isinstance(found, Stage) else found
 
 
@@ -83,32 +75,26 @@ class Read:
 
 
 @dataclass(frozen=True)
-class Made:
-    """An argument made by another stage in this process, or kept from before."""
+class Recipe:
+    """A function and its arguments, with seed and name of `rng` and the flags of `valid`.
+
+    An object that is kept in memory has a key.
+    """
 
     step: Step
-    key: str
-    recipe: Recipe
-
-
-# A plain value is wrapped in a tuple.
-Source = tuple[Any] | Read | Made
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """Arguments of a function, seed and name of `rng`, shape and flags of `there`."""
-
     sources: Mapping[str, Source]
     stream: tuple[int, dict[str, Any]] | None = None
-    there: tuple[tuple[int, ...], bytes] | None = None
+    valid: NDArray[np.bool_] | None = None
+    key: str = ""
 
 
-@dataclass(frozen=True)
-class Call:
+Source = tuple[Any] | Read | Recipe
+"""A plain value in a tuple, cells to be read, or an object made or kept in this process."""
+
+
+class Call(NamedTuple):
     """One call of a function, and the cells that it computes."""
 
-    step: Step
     recipe: Recipe
     shape: tuple[int, ...]  # lengths of the axes that it computes together
     cells: tuple[tuple[str, int], ...]  # key of each wanted, and its place on these axes
@@ -116,26 +102,21 @@ class Call:
     again: tuple[tuple[int, Call], ...] = ()
 
 
-@dataclass(frozen=True)
-class Done:
-    """Outcome of a call: spots of its cells, in order, or why it failed."""
+class Done(NamedTuple):
+    """Outcome of a call: the spot of each of its cells, or why that failed."""
 
     seconds: float
-    spots: tuple[Spot, ...] = ()
-    reason: str = ""
+    cells: tuple[Spot | str, ...] = ()
     arguments: str = ""  # of a call that failed
     traceback: str = ""
     damaged: tuple[str, ...] = ()  # keys of lost inputs, without which it was not run
-    # How cells differ, by number, when they are computed again; these have no spot.
-    differing: Mapping[int, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Report:
-    """Outcome of a task: its calls in order, and the packs that it wrote by stage."""
+class Report(NamedTuple):
+    """Outcome of a task: its calls in order, and the packs that it wrote."""
 
     calls: tuple[Done, ...]
-    packs: tuple[tuple[str, Pack], ...]
+    packs: tuple[Pack, ...] = ()
     spilled: str = ""
     # Shapes met, by stage and output, of outputs that have the same in every cell.
     shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
@@ -149,99 +130,97 @@ class Damaged(Exception):
         self.keys = keys
 
 
-def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path | None = None) -> Report:
+Cell = tuple[str, Arrays]  # its key, and its results
+
+
+def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path) -> Report:
     """Run calls one after the other, even if some raise, and pack their results.
 
     Packs are in `folder`; results go to `spill` when that is full or cannot be written to.
     """
-    outcomes: list[tuple[Done, str, range]] = []  # with the rows of its cells among its stage's
-    results: dict[str, list[tuple[str, Arrays]]] = defaultdict(list)
+    outcomes = [_run(call, inputs, folder) for call, inputs in _with_inputs(calls, folder)]
+    results: dict[str, list[Cell]] = defaultdict(list)
     shapes: set[tuple[str, str, tuple[int, ...]]] = set()
-    inputs = Inputs([call.recipe for call in calls], folder)
-    for number, call in enumerate(calls):
-        start = time.perf_counter()
-        cells: list[tuple[str, Arrays]] = []
-        why: dict[str, Any] = {}
-        given: dict[str, Any] = {}
-        try:
-            given = inputs.arguments(number, call.step)
-            cells = _cells(call, call.step.call(**given))
-        except Damaged as error:
-            why = {"damaged": error.keys}
-        except Exception as error:
-            told = described(given | _named_stream(call))
-            why = {"reason": reason(error), "arguments": told, "traceback": traceback_of(error)}
-        seconds = time.perf_counter() - start
-        differing = _differing(call, cells, folder) if cells and call.again else {}
-        cells = [cell for number, cell in enumerate(cells) if number not in differing]
-        done = Done(seconds, differing=differing, **why)
-        for slot in call.step.outputs:
-            if slot.even and cells:  # those of a call are of one array
-                shapes.add((call.step.name, slot.name, cells[0][1][slot.name].shape))
-        there = results[call.step.name]
-        outcomes.append((done, call.step.name, range(len(there), len(there) + len(cells))))
-        there += cells
+    spent: dict[str, float] = defaultdict(float)  # s, by stage
+    for call, (done, cells) in zip(calls, outcomes, strict=True):
+        step = call.recipe.step
+        results[step.name] += cells
+        spent[step.name] += done.seconds
+        for slot in step.outputs if cells else ():
+            if slot.even:  # those of a call are of one array
+                shapes.add((step.name, slot.name, cells[0][1][slot.name].shape))
     packs: dict[str, Pack] = {}
+    spots: dict[str, Iterator[Spot]] = {}
     spilled = ""
-    for name, found in results.items():
-        if not found:
+    for name, written in results.items():
+        if not written:
             continue
         try:
-            packs[name] = write_pack(folder, name, found)
+            pack = write_pack(folder, name, written, spent[name])
         except OSError as error:
-            if spill is None:
-                raise
             spilled = f"{error.strerror or error}"
-            pack = write_pack(spill, name, found)
-            packs[name] = Pack(str(spill / pack.path), pack.size, pack.keys)
-    finished = tuple(
-        replace(
-            done,
-            spots=tuple(Spot(packs[name].path, row, packs[name].keys[row]) for row in rows),
-        )
-        for done, name, rows in outcomes
-    )
-    return Report(finished, tuple(packs.items()), spilled, tuple(sorted(shapes)))
+            pack = write_pack(spill, name, written)
+            pack = replace(pack, path=str(spill / pack.path))
+        packs[name] = pack
+        spots[name] = iter([Spot(pack.path, row, key) for row, key in enumerate(pack.keys)])
+    finished = []
+    for call, (done, _) in zip(calls, outcomes, strict=True):
+        name = call.recipe.step.name
+        found = tuple(why or next(spots[name]) for why in done.cells)
+        finished.append(done._replace(cells=found))
+    return Report(tuple(finished), tuple(packs.values()), spilled, tuple(sorted(shapes)))
 
 
-def _named_stream(call: Call) -> dict[str, Any]:
-    """Return `rng` by seed and name, from which it can be made again."""
-    if call.recipe.stream is None:
-        return {}
-    seed, name = call.recipe.stream
-    return {RNG: f"cell_rng({seed}, **{name})"}
+def _run(call: Call, inputs: Inputs, folder: Path) -> tuple[Done, list[Cell]]:
+    """Return the outcome of a call, with empty texts instead of spots, and its finished cells."""
+    start = time.perf_counter()
+    given: dict[str, Any] = {}
+    try:
+        given = _arguments(call.recipe, inputs, folder)
+        cells = _computed(call, given)
+    except Damaged as error:
+        return Done(0.0, damaged=error.keys), []
+    except Exception as error:
+        if call.recipe.stream is not None:  # from which the generator can be made again
+            seed, name = call.recipe.stream
+            given[RNG] = f"cell_rng({seed}, **{name})"
+        why = (reason(error),) * len(call.cells)
+        return Done(0.0, why, described(given), traceback_of(error)), []
+    seconds = time.perf_counter() - start
+    differing = dict(_differing(call, cells, folder))
+    whole = [cell for number, cell in enumerate(cells) if number not in differing]
+    return Done(seconds, tuple(differing.get(k, "") for k in range(len(cells)))), whole
 
 
-def _cells(call: Call, found: Any) -> list[tuple[str, Arrays]]:
-    """Return key and arrays of each wanted cell of a call's result."""
-    arrays = arrays_of(call.step.name, call.step.outputs, found, call.shape)
-    cells: list[tuple[str, Arrays]] = []
+def _computed(call: Call, arguments: Mapping[str, Any]) -> list[Cell]:
+    """Return each wanted cell of a call's result."""
+    step = call.recipe.step
+    arrays = arrays_of(step.name, step.outputs, step.call(**arguments), call.shape)
+    cells: list[Cell] = []
     for key, place in call.cells:
         at: Any = (*np.unravel_index(place, call.shape), ...)  # an array even for one value
         cells.append((key, {name: array[at].copy() for name, array in arrays.items()}))
     return cells
 
 
-def _differing(call: Call, cells: Sequence[tuple[str, Arrays]], folder: Path) -> dict[int, str]:
-    """Return how cells differ if they are computed again, each alone and from new objects."""
-    differing: dict[int, str] = {}
-    kept = dict(vars(_kept))
+def _differing(call: Call, cells: Sequence[Cell], folder: Path) -> Iterator[tuple[int, str]]:
+    """Yield how cells differ if they are computed again, each alone and from new objects."""
     for number, alone in call.again:
-        vars(_kept).clear()
+        kept = dict(vars(_kept))
+        forget_all()
         try:
-            found = alone.step.call(**Inputs([alone.recipe], folder).arguments(0, alone.step))
-            [(_, again)] = _cells(alone, found)
-            how = _difference(alone.step, cells[number][1], again)
+            [inputs] = _read([alone.recipe], folder)
+            [(_, again)] = _computed(alone, _arguments(alone.recipe, inputs, folder))
+            how = _difference(alone.recipe.step, cells[number][1], again)
         except Damaged:
             continue  # noticed by others who need it
         except Exception as error:
             how = f"it raises {reason(error)}"
         finally:
-            vars(_kept).clear()
+            forget_all()
             vars(_kept).update(kept)
         if how:
-            differing[number] = f"it differs when computed again, alone: {how}"
-    return differing
+            yield number, f"it differs when computed again, alone: {how}"
 
 
 def _difference(step: Step, first: Arrays, again: Arrays) -> str:
@@ -257,98 +236,75 @@ def _difference(step: Step, first: Arrays, again: Arrays) -> str:
     return ""
 
 
-class Inputs:
-    """Arguments of recipes, requested in order, whose cells are read for many at once.
+# arguments --------------------------------------------------------------------------------------
 
-    Opening a pack takes longer than reading a small cell in it. No two recipes share an array.
+Inputs = deque[Any]
+"""Arrays of each cell that a recipe reads, in order; None where they cannot be read back."""
+
+
+def _with_inputs(calls: Sequence[Call], folder: Path) -> Iterator[tuple[Call, Inputs]]:
+    """Yield calls with what they read, for as many at once as fit, estimated from earlier ones.
+
+    Opening a pack takes longer than reading a small cell in it.
     """
-
-    def __init__(self, recipes: Sequence[Recipe], folder: Path) -> None:
-        self._recipes = recipes
-        self._folder = folder
-        self._ahead: dict[int, dict[Spot, Arrays | None]] = {}
-        self._read = 0
-        self._window = 1
-
-    def arguments(self, number: int, step: Step) -> dict[str, Any]:
-        """Return arguments of one of the recipes, by name; raise `Damaged` if any is unreadable."""
-        if number >= self._read:
-            self._read_ahead(number)
-        return self._arguments(step, self._recipes[number])
-
-    def _read_ahead(self, number: int) -> None:
-        """Read cells of the next recipes; as many as fit, estimated from earlier ones."""
-        self._ahead.clear()
-        window = self._recipes[number : number + self._window]
-        seen: set[str] = set()
-        wanted = [
-            (id(one), spot)
-            for recipe in window
-            for one in _with_those_made(recipe, seen)
-            for spot in _spots(one)
-        ]
-        found = read_cells(self._folder, [spot for _, spot in wanted])
-        for (owner, spot), arrays in zip(wanted, found, strict=True):
-            self._ahead.setdefault(owner, {})[spot] = arrays
-        size = sum(array.nbytes for arrays in found if arrays for array in arrays.values())
-        fitting = AHEAD_BYTES * len(window) // max(size, 1)
-        self._window = min(max(fitting, 1), 8 * self._window, AHEAD_RECIPES)
-        self._read = number + len(window)
-
-    def _arguments(self, step: Step, recipe: Recipe) -> dict[str, Any]:
-        there = self._ahead.pop(id(recipe), {})
-        wanted = _spots(recipe)
-        if lacking := [spot for spot in wanted if spot not in there]:
-            there |= zip(lacking, read_cells(self._folder, lacking), strict=True)
-        if lost := tuple(spot.key for spot in wanted if there[spot] is None):
-            raise Damaged(lost)
-        spots = {spot: arrays for spot, arrays in there.items() if arrays is not None}
-        arguments = {name: self._value(source, spots) for name, source in recipe.sources.items()}
-        if step.drawn:
-            assert recipe.stream is not None
-            seed, name = recipe.stream
-            arguments[RNG] = cell_rng(seed, **name)
-        if step.asks:
-            assert recipe.there is not None
-            shape, flags = recipe.there
-            arguments[THERE] = np.frombuffer(flags, dtype=bool).reshape(shape).copy()
-        return arguments
-
-    def _value(self, source: Source, spots: Mapping[Spot, Arrays]) -> Any:
-        if isinstance(source, tuple):
-            return source[0]
-        if isinstance(source, Read):
-            arrays = _joined(source, [spots[spot] for spot in source.spots])
-            return arrays[source.step.outputs[0][0]] if len(arrays) == 1 else arrays
-        # An object by key, made if missing; the oldest of its stage is evicted.
-        objects = _kept_of(source.step)
-        if source.key in objects:
-            objects.move_to_end(source.key)
-            return objects[source.key]
-        while len(objects) >= source.step.keep:
-            objects.popitem(last=False)
-        made = source.step.call(**self._arguments(source.step, source.recipe))
-        objects[source.key] = made
-        return made
+    start, window = 0, 1
+    while start < len(calls):
+        part = calls[start : start + window]
+        found = _read([call.recipe for call in part], folder)
+        cells = (arrays for inputs in found for arrays in inputs if arrays)
+        size = sum(array.nbytes for arrays in cells for array in arrays.values())
+        fitting = AHEAD_BYTES * len(part) // max(size, 1)
+        start, window = start + len(part), min(max(fitting, 1), 8 * window, AHEAD_CALLS)
+        yield from zip(part, found, strict=True)
 
 
-def _with_those_made(recipe: Recipe, seen: set[str]) -> Iterator[Recipe]:
-    """Yield a recipe, and those of the objects to be made for it that were not seen yet."""
-    yield recipe
-    for source in recipe.sources.values():
-        if isinstance(source, Made) and source.key not in seen:
-            seen.add(source.key)
-            if source.key not in _kept_of(source.step):
-                yield from _with_those_made(source.recipe, seen)
+def _read(recipes: Sequence[Recipe], folder: Path) -> list[Inputs]:
+    """Return what each recipe itself reads; no two share an array."""
+    wanted = [_spots(recipe) for recipe in recipes]
+    cells = deque(read_cells(folder, [spot for spots in wanted for spot in spots]))
+    return [deque(cells.popleft() for _ in spots) for spots in wanted]
 
 
 def _spots(recipe: Recipe) -> list[Spot]:
-    """Return spots of the cells that a recipe itself reads, each once."""
-    wanted: dict[Spot, None] = {}
-    for source in recipe.sources.values():
-        if isinstance(source, Read):
-            wanted.update(dict.fromkeys(source.spots))
-    return list(wanted)
+    reads = (one for one in recipe.sources.values() if isinstance(one, Read))
+    return [spot for read in reads for spot in read.spots]
+
+
+def _arguments(recipe: Recipe, inputs: Inputs, folder: Path) -> dict[str, Any]:
+    """Return arguments by name, and empty the inputs; raise `Damaged` if one is unreadable."""
+    spots = _spots(recipe)
+    if lost := [spot.key for spot, cell in zip(spots, inputs, strict=True) if cell is None]:
+        raise Damaged(tuple(lost))
+    given: dict[str, Any] = {}
+    for name, source in recipe.sources.items():
+        if isinstance(source, tuple):
+            given[name] = source[0]
+        elif isinstance(source, Recipe):
+            given[name] = _object(source, folder)
+        else:
+            arrays = _joined(source, [inputs.popleft() for _ in source.spots])
+            given[name] = arrays[source.step.outputs[0].name] if len(arrays) == 1 else arrays
+    if recipe.stream is not None:
+        seed, cell = recipe.stream
+        given[RNG] = cell_rng(seed, **cell)
+    if recipe.valid is not None:
+        given[VALID] = recipe.valid.copy()
+    return given
+
+
+def _object(recipe: Recipe, folder: Path) -> Any:
+    """Return an object by its key, made if missing; the oldest of its stage is evicted."""
+    # By the function's name: stages that share one share its results. A function that comes with
+    # each task, from a script or a session, is another object each time.
+    objects = vars(_kept).setdefault(recipe.step.place, OrderedDict())
+    if recipe.key in objects:
+        objects.move_to_end(recipe.key)
+        return objects[recipe.key]
+    while len(objects) >= recipe.step.keep:
+        objects.popitem(last=False)
+    [inputs] = _read([recipe], folder)
+    objects[recipe.key] = made = recipe.step.call(**_arguments(recipe, inputs, folder))
+    return made
 
 
 def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
@@ -370,17 +326,6 @@ def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
 
 
 _kept = threading.local()
-
-
-def _kept_of(step: Step) -> OrderedDict[str, Any]:
-    """Return objects made in this thread, the last few of a stage, by key."""
-    # By the function's name: stages that share one share its results. A function that comes with
-    # each task, from a script or a session, is another object each time.
-    function: Any = step.function
-    if not isinstance(function, tuple):
-        function = function.__module__, function.__qualname__
-    found: OrderedDict[str, Any] = vars(_kept).setdefault(".".join(function), OrderedDict())
-    return found
 
 
 def forget_all() -> None:

@@ -1,22 +1,23 @@
-"""Text of `--help`: examples, experiments, and the main keys as they are declared."""
+"""Texts of `--help` and `--settings`: examples, experiments, and keys as they are declared."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Cluster, Run, Setting, Together, written_default
 from sweeps.engine.stage import Experiment
 
 WIDTH = 79  # of 80, so that no terminal breaks a full line
-INDENT = 2
-WORDS = 50  # columns before which a text beside a word begins
+INDENT = "  "
+WORDS = 46  # longest word that has its text beside it
 
 OPTIONS = (
     ("-m, --multirun", "sweep the values a=1,2 as one store"),
     ("--cfg job", "print the whole configuration, without running it"),
-    ("--settings", "print every key with its default, bounds and meaning"),
+    ("--settings [WORD]", "print every key, or those of a word, with default, bounds, meaning"),
     ("--cache [clear]", "print what is in the cache, or empty it"),
     ("--version", "print the version"),
     ("--hydra-help", "print the other options, such as --shell-completion"),
@@ -29,22 +30,28 @@ STATUS = (
 
 def usage(experiment: Experiment) -> str:
     """Return the text of `--help`, in lines of at most 79 columns."""
-    name, title = experiment.name, experiment.title
-    parts = [
-        textwrap.wrap(f"{name}: {title}.", WIDTH),
-        [f"Usage: {name} [+experiment=NAME] [KEY=VALUE ...] [OPTION ...]"],
-    ]
-    if experiment.examples:
-        examples = ((f"{name} {given}".strip(), about) for given, about in experiment.examples)
-        parts.append(["Examples:", *_listed(examples)])
-    if found := list(descriptions(experiment.conf, "experiment")):
-        parts.append(["Experiments (+experiment=NAME):", *_listed(found)])
-    keys = _listed((one.key, _about(one)) for one in main_settings(experiment))
+    name, conf = experiment.name, experiment.conf
     several = "a list, or {start: 0, stop: 90, step: 3}, is an axis of the sweep"
-    parts.append([f"Main keys ({several}):", *keys])
-    if groups := list(_groups(experiment)):
-        parts.append(["Groups of settings (GROUP=NAME):", *_listed(groups)])
-    parts += [["Options:", *_listed(OPTIONS)], textwrap.wrap(STATUS, WIDTH)]
+    folders = sorted(path.name for path in conf.iterdir() if path.is_dir()) if conf else []
+    groups = {
+        folder: ", ".join(of for of, _ in descriptions(conf, folder))
+        for folder in folders
+        if folder != "experiment"
+    }
+    sections: dict[str, Iterable[tuple[str, str]]] = {
+        "Examples:": [(f"{name} {given}".strip(), about) for given, about in experiment.examples],
+        "Experiments (+experiment=NAME):": descriptions(conf, "experiment"),
+        f"Main keys ({several}):": [(one.key, _about(one)) for one in main_settings(experiment)],
+        "Groups of settings (GROUP=NAME):": groups.items(),
+        "Options:": OPTIONS,
+    }
+    listed = {heading: _listed(list(entries)) for heading, entries in sections.items()}
+    parts = [
+        _wrapped(f"{name}: {experiment.title}.", ""),
+        [f"Usage: {name} [+experiment=NAME] [KEY=VALUE ...] [OPTION ...]"],
+        *([heading, *lines] for heading, lines in listed.items() if lines),
+        _wrapped(STATUS, ""),
+    ]
     return "\n\n".join("\n".join(part) for part in parts)
 
 
@@ -53,8 +60,7 @@ def main_settings(experiment: Experiment) -> list[Setting]:
     keys = experiment.main
     own = [
         one
-        for group in experiment.settings
-        for one in group.declared
+        for one in experiment.own
         if not keys or one.key in keys or one.key.partition(".")[0] in keys
     ]
     return [*own, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
@@ -71,35 +77,58 @@ def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:
         yield path.stem, next((one for one in comments if not one.startswith("@")), "")
 
 
-def _groups(experiment: Experiment) -> Iterator[tuple[str, str]]:
-    """Yield groups of the configuration except experiments, with the names of their files."""
-    folders = sorted(experiment.conf.iterdir()) if experiment.conf is not None else ()
-    for folder in folders:
-        names = ", ".join(name for name, _ in descriptions(experiment.conf, folder.name))
-        if folder.is_dir() and folder.name != "experiment":
-            yield folder.name, names
-
-
 def _about(setting: Setting) -> str:
     """Return the label of a setting, with its unit and default."""
     unit = f" [{setting.unit}]" if setting.unit != "1" else ""
     return f"{setting.label}{unit}; default {written_default(setting.default)}"
 
 
-def _listed(entries: Iterable[tuple[str, str]]) -> list[str]:
+def _listed(entries: Sequence[tuple[str, str]]) -> list[str]:
     """Return lines of words with texts beside them, or below a long word."""
-    entries = list(entries)
-    short = [len(word) for word, _ in entries if INDENT + len(word) + 2 <= WORDS]
-    start = INDENT + max(short, default=INDENT) + 2
+    short = [len(word) for word, _ in entries if len(word) <= WORDS]
+    margin = " " * (max(short, default=0) + len(INDENT) + 2)
     lines = []
     for word, about in entries:
-        texts = textwrap.wrap(about, WIDTH - start, break_on_hyphens=False)
-        first = " " * INDENT + word
-        if len(first) + 2 > start:
-            lines.append(first)
-        elif texts:
-            lines.append(f"{first:<{start}}{texts.pop(0)}")
+        texts = _wrapped(about, margin)
+        if texts and len(word) <= WORDS:
+            texts[0] = f"{INDENT}{word}".ljust(len(margin)) + texts[0].lstrip()
+            lines += texts
         else:
-            lines.append(first)
-        lines += [" " * start + text for text in texts]
+            lines += [f"{INDENT}{word}", *texts]
     return lines
+
+
+def listing(experiment: Experiment, words: Sequence[str] = ()) -> str:
+    """Return the text of `--settings`: those with all of some words in their key or description.
+
+    Lines have at most 79 columns, and no word is broken.
+
+    Raises
+    ------
+    ConfigurationError
+        If no setting has such words.
+    """
+    lines: list[str] = []
+    for setting in (
+        one for declared in experiment.declared for one in (declared, *declared.entries)
+    ):
+        text = f"{setting.key} {setting.label} {setting.help}".lower()
+        if all(word.lower() in text for word in words):
+            unit = f" [{setting.unit}]" if setting.unit != "1" else ""
+            null = "null or " if setting.fallback is not None else ""
+            axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
+            lines += _wrapped(f"{setting.key}={written_default(setting.default)}{unit}", "")
+            for about in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
+                lines += _wrapped(about, 2 * INDENT)
+    if not lines:
+        raise ConfigurationError(
+            f"--settings has {' '.join(words)!r}, but must have words of a key or a description"
+        )
+    return "\n".join(lines)
+
+
+def _wrapped(text: str, margin: str) -> list[str]:
+    """Return lines of at most 79 columns behind a margin, which no word is broken for."""
+    wrapper = textwrap.TextWrapper(WIDTH, break_long_words=False, break_on_hyphens=False)
+    wrapper.initial_indent = wrapper.subsequent_indent = margin
+    return wrapper.wrap(text)

@@ -6,11 +6,11 @@ import math
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
-from rich import progress
 from rich.console import Console
-from rich.markup import escape
+from rich.live import Live
+from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from sweeps.engine.failures import Failure, FailureLog
@@ -27,22 +27,58 @@ LONGEST, LEAST = 3, 0.05  # stages whose time the summary lists, and the least t
 
 @contextmanager
 def watching(name: str, log: FailureLog) -> Iterator[Watch]:
-    """Show the progress of a sweep on stderr; plain lines begin with the `name`.
+    """Show the progress of a sweep on stderr, in lines that begin with the `name`.
 
     The first failures are shown, and all are logged.
     """
-    if sys.stderr is None or not sys.stderr.isatty():
-        yield _Lines(name, log).watch
-        return
-    columns = (
-        progress.SpinnerColumn(),
-        progress.TextColumn("{task.description:<20}"),
-        progress.BarColumn(bar_width=20),
-        progress.MofNCompleteColumn(),
-        progress.TextColumn("{task.fields[left]}"),
-    )
-    with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        yield _Bars(bars, log).watch
+    shown = _Shown(name, log)
+    with shown.live:
+        yield Watch(shown.say, shown.step, shown.failed)
+
+
+class _Shown:
+    """What is shown of a sweep under way."""
+
+    def __init__(self, name: str, log: FailureLog) -> None:
+        self.name, self.log = name, log
+        self.terminal = sys.stderr is not None and sys.stderr.isatty()
+        self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
+        self.remaining = Remaining()
+        self.at = time.monotonic()
+        self.failures = 0
+
+    def say(self, sentence: str, style: str | None = None) -> None:
+        if self.terminal:
+            self.live.console.print(sentence, style=style, markup=False, highlight=False)
+        else:
+            say(self.name, sentence)
+
+    def failed(self, failure: Failure) -> None:
+        self.log.add(failure)
+        self.failures += 1
+        if self.failures <= NAMED_FAILURES:
+            self.say(f"failed: {failure.what}: {failure.why}", "red")
+        elif self.failures == NAMED_FAILURES + 1:
+            self.say("further failures are counted at the end", "red")
+
+    def step(self, schedule: Schedule) -> None:
+        now = time.monotonic()
+        left = self.remaining.words(schedule, now)
+        stages = [*schedule.progress.items()]
+        begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
+        if self.terminal:
+            shown = [one for _, one in stages if one.reused < one.total]
+            every = Progress.over(shown)
+            table = Table.grid(padding=(0, 1))
+            for name, one in [*begun[:AT_ONCE], ("all", every)] if shown else ():
+                count = one.total - one.left
+                bar = ProgressBar(one.total, count, width=20)
+                table.add_row(f"{name:<20}", bar, f"{count}/{one.total}", left * (one is every))
+            self.live.update(table)
+        elif now - self.at >= EVERY:
+            self.at = now
+            parts = [f"{name} {one.total - one.left}/{one.total}" for name, one in begun[::-1]]
+            self.say(", ".join([*parts, left] if left else parts) or "finishing")
 
 
 class Remaining:
@@ -79,82 +115,6 @@ def _rounded(seconds: float) -> str:
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
-class _Failures:
-    """The first failures of a sweep in words; all of them in a log."""
-
-    def __init__(self, log: FailureLog) -> None:
-        self.log = log
-        self.number = 0
-
-    def words(self, failure: Failure) -> str:
-        """Log a failure, and return what to print of it: nothing after the first ones."""
-        self.log.add(failure)
-        self.number += 1
-        if self.number <= NAMED_FAILURES:
-            return f"failed: {failure.what}: {failure.why}"
-        return "further failures are counted at the end" * (self.number == NAMED_FAILURES + 1)
-
-
-class _Lines:
-    def __init__(self, name: str, log: FailureLog) -> None:
-        self.name = name
-        self.failures = _Failures(log)
-        self.shown = time.monotonic()
-        self.remaining = Remaining()
-        self.watch = Watch(lambda sentence: say(name, sentence), self._step, self._failed)
-
-    def _step(self, schedule: Schedule) -> None:
-        now = time.monotonic()
-        left = self.remaining.words(schedule, now)
-        if now - self.shown < EVERY:
-            return
-        self.shown = now
-        parts = [
-            f"{stage} {one.total - one.left}/{one.total}"
-            for stage, one in reversed(schedule.progress.items())
-            if one.done + one.failed and one.left > 0
-        ]
-        say(self.name, ", ".join([*parts, left] if left else parts) or "finishing")
-
-    def _failed(self, failure: Failure) -> None:
-        if words := self.failures.words(failure):
-            say(self.name, words)
-
-
-class _Bars:
-    def __init__(self, bars: progress.Progress, log: FailureLog) -> None:
-        self.bars = bars
-        self.failures = _Failures(log)
-        self.tasks: dict[str, progress.TaskID] = {}
-        self.remaining = Remaining()
-        self.watch = Watch(self._say, self._step, self._failed)
-
-    def _say(self, sentence: str, style: str | None = None) -> None:
-        with suppress(OSError):
-            self.bars.console.print(escape(sentence), style=style, highlight=False)
-
-    def _step(self, schedule: Schedule) -> None:
-        shown = {stage: one for stage, one in schedule.progress.items() if one.reused < one.total}
-        under_way = [stage for stage, one in shown.items() if one.done + one.failed and one.left]
-        for stage in {*self.tasks, *under_way} - {"all"}:
-            one = shown[stage]
-            self._show(stage, one.total - one.left, one.total)
-            self.bars.update(self.tasks[stage], visible=stage in under_way[:AT_ONCE])
-        if shown:
-            left = self.remaining.words(schedule, time.monotonic())
-            total = sum(one.total for one in shown.values())
-            self._show("all", total - sum(one.left for one in shown.values()), total, left)
-
-    def _show(self, name: str, finished: int, total: int, left: str = "") -> None:
-        if name not in self.tasks:
-            self.tasks[name] = self.bars.add_task(name, total=total, left="")
-        self.bars.update(self.tasks[name], completed=finished, total=total, left=left)
-
-    def _failed(self, failure: Failure) -> None:
-        if words := self.failures.words(failure):
-            self._say(words, "red")
-
-
 def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
     """Return a table of the cells of each stage: all, reused, and to be computed."""
     table = Table(box=None, pad_edge=False)
@@ -168,15 +128,12 @@ def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
 
 def summary(stages: Mapping[str, Progress], seconds: float) -> str:
     """Return how many cells were computed, reused and failed, and which stages took longest."""
-    done, reused, failed = (
-        sum(getattr(one, name) for one in stages.values()) for name in ("done", "reused", "failed")
-    )
-    work = sum(one.seconds for one in stages.values())
+    every = Progress.over(stages.values())
     longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
     parts = [
         f"{name} {one.seconds:.1f} s" for name, one in longest[:LONGEST] if one.seconds >= LEAST
     ]
     return (
-        f"{done:,} cells computed, {reused:,} reused, {failed:,} failed in {seconds:.1f} s; "
-        f"work {work:.1f} s" + (f" ({', '.join(parts)})" if parts else "")
+        f"{every.done:,} cells computed, {every.reused:,} reused, {every.failed:,} failed in "
+        f"{seconds:.1f} s; work {every.seconds:.1f} s" + (f" ({', '.join(parts)})" if parts else "")
     )

@@ -11,7 +11,6 @@ import asyncio
 import logging
 import os
 import shutil
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -20,7 +19,6 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import dask
-import distributed
 from dask.system import CPU_COUNT
 from distributed import Client, Future, KilledWorker, LocalCluster, Status, as_completed
 from distributed.core import rpc
@@ -60,7 +58,6 @@ FORGIVING: dict[str, Any] = {"ignore_cleanup_errors": True}
 # Runs all tasks of this process; a daemon, unlike those of `concurrent.futures`.
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
 
-Task = tuple[int, Callable[..., Any], tuple[Any, ...]]
 Outcome = tuple[int, Any, Exception | None]
 Say = Callable[[str], None]
 
@@ -80,22 +77,14 @@ def run_task(shared: Shared, function: Callable[..., Any], arguments: tuple[Any,
 
 
 class DaskExecutor:
-    """Executor on the workers of a dask cluster with the same code. See `cluster.Executor`.
-
-    A worker that dies, for example out of memory, takes other tasks with it. Those that
-    dask gives up are suspects: each runs again, alone, when all others have finished. Only
-    if its worker dies again is the task itself the cause.
-    """
+    """Executor on the workers of a dask cluster with the same code. See `cluster.Executor`."""
 
     def __init__(self, client: Client, workers: int | None, shared: Shared) -> None:
         self._client = client
         self._workers = workers
         self._shared = shared
         self._completed = as_completed(loop=client.loop)
-        self._running: dict[Future, Task] = {}
-        self._suspects: deque[Task] = deque()
-        self._held: deque[Task] = deque()
-        self._alone = False
+        self._running: dict[Future, int] = {}
 
     @property
     def workers(self) -> int:
@@ -103,49 +92,31 @@ class DaskExecutor:
         return self._workers or max(1, len(self._client.nthreads()))
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
-        """Send a task to the scheduler, or keep it while a suspect runs."""
-        task = number, function, arguments
-        if self._alone:
-            self._held.append(task)
-        else:
-            self._start(task)
+        """Send a task to the scheduler."""
+        future = self._client.submit(run_task, self._shared, function, arguments, pure=False)
+        self._running[future] = number
+        self._completed.add(future)
 
     def finished(self) -> list[Outcome]:
         """Wait for a task to finish; raises `SweepIncomplete` if the scheduler is gone."""
-        outcomes: list[Outcome] = []
-        while not outcomes and (self._running or self._suspects or self._held):
-            if not self._running:
-                # One suspect, or else all tasks that were held back.
-                self._alone = bool(self._suspects)
-                waiting = self._suspects if self._alone else self._held
-                for _ in range(1 if self._alone else len(waiting)):
-                    self._start(waiting.popleft())
-            # wakes up ten times a second, to handle interrupts
-            for future in self._completed.next_batch():
-                outcomes += self._outcome(future, self._running.pop(future))
-        return outcomes
+        if not self._running:
+            return []
+        # wakes up ten times a second, to handle interrupts
+        return [self._outcome(future) for future in self._completed.next_batch()]
 
-    def _start(self, task: Task) -> None:
-        future = self._client.submit(run_task, self._shared, *task[1:], pure=False)
-        self._running[future] = task
-        self._completed.add(future)
-
-    def _outcome(self, future: Future, task: Task) -> list[Outcome]:
-        """Return the outcome of a task, or none if it is to run again."""
+    def _outcome(self, future: Future) -> Outcome:
+        number = self._running.pop(future)
         if future.cancelled():
             raise SweepIncomplete("the scheduler of the cluster is gone, with the tasks it had")
         try:
-            return [(task[0], future.result(), None)]
+            return number, future.result(), None
         except KilledWorker:
-            if self._alone:
-                message = "the worker process died whenever it ran this task (out of memory?)"
-                return [(task[0], None, RuntimeError(message))]
-            self._suspects.append(task)
-            return []
+            why = "the worker process died whenever it ran this task (out of memory?)"
+            return number, None, RuntimeError(why)
         except UNSHARED as error:  # of a worker that joined later
             raise ConfigurationError(f"a worker of the cluster {error}") from None
         except Exception as error:
-            return [(task[0], None, error)]
+            return number, None, error
 
 
 @contextmanager
@@ -161,43 +132,33 @@ def local(
     # Workers share the terminal, to which one that dies would log.
     quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
     with ExitStack() as stack:
-        # Else dask would import more into this process for the fork server, which already runs.
-        distributed.utils._forkserver_preload_set = True
         # In dask's common scratch folder, all would wait for a lock that any user may hold.
         scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **FORGIVING))
         settings = {SCRATCH: scratch, "distributed.worker.multiprocessing-method": method}
         stack.enter_context(_started_with(SETTINGS | settings, ENVIRONMENT | quiet))
-        with interrupts_held(), _none_started():
-            cluster = stack.enter_context(
-                LocalCluster(
-                    n_workers=count,
-                    threads_per_worker=1,
-                    env=dict(os.environ),  # they may be forked from an older process
-                    host="127.0.0.1",
-                    protocol="tls://",
-                    security=Security.temporary(),
-                    dashboard_address=None,
-                    scheduler_kwargs=SCHEDULER,
-                    silence_logs=logging.CRITICAL,
+        try:
+            with interrupts_held():
+                cluster = stack.enter_context(
+                    LocalCluster(
+                        n_workers=count,
+                        threads_per_worker=1,
+                        env=dict(os.environ),  # they may be forked from an older process
+                        host="127.0.0.1",
+                        protocol="tls://",
+                        security=Security.temporary(),
+                        dashboard_address=None,
+                        scheduler_kwargs=SCHEDULER,
+                        silence_logs=logging.CRITICAL,
+                    )
                 )
-            )
+        except (OSError, RuntimeError, EOFError) as error:  # as without shared memory
+            cause = error.__cause__ or error.__context__ or error
+            raise ConfigurationError(
+                "cluster.kind is local, but no worker process can be started here "
+                f"({cause}); it may be inline"
+            ) from error
         stack.enter_context(_workers_replaced(cluster, count, every=CHECKED))
         yield DaskExecutor(stack.enter_context(Client(cluster)), count, shared)
-
-
-@contextmanager
-def _none_started() -> Iterator[None]:
-    """Refuse local workers if none can be started, as without shared memory."""
-    try:
-        yield
-    except (OSError, RuntimeError, EOFError) as error:
-        cause: BaseException | None = error
-        while cause is not None and not isinstance(cause, OSError):  # of the machine
-            cause = cause.__cause__ or cause.__context__
-        raise ConfigurationError(
-            "cluster.kind is local, but no worker process can be started here "
-            f"({cause or error}); it may be inline"
-        ) from error
 
 
 @contextmanager
@@ -228,9 +189,9 @@ def address(
             ) from error
         for worker, wrong in client.run(shared.check, on_error="return").items():
             if wrong is not None:
-                told = wrong if isinstance(wrong, UNSHARED) else f"cannot be asked: {wrong}"
+                reason = wrong if isinstance(wrong, UNSHARED) else f"cannot be asked: {wrong}"
                 raise ConfigurationError(
-                    f"cluster.address is {address}, but its worker {worker} {told}"
+                    f"cluster.address is {address}, but its worker {worker} {reason}"
                 )
         yield DaskExecutor(client, None, shared)
 
@@ -289,18 +250,6 @@ def _security(ca_file: str | None, cert: str | None, key: str | None) -> Securit
     return security
 
 
-def _certificate(folder: Path) -> Security:
-    """Write a certificate and key shared by scheduler and jobs into a folder."""
-    made = Security.temporary()
-    certificate, key = folder / "certificate.pem", folder / "key.pem"
-    certificate.write_text(made.tls_ca_file)
-    key.write_text(made.tls_client_key)
-    roles = ("client", "scheduler", "worker")
-    files = {f"tls_{role}_cert": str(certificate) for role in roles}
-    files |= {f"tls_{role}_key": str(key) for role in roles}
-    return Security(require_encryption=True, tls_ca_file=str(certificate), **files)
-
-
 def _slurm_cluster(folder: Path, asked: Mapping[str, Any]) -> Any:
     """Return a cluster without jobs, whose certificate and scratch files are in a folder."""
     try:
@@ -317,7 +266,8 @@ def _slurm_cluster(folder: Path, asked: Mapping[str, Any]) -> Any:
         processes=1,
         local_directory=str(folder),
         protocol="tls://",
-        security=_certificate(folder),
+        security=Security.temporary(),
+        shared_temp_directory=str(folder),  # of the certificate
         scheduler_options=SCHEDULER,
         job_script_prologue=[f"export {name}={value}" for name, value in ENVIRONMENT.items()],
         worker_extra_args=["--no-dashboard", "--dashboard-address", SCHEDULER["dashboard_address"]],
@@ -339,10 +289,8 @@ def _submit(cluster: Any, jobs: int) -> None:
         for job in cluster.workers.values():
             if job.job_id is None:  # else the cluster does not close
                 job.status = Status.failed
-        told = str(error).partition("stderr:\n")[2].strip() or str(error)
-        raise ConfigurationError(
-            f"cluster.kind is slurm, but sbatch refuses the job: {told}"
-        ) from error
+        reason = " ".join(str(error).split())
+        raise ConfigurationError(f"cluster.kind is slurm, but no job starts: {reason}") from error
 
 
 @contextmanager
@@ -360,15 +308,11 @@ def _workers_replaced(cluster: Any, count: int, *, every: float) -> Iterator[Non
         cluster.scale(count)  # starts those that are missing
 
     callback = PeriodicCallback(restore, 1000 * every)
-
-    async def call(function: Callable[[], None]) -> None:
-        function()
-
-    cluster.sync(call, callback.start)  # in the loop of the cluster
+    cluster.loop.add_callback(callback.start)
     try:
         yield
     finally:
-        cluster.sync(call, callback.stop)
+        cluster.loop.add_callback(callback.stop)
 
 
 @contextmanager

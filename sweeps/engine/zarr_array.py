@@ -10,7 +10,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,22 +25,22 @@ LEVEL = 1  # level 3 compresses results no better and takes three times as long
 Region = tuple[slice, ...]
 
 _ZSTD = Zstd(level=LEVEL, checksum=True)
-_CHARACTER = 4  # bytes
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Array:
     """A variable or coordinate to be written; each of its chunks is a file."""
 
     dims: tuple[str, ...]
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]  # integers, floats, bool (stored as int8) or texts of any numpy kind
-    fill: float | int | str | None  # of what is not written; None is NaN, 0 or the empty string
+    dtype: np.dtype[Any]  # integers, floats, bool (stored as int8) or texts of fixed width
     attrs: Mapping[str, Any]  # integers that count steps have `scale_factor` here
+    # Returns the values of one chunk's region (a slice with start and stop for each dimension),
+    # and is called from several threads.
+    read: Callable[[Region], NDArray[Any]]
     chunks: tuple[int, ...]
-    # All values, or a function of one chunk's region (a slice with start and stop for each
-    # dimension) that returns the values there and is called from several threads.
-    read: Callable[[Region], NDArray[Any]] | NDArray[Any]
+    fill: float | int | str | None = None  # of what is not written; None is NaN, 0 or no text
+    coordinate: bool = False
 
     @classmethod
     def of(
@@ -50,40 +49,35 @@ class Array:
         values: Any,
         attrs: Mapping[str, Any] | None = None,
         fill: float | int | str | None = None,
+        *,
+        coordinate: bool = False,
     ) -> Array:
-        """Return an array of values in memory, in chunks of a suggested shape."""
-        array = np.asarray(values)
-        chunks = suggest_chunks(array.shape, max(array.itemsize, 1))
-        return cls(tuple(dims), array.shape, array.dtype, fill, attrs or {}, chunks, array)
+        """Return an array of values in memory, in chunks of a suggested shape.
 
-    @cached_property
+        Texts of any numpy kind become as wide as the longest.
+        """
+        array = np.asarray(values)
+        texts = array.ravel().tolist() if array.dtype.kind in "OTU" else []
+        if all(isinstance(text, str) for text in texts) and array.dtype.kind in "OTU":
+            array = np.array(texts, dtype=str).reshape(array.shape)
+        chunks = suggest_chunks(array.shape, max(array.itemsize, 1))
+        read = array.__getitem__
+        return cls(dims, array.shape, array.dtype, attrs or {}, read, chunks, fill, coordinate)
+
+    @property
     def stored(self) -> np.dtype[Any]:
-        """Stored dtype: little-endian, without the unsigned ones that fit into signed ones, and
-        texts as wide as the longest. Raises TypeError if there is none.
+        """Stored dtype: little-endian, and no unsigned one that fits into a signed one.
+
+        Raises TypeError if there is none.
         """
         dtype = np.dtype(self.dtype)
-        if dtype.kind in "OTU" and (width := self._width()) is not None:
-            return np.dtype(f"<U{max(width, 1)}")
         if dtype.kind == "b":
             return np.dtype(np.int8)
         if dtype.kind == "u" and dtype.itemsize < 8:  # NetCDF 3 has no unsigned integers
             return np.dtype(f"<i{2 * dtype.itemsize}")
-        if dtype.kind in "iuf" and dtype.itemsize <= 8:
+        if (dtype.kind == "U" and dtype.itemsize) or (dtype.kind in "iuf" and dtype.itemsize <= 8):
             return dtype.newbyteorder("<")
         raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and texts can")
-
-    def _width(self) -> int | None:
-        """Return the characters of the longest text; None if they are not known, or no texts."""
-        if not isinstance(self.read, np.ndarray):
-            dtype = np.dtype(self.dtype)
-            return dtype.itemsize // _CHARACTER or None if dtype.kind == "U" else None
-        texts = self.read.ravel().tolist()
-        return max(map(len, texts), default=0) if all(isinstance(t, str) for t in texts) else None
-
-    @property
-    def opened(self) -> np.dtype[Any]:
-        """Dtype that zarr reads back: the stored one, in the byte order of this machine."""
-        return self.stored.newbyteorder("=")
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -94,32 +88,33 @@ class Array:
     @property
     def empty(self) -> Any:
         """Stored value of elements that are not written."""
-        if self.stored.kind == "U":
-            return self.fill or ""
-        default = math.nan if self.stored.kind == "f" else 0
+        default = {"U": "", "f": math.nan}.get(self.stored.kind, 0)
         return self.stored.type(default if self.fill is None else self.fill)
 
+    def whole(self) -> NDArray[Any]:
+        """Return all values as they are stored; they stay in memory."""
+        # In the order in which zarr reads them: sums may depend on that in their last bit.
+        everywhere = tuple(slice(0, size) for size in self.shape)
+        values = np.asarray(self.read(everywhere), self.stored, order="C")
+        self.read = values.__getitem__
+        return values
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(eq=False)
 class Group:
-    """Variables of one group, the coordinates of their axes, and attributes.
+    """Variables and coordinates of one group, and its attributes."""
 
-    `ragged` has start and length along each own dimension of every cell of a ragged variable.
-    """
-
-    arrays: dict[str, Array]
-    coordinates: dict[str, Array] = field(default_factory=dict)
+    arrays: dict[str, Array] = field(default_factory=dict)
     attrs: Mapping[str, Any] = field(default_factory=dict)
-    ragged: dict[str, Any] = field(default_factory=dict)
 
     @property
     def attributes(self) -> dict[str, Any]:
         """Return the attributes, including the list of coordinates that are not dimensions."""
-        others = [name for name, array in self.coordinates.items() if array.dims != (name,)]
-        return {
-            **plain(self.attrs),
-            **({"coordinates": " ".join(sorted(others))} if others else {}),
-        }
+        others = [
+            name for name, one in self.arrays.items() if one.coordinate and one.dims != (name,)
+        ]
+        named = {"coordinates": " ".join(sorted(others))} if others else {}
+        return plain(self.attrs) | named
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
@@ -183,23 +178,12 @@ def encode(array: Array, region: Region) -> bytes | None:
 
     Raises ValueError if the values there have another shape.
     """
-    read = array.read[region] if isinstance(array.read, np.ndarray) else array.read(region)
-    values = np.asarray(read).astype(array.stored, copy=False)
+    values = np.asarray(array.read(region))
     shape = tuple(part.stop - part.start for part in region)
     if values.shape != shape:
         raise ValueError(f"values of {region} have shape {values.shape}, but must have {shape}")
-    if _is_empty(values, array.empty):
-        return None
-    if shape != array.chunks:  # at the end of an axis chunks are as large as elsewhere
-        padded = np.full(array.chunks, array.empty, array.stored)
-        padded[tuple(map(slice, shape))] = values
-        values = padded
-    return bytes(_ZSTD.encode(np.ascontiguousarray(values).view(np.uint8)))
-
-
-def _is_empty(values: NDArray[Any], fill: Any) -> bool:
-    """Return whether all values are the fill value, bit by bit: NaN is NaN, -0.0 is not 0.0."""
-    if values.dtype.kind == "U":
-        return bool(np.all(values == fill))
-    bits = np.dtype(f"u{values.itemsize}")
-    return bool((np.ascontiguousarray(values).view(bits) == np.asarray(fill).view(bits)).all())
+    chunk = np.full(array.chunks, array.empty, array.stored)
+    empty = chunk.tobytes()
+    chunk[tuple(map(slice, shape))] = values  # at the end of an axis a chunk is larger
+    content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0
+    return None if content == empty else bytes(_ZSTD.encode(content))

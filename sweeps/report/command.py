@@ -1,17 +1,17 @@
-"""The command `ncti-report`: print the tables of a store and write them as CSV."""
+"""The command `ncti-report`: print the tables of a store, or of two compared, and write them."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from sweeps.engine.version import OPTION, version_of
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+KEPT = ("range", "pulse_width", "frame_count")  # axes that long tables show whole
 NAME, DISTRIBUTION = "ncti-report", "ncti-sweep"
 
 
@@ -26,11 +26,14 @@ def main() -> None:
     from sweeps.engine.errors import ConfigurationError
     from sweeps.report.own import sentence_of
     from sweeps.report.pictures import write_pictures
-    from sweeps.report.screen import complain, screen
+    from sweeps.report.terminal import complain, screen
 
     path, console = arguments.store.absolute(), screen()
     try:
-        kept = report(path, console, table=arguments.table, html=arguments.html)
+        if arguments.other is not None:
+            kept = comparison(path, arguments.other.absolute(), console, html=arguments.html)
+        else:
+            kept = report(path, console, table=arguments.table, html=arguments.html)
     except ConfigurationError as error:
         complain(str(error))
         sys.exit(2)
@@ -55,6 +58,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("store", type=Path, help="store of a sweep, such as sweep.zarr")
     parser.add_argument(
+        "other",
+        type=Path,
+        nargs="?",
+        help="a second store: print how much more often ships are identified there",
+    )
+    parser.add_argument(
         "--table",
         metavar="NAME",
         help="print one table, whole: NAME is that of its CSV file, such as accuracy",
@@ -67,8 +76,40 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--html", action="store_true", help="also write the report page beside the store"
     )
-    parser.add_argument(OPTION, action="version", version=version_of(NAME, DISTRIBUTION))
+    parser.add_argument("--version", action="version", version=f"{NAME} {version(DISTRIBUTION)}")
     return parser
+
+
+def comparison(first: Path, second: Path, console: Console, *, html: bool = False) -> list[Path]:
+    """Print and write how much more often ships are identified in a second store.
+
+    With `html`, write its page, too, with the differences first. Returns the paths at which other
+    files are in the way. Raises ConfigurationError and OSError as `report`, and ConfigurationError
+    if the stores have no answers in common.
+    """
+    from sweeps.report.compare import compare, compared_name, sentences, write_comparison
+    from sweeps.report.pivot import laid_out
+    from sweeps.report.places import page_file, tables_folder
+    from sweeps.report.stores import attributes, check_whole, opened
+    from sweeps.report.summary import located
+    from sweeps.report.terminal import line, note, page, print_table
+
+    for path in (first, second):
+        check_whole(path, groups=None)
+    frame, name = compare(first, second), compared_name(first, second)
+    with page(console) as aside:
+        for sentence in sentences(frame):
+            note(sentence, aside, style="bold")
+        print_table(laid_out(frame, attributes(opened(second)).get("swept", ())), aside)
+        line(f"\ntables  {located(tables_folder(name))}", aside)
+        if html:
+            line(f"report  {located(page_file(name))}", aside)
+    kept = write_comparison(first, second, frame)
+    if html:
+        from sweeps.report.page.write import write_page
+
+        kept += write_page(second, name, first=frame)
+    return kept
 
 
 def write_report(path: Path) -> list[Path]:
@@ -77,10 +118,9 @@ def write_report(path: Path) -> list[Path]:
     Raises OSError if it cannot be written, and what zarr raises for a damaged store.
     """
     # Imported here, since the import takes longer than printing tables.
-    from sweeps.report.figures import draw
     from sweeps.report.page.write import write_page
 
-    return write_page(path, draw)
+    return write_page(path)
 
 
 def report(
@@ -95,30 +135,45 @@ def report(
     anyway.
     """
     from sweeps.engine.errors import ConfigurationError
-    from sweeps.report.parts import check_whole, chosen, parts_of, print_places, write_parts
-    from sweeps.report.screen import explain, note, page, unforeseen
+    from sweeps.report.files import write_tables
+    from sweeps.report.frames import chosen
+    from sweeps.report.pivot import at_main, laid_out, place_of
+    from sweeps.report.stores import attributes, check_whole, opened
+    from sweeps.report.summary import print_main, print_places, tables_of
+    from sweeps.report.terminal import MOST, note, page, print_table
 
     check_whole(path, **({"groups": None} if html else {}))
-    parts, kept = parts_of(path), []
-    shown = [part for part in parts if part.listed] if table is None else [chosen(parts, table)]
+    frames, kept = tables_of(path), list[Path]()
+    shown = [one for one in frames.values() if one.name != "stages"]
+    if table is not None:
+        shown = [chosen(frames, table)]
     if html:
         try:
             kept += write_report(path)
         # zarr and xarray raise various errors for damaged groups without a table.
         except Exception as error:
-            why = str(error).partition("\n")[0]
-            why = why if isinstance(error, OSError) else f"{type(error).__name__}: {why}"
+            why = f"{type(error).__name__}: {error}".partition("\n")[0]
+            if isinstance(error, OSError):
+                why = error.strerror or str(error)
             raise ConfigurationError(f"the report page is not written: {why}") from error
-    others, failure = write_parts(path, parts)
+    others, failure = write_tables(path, frames.values())
+    swept = attributes(opened(path)).get("swept", ())
     with page(console) as aside:
-        for part in shown:
-            (part.write if table is None else part.whole or part.write)(aside)
         if table is None:
-            explain(unforeseen([row for part in shown for row in part.rows]), aside)
-            unlisted = [part.name for part in parts if not part.listed]
-            if unlisted:
-                note(f"Not printed: {', '.join(unlisted)} (--table NAME).", aside)
-        print_places(path, parts, aside)
+            print_main(path, frames, aside)
+        for one in shown:
+            laid = laid_out(one, swept)
+            if table is None and len(laid.lines) > MOST:
+                keep = [name for name in one.several() if one.columns[name].axis in (*KEPT, *swept)]
+                part = at_main(one, [*one.down, *keep])
+                laid, at = laid_out(part, swept), place_of(one, part)
+                print_table(laid, aside)
+                note(f"At {at}; --table {one.name} prints all." if at else "", aside)
+                continue
+            print_table(laid, aside, most=None)
+            same = ", ".join(f"{words} {text}" for words, text in laid.same.items())
+            note(f"In all rows: {same}." if same and table else "", aside)
+        print_places(path, frames, aside)
     if failure:
         raise failure
     return kept + others

@@ -1,360 +1,291 @@
-"""Tables of flights: errors of images, landmarks, wrong parameters, identification."""
+"""Pictures of flights: every stage of their corrections, simulated again."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from rich.console import Console
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.ndimage import label as connected
 
-from sweeps.report.axes import (
-    DRAWS,
-    NOTHING,
-    OF_ARRAYS,
-    SHORT,
-    Axis,
-    axes_of,
-    nominal,
-    shown,
-    told,
-    which,
-)
-from sweeps.report.layout import sheet, show
-from sweeps.report.rows import (
-    BIN,
-    ENDS,
-    Row,
-    cells,
-    grouped,
-    rounded,
-    score_rows,
-    several,
-    together,
-)
-from sweeps.report.screen import PUT_IN, note, percent_text
+import ncti.ships
+from ncti import irar
+from ncti.irar import Correction, Scan, Snapshot
+from sweeps.report.stores import nominal
+from sweeps.stages.irar import FLOWN, RATES, RECORDED, scan_again, surface
+from sweeps.stages.ships import ship_name
+from sweeps.stages.views import hull, read_mesh
 
-LANDMARKS = {  # heading, digits, the source's statement on the synthetic and the measured ship
-    "stern_to_hangar": ("stern to hangar [m]", 1, "same"),
-    "stern_to_bridge": ("stern to bridge [m]", 1, "same"),
-    "transom_ratio": ("transom / hangar", 2, "large, none"),
-    "transom_energy": ("  within 1.5 m", 2, ""),
-    "deck_spikes": ("deck spikes", 0, "three, none"),
-    "mast_position": ("mast past hangar [m]", 1, "same"),
-    "mast_ratio": ("mast / hangar", 2, "less, more"),
-    "mast_energy": ("  within 1.5 m", 2, ""),
-    "forward_position": ("bridge past hangar [m]", 1, "same"),
-    "forward_ratio": ("bridge / hangar", 2, ""),
-}
-FIGURES = {  # of corrected images and profiles: heading and digits
-    "profile_correlation": ("correlation", 3),
-    "profile_correlation_without_hangar": ("no hangar", 3),
-    "mast_tilt": ("mast [deg]", 2),
-    "waterline_tilt": ("waterline [deg]", 2),
-    "hangar_spike_offset": ("hangar [m]", 2),
-}
-TILTED = ("mast", "waterline")
-CHANNELS = {"": "both", "intensity_": "intensity", "infrared_": "infrared"}
-"""Image from which a tilt is estimated, and its heading; the first is in FIGURES, too."""
+if TYPE_CHECKING:
+    import trimesh
 
-SISTERS = ("duncan", 4.0, "roberts", 3.9)
-"""The synthetic and the measured ship of the source's Figure 16, with their ranges [km]."""
+STRIPES = 12.0  # m of range in one cycle of the colours, as in the source's images
+MARGIN = 12  # pixels around the ship in corrected images
+BRIGHTEST = 99.0  # percentile of the ship's pixels at the end of the scale
+# Colours of pixels without a sample, and of sampled pixels without a range.
+NO_LOOK, NO_RANGE = "#44566b", "0.62"
+UNSEEN = "slate blue: no sample; black, or grey in range images: sampled, no ship"
 
-STERN = 175.0  # deg: the source's aspect
-KEPT = ("replicate", "source", "pulse_width", "kind")  # of one flight
-TITLED = ("ship", "aspect", "range")  # given in every title
-GAINS = ("transom_gain", "mast_gain")
-INSIDE = ("error", "error_parameter", "error_value", "autofocus")  # a table of sensitivities
-NAMED = ("pulse_width_ns", "classifier", "kind")  # of measured profiles
+SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
+TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
+
+SMALL, LABEL, TITLE = 8.5, 9.5, 12.0  # points
+NARROW = 24  # letters of a title over a narrow panel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """Corrections of a flight, and the threshold of its segmentation.
+
+    By the source's own chain as printed, with `rate` (`line` or `pulse`) for f; or
+    by our `correction`. The threshold of segmentation is in noise powers.
+    """
+
+    rate: str | None = None
+    correction: Correction = field(default_factory=Correction)
+    autofocus: bool = False
+    threshold: float | None = None
+    surface: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Images after some of the corrections: (row, column) arrays.
+
+    Intensity in noise powers, range [m] from the ship's origin, infrared [K]; no sample fell into
+    unseen pixels. The extent is left, right, bottom and top [pixel or line].
+    """
+
+    title: str
+    intensity: NDArray[np.floating]
+    range: NDArray[np.floating]
+    infrared: NDArray[np.floating]
+    unseen: NDArray[np.bool_]
+    extent: tuple[float, float, float, float]
+    square: bool = True
 
 
 @dataclass(frozen=True)
 class Place:
-    """A flight of a store: its ship's label, aspect [deg] and range [km]; nominal on other axes."""
+    """A flight of a store: its ship's label, aspect [deg] and range [km]."""
 
     ship: str
     aspect: float
     range: float
 
-    @property
-    def title(self) -> str:
-        """Ship, range and aspect, for a title."""
-        name = shown(self.ship).capitalize()
-        return f"{name} at {self.range:g} km, aspect {self.aspect:g}°, simulated"
 
-
-def titled_place(one: xr.Dataset) -> str:
-    """Return ship, range and aspect of one flight, for a title."""
-    return Place(str(one.ship.item()), float(one.aspect), float(one.range)).title
-
-
-def flight_rows(flights: xr.Dataset) -> list[Row]:
-    """Return rows of mean and scatter over draws, one for every figure of every flight."""
-    parts = []
-    for name, values in flights.data_vars.items():
-        if set(values.dims) & set(OF_ARRAYS):
-            continue  # profiles and images are not figures
-        over = [dim for dim in values.dims if dim in DRAWS]
-        draws = math.prod(values.sizes[dim] for dim in over)
-        spread = values.std(over, ddof=1 if draws > 1 else 0)
-        for axes, cell in cells(xr.Dataset({"mean": values.mean(over), "spread": spread})):
-            row = {"value": rounded(cell["mean"], 5)}
-            row["standard_deviation"] = rounded(cell["spread"], 5) if draws > 1 else None
-            said = {"draws": draws, "units": values.attrs.get("units", "1")}
-            parts.append({"figure": name} | axes | row | said)
-    return together(parts)
-
-
-def print_flights(flights: xr.Dataset, console: Console) -> None:
-    """Print how well flights are corrected, and what their profiles show."""
-    if flights.sizes.get("error", 1) > 1:
-        print_sensitivity(flights, console)
-        return
-    _print_images(flights, console)
-    if not np.isnan(flights.stern_to_hangar.values).all():
-        _print_landmarks(flights, console)
-
-
-def flown_past(flights: xr.Dataset) -> list[str]:
-    """Return the ships of a store that are flown past; the others are only in training."""
-    there = np.isfinite(flights.looks).any([dim for dim in flights.looks.dims if dim != "ship"])
-    names: list[str] = np.atleast_1d(flights.ship.values)[np.atleast_1d(there.values)].tolist()
-    return names
-
-
-def _several_axes(flights: xr.Dataset) -> list[Axis]:
-    """Return the axes along which flights differ, the ship first."""
+def flights_of(flights: xr.Dataset) -> list[Place]:
+    """Return the places of all flights of `validation`: ship (slowest), range and aspect."""
+    there = np.isfinite(flights.looks)
+    flown = there.any([dim for dim in there.dims if dim != "ship"]).values
+    ranges, aspects = (np.atleast_1d(flights[name].values) for name in ("range", "aspect"))
     return [
-        axis
-        for axis, dim in axes_of(flights.looks).items()
-        if axis == "ship" or (dim and flights.sizes[dim] > 1 and not axis.number)
+        Place(str(ship), float(aspect), float(kilometres))
+        for ship in np.atleast_1d(flights.ship.values)[np.atleast_1d(flown)]
+        for kilometres in ranges
+        for aspect in aspects
     ]
 
 
-def _print_images(flights: xr.Dataset, console: Console) -> None:
-    shown_axes = _several_axes(flights)
-    headings = ["looks", *(text for text, _ in FIGURES.values())]
-    left = [axis.heading for axis in shown_axes]
-    title = "Simulated flights: corrected images and profiles against the noiseless truth"
-    table = sheet(title, *headings, left=left)
-    for axes, flight in _flights(flights):
-        looks = f"{float(flight.looks.mean()):.1f}"
-        figures = (_mean(flight[name], digits) for name, (_, digits) in FIGURES.items())
-        table.add_row(*(shown(axes[axis]) for axis in shown_axes), looks, *figures)
-    show(table, console)
-    _print_worst(flights, console)
-    note(
-        "Means over draws of the noise, and the standard deviation of one: correlation of "
-        "profiles, also without the hangar's peak and 4 m either side; tilt of masts to the right, "
-        "and of the waterline rising to it; offset of the hangar's peak.",
-        console,
-    )
-    if any(axis.name in SHORT for axis in shown_axes):
-        note(PUT_IN, console)
-    _print_tilts(flights, shown_axes, console)
+def one_flight(flights: xr.Dataset, place: Place) -> xr.Dataset:
+    """Return the flight at a place: the first draw, at the preferred value of all other axes."""
+    one = flights.sel(ship=place.ship, aspect=place.aspect, range=place.range)
+    return nominal(one, keep=("source", "kind", "pulse_width"))
 
 
-def _print_tilts(flights: xr.Dataset, shown_axes: list[Axis], console: Console) -> None:
-    """Print tilts by each image alone beside the joint ones."""
-    table = sheet(
-        "Simulated flights: tilts by both images together, and by each alone [deg]",
-        *(f"{what}\n{word}" for what in TILTED for word in CHANNELS.values()),
-        left=[axis.heading for axis in shown_axes],
-    )
-    names = [f"{channel}{what}_tilt" for what in TILTED for channel in CHANNELS]
-    for axes, flight in _flights(flights):
-        leans = (_mean(flight[name], 2) for name in names)
-        table.add_row(*(shown(axes[axis]) for axis in shown_axes), *leans)
-    show(table, console)
-    note(
-        "One tilt is fitted to both images, each weighted by its own noise. Clutter of the sea "
-        "(irar.clutter) is noise of the infrared image that averaging does not reduce.",
-        console,
+def _setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
+    """Return a setting: the coordinate of that name, else the configuration's value; or None."""
+    if name in dataset.coords and not dataset[name].dims:
+        value = dataset[name].item()
+        return None if value != value else value
+    value = configuration[name]
+    return value[0] if isinstance(value, list) else value
+
+
+def scan_of(
+    attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
+) -> tuple[Scan, Way]:
+    """Return noisy raw images of one flight of a store, and its corrections."""
+    given = attributes["configuration"]
+    reflectance = _setting(flight, given["ladar"], "reflectance")
+    values = {one.name: _setting(flight, {}, one.name) for one in (*FLOWN, *RECORDED)}
+    place = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
+    place["seed"] = _setting(flight, given, "seed")
+    methods = {name: flight[name].item() for name in ("azimuth", "mirror", "range_filter")}
+    return scan_again(values, mesh, **place, reflectance=reflectance), Way(
+        rate=RATES.get(flight.chain.item()),
+        correction=Correction(**methods),
+        autofocus=flight.autofocus.item(),
+        threshold=_setting(flight, given["irar"], "segmentation_threshold"),
+        surface=surface(mesh, values, reflectance),
     )
 
 
-def _print_worst(flights: xr.Dataset, console: Console) -> None:
-    """Print the worst errors of all flights and draws."""
-    count, likeness = int(flights.looks.count()), float(flights.profile_correlation.min())
-    beside = float(flights.profile_correlation_without_hangar.min())
-    leans = [float(abs(flights[f"{name}_tilt"]).max()) for name in TILTED]
-    if count and not any(map(math.isnan, leans)):
-        note(
-            f"Worst of {count} flights, each draw separately: correlation {likeness:.3f}, without "
-            f"the hangar {beside:.3f}; mast {leans[0]:.2f} deg, waterline {leans[1]:.2f} deg.",
-            console,
-        )
+def draw_flight(
+    attributes: Mapping[str, Any],
+    flights: xr.Dataset,
+    place: Place,
+    mesh: trimesh.Trimesh | None = None,
+) -> Figure:
+    """Draw stages of a flight of a store, by its attributes and group `validation`.
 
-
-def _print_landmarks(flights: xr.Dataset, console: Console) -> None:
-    """Print the source's Figure 16 as numbers; a ship without a sister beside its own truth."""
-    near = flights.sel(aspect=STERN, method="nearest")
-    there = ships_with_masts(near)
-    synthetic, flown_by = SISTERS[::2]
-    sisters = {synthetic, flown_by} <= set(there)
-    starred = False
-    for name in [flown_by] if sisters else there:
-        flown = near.sel(ship=name).sel(range=SISTERS[3], method="nearest")
-        one, caption = put_in(flown), shown(name).capitalize()
-        title = f"{caption}, simulated flight, {float(flown.range):g} km"
-        if sisters:
-            drawn = put_in(near.sel(ship=synthetic).sel(range=SISTERS[1], method="nearest"))
-            title = f"{synthetic.capitalize()}, synthetic, {float(drawn.range):g} km; {title}"
-            columns = {f"{synthetic.capitalize()}\npoint": drawn.sel(source="point")}
-            columns["\nspread"] = drawn.sel(source="synthetic")
-            columns[f"{caption}\nflown"] = one.sel(source="measured")
-        else:
-            columns = {f"{caption}\nnoiseless": one.sel(source="noiseless")}
-            columns["\nflown"] = one.sel(source="measured")
-        gains = {axis: np.atleast_1d(flown[axis].values) for axis in GAINS}
-        dark, glint = float(gains["transom_gain"].min()), float(gains["mast_gain"].max())
-        if dark == 0 and 1.0 in gains["transom_gain"]:
-            columns["dark\ntransom*"] = put_in(flown, transom_gain=dark).sel(source="measured")
-        if glint > 1 and 1.0 in gains["mast_gain"]:
-            columns[f"masts*\nx {glint:g}"] = put_in(flown, mast_gain=glint).sel(source="measured")
-        title += which(one, flights, but=(*TITLED, *gains))
-        for axis, values in gains.items():
-            if 1.0 not in values:  # assumed everywhere
-                title += f", {SHORT[axis]} x {float(one[axis]):g}"
-        starred = starred or any("*" in text for text in (title, *columns))
-        table = sheet(f"Near stern: {title}", *columns, left=("", "source"))
-        table.columns[1].style = "dim"
-        for name, (text, digits, said) in LANDMARKS.items():
-            table.add_row(text, said, *(_mean(one[name], digits) for one in columns.values()))
-        show(table, console)
-    if there:
-        note(
-            "* Assumed inputs, not results: the source explains its measurements by a transom at "
-            "45 deg and by specular struts. "
-            * starred
-            + "Heights are of single 1 m bins. `source`: its statements on the synthetic and the "
-            "measured ship.",
-            console,
-        )
-
-
-def put_in(flights: xr.Dataset, **gains: float) -> xr.Dataset:
-    """Return the flight of nominal inputs except some gains, all draws and sources of profiles."""
-    return nominal(flights, keep=KEPT, **gains)
-
-
-def ships_with_masts(near: xr.Dataset) -> list[str]:
-    """Return ships of near-stern flights with all landmarks, including masts and bridge."""
-    there = np.isfinite(near.mast_position.sel(source="noiseless"))
-    over = [dim for dim in there.dims if dim != "ship"]
-    return [name for name in near.ship.values.tolist() if there.any(over).sel(ship=name)]
-
-
-def print_sensitivity(flights: xr.Dataset, console: Console) -> None:
-    """Print the effect of each wrong flight parameter, with and without autofocus."""
-    focused = flights.sizes.get("autofocus", 1) > 1
-    headings = ("correlation", *(("with autofocus", "closing speed then") if focused else ()))
-    for axes, flight in _flights(flights, but=INSIDE):
-        table = sheet(
-            f"Simulated flights, wrong parameters: {shown(axes['ship'])}, "
-            f"aspect {axes['aspect_deg']:g} deg, "
-            f"{axes['range_km']:g} km{which(flight, flights, but=(*TITLED, *INSIDE))}",
-            *("error", *headings),
-            left=("parameter",),
-        )
-        for k in range(flight.sizes["error"]):
-            one = flight.isel(error=k)
-            row = [_mean((one.sel(autofocus=False) if focused else one).profile_correlation, 3)]
-            if focused:
-                after = one.sel(autofocus=True)
-                row.append(_mean(after.profile_correlation, 3))
-                row.append(_mean(100 * after.closing_speed_error, 2, "%"))
-            amount = f"{one.error_value.item():g}"
-            table.add_row(shown(one.error_parameter.item()), amount, *row)
-        show(table, console)
-    note(
-        "Correlation of the simulated flight's profile with the noiseless one, mean over draws "
-        "with the standard deviation of one. Errors of the aircraft's speed in percent, of the "
-        "ship's in m/s, of headings and pointing in deg; all other parameters are exact.",
-        console,
-    )
-
-
-def _flights(flights: xr.Dataset, *, but: Iterable[str] = ()) -> Iterator[tuple[Row, xr.Dataset]]:
-    """Yield each flight with its place on the axes, all draws together."""
-    axes = axes_of(flights.looks)
-    dims = [dim for dim in dict.fromkeys(axes.values()) if dim and dim not in but]
-    for place in np.ndindex(*(flights.sizes[dim] for dim in dims)):
-        one = flights.isel(dict(zip(dims, place, strict=True)))
-        if not np.isnan(one.looks).all():
-            here = {axis: one[axis.name] for axis in axes}
-            yield {axis: value.item() for axis, value in here.items() if not value.dims}, one
-
-
-def _mean(values: xr.DataArray, digits: int, unit: str = "") -> str:
-    """Return a mean over draws and the standard deviation of one."""
-    found = np.asarray(values, dtype=float).ravel()
-    found = found[np.isfinite(found)]
-    if not found.size:
-        return NOTHING
-    text = f"{round(found.mean(), digits) + 0.0:.{digits}f}{unit}"
-    scatter = found.std(ddof=1) if found.size > 1 else 0.0
-    return f"{text} ±{scatter:.{digits}f}".replace("±0.", "±.") if scatter > 0 else text
-
-
-def measured_rows(tables: xr.Dataset) -> list[Row]:
-    """Return percent correct of simulated flights' profiles beside synthetic ones, all draws.
-
-    `ship_` scores the ship alone, if a classifier predicts an aspect bin, too.
+    Raises ValueError if no mesh is given and the known ship differs from that of the store.
     """
-    rows = score_rows(tables)
-    for row, ship in zip(rows, score_rows(tables, "ship_"), strict=True):
-        count = row.pop("n")
-        row |= {f"ship_{name}": ship[name] for name in ("percent_correct", *ENDS)} | {"n": count}
-    return rows
+    mesh = known_ship(attributes, place.ship) if mesh is None else mesh
+    scan, way = scan_of(attributes, one_flight(flights, place), mesh)
+    title = f"{place.ship} at {place.range:g} km, aspect {place.aspect:g}°, simulated"
+    one, draws = one_flight(flights, place).looks, flights.sizes.get("replicate", 1)
+    for axis in set(map(str, flights.looks.dims)) - {"ship", "aspect", "range", "replicate"}:
+        if flights.sizes[axis] > 1 and axis in one.coords:
+            title += f", {axis.replace('_', ' ')} {one[axis].item()}"
+    return draw_stages(mesh, scan, way, title=title + f", first of {draws} draws" * (draws > 1))
 
 
-def print_measured(rows: list[Row], console: Console) -> None:
-    """Print percent correct of profiles of simulated flights beside synthetic ones.
+def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
+    """Return the known ship of a name. Raises ValueError if the store was made with another."""
+    if label not in ncti.ships.names():
+        raise ValueError(
+            f"{label} was read from a file that the store does not name, but ships drawn must be "
+            f"among {', '.join(ncti.ships.names())}"
+        )
+    known = hull.function(ship_name(label))
+    if known.digest != attributes["mesh_digests"][label]:
+        raise ValueError(f"{label} has changed since the store was made")
+    return read_mesh(known)
 
-    One row for every value of an axis, or a single one if all give the same.
+
+def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[Stage]:
+    """Return every stage of the chain, as in the source's Figures 10, 11 and 13.
+
+    Stages that are switched off are left out; the source's own chain is one stage.
     """
-    bins = list(dict.fromkeys(row[BIN] for row in rows))
-    axes = [
-        axis
-        for axis in several(rows, but=(*NAMED, BIN), none=True)
-        if axis.name != "error_value" and not axis.number
-    ]
-    table = sheet(
-        "Ships in simulated flights identified correctly [%] after training on synthetic profiles",
-        *bins,
-        left=(
-            *("pulse [ns]", "classifier"),
-            *("error" if axis.name == "error_parameter" else axis.heading for axis in axes),
-            "profiles",
-        ),
+    way = Way() if way is None else way
+    estimate, (lines, samples) = scan.flight, scan.intensity.shape
+    if way.autofocus:
+        with suppress(ValueError):  # no ship in the image
+            estimate = irar.autofocus(scan, scan.flight)
+    overscanned = Stage(
+        "overscanned",
+        scan.intensity,
+        scan.range - scan.flight.slant_range,
+        irar.time_delay_integrate(scan.infrared),
+        np.zeros(scan.intensity.shape, dtype=bool),
+        (0, samples, 0, lines),
+        square=False,
     )
-    for (pulse, name, kind), group in grouped(rows, NAMED).items():
-        lines: dict[tuple[str, ...], dict[str, str]] = {}
-        for row in group:
-            of_ship = {name[5:]: figure for name, figure in row.items() if name[:5] == "ship_"}
-            setting = tuple(_setting(row, axis) for axis in axes)
-            lines.setdefault(setting, {})[row[BIN]] = percent_text(of_ship)
-        figures = list(lines.values())
-        if len(figures) > 1 and all(line == figures[0] for line in figures):
-            lines = {("all",) * len(axes): figures[0]}
-        word = str(name).upper() if len(str(name)) == 3 else shown(name)
-        for setting, line in lines.items():
-            texts = (line.get(label, "") for label in bins)
-            table.add_row(shown(pulse), word, *setting, shown(kind), *texts)
-    show(table, console)
-    if any(axis.name in SHORT for axis in axes):
-        note(PUT_IN, console)
-    note(
-        "Of the ships flown past, scored by ship, over all draws of the noise, with 95 % "
-        "intervals. learned: the synthetic profiles themselves, without noise; test: averages of "
-        "their frames, with the range profiler's noise; measured: corrected images of simulated "
-        "flights, gathered into its beams, with the noise of the flight only.",
-        console,
+    window = irar.ship_window(mesh, scan.flight, margin=MARGIN)
+    truth = irar.true_snapshot(mesh, scan.flight, window, **way.surface)
+    found = [overscanned]
+    for title, image in _corrected(scan, way, estimate):
+        ship = irar.segmented(image, estimate, threshold=way.threshold)
+        found.append(_stage(title, ship, estimate.slant_range))
+    return [*found, _stage("truth, noiseless", truth, scan.flight.slant_range)]
+
+
+def _corrected(scan: Scan, way: Way, estimate: irar.Flight) -> Iterator[tuple[str, Snapshot]]:
+    """Yield a title and the image after each correction."""
+    if way.rate is not None:
+        title = f"all corrections as printed,\nf the {way.rate} rate"
+        yield title, irar.correct_as_printed(scan, estimate=estimate, rate=way.rate)
+        return
+    whole = way.correction
+    own = whole.range_filter != Correction().range_filter
+    title = f"averaged, range corrected{f' by {whole.range_filter}' * own}, segmented"
+    chain = {title: replace(whole, azimuth="none", mirror="none")}
+    if whole.azimuth != "none":
+        chain[f"shifted in azimuth{SHIFTS[whole.azimuth]}"] = replace(whole, mirror="none")
+    if whole.mirror != "none":
+        chain[TURNS[whole.mirror]] = whole
+    for title, how in chain.items():
+        last = ": all corrections" if how == whole else ""
+        yield title + last, irar.correct(scan, how, estimate=estimate)
+
+
+def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
+    """Return a stage, cropped to its ship: the largest bright or warm region."""
+    warm = np.nan_to_num(image.infrared)
+    found = (np.nan_to_num(image.intensity) > 0) | (warm > warm.max() / 4)
+    pieces, count = connected(found, structure=np.ones((3, 3)))
+    largest = 1 + np.bincount(pieces.ravel(), minlength=2)[1:].argmax()
+    seen = pieces == largest if count else np.ones(found.shape, dtype=bool)
+    part = tuple(
+        slice(max(0, lit[0] - MARGIN // 2), lit[-1] + 1 + MARGIN // 2)
+        for lit in (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+    )
+    row, column = image.row[part[0]], image.column[part[1]]
+    return Stage(
+        title,
+        image.intensity[part],
+        image.range[part] - slant_range,
+        image.infrared[part],
+        image.looks[part] == 0,
+        (column[0] - 0.5, column[-1] + 0.5, row[0] - 0.5, row[-1] + 0.5),
     )
 
 
-def _setting(row: Row, axis: Axis) -> str:
-    return told(row, [axis])[0] if axis.name == "error_parameter" else shown(row[axis])
+def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, title: str) -> Figure:
+    """Draw images at every stage of the chain, each kind of corrected image on one scale."""
+    every = stages(mesh, scan, way)
+    left, right, bottom, top = every[-1].extent
+    wide = right - left > 1.5 * (top - bottom)
+    # A ship seen from abeam is wide: its stages are drawn below one another.
+    size = (11.0, 1.85 * len(every)) if wide else (2.6 * len(every), 8.0)
+    figure = Figure(figsize=size, dpi=150, layout="constrained")
+    panels = figure.subplots(*((len(every), 3) if wide else (3, len(every))), squeeze=False)
+    top_intensity = brightest([stage.intensity for stage in every[1:]])
+    warmth = np.concatenate([stage.infrared[~stage.unseen] for stage in every[1:-1]])
+    ends = np.percentile(warmth, (100 - BRIGHTEST, BRIGHTEST)) if warmth.size else (0, 1)
+    for row, stage in zip(panels if wide else panels.T, every, strict=True):
+        warm: tuple[str, Any, str] = ("infrared [K]", ends, "both")
+        if stage is every[0]:
+            warm = (warm[0], (None, None), "neither")
+        elif stage is every[-1]:
+            warm = ("share of ship", (0, 1), "neither")
+        lit = ("intensity / noise", (0, top_intensity), "max")
+        far = (f"range mod {STRIPES:g} m", (0, STRIPES), "neither")
+        images = (stage.intensity, np.mod(stage.range, STRIPES), stage.infrared)
+        kinds = zip(row, images, ("gray", "twilight", "inferno"), (lit, far, warm), strict=True)
+        for axes, values, colours, (label, (low, high), extend) in kinds:
+            image = _show(axes, stage, values, colours, low=low, high=high)
+            # All stages but the raw one have the same pixels: one label at each end is enough.
+            if stage in (every[0], every[-1]) or not wide:
+                axes.set_xlabel("column [pixel]" if stage.square else "sample", fontsize=SMALL)
+            if axes is row[0] or not wide:
+                axes.set_ylabel("row [pixel]" if stage.square else "line", fontsize=SMALL)
+            bar = figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02, extend=extend)
+            bar.set_label(label, fontsize=SMALL)
+            bar.ax.tick_params(labelsize=SMALL - 1)
+        said = stage.title if wide else fill(stage.title, NARROW)
+        row[0].set_title(said, fontsize=SMALL, loc="left")
+    figure.suptitle(title, fontsize=TITLE)
+    if any(stage.unseen.any() for stage in every):
+        figure.supxlabel(UNSEEN, fontsize=LABEL, color="0.3")
+    return figure
+
+
+def brightest(images: Sequence[NDArray[np.floating]]) -> float:
+    """Return the upper end of a common scale of images; 1 if all are dark."""
+    lit = (image[np.nan_to_num(image) > 0] for image in images)
+    return max((float(np.percentile(one, BRIGHTEST)) for one in lit if one.size), default=1.0)
+
+
+def _show(
+    axes: Axes, stage: Stage, values: NDArray[np.floating], colours: str, *, low: Any, high: Any
+) -> Any:
+    where: dict[str, Any] = {"origin": "lower", "extent": stage.extent, "interpolation": "nearest"}
+    where["aspect"] = "equal" if stage.square else "auto"
+    axes.set_facecolor(NO_RANGE)
+    image = axes.imshow(values, cmap=colours, vmin=low, vmax=high, **where)
+    if stage.unseen.any():
+        nothing = np.ma.masked_where(~stage.unseen, stage.unseen)
+        axes.imshow(nothing, cmap=ListedColormap([NO_LOOK]), **where)
+    axes.tick_params(labelsize=SMALL)
+    return image

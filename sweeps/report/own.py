@@ -6,16 +6,19 @@ digest of the rest of it.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import re
 import uuid
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sweeps.report.axes import printable
+from sweeps.report.words import printable
 
 WRITTEN = ".written"  # the list of a folder
+LOCK = ".written.lock"
 PAGE = "ncti-page"  # name of the meta element with the digest of a page
 UNKNOWN = 64 * "0"  # in place of the digest, when it is computed
 BEGINNING = 4096  # bytes of a page in which its digest stands
@@ -29,7 +32,8 @@ _PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE.enco
 class OwnFiles:
     """The files of a folder, which is made if missing, that were written by means of this class.
 
-    `kept` has the paths at which others are in the way, so that they were not written. OSError if
+    `kept` has the paths at which others are in the way, so that they were not written. Several
+    processes may write into one folder: a lock keeps the entries of all in the list. OSError if
     something cannot be written.
     """
 
@@ -42,11 +46,8 @@ class OwnFiles:
             self.kept.append(folder)
             return
         folder.mkdir(FOLDER, exist_ok=True)
-        listed = _read_list(folder / WRITTEN)
-        if listed is None:
-            self.kept.append(folder / WRITTEN)
-            return
-        self._listed, self._closed = listed, False
+        self._closed = False
+        self._read()
 
     @property
     def names(self) -> list[str]:
@@ -58,27 +59,63 @@ class OwnFiles:
         path, digest = self.folder / name, _digest(content)
         if self._closed or _has(path, (digest,)):
             return
-        before = self._listed.get(name, ())
-        if os.path.lexists(path) and not _has(path, before):
-            self.kept.append(path)
-            return
-        # Listed before and after with both digests, so that an interrupt leaves an own file.
-        self._list({**self._listed, name: (*before, digest)})
-        write_whole(path, content)
-        self._list({**self._listed, name: (digest,)})
+        with _locked(self.folder):
+            self._read()
+            before = self._listed.get(name, ())
+            if os.path.lexists(path) and not _has(path, before):
+                self.kept.append(path)
+            if self._closed or path in self.kept:
+                return
+            # Listed before and after with both digests, so that an interrupt leaves an own file.
+            self._list({**self._listed, name: (*before, digest)})
+            write_whole(path, content)
+            self._list({**self._listed, name: (digest,)})
 
     def remove(self, name: str) -> None:
         """Remove a listed file, unless it was changed; forget it in any case."""
         if self._closed or name not in self._listed:
             return
-        if _has(self.folder / name, self._listed[name]):
-            (self.folder / name).unlink()
-        self._list({one: digests for one, digests in self._listed.items() if one != name})
+        with _locked(self.folder):
+            self._read()
+            digests = self._listed.pop(name, ())
+            if _has(self.folder / name, digests):
+                (self.folder / name).unlink()
+            if digests:
+                self._list(self._listed)
+
+    def _read(self) -> None:
+        """Read the list; nothing is written any more if another file is in its place."""
+        listed = _read_list(self.folder / WRITTEN)
+        if listed is None:
+            self.kept.append(self.folder / WRITTEN)
+        self._listed, self._closed = listed or {}, listed is None
 
     def _list(self, listed: dict[str, tuple[str, ...]]) -> None:
         lines = (f"{digest}  {name}\n" for name, digests in listed.items() for digest in digests)
         write_whole(self.folder / WRITTEN, "".join(lines).encode())
         self._listed = listed
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Wait for the lock of a folder's list, which the operating system releases with a process.
+
+    Other users cannot open its file. Where the file system has no locks, nothing is locked.
+    """
+    file, held = folder / LOCK, False
+    while not held:
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        with suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        with suppress(FileNotFoundError):  # removed by its last holder: another file is the lock
+            held = os.path.samestat(os.fstat(descriptor), file.stat())
+        if not held:
+            os.close(descriptor)
+    try:
+        yield
+    finally:
+        file.unlink(missing_ok=True)  # while it is held
+        os.close(descriptor)
 
 
 def sealed(page: str) -> bytes:

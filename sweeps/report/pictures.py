@@ -1,4 +1,4 @@
-"""Pictures of a store beside its tables: every stage of the corrections of flights."""
+"""Pictures of a store's signals: range profiles, infrared images, and flights' corrections."""
 
 from __future__ import annotations
 
@@ -7,58 +7,135 @@ import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import track
 
-from sweeps.report import rows
-from sweeps.report.axes import printable
 from sweeps.report.own import OwnFiles
 from sweeps.report.places import tables_folder
-from sweeps.report.screen import line, page
+from sweeps.report.stores import attributes, nominal, opened, read
+from sweeps.report.terminal import line, page
+from sweeps.report.words import printable
 
 if TYPE_CHECKING:
     import trimesh
-    from matplotlib.figure import Figure
 
-TOLD = 6  # names of pictures that are printed
+NAMED = 6  # names of pictures that are printed
+SMALL = 8.5  # points
+ASPECT, TURNED = 30.0, (0.0, 30.0, 60.0, 90.0)  # deg, of the article's Figures 3 to 5
+SEEN = 60.0  # deg, of its Figures 6 to 8
+STEP = 1.15  # between lines above one another
+
+
+def draw_profiles(store: Path) -> Figure:
+    """Draw range profiles: one ship from bow to beam, all ships at one aspect, and averages."""
+    profiles = read(opened(store), "range_profile")[["expected", "averaged"]]
+    kept = ("ship", "aspect", "frame_count", "down_range")
+    profiles = nominal(profiles, keep=kept).load()
+    quarter = profiles.sel(aspect=ASPECT, method="nearest")
+    ship, angle = profiles.ship.values[0], f"{float(quarter.aspect):g}°"
+    first = profiles.expected.sel(ship=ship)
+    turned = first.sel(aspect=list(TURNED), method="nearest").drop_duplicates("aspect")
+    averaged = quarter.averaged.sel(ship=ship)
+    figure = Figure(figsize=(11.0, 4.6), dpi=150, layout="constrained")
+    panels = figure.subplots(1, 3)
+    _stack(panels[0], turned, "aspect", "{:g}°", f"{ship}, bow (0°) to beam (90°)")
+    _stack(panels[1], quarter.expected, "ship", "{}", f"ships at {angle}")
+    _stack(panels[2], averaged, "frame_count", "{} frames", f"{ship} at {angle}, averages")
+    place = f"{profiles.range.item():g} km, {profiles.pulse_width.item():g} ns pulses"
+    figure.suptitle(f"Range profiles at {place}")
+    return figure
+
+
+def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str) -> None:
+    """Draw profiles above one another, each above its noise floor and relative to its peak."""
+    for place, value in enumerate(np.atleast_1d(profiles[over].values).tolist()):
+        one = profiles.sel({over: value}) if profiles[over].ndim else profiles
+        floor = one.quantile(0.2).item()
+        height = (one.values - floor) / ((one.max().item() - floor) or 1.0) - STEP * place
+        axes.plot(one.down_range, height, lw=1.1)
+        at = one.down_range[-1].item(), 0.15 - STEP * place
+        axes.annotate(printable(label.format(value)), at, ha="right", fontsize=SMALL)
+    axes.set(title=printable(title), yticks=[], xlabel="down-range from the ship origin [m]")
+    axes.spines[["left", "right", "top"]].set_visible(False)
+
+
+def draw_silhouettes(store: Path) -> Figure:
+    """Draw infrared images and log-polar maps of a ship by range and super-resolution."""
+    images = read(opened(store), "infrared")
+    kept = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
+    view = nominal(images, keep=kept).sel(aspect=SEEN, method="nearest")
+    ship = "spruance" if "spruance" in view.ship.values else view.ship.values[0]
+    view = view.sel(ship=ship)[["image", "log_polar"]].load()
+    places = [(r, way) for r in view.range.values for way in view.super_resolution.values]
+    figure = Figure(figsize=(9.0, 1.5 * len(places) + 0.6), dpi=130, layout="constrained")
+    panels = figure.subplots(len(places), 2, squeeze=False, width_ratios=(3, 1))
+    for (left, right), (slant_range, way) in zip(panels, places, strict=True):
+        one = view.sel(range=slant_range, super_resolution=way)
+        image = one.image.transpose("row", "col").values
+        rows, columns = (np.isfinite(image).any(axis=axis) for axis in (1, 0))
+        across, up = one.horizontal.values[columns], one.vertical.values[rows]
+        extent = (across[0], across[-1], up[0], up[-1])
+        shown: Any = {"origin": "lower", "extent": extent, "cmap": "inferno"}
+        drawn = left.imshow(image[np.ix_(rows, columns)], **shown)
+        figure.colorbar(drawn, ax=left, label="K")
+        left.set_ylabel(f"{slant_range:g} km\n{way}")
+        cells = one.log_polar.transpose("radius", "angle").values
+        right.imshow(cells, origin="lower", extent=(0, 360, 0, 1), aspect="auto", cmap="Blues")
+    aspect, frames = float(view.aspect), int(view.frame_count)
+    panels[0, 0].set_title(f"{printable(str(ship))}, aspect {aspect:g}°, {frames} frames [m]")
+    panels[0, 1].set_title("log-polar map")
+    panels[-1, 1].set_xlabel("angle [°]")
+    return figure
+
+
+def draw_flights(
+    store: Path | str, *, ship: Callable[[str], trimesh.Trimesh] | None = None
+) -> dict[str, Callable[[], Figure]]:
+    """Return functions that draw the corrections of flights, by names of files.
+
+    One flight for each ship, range and aspect, at the preferred value of any other axis. `ship`
+    returns the mesh of a label, instead of the known ship of that name. Raises ValueError if the
+    store has no flights, or its ships are unknown.
+    """
+    # Imported here, since only flights need it and it is slow to import.
+    from sweeps.report.flights import draw_flight, flights_of, known_ship
+
+    whole = opened(Path(store))
+    if "validation" not in whole:
+        raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
+    given, flights = attributes(whole), read(whole, "validation")
+    load, places = ship or partial(known_ship, given), flights_of(flights)
+    meshes = {place.ship: load(place.ship) for place in places}
+    return {
+        "flight_{}_{:g}km_{:g}deg.png".format(
+            re.sub(r"[^\w.-]", "_", place.ship), place.range, place.aspect
+        ): partial(draw_flight, given, flights, place, meshes[place.ship])
+        for place in places
+    }
 
 
 def write_pictures(
     path: Path, console: Console, *, ship: Callable[[str], trimesh.Trimesh] | None = None
 ) -> list[Path]:
-    """Draw every stage of the corrections of each flight, and near-stern profiles.
+    """Draw every stage of the corrections of each flight beside the tables; see `draw_flights`.
 
-    One flight for each ship, range and aspect, nominal on any other axis. `ship` returns
-    the mesh of a label, instead of the known ship of that name. Returns the paths at which other
-    files are in the way. Raises ValueError if the store has no flights, or its ships are unknown.
+    Returns the paths at which other files are in the way.
     """
-    # Imported here, since only flights need it and it is slow to import.
-    from sweeps.report.flight_figures import draw_flight, draw_validation, flights_of, known_ship
-
-    store = rows.opened(path)
-    if "validation" not in store:
-        raise ValueError(f"{str(path)!r} has no flights, but must be the store of a sweep of irar")
-    given, folder = rows.attributes(store), tables_folder(path)
-    flights = rows.read(store, "validation")
-    files = OwnFiles(folder)
-    load, places = ship or partial(known_ship, given), flights_of(flights)
-    meshes = {place.ship: load(place.ship) for place in places}
-    drawn: dict[str, Callable[[], Figure]] = {}
-    for place in places:
-        label = re.sub(r"[^\w.-]", "_", place.ship)
-        name = f"flight_{label}_{place.range:g}km_{place.aspect:g}deg.png"
-        drawn[name] = partial(draw_flight, given, flights, place, meshes[place.ship])
-    if flights.stern_to_hangar.notnull().any():
-        drawn["validation.png"] = partial(draw_validation, flights)
+    drawn, files = draw_flights(path, ship=ship), OwnFiles(tables_folder(path))
     aside = Console(stderr=True)
     for name, make in track(drawn.items(), description="  pictures        ", console=aside):
         content = io.BytesIO()
         make().savefig(content, format="png")
         files.put(name, content.getvalue())
     names = list(drawn)
-    more = f" and {len(names) - TOLD} more" if len(names) > TOLD else ""
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     with page(console) as there:
-        line(f"pictures  {printable(str(folder))}: {', '.join(names[:TOLD])}{more}", there)
+        folder = printable(str(files.folder))
+        line(f"pictures  {folder}: {', '.join(names[:NAMED])}{more}", there)
     return files.kept

@@ -4,37 +4,24 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from rich.console import Console
+import pandas as pd
 
-from sweeps.report.layout import sheet, show
+from sweeps.report.files import csv_of
+from sweeps.report.frames import Column, Frame
 from sweeps.report.own import OwnFiles
 from sweeps.report.places import tables_folder
-from sweeps.report.rows import Row
-from sweeps.report.screen import neutral
 
-FILE = "stages.csv"
-COLUMNS = ("stage", "done", "reused", "failed", "work_s")
+NAME = "stages"
+COUNTS = ("done", "reused", "failed")
 
 
 class Progress(Protocol):
     """Cells of a stage, and the time [s] that they took."""
 
-    done: int
-    reused: int
-    failed: int
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Work:
-    """Cells of a stage by outcome, and the time [s] of those computed."""
-
-    stage: str
     done: int
     reused: int
     failed: int
@@ -47,30 +34,30 @@ def write_work(store: Path, stages: Mapping[str, Progress]) -> list[Path]:
     Returns the paths at which other files are in the way. Raises OSError if it cannot.
     """
     rows = [
-        Work(name, one.done, one.reused, one.failed, round(one.seconds, 3))
+        (name, one.done, one.reused, one.failed, round(one.seconds, 3))
         for name, one in stages.items()
     ]
-    text = io.StringIO(newline="")
-    csv.writer(text).writerows([COLUMNS, *([*map(neutral, astuple(one))] for one in rows)])
     files = OwnFiles(tables_folder(store))
-    files.put(FILE, text.getvalue().encode())
+    files.put(f"{NAME}.csv", csv_of(_frame(rows)))
     return files.kept
 
 
-def read_work(store: Path) -> list[Work]:
-    """Return the work of the sweep that last wrote a store; empty if unknown."""
+def read_work(store: Path) -> Frame | None:
+    """Return the work of the sweep that last wrote a store; None if unknown."""
     try:
-        with (tables_folder(store) / FILE).open(newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(file))[1:]
-        return [Work(row[0], *map(int, row[1:4]), float(row[4])) for row in rows]  # type: ignore[call-arg]
+        text = (tables_folder(store) / f"{NAME}.csv").read_text(encoding="utf-8")
+        rows = [
+            (row[0], *map(int, row[1:4]), float(row[4]))
+            for row in list(csv.reader(io.StringIO(text)))[1:]
+        ]
     except (OSError, ValueError, IndexError):
-        return []
+        return None
+    return _frame(rows) if rows else None
 
 
-def print_work(found: list[Row], console: Console) -> None:
-    """Print the cells of each stage and the time that they took."""
-    table = sheet("Work of the last sweep", "done", "reused", "failed", "work [s]", left=["stage"])
-    for row in found:
-        *cells, seconds = row.values()
-        table.add_row(*map(str, cells), f"{seconds:.1f}")
-    show(table, console)
+def _frame(rows: Sequence[tuple[object, ...]]) -> Frame:
+    columns = {"stage": Column("stage", "stage", "stage")}
+    columns |= {name: Column(name, name, name, role="figure") for name in COUNTS}
+    columns["work_s"] = Column("work_s", "work", "work", "s", role="figure", format=".1f")
+    data = pd.DataFrame(rows, columns=list(columns))
+    return Frame(NAME, "Work of the last sweep, by stage", data, columns, down=("stage",))

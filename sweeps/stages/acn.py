@@ -7,39 +7,264 @@ matches no category and so names no ship, which counts as wrong.
 
 from __future__ import annotations
 
-from dataclasses import replace
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.settings import Choices, Run, Setting, Settings
+from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
+from ncti.evaluate import category_formation
+from sweeps.engine.seeds import cell_rng
+from sweeps.engine.settings import Run, Setting, Settings, count, draws, number, switch, word
 from sweeps.engine.stage import Output, Stage, in_memory, plain
-from sweeps.stages import categories, classifier
-from sweeps.stages.categories import Lessons, Network
-from sweeps.stages.classifier import GATHERED, OF_PROFILES, VIEW, Naming, Profiles, Views
+from sweeps.stages import classifier
+from sweeps.stages.classifier import (
+    GATHERED,
+    NONE,
+    VIEW,
+    Arrays,
+    ClassifierGroup,
+    Floats,
+    Profiles,
+    Ships,
+    Views,
+)
+from sweeps.stages.images import OF_SILHOUETTES
 from sweeps.stages.infrared import LOOK, Infrared
-from sweeps.stages.scores import by_aspects, data_set, formed, scored
-from sweeps.stages.silhouettes import OF_SILHOUETTES
 from sweeps.stages.views import INFRARED, RANGE, Grid
 
 if TYPE_CHECKING:
-    import xarray as xr
+    from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
 
 NAME = "acn"
+IMPORTS = ("ncti.classify.adaptive_clustering",)  # by its stages, when they are called; takes long
+Indices = NDArray[np.intp]
+
+
+class Network(Settings, key="classifier"):
+    """The Adaptive Clustering Network."""
+
+    learning_rate = number(0.1, 1e-6, 1, label="learning rate in training", noted=True)
+    max_passes = count(
+        200, 1, 1_000_000, label="largest number of presentations of the training set"
+    )
+    learn_in_test = switch(
+        False,
+        label="learning during the test",
+        help="test vectors move categories, as in the source; unknown ships are presented last",
+        noted=True,
+    )
+    orders = draws(
+        1,
+        label="order of presentation of the profiles; 0 is the order of the grid",
+        dimension="order",
+        noted=True,
+    )
+    label_rule = word(
+        "majority",
+        ("majority", "first"),
+        label="rule that labels a category with a ship: majority, or first of its members",
+        noted=True,
+    )
+    score_rule = word(
+        "ship",
+        ("ship", "category"),
+        label="rule that scores an answer: the right ship, or the right category",
+        help="views absent from training are scored by ship",
+        noted=True,
+    )
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """Training views and their similarities, shared by all trainings on them.
+
+    (view, feature) vectors, zero for missing views, with their similarities; the (ship,
+    aspect) mask of existing views; and the function from profiles or maps to vectors.
+    """
+
+    vectors: Floats
+    similarities: Similarities
+    valid: Views
+    see: Callable[[NDArray[Any]], NDArray[Any]]
+
+    @classmethod
+    def of(cls, seen: NDArray[Any], valid: Views, see: Callable[..., NDArray[Any]]) -> TrainingSet:
+        """Return the training set of (ship, aspect, ...) profiles or maps."""
+        vectors = see(seen).astype(np.float64)
+        return cls(vectors, Similarities.of(vectors), valid, see)
+
+
+def presentation_order(views: int, order: int, seed: int) -> Indices:
+    """Return an order of presentation of all views: the grid's own, or of a number from 1 on."""
+    if order == 0:
+        return np.arange(views)
+    return cell_rng(seed, stage="presentation_order", order=order).permutation(views)
+
+
+def form_categories(
+    training_set: TrainingSet,
+    training_views: Views,
+    presentation: tuple[int, int],
+    vigilance: float,
+    learning_rate: float,
+    max_passes: int,
+    label_rule: tuple[str, ...],
+) -> Arrays:
+    """Train with the existing training views, in the order of presentation of a number and seed.
+
+    A category has the name of the ship of most members, or of the first one presented.
+
+    Returns
+    -------
+    dict of str to ndarray
+        All with a leading axis of naming rules, which only the first two depend on.
+        names : (view,), ships by category, -1 beyond the last one;
+        training_correct : (ship, aspect), 1 where a view's category has its ship's name;
+        training_category, training_confused : (ship, aspect), negative outside training;
+        passes : (), negative where the categories did not settle;
+        weights : (view, view) float64, a row a category, zero below the last of them;
+        turn : (view,), the order of all views; taught_by : vigilance, learning rate, passes
+    """
+    known = training_views & training_set.valid
+    ship, aspect = np.indices(known.shape).reshape(2, -1)
+    turn = presentation_order(known.size, *presentation)
+    found = cluster(
+        training_set.similarities,
+        vigilance=vigilance,
+        learning_rate=learning_rate,
+        max_passes=max_passes,
+        order=turn[known.reshape(-1)[turn]],
+    )
+    formed = category_formation(found.labels, ship, aspect)
+    by_rule = {"majority": found.names(ship), "first": found.first_names(ship, turn)}
+    names = np.full((len(label_rule), known.size), NONE)
+    weights = np.zeros((known.size, known.size))
+    names[:, : len(found.weights)] = [by_rule[rule] for rule in label_rule]
+    weights[: len(found.weights)] = found.weights
+    alike = {
+        "training_category": formed.category,
+        "training_confused": np.where(known, formed.confused, NONE),
+        "passes": np.array(found.passes if found.converged else -found.passes),
+        "weights": weights,
+        "turn": turn,
+        "taught_by": np.array([vigilance, learning_rate, max_passes]),
+    }
+    named = np.array([ships_named(of_rule, formed.category) for of_rule in names])
+    right = named == ship.reshape(known.shape)
+    return {"names": names, "training_correct": np.where(known, right, NONE)} | {
+        name: np.broadcast_to(values, (len(label_rule), *values.shape))
+        for name, values in alike.items()
+    }
+
+
+def ships_named(names: Ships, category: Ships) -> Ships:
+    """Return the ship of each category; `NONE` for a vector without a category."""
+    return np.where(category >= 0, names[np.maximum(category, 0)], NONE)
+
+
+def answer_tests(
+    training_set: TrainingSet,
+    training: Arrays,
+    tests: NDArray[Any],
+    valid: Views,
+    score_rule: tuple[str, ...],
+    learn_in_test: bool,
+) -> Arrays:
+    """Return the answers of several trainings to (frame_count, ship, aspect, ...) tests.
+
+    These, as of `form_categories`, have leading axes (..., label_rule). By the rule `ship` the ship
+    must be right; by `category` the category must be that of the same view, and views outside
+    training are not asked for.
+
+    Returns
+    -------
+    dict of str to ndarray
+        category, similarity (cosine to it), predicted, correct, cell :
+        (..., frame_count, label_rule, score_rule, ship, aspect)
+    """
+    *lead, rules = training["passes"].shape
+    whole = (*lead, len(tests), rules, len(score_rule), *valid.shape)
+    answers = {name: np.full(whole, NONE) for name in ("category", "predicted", "correct")}
+    answers["similarity"] = np.full(whole, np.nan)
+    ship = np.indices(valid.shape)[0]
+    shown = [training_set.see(seen).astype(np.float64) for seen in tests]
+    similarities = [training_set.similarities.to(vectors) for vectors in shown]
+    for at in np.ndindex(*lead):
+        formed = {name: values[*at, 0] for name, values in training.items()}
+        taught, labels = formed["training_confused"] >= 0, formed["training_category"]
+        weights = formed["weights"][: labels.max() + 1]
+        clustering = Clustering(labels.reshape(-1), weights, int(abs(formed["passes"])), True)
+        network = network_of(training_set.vectors, formed) if learn_in_test else None
+        for f, vectors in enumerate(shown):
+            if network is None:
+                category, cosine = clustering.match(similarities[f])
+            else:
+                category, cosine = match_learning(network, vectors, formed)
+            category = np.where(valid, category.reshape(valid.shape), NONE)
+            answers["category"][*at, f] = category
+            answers["similarity"][*at, f] = np.where(valid, cosine.reshape(valid.shape), np.nan)
+            same = np.where(valid & taught, (category == labels) & (category != NONE), NONE)
+            for k, names in enumerate(training["names"][at]):
+                named = ships_named(names, category)
+                right = {"ship": np.where(valid, named == ship, NONE), "category": same}
+                answers["predicted"][*at, f, k] = named
+                answers["correct"][*at, f, k] = [right[rule] for rule in score_rule]
+    return answers | {"cell": classifier.state(answers["correct"], valid)}
+
+
+def network_of(vectors: Floats, formed: Arrays) -> AdaptiveClusteringNetwork:
+    """Return the network that formed the categories of (view, feature) vectors."""
+    # Imported here because scikit-learn takes a second.
+    from sklearn.exceptions import ConvergenceWarning
+
+    from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
+
+    training_views, turn = formed["training_confused"] >= 0, formed["turn"]
+    presented = turn[training_views.reshape(-1)[turn]]
+    vigilance, learning_rate, passes = formed["taught_by"].tolist()
+    network = AdaptiveClusteringNetwork(
+        vigilance=vigilance, learning_rate=learning_rate, max_passes=int(passes)
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
+        network.fit(vectors[presented], np.indices(training_views.shape)[0].reshape(-1)[presented])
+    return network
+
+
+def match_learning(
+    network: AdaptiveClusteringNetwork, tests: Floats, formed: Arrays
+) -> tuple[Indices, Floats]:
+    """Return (view,) categories and cosines of (view, feature) tests that move categories.
+
+    They are presented in the order of the training, known ships first, so that unknown ones move
+    no category before these are compared with it.
+    """
+    training_views, turn = formed["training_confused"] >= 0, formed["turn"]
+    unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])
+    category, similarity = np.empty(len(tests), dtype=np.intp), np.empty(len(tests))
+    order = turn[np.argsort(unknown[turn], kind="stable")]
+    category[order], similarity[order] = network.match(tests[order], learning=True)
+    return category, similarity
+
+
+# Declarations
 
 
 @in_memory(gather=GATHERED, keep=4)
-def profile_lessons(expected: Profiles, there: Views) -> Lessons:
+def profile_training_set(expected: Profiles, valid: Views) -> TrainingSet:
     """Return the training views and similarities of expected profiles, shared by all trainings."""
-    return Lessons.of(expected, there, classifier.profile_vectors)
+    return TrainingSet.of(expected, valid, classifier.profile_vectors)
 
 
 @in_memory(gather=GATHERED, keep=4)
-def silhouette_lessons(template_log_polar: NDArray[np.uint8], there: Views) -> Lessons:
+def silhouette_training_set(template_log_polar: NDArray[np.uint8], valid: Views) -> TrainingSet:
     """Return the training views and similarities of silhouettes, shared by all trainings."""
-    return Lessons.of(template_log_polar, there, classifier.map_vectors)
+    return TrainingSet.of(template_log_polar, valid, classifier.map_vectors)
 
 
 @plain(uses=(Network, Run))
@@ -52,68 +277,57 @@ silhouette_order = replace(profile_order, name="silhouette_order", uses=(Infrare
 
 
 def network(
-    naming: Naming,
-    reads: dict[str, str],
-    along: tuple[Setting, ...],
+    group: ClassifierGroup,
+    seen: str,
+    tests: str,
+    *along: Setting,
+    uses: tuple[type[Settings], ...],
     trained: tuple[str, ...],
     tested: tuple[str, ...],
-    learned: str,
-    shown: str,
-    uses: tuple[Any, ...],
+    labels: tuple[str, str],
 ) -> tuple[Stage, ...]:
-    """Declare training, naming and tests of one sensor's network.
+    """Declare training and tests of one sensor's network.
 
-    What it reads stands for `lessons`, `presentation` and `tests`; these compute some axes
-    together, and have some dimensions besides those of trainings.
+    What is `seen` names its training set and order of presentation. Axes of trainings and tests are
+    computed together, and have some dimensions each; labels are of what is learned and tested.
     """
-    name, rules = naming.name, ("label_rule", "score_rule")
+    trained, rules = (*trained, "order", "learning_rate", "vigilance"), ("label_rule", "score_rule")
+    reads = {"training_set": f"{seen}_training_set", "presentation": f"{seen}_order"}
+    learned, shown = labels
     confused = "1 where views of another ship share that category"
     settled = "presentations until the categories settled, negative if they did not"
-    fallen = f"category that the {shown} falls into"
-    training = naming.stage(
-        Output("training_category", VIEW, "i4", label=f"category of the {learned}"),
-        Output("training_confused", VIEW, "i1", label=confused),
-        Output("passes", dtype="i4", fill=0, label=settled),
+    right = "1 where that category is labelled with the true ship"
+    training = group.stage(
+        Output("training_category", VIEW, "i4", f"category of the {learned}", without=rules[:1]),
+        Output("training_confused", VIEW, "i1", confused, without=rules[:1]),
+        Output("passes", (), "i4", settled, fill=0, without=rules[:1]),
+        Output("training_correct", VIEW, "i1", right),
+        Output("names", ("category",), "i2", stored=False),
         Output("weights", ("category", "view"), "f8", stored=False),
         Output("turn", ("view",), "i8", stored=False),
         Output("taught_by", ("setting",), "f8", stored=False),
         uses=uses,
         reads=reads,
-        dims=trained,
-        name=f"{name}_training",
-    )
-    names = naming.stage(
-        Output(
-            "training_correct",
-            VIEW,
-            "i1",
-            label="1 where that category is labelled with the true ship",
-        ),
-        Output("names", ("category",), "i2", stored=False),
-        uses=uses,
-        reads={"training": f"{name}_training"},
+        along=(Network.label_rule,),
         dims=(*trained, "label_rule"),
-        name=f"{name}_names",
+        name=f"{group.name}_training",
     )
-    tests = naming.answers(
-        Output("category", VIEW, "i4", label=fallen, without=rules),
+    fallen = f"category that the {shown} falls into"
+    answers = group.answers(
+        Output("category", VIEW, "i4", fallen, without=rules),
         Output("similarity", VIEW, label="cosine similarity to that category", without=rules),
         without=("score_rule",),
         uses=uses,
-        reads={**reads, "training": f"{name}_training", "names": f"{name}_names"},
+        reads={**reads, "training": f"{group.name}_training", "tests": tests},
         along=(*along, Network.label_rule, Network.score_rule),
         dims=(*trained, *rules, "learn_in_test", *tested),
-        name=name,
+        name=group.name,
     )
-    return (
-        training(categories.form_categories),
-        names(categories.name_categories),
-        tests(categories.answer_tests),
-    )
+    return training(form_categories), answers(answer_tests)
 
 
-OF_RANGE = Naming(NAME, classifier.names_by(NAME, RANGE), of="the grid", states="status")
-OF_INFRARED = Naming(
+OF_RANGE = ClassifierGroup(NAME, classifier.names_by(NAME, RANGE), of="the grid", states="status")
+OF_INFRARED = ClassifierGroup(
     "acn_infrared",
     classifier.names_by(NAME, INFRARED),
     of="the infrared channel",
@@ -121,44 +335,33 @@ OF_INFRARED = Naming(
 )
 RANGE_STAGES = network(
     OF_RANGE,
-    {"lessons": "profile_lessons", "presentation": "profile_order", "tests": "averaged"},
-    along=(Network.orders, Grid.vigilance, Grid.frame_count),
-    trained=(*OF_PROFILES, "order", "learning_rate", "vigilance"),
-    tested=("replicate", "ifov_phase", "frame_count"),
-    learned="expected profile",
-    shown="averaged profile",
+    "profile",
+    "averaged",
+    *(Network.orders, Grid.vigilance, Grid.frame_count),
     uses=(Grid, Network),
+    trained=classifier.OF_PROFILES,
+    tested=classifier.TESTED,
+    labels=("expected profile", "averaged profile"),
 )
 INFRARED_STAGES = network(
     OF_INFRARED,
-    {"lessons": "silhouette_lessons", "presentation": "silhouette_order", "tests": "log_polar"},
-    along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
-    trained=(*OF_SILHOUETTES, "phase", "order", "learning_rate", "vigilance"),
-    tested=LOOK,
-    learned="noiseless silhouette",
-    shown="silhouette",
+    "silhouette",
+    "log_polar",
+    *(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
     uses=(Infrared, Network),
+    trained=(*OF_SILHOUETTES, "phase"),
+    tested=LOOK,
+    labels=("noiseless silhouette", "silhouette"),
 )
-
-
-def tabulate_silhouettes(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return scores of silhouettes by aspect bin, of the ships learned, and categories formed."""
-    known = classifier.known_ships(classified, choices)
-    tables = formed(known, "training silhouettes")
-    for prefix in ("training_", ""):
-        what = f"{prefix or 'test_'}silhouettes".replace("_", " ")
-        of_kinds = {} if prefix else classifier.aspects_of(choices)
-        score = partial(scored, prefix=prefix, what=what)
-        tables |= by_aspects(known[prefix + "correct"], of_kinds, score)
-    return data_set(tables, known.aspect)
 
 
 SETTINGS: tuple[type[Settings], ...] = (Network,)
-STAGES: tuple[Stage, ...] = (
-    *(profile_lessons, silhouette_lessons, profile_order, silhouette_order),
-    *(*RANGE_STAGES, *INFRARED_STAGES),
-)
 TABLES = (
-    *OF_RANGE.tables(rejecting=True),
-    *OF_INFRARED.tables(tabulate_silhouettes, rejecting=True),
+    *OF_RANGE.tables(rejecting=True, forming=True),
+    *OF_INFRARED.tables(
+        partial(classifier.tabulate_answers, shown="silhouettes"),
+        rejecting=True,
+        forming=True,
+        labels={"classifier": NAME, "channel": INFRARED},
+    ),
 )

@@ -5,22 +5,18 @@ OpenGL is bound to one platform a process. A sweep over engines needs two of the
 
 from __future__ import annotations
 
-import atexit
 import os
 import pickle
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
+from functools import cache
 from typing import Any, TypeVar
 
 from ncti.render import EngineError
 from ncti.render.choice import choose_engine, engines
 
 Result = TypeVar("Result")
-
-_apart: dict[tuple[int, str], subprocess.Popen[bytes]] = {}
-"""Rendering processes, by the number of their parent process and by engine."""
 
 
 def call_apart(engine: str, function: Callable[..., Result], *arguments: Any) -> Result:
@@ -46,7 +42,7 @@ def call_apart(engine: str, function: Callable[..., Result], *arguments: Any) ->
     if engine not in engines() or engine in ("embree", choose_engine("auto")):
         return function(*arguments)
     # Not `multiprocessing`: workers of dask may not have children of that kind.
-    process = _process(engine)
+    process = _process(os.getpid(), engine)
     assert process.stdin is not None
     assert process.stdout is not None
     try:
@@ -54,35 +50,26 @@ def call_apart(engine: str, function: Callable[..., Result], *arguments: Any) ->
         process.stdin.flush()
         result, error = pickle.load(process.stdout)
     except (OSError, EOFError) as ended:
-        _end(_apart.pop((os.getpid(), engine)))
+        process.kill()
+        process.wait()
+        _process.cache_clear()
         raise EngineError(f"the process that draws with {engine} has ended") from ended
     if error is not None:
         raise error
     return result
 
 
-def _process(engine: str) -> subprocess.Popen[bytes]:
-    key = os.getpid(), engine
-    if key not in _apart:
-        _apart[key] = subprocess.Popen(
-            [sys.executable, "-c", f"from {__name__} import serve; serve()"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            # The threads of numerical libraries are limited by the environment, which it inherits.
-            start_new_session=True,  # an interrupt is for this process, whose end ends it
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        )
-        atexit.register(_end, _apart[key])
-    return _apart[key]
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Close the input of a process, which then ends."""
-    for stream in (process.stdin, process.stdout):
-        if stream is not None:
-            with suppress(OSError):
-                stream.close()
-    process.wait()
+@cache
+def _process(parent: int, engine: str) -> subprocess.Popen[bytes]:
+    """Return the process that renders with an engine, which ends when its parent does."""
+    return subprocess.Popen(
+        [sys.executable, "-c", f"from {__name__} import serve; serve()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        # The threads of numerical libraries are limited by the environment, which it inherits.
+        start_new_session=True,  # an interrupt is for this process, whose end ends it
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
 
 
 def serve() -> None:
@@ -94,9 +81,8 @@ def serve() -> None:
             function, arguments = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        answer: tuple[Any, Exception | None]
         try:
-            answer = function(*arguments), None
+            answer: tuple[Any, Exception | None] = function(*arguments), None
         except Exception as error:
             answer = None, error
         pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.evaluate import aspect_bins
+from ncti.evaluate.scores import BIN_WIDTH
 from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Choices, Run, Settings, number, set_of, switch, word
-from sweeps.engine.stage import Condition, Output, Stage, Table, in_memory, stage
-from sweeps.stages.fresh import Fresh, drawn_aspects, fresh_aspects
-from sweeps.stages.scores import VIEW, data_set, formed, scored_profiles, tabulate_rejection
+from sweeps.engine.seeds import cell_rng
+from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
+from sweeps.engine.stage import Condition, Declare, Output, Stage, Table, in_memory, stage
+from sweeps.stages import scores
+from sweeps.stages.scores import VIEW
 from sweeps.stages.views import INFRARED, RANGE, Grid, looks, ships
 
 if TYPE_CHECKING:
@@ -30,11 +34,63 @@ NONE = -1  # of a category, a ship, or an answer: the view is not there
 STATE = {"flag_values": [-1, 0, 1], "flag_meanings": "missing failed done"}
 GATHERED = (Grid.ship, Grid.aspect)
 OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
+PROFILES = "profiles"  # what is shown to most classifiers
+TESTED = ("replicate", "ifov_phase", "frame_count")  # and of averages
 RECEIVER, FULL = "ladar.receiver", "full_profile"  # key of a setting, and one of its words
 
 LEFT_ALONE = (
     "classifier.left_out has True, but must be false where {} learned: nothing would be left"
 )
+DIGITS = 3  # of a drawn aspect [deg]: 2 mm at the end of a ship
+
+
+def of_profiles(*own: str) -> tuple[str, ...]:
+    """Return the order of dimensions of answers about profiles, with those of a classifier."""
+    return (*OF_PROFILES, *own, *TESTED)
+
+
+class RandomAspects(Settings, key="grid"):
+    """Random test aspects."""
+
+    random_aspects = count(
+        0,
+        0,
+        10_000,
+        label="random test aspects in every 30 degrees, absent from training",
+        help="added to grid.aspect, between its ends, by the seed",
+        fixed="all of them are tested together",
+        was="fresh",
+    )
+
+
+def drawn_aspects(low: float, high: float, number: int, seed: int) -> tuple[float, ...]:
+    """Return aspects [deg] drawn uniformly between two ends, `number` in every 30 degrees.
+
+    The first aspects of a bin are the same for any number, and independent of other bins.
+    """
+    found: list[float] = []
+    for start in np.arange(BIN_WIDTH * (low // BIN_WIDTH), high, BIN_WIDTH):
+        share = cell_rng(seed, stage="fresh_aspects", start=float(start)).random(number)
+        first, last = max(low, start), min(high, start + BIN_WIDTH)
+        found += np.round(first + share * (last - first), DIGITS).tolist()
+    return tuple(found)
+
+
+def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the aspects [deg] of a sweep that are drawn at random, between the ends of a grid's.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is nothing to draw between.
+    """
+    number = choices.one(RandomAspects.random_aspects)
+    if number and len(grid) < 2:
+        raise ConfigurationError(
+            f"grid.random_aspects is {number}, but must be 0 where grid.aspect has one value: "
+            "aspects are drawn between its ends"
+        )
+    return drawn_aspects(grid[0], grid[-1], number, choices.one(Run.seed)) if number else ()
 
 
 class Classifier(Settings, key="classifier"):
@@ -48,7 +104,7 @@ class Classifier(Settings, key="classifier"):
             below=360,
             unit="degree",
             label="training aspects",
-            help="a subset of grid.aspect; null: all except those of grid.fresh",
+            help="a subset of grid.aspect; null: all except those of grid.random_aspects",
         )
     )
     template_spacing = number(
@@ -81,10 +137,10 @@ def names_by(name: str, sensor: str) -> Condition:
 # Training views
 
 
-@stage(uses=(Grid, Fresh, Run), gather=(Grid.aspect,), plain=True)
-def random_aspects(aspect: tuple[float, ...], fresh: int, seed: int) -> tuple[float, ...]:
+@stage(uses=(Grid, RandomAspects, Run), gather=(Grid.aspect,), plain=True)
+def test_aspects(aspect: tuple[float, ...], random_aspects: int, seed: int) -> tuple[float, ...]:
     """Return the aspects drawn at random, which are absent from training by default."""
-    return drawn_aspects(aspect[0], aspect[-1], fresh, seed)
+    return drawn_aspects(aspect[0], aspect[-1], random_aspects, seed)
 
 
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)
@@ -93,11 +149,11 @@ def training_views(
     aspect: tuple[float, ...],
     unknown: tuple[str, ...] | None,
     training_aspect: tuple[float, ...] | None,
-    template_spacing: float | None = None,
-    random_aspects: tuple[float, ...] = (),
+    template_spacing: float | None,
+    test_aspects: tuple[float, ...],
 ) -> Views:
     """Return the (ship, aspect) mask of training views."""
-    learned = training_aspects(aspect, training_aspect, template_spacing, random_aspects)
+    learned = training_aspects(aspect, training_aspect, template_spacing, test_aspects)
     return training_ships(ship, unknown)[:, None] & learned
 
 
@@ -110,11 +166,11 @@ def training_aspects(
     aspect: tuple[float, ...],
     training_aspect: tuple[float, ...] | None,
     template_spacing: float | None,
-    random_aspects: tuple[float, ...],
+    test_aspects: tuple[float, ...],
 ) -> Views:
     """Return the (aspect,) mask of aspects in the training set."""
     given = training_aspect
-    learned = ~np.isin(aspect, random_aspects) if given is None else np.isin(aspect, given)
+    learned = ~np.isin(aspect, test_aspects) if given is None else np.isin(aspect, given)
     if template_spacing is not None:
         steps = np.array(aspect) / template_spacing
         learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
@@ -123,19 +179,25 @@ def training_aspects(
 
 def training_marks(sensor: str, group: str) -> tuple[Stage, Stage]:
     """Declare the coordinates `learned` and `known` of a group that classifiers read."""
-    uses, place = (Grid, Classifier), {"group": group, "when": looks(sensor), "coordinates": True}
+    mark = partial(
+        stage, uses=(Grid, Classifier), group=group, when=looks(sensor), coordinates=True
+    )
     learned = "in the training set, at ships that are known; others are tests only"
     known = "in the training set; others are unknown to classifiers"
     aspects = Output("learned", ("aspect",), "?", learned, fill=0, without=(Run.seed.name,))
     ships = Output("known", ("ship",), "?", known, fill=0)
     return (
-        stage(aspects, uses=uses, gather=GATHERED[1:], name=f"{group}_learned", **place)(
-            training_aspects
-        ),
-        stage(ships, uses=uses, gather=GATHERED[:1], name=f"{group}_known", **place)(
-            training_ships
-        ),
+        mark(aspects, gather=GATHERED[1:], name=f"{group}_learned")(training_aspects),
+        mark(ships, gather=GATHERED[:1], name=f"{group}_known")(training_ships),
     )
+
+
+def _learned(choices: Choices) -> list[Views]:
+    """Return the (ship, aspect) mask of a sweep's training views for every template spacing."""
+    of_all = (*(choices[one] for one in GATHERED), choices.one(Classifier.unknown))
+    drawn = random_test_aspects(choices, choices[Grid.aspect])
+    given = choices.one(Classifier.training_aspect)
+    return [training_views(*of_all, given, spacing, drawn) for spacing in choices[SPACING]]
 
 
 def learned_of(choices: Choices) -> xr.DataArray:
@@ -145,12 +207,9 @@ def learned_of(choices: Choices) -> xr.DataArray:
     """
     import xarray as xr
 
-    of_all = (*(choices[one] for one in GATHERED), choices.one(Classifier.unknown))
-    training, spacings = choices.one(Classifier.training_aspect), choices[SPACING]
-    drawn = fresh_aspects(choices, choices[Grid.aspect])
-    views = [training_views(*of_all, training, one, drawn) for one in spacings]
-    found = xr.DataArray(views, {SPACING.name: list(spacings)}, (SPACING.name, *VIEW))
-    return found if len(spacings) > 1 else found.isel({SPACING.name: 0}, drop=True)
+    spacings = {SPACING.name: list(choices[SPACING])}
+    learned = xr.DataArray(_learned(choices), spacings, (SPACING.name, *VIEW))
+    return learned if len(learned) > 1 else learned.isel({SPACING.name: 0}, drop=True)
 
 
 def known_of(choices: Choices) -> xr.DataArray:
@@ -165,7 +224,7 @@ def aspects_of(choices: Choices) -> dict[str, xr.DataArray]:
 
     learned = learned_of(choices).any("ship")
     aspects = choices[Grid.aspect]
-    drawn = xr.DataArray(np.isin(aspects, fresh_aspects(choices, aspects)), dims="aspect")
+    drawn = xr.DataArray(np.isin(aspects, random_test_aspects(choices, aspects)), dims="aspect")
     found = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
     return {name: where for name, where in found.items() if where.any()}
 
@@ -176,16 +235,16 @@ def check(choices: Choices) -> Choices:
     Aspects that are drawn come into the grid, and are not learned.
     """
     given = choices[Grid.aspect]
-    drawn = fresh_aspects(choices, given)
+    drawn = random_test_aspects(choices, given)
     choices = choices.having(Grid.aspect, tuple(sorted({*given, *drawn})))
-    there, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
+    ships_given, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
     for name in unknown:
-        if name not in there:
+        if name not in ships_given:
             raise ConfigurationError(
                 f"classifier.unknown has {str(name)!r}, but every value must be one of "
-                f"{', '.join(there)}, the values of grid.ship"
+                f"{', '.join(ships_given)}, the values of grid.ship"
             )
-    if len(unknown) == len(there):
+    if len(unknown) == len(ships_given):
         raise ConfigurationError(
             "classifier.unknown has every ship of grid.ship, but must leave one to learn"
         )
@@ -195,11 +254,8 @@ def check(choices: Choices) -> Choices:
                 f"classifier.training_aspect has {aspect:g}, but every value must be one of "
                 "grid.aspect"
             )
-    given = choices.one(Classifier.training_aspect)
-    drawn = fresh_aspects(choices, choices[Grid.aspect])
-    for spacing in choices[SPACING]:
-        of_all = choices[GATHERED[0]], choices[Grid.aspect], unknown, given, spacing, drawn
-        if spacing is not None and not training_views(*of_all).any():
+    for spacing, learned in zip(choices[SPACING], _learned(choices), strict=True):
+        if spacing is not None and not learned.any():
             raise ConfigurationError(
                 f"{SPACING.key} has {spacing:g}, but must have a multiple among the aspects learned"
             )
@@ -247,16 +303,16 @@ def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:
 # Answers
 
 
-def judged(named: Ships, there: Views) -> Arrays:
+def judged(named: Ships, valid: Views) -> Arrays:
     """Return the arrays of answers: (..., ship, aspect) ships predicted for existing views."""
-    predicted = np.where(there, named, NONE)
-    correct = np.where(there, predicted == np.arange(len(there))[:, None], NONE)
-    return {"predicted": predicted, "correct": correct, "cell": state(correct, there)}
+    predicted = np.where(valid, named, NONE)
+    correct = np.where(valid, predicted == np.arange(len(valid))[:, None], NONE)
+    return {"predicted": predicted, "correct": correct, "cell": state(correct, valid)}
 
 
-def state(correct: Ships, there: Views) -> NDArray[np.int8]:
+def state(correct: Ships, valid: Views) -> NDArray[np.int8]:
     """Return the state of answers: done, failed without a view, missing if not requested."""
-    return np.where(correct >= 0, 1, np.where(there, -1, 0)).astype("i1")
+    return np.where(correct >= 0, 1, np.where(valid, -1, 0)).astype("i1")
 
 
 def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
@@ -277,20 +333,19 @@ def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     return classified.isel(ship=np.flatnonzero(known_of(choices)))
 
 
-def tabulate_answers(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return all scores of answers about range profiles by aspect bin, of ships in training.
+def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROFILES) -> xr.Dataset:
+    """Return all scores of answers by aspect bin, of ships in training.
 
-    Where categories form, with their numbers; with the receiver for an attribute, if all have one.
+    Of range profiles with the receiver for an attribute, if all have one.
     """
-    known = known_ships(classified, choices)
-    tables = formed(known, "training profiles") if "training_category" in known else {}
-    found = data_set(tables | scored_profiles(known, aspects_of(choices)), known.aspect)
+    table = scores.tabulate_scores(known_ships(classified, choices), aspects_of(choices), shown)
     receivers = choices.values.get(RECEIVER, ())
-    return found.assign_attrs({"receiver": receivers[0]} if len(receivers) == 1 else {})
+    one = len(receivers) == 1 and shown == PROFILES
+    return table.assign_attrs({"receiver": receivers[0]} if one else {})
 
 
 @dataclass(frozen=True)
-class Naming:
+class ClassifierGroup:
     """A group of answers, with the declarations of its stages and tables.
 
     Its name, and those of its tables; when a configuration has it; whose cells there are states
@@ -303,10 +358,14 @@ class Naming:
     states: str = ""
     dims: tuple[str, ...] = VIEW
 
-    def stage(self, *outputs: Output, **how: Any) -> Callable[[Callable[..., Any]], Stage]:
+    @property
+    def groups(self) -> tuple[str, str]:
+        """Groups of the answers, and of the states of their cells."""
+        return f"classification/{self.name}", self.states or f"status_{self.name}"
+
+    def stage(self, *outputs: Output, **how: Any) -> Declare:
         """Declare a stage of the group; see `sweeps.engine.stage.stage`."""
-        group = f"classification/{self.name}"
-        return stage(*outputs, group=group, when=self.when, status="-", **how)
+        return stage(*outputs, group=self.groups[0], when=self.when, status="-", **how)
 
     def answers(
         self,
@@ -315,45 +374,77 @@ class Naming:
         right: str = "",
         gather: tuple[Any, ...] = GATHERED,
         **how: Any,
-    ) -> Callable[[Callable[..., Any]], Stage]:
+    ) -> Declare:
         """Declare the stage that names ships, which may have more outputs.
 
         The ship named does not depend on some settings, and more than it may have to be right.
         """
         named = "ship named, as an index into the ship axis"
-        states = self.states or f"status_{self.name}"
         state = f"state of a cell of {self.of or self.name}"
         return self.stage(
             Output("predicted", self.dims, "i2", label=named, without=without),
             Output("correct", self.dims, "i1", label=f"1 where the answer is right{right}"),
             *outputs,
-            Output("cell", self.dims, "i1", label=state, failed=0, group=states, attrs=STATE),
+            Output("cell", self.dims, "i1", state, failed=0, group=self.groups[1], attrs=STATE),
             gather=gather,
             **how,
         )
 
-    def tables(
-        self, make: Callable[..., xr.Dataset] = tabulate_answers, *, rejecting: bool = False
-    ) -> tuple[Table, ...]:
-        """Return the tables of the group; of rejections, too, where a ship is not learned."""
-        group = (f"classification/{self.name}",)
+    def coordinates(
+        self, *outputs: Output, **how: Any
+    ) -> Callable[[Callable[..., Any]], tuple[Stage, ...]]:
+        """Declare coordinates of both groups, of answers and of states of their cells."""
+        how |= {"when": self.when, "coordinates": True}
+        return lambda function: tuple(
+            stage(*outputs, group=group, name=f"{function.__name__}_{k}", **how)(function)
+            for k, group in enumerate(self.groups)
+        )
 
-        def reject(found: xr.Dataset, choices: Choices) -> xr.Dataset:
-            known, aspects = known_of(choices), aspects_of(choices)
-            return tabulate_rejection(found, known, aspects, choices[Classifier.test_vigilance])
+    def tables(
+        self,
+        make: Callable[..., xr.Dataset] = tabulate_answers,
+        *,
+        rejecting: bool = False,
+        forming: bool = False,
+        labels: Mapping[str, str] | None = None,
+        scored: str = "ship",
+    ) -> tuple[Table, ...]:
+        """Return the tables of the group; of rejections, too, where a ship is not learned.
+
+        Of categories if the classifier is `forming` them. `labels` tell its rows from those of
+        others, and `scored` says what must be right.
+        """
+        labels = {"classifier": self.name, "channel": RANGE} if labels is None else labels
+
+        def of_ships(choices: Choices) -> float:
+            return 100.0 / int(known_of(choices).sum())
+
+        def of_answers(choices: Choices) -> float:
+            classes = 1 if scored == "ship" else len(aspect_bins(choices[Grid.aspect])[0])
+            return of_ships(choices) / classes
+
+        def form(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
+            return scores.tabulate_categories(known_ships(classified, choices))
+
+        def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
+            of_all = known_of(choices), aspects_of(choices), choices[Classifier.test_vigilance]
+            return scores.tabulate_rejection(classified, *of_all)
 
         def asked(choices: Choices) -> bool:
             return self.when(choices) and not bool(known_of(choices).all())
 
-        scores = Table(f"tables/{self.name}", group, make, self.when)
-        rejections = Table(f"tables/rejection_{self.name}", group, reject, asked)
-        return (scores, rejections) if rejecting else (scores,)
+        group, chance = self.groups[:1], (of_answers, of_ships)
+        shown = scores.score_displays(labels, scored=scored, source=self.name, chance=chance)
+        tables = [Table(f"tables/{self.name}", group, make, self.when, shown)]
+        if forming:
+            display = (scores.category_display(labels, self.name),)
+            tables.append(Table(f"tables/categories_{self.name}", group, form, self.when, display))
+        if rejecting:
+            displays = scores.rejection_displays(labels)
+            tables.append(Table(f"tables/rejection_{self.name}", group, reject, asked, displays))
+        return tuple(tables)
 
 
-SETTINGS: tuple[type[Settings], ...] = (Fresh, Classifier)
-STAGES: tuple[Stage, ...] = (
-    random_aspects,
-    training_views,
-    *training_marks(RANGE, "range_profile"),
-    *training_marks(INFRARED, "infrared"),
-)
+SETTINGS: tuple[type[Settings], ...] = (RandomAspects, Classifier)
+PROFILE_MARKS = training_marks(RANGE, "range_profile")
+IMAGE_MARKS = training_marks(INFRARED, "infrared")

@@ -10,14 +10,12 @@ from ncti.irar.loops import TILTS
 from ncti.ladar.loops import FRAMES
 from ncti.machine_code import Loops
 from ncti.render.choice import choose_engine
-from ncti.render.loops import of_engine
+from ncti.render.loops import MASK, of_engine
 from sweeps.engine.settings import Choices
-from sweeps.stages.corrections import corrected
-from sweeps.stages.flights import models
-from sweeps.stages.images import image_window
-from sweeps.stages.infrared import look
+from sweeps.stages.flights import corrected, models
+from sweeps.stages.images import image_window, template_log_polar
+from sweeps.stages.infrared import look, silhouette_engine
 from sweeps.stages.ladar import averaged
-from sweeps.stages.silhouettes import template_log_polar
 from sweeps.stages.views import LINES, RUN_TIME, Render, image, looks
 
 Functions = Collection[Callable[..., Any]]
@@ -46,6 +44,8 @@ def _loops_of(choices: Choices, functions: Functions) -> Iterator[Loops]:
     if averaged.function in functions:
         yield FRAMES
     if imaged:
+        if MASK in map(silhouette_engine.function, engines):
+            yield of_engine(MASK)
         yield IMAGES
     if corrected.function in functions:
         yield TILTS

@@ -6,14 +6,14 @@ import numpy as np
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, word
-from sweeps.engine.stage import Output, Stage, in_memory
+from sweeps.engine.stage import Output, in_memory
 from sweeps.stages import classifier
-from sweeps.stages.classifier import NONE, Arrays, Classifier, Floats, Naming, Profiles, Views
+from sweeps.stages.classifier import NONE, Arrays, Classifier, Floats, Profiles, Views
 from sweeps.stages.views import RANGE, Grid
 
 IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
 NAME = "correlation"
-NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
+ANSWERS = classifier.ClassifierGroup(NAME, classifier.names_by(NAME, RANGE))
 EXPECTED, NOISY = "expected", "noisy"
 
 
@@ -35,27 +35,20 @@ def profile_draws(averaged: Profiles) -> Floats:
     return classifier.profile_vectors(averaged)
 
 
-@NAMING.answers(
+@ANSWERS.answers(
     Output(
         "similarity", classifier.VIEW, label="cosine similarity to the nearest training profile"
     ),
     uses=(Grid, Classifier, Correlation),
     along=(Classifier.left_out,),
-    dims=(
-        *classifier.OF_PROFILES,
-        "training",
-        "left_out",
-        "replicate",
-        "ifov_phase",
-        "frame_count",
-    ),
+    dims=classifier.of_profiles("training", "left_out"),
 )
 def correlation(
     profile_draws: Floats,
     training_views: Views,
     expected: Profiles,
     averaged: Profiles,
-    there: Views,
+    valid: Views,
     replicate: int,
     training: str,
     left_out: tuple[bool, ...],
@@ -69,42 +62,50 @@ def correlation(
     ships at it are. A profile that nowhere rises above its floor has no direction: it names no
     ship, which counts as wrong, and as a training profile it matches none.
     """
-    known = training_views & there
+    known = training_views & valid
     classifier.require_another_aspect(known, left_out)
     if training == NOISY:
-        lessons = np.delete(profile_draws, replicate, axis=0)
+        training_set = np.delete(profile_draws, replicate, axis=0)
     else:
-        lessons = classifier.profile_vectors(expected)[None]
-    return match_views(lessons, classifier.profile_vectors(averaged), there, known, left_out)
+        training_set = classifier.profile_vectors(expected)[None]
+    return match_views(training_set, classifier.profile_vectors(averaged), valid, known, left_out)
 
 
 def match_views(
-    lessons: Floats, tests: Floats, there: Views, training_views: Views, left_out: tuple[bool, ...]
+    training_set: Floats,
+    tests: Floats,
+    valid: Views,
+    training_views: Views,
+    left_out: tuple[bool, ...],
 ) -> Arrays:
     """Return the ship of the training vector most similar to each test, (left_out, ship, aspect).
 
-    Lessons are (draw, view, bin) vectors of all views, zero where one is not there, and tests
-    (view, bin) ones; lessons of a test's own aspect may be left out.
+    The training set is (draw, view, bin) vectors of all views, zero where one is missing, and tests
+    are (view, bin) ones; templates of a test's own aspect may be left out.
     """
     # Imported here because scikit-learn takes a second.
     from ncti.classify.baselines import NO_TEMPLATE, CorrelationNeighbour
 
-    ship, aspect = np.indices(there.shape).reshape(2, -1)
-    known, of_lesson = np.tile(ship, len(lessons)), np.tile(aspect, len(lessons))
-    neighbour = CorrelationNeighbour().fit(lessons.reshape(-1, lessons.shape[-1]), known)
-    untrained = np.tile(~training_views.reshape(-1), len(lessons))
-    same = aspect[:, None] == of_lesson
-    named, cosines = [], []
-    for leave in left_out:
-        best, cosine = neighbour.match(tests, exclude=untrained | (same & leave))
-        named.append(np.where(best == NO_TEMPLATE, NONE, known[best]).reshape(there.shape))
-        cosines.append(np.where(there, cosine.reshape(there.shape), np.nan))
-    return classifier.judged(np.array(named), there) | {"similarity": np.array(cosines)}
+    ship, aspect = np.indices(valid.shape).reshape(2, -1)
+    vectors = training_set.reshape(-1, training_set.shape[-1])
+    # View of each training vector.
+    view = np.tile(np.arange(valid.size), len(training_set))
+    neighbour = CorrelationNeighbour().fit(vectors, ship[view])
+    untrained = ~training_views.reshape(-1)[view]
+    predicted = np.full((len(left_out), *valid.shape), NONE)
+    similarity = np.full(predicted.shape, np.nan)
+    for k, leave in enumerate(left_out):
+        same = (aspect[:, None] == aspect[view]) & leave
+        best, cosine = neighbour.match(tests, exclude=untrained | same)
+        named = np.where(best == NO_TEMPLATE, NONE, ship[view[best]])
+        predicted[k] = named.reshape(valid.shape)
+        similarity[k] = np.where(valid, cosine.reshape(valid.shape), np.nan)
+    return classifier.judged(predicted, valid) | {"similarity": similarity}
 
 
 def check(choices: Choices) -> Choices:
     """Refuse training on the test noise, and leaving all aspects out."""
-    if NAMING.when(choices):
+    if ANSWERS.when(choices):
         replicates = len(choices[Grid.replicate])
         if NOISY in choices[Correlation.training] and replicates < 2:
             raise ConfigurationError(
@@ -116,5 +117,4 @@ def check(choices: Choices) -> Choices:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Correlation,)
-STAGES: tuple[Stage, ...] = (profile_draws, correlation)
-TABLES = NAMING.tables(rejecting=True)
+TABLES = ANSWERS.tables(rejecting=True)

@@ -1,4 +1,4 @@
-"""Flights past a ship: pass, raw images, recorded parameters, and checks."""
+"""Flights past a ship: pass, raw and corrected images, profiles, landmarks and tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from inspect import Parameter, Signature
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -14,170 +14,148 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti import irar as library
-from ncti.irar import Flight, Pass, Scan, Snapshot
+from ncti.checks import NothingSeenError
+from ncti.irar import Chain, Flight, Pass, Scan, Snapshot
+from ncti.irar.corrected import (
+    CELLS,
+    EXACT,
+    LEAST_SEEN,
+    NO_ERROR,
+    SOURCES,
+    compare_profiles,
+    measure_tilts,
+    model_profiles,
+    ship_pixels,
+)
 from ncti.irar.scene import plan_scan
-from ncti.ladar import range_extent
-from ncti.render import range_image
+from sweeps.engine.display import Display, Figure
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Value
 from sweeps.engine.settings import Choices, Run, Setting
-from sweeps.engine.stage import Stage, in_memory, plain
+from sweeps.engine.stage import Output, Table, in_memory, plain, stage
 from sweeps.stages import irar
-from sweeps.stages.irar import (
-    CELLS,
-    EXACT,
-    FLOWN,
-    NO_ERROR,
-    RECORDED,
-    Error,
-    Irar,
-    Pairs,
-    flight_of,
-)
-from sweeps.stages.ladar import Ladar, profile_bins
+from sweeps.stages.irar import DIMS, FLOWN, RECORDED, Arrays, Error, Irar, flight_of
+from sweeps.stages.ladar import BEAM, Ladar, profile_bins
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import IRAR, LINES, Grid, check_beam, looks
+from sweeps.stages.views import (
+    IRAR,
+    LINES,
+    STATUS,
+    Grid,
+    Keywords,
+    check_beam,
+    keywords,
+    looks,
+    refuse,
+)
 
 if TYPE_CHECKING:
     import trimesh
+    import xarray as xr
 
-SLOWEST, FASTEST = 0.25, 1.9  # believed closing speeds, of the true one
-ALONE = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not beside the source's chain
-
-
-def _taking(*names: str) -> Callable[[Any], Any]:
-    """Declare the arguments of a function that takes any."""
-
-    def declare(function: Any) -> Any:
-        function.__signature__ = Signature(
-            [Parameter(one, Parameter.KEYWORD_ONLY) for one in names]
-        )
-        return function
-
-    return declare
+SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
+OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the source's chain
 
 
-@plain(
-    uses=(Irar, Grid),
-    reads={"flown_pulse_width": Irar.pulse_width, "depression": Irar.depression},
-)
-@_taking("ship", "flown", *(one.name for one in FLOWN))
-def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Pairs | None:
-    """Return the values that a pass depends on; None for a ship that is not flown past."""
-    return None if flown is not None and ship not in flown else tuple(values.items())
+flown_course = plain(reads={one.name: one for one in FLOWN}, name="flown_course")(keywords)
+receivers = plain(reads={one.name: one for one in RECORDED[1:]}, name="receivers")(keywords)
+flight_place = plain(
+    reads={"ship": Grid.ship, "aspect": Grid.aspect, "seed": Run.seed}, name="flight_place"
+)(keywords)
 
 
-@plain(uses=(Irar,))
-@_taking(*(one.name for one in RECORDED if one is not Grid.replicate))
-def receivers(**values: Any) -> Pairs:
-    """Return the receivers of a flight."""
-    return tuple(values.items())
+@plain(uses=(Irar, Grid))
+def course(
+    ship: ShipName, flown: tuple[str, ...] | None, flown_course: Keywords
+) -> Keywords | None:
+    """Return what a pass depends on; None for a ship that is not flown past."""
+    return None if flown is not None and ship not in flown else flown_course
 
 
 flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
 
 
-@in_memory(uses=(Grid, Ladar, Run), reads={"replicate": "flight_draw"})
+@in_memory(uses=(Ladar,))
 def flown_pass(
     mesh: trimesh.Trimesh,
-    course: Pairs | None,
-    ship: ShipName,
-    aspect: float,
-    replicate: int,
+    course: Keywords | None,
+    flight_place: Keywords,
+    flight_draw: int,
     reflectance: str,
-    seed: int,
 ) -> Pass | None:
     """Return the simulated pass; None for a ship that is not flown past, as in all that follows."""
     if course is None:
         return None
-    name: dict[str, Any] = {"ship": ship, "aspect": aspect, "replicate": replicate, "seed": seed}
+    name: dict[str, Any] = {**dict(flight_place), "replicate": flight_draw}
     return irar.fly_past(mesh, dict(course), **name, reflectance=reflectance)
 
 
 @in_memory(uses=(Grid, Ladar))
 def truth(
-    mesh: trimesh.Trimesh, course: Pairs | None, aspect: float, reflectance: str
+    mesh: trimesh.Trimesh, course: Keywords | None, aspect: float, reflectance: str
 ) -> Snapshot | None:
     """Return the view from the snapshot's place, on the ship's own window."""
     if course is None:
         return None
     flight = flight_of(aspect, dict(course))
-    window = library.ship_window(mesh, flight)
     surface = irar.surface(mesh, dict(course), reflectance)
+    window = library.ship_window(mesh, flight)
     return library.true_snapshot(mesh, flight, window, cells=CELLS, **surface)
 
 
-@in_memory(uses=(Grid, Ladar))
+@in_memory(
+    uses=(Grid,), reads={name: BEAM[name] for name in ("bin_width", "window", "reflectance")}
+)
 def models(
     mesh: trimesh.Trimesh,
     truth: Snapshot | None,
-    course: Pairs | None,
+    course: Keywords | None,
     aspect: float,
     drawing_engine: str,
-    reflectance: str,
-    bin_width: float,
-    window: float,
+    **beam: Any,
 ) -> NDArray[np.float64] | None:
-    """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1.
-
-    The last two are of the whole view's range image at the sensor's pixel, of even reflectivity:
-    each pixel's area spread over its range extent, or sampled at its middle. Rows of pixels that
-    are level see a deck at distances far apart, so that only the whole extent closes the gaps
-    between them.
-    """
+    """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1."""
     if course is None or truth is None:
         return None
-    flight = flight_of(aspect, dict(course))
-    sight: dict[str, Any] = {"slant_range": flight.slant_range}
-    view: dict[str, Any] = {"aspect": aspect, "depression": flight.depression, "roll": 0.0, **sight}
     engine = "auto" if drawing_engine == LINES else drawing_engine  # it needs pixels
-    image = range_image(mesh, pixel=flight.pixel, engine=engine, **view)
-    # at least the pixel, in spite of rounding
-    sight |= {"ifov": flight.ifov * (1 + 1e-9), "bin_width": bin_width, "window": window}
-    drawn = [
-        range_extent(image, **sight, spread=spread, reflectance=reflectance).fraction.sum(axis=0)
-        for spread in (1.0, 0.0)
-    ]
-    bins = profile_bins(window, bin_width).size
-    return np.stack([library.profile(truth, flight, bins=bins, bin_width=bin_width), *drawn])
+    flight = flight_of(aspect, dict(course))
+    return model_profiles(mesh, truth, flight, aspect=aspect, engine=engine, **beam)
 
 
-@in_memory(uses=(Grid, Run))
+@in_memory(uses=(Grid,))
 def scan(
     flown_pass: Pass | None,
-    course: Pairs | None,
-    receivers: Pairs,
-    ship: ShipName,
-    aspect: float,
+    course: Keywords | None,
+    receivers: Keywords,
+    flight_place: Keywords,
     replicate: int,
-    seed: int,
 ) -> Scan | None:
     """Return the raw images."""
     if flown_pass is None or course is None:
         return None
     met = {"replicate": replicate, **dict(receivers)}
-    return irar.recorded(flown_pass, dict(course), met, ship=ship, aspect=aspect, seed=seed)
+    return irar.recorded(flown_pass, dict(course), met, **dict(flight_place))
 
 
 @in_memory()
-def clean(flown_pass: Pass | None, receivers: Pairs) -> Scan | None:
+def clean(flown_pass: Pass | None, receivers: Keywords) -> Scan | None:
     """Return the raw images without noise."""
     return None if flown_pass is None else irar.received(flown_pass, dict(receivers)).noiseless()
 
 
 @in_memory(uses=(Irar,), reads={"error": Irar.errors, "focused": Irar.autofocus})
-def belief(scan: Scan | None, error: Error, focused: bool) -> Flight | None:
+def navigation(scan: Scan | None, error: Error, focused: bool) -> Flight | None:
     """Return what the corrections take for the flight."""
     if scan is None:
         return None
-    found = believed(scan.flight, error)
+    found = navigated(scan.flight, error)
     if focused:
-        with suppress(ValueError):  # no ship in the image: navigation is all there is
+        with suppress(NothingSeenError):  # no ship in the image: navigation is all there is
             found = library.autofocus(scan, found)
     return found
 
 
-def believed(flight: Flight, error: Error) -> Flight:
+def navigated(flight: Flight, error: Error) -> Flight:
     """Return a flight as navigation has it, of which it has one parameter wrong.
 
     Its pointing is to be settled where that is wrong; errors of the aircraft's speed are in
@@ -193,38 +171,188 @@ def believed(flight: Flight, error: Error) -> Flight:
     return replace(flight, **{parameter: getattr(flight, parameter) + value})
 
 
+# Corrected images, compared with the truth, and their range profiles
+
+LANDMARKS = {  # label and unit
+    "stern_to_hangar": ("distance from the stern end to the hangar's spike", "m"),
+    "stern_to_bridge": ("distance from the stern end to the front of the forward structure", "m"),
+    "transom_ratio": ("highest peak within 5 m of the stern, relative to the hangar's", "1"),
+    "mast_position": ("distance of the main mast past the hangar", "m"),
+    "mast_ratio": ("peak of the main mast, relative to the hangar's", "1"),
+    "forward_position": ("distance of the forward block's peak past the hangar", "m"),
+    "forward_ratio": ("peak of the forward block, relative to the hangar's", "1"),
+    "transom_energy": ("returns within 1.5 m of the transom's peak, relative to the hangar's", "1"),
+    "mast_energy": ("returns within 1.5 m of the main mast's peak, relative to the hangar's", "1"),
+    "forward_energy": ("returns within 1.5 m of the forward peak, relative to the hangar's", "1"),
+    "deck_spikes": ("number of peaks between the transom and the hangar", "1"),
+}
+
+
+NUMBERS = {
+    "profile_correlation": "correlation of a simulated flight's profile with the noiseless one",
+    "profile_correlation_without_hangar": "correlation of a simulated flight's profile with the "
+    "noiseless one, without 4 m either side of the hangar, the highest peak",
+    "closing_speed_error": "relative error of the closing speed used in the corrections",
+    "looks": "mean number of samples in pixels that have any",
+}
+TILTS = {
+    "mast_tilt": "tilt of masts in the corrected images, intensity and infrared together",
+    "waterline_tilt": "tilt of the waterline in the corrected images, intensity and infrared "
+    "together",
+    "mast_tilt_error": "standard error of the tilt of masts, for a shear of a few degrees at most",
+    "waterline_tilt_error": "standard error of the tilt of the waterline, likewise",
+    "intensity_mast_tilt": "tilt of masts in the corrected intensity alone",
+    "intensity_waterline_tilt": "tilt of the waterline in the corrected intensity alone",
+    "infrared_mast_tilt": "tilt of masts in the corrected infrared image alone",
+    "infrared_waterline_tilt": "tilt of the waterline in the corrected infrared image alone",
+    "noiseless_mast_tilt": "tilt of masts in the corrected noiseless scan, from the share of "
+    "ship in each pixel",
+    "noiseless_waterline_tilt": "tilt of the waterline in the corrected noiseless scan, likewise",
+}
+IMAGES = {  # unit and label
+    "intensity": ("1", "corrected, segmented intensity in noise powers, 0 without a return"),
+    "range_image": ("m", "range relative to the ship origin, of the same pixels"),
+    "infrared_image": ("K", "apparent temperature above the sea, of the same pixels"),
+}
+ORIGIN = {"row": "window_bottom", "column": "window_left"}
+
+_place = partial(Output, dtype="i4", unit="pixel", fill=0, stored=False)
+# Parts of the overscanned image that show the ship.
+_part = partial(Output, dtype="f8", stored=False)
+
+
+flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
+
+
+@stage(
+    Output(
+        "profile",
+        ("source", "down_range"),
+        label="range profile: intensity summed over pixels, in noise powers of one look",
+    ),
+    *(Output(name, label=label) for name, label in NUMBERS.items()),
+    *(Output(name, label=label, unit="degree") for name, label in TILTS.items()),
+    Output(
+        "hangar_spike_offset",
+        label="down-range of the hangar's spike in a simulated flight, over that without noise",
+        unit="m",
+    ),
+    *(
+        Output(name, ("source",), label=label, unit=unit)
+        for name, (label, unit) in LANDMARKS.items()
+    ),
+    *(
+        Output(name, ("row", "column"), label=label, unit=unit, origin=ORIGIN)
+        for name, (unit, label) in IMAGES.items()
+    ),
+    _place("window_bottom", label="row of pixels, upwards from the ship origin"),
+    _place("window_left", label="column of pixels, rightwards from the ship origin"),
+    _part("fine_row", ("fine_row",)),
+    _part("fine_column", ("fine_column",)),
+    _part("ship_pixel", ("pixel", "place"), dtype="i4"),
+    _part("ship_value", ("pixel", "value")),
+    uses=(Grid, Irar, Ladar),
+    reads={"error": Irar.errors},
+    group=irar.GROUP,
+    dims=DIMS,
+    when=looks(IRAR),
+    status=STATUS,
+)
+def corrected(
+    scan: Scan | None,
+    clean: Scan | None,
+    navigation: Flight | None,
+    truth: Snapshot | None,
+    models: NDArray[np.float64] | None,
+    mesh: trimesh.Trimesh,
+    flight_chain: Chain,
+    *,
+    ship: ShipName,
+    aspect: float,
+    error: Error,
+    bin_width: float,
+    window: float,
+) -> Arrays:
+    """Return the corrected images of a flight, their tilts, their profiles and landmarks."""
+    bins = profile_bins(window, bin_width)
+    if scan is None or clean is None or navigation is None or truth is None or models is None:
+        return _nothing(bins.size)
+    pixels = flight_chain.window(mesh, scan.flight, error)
+    whole = flight_chain.correct(scan, navigation, pixels)
+    fine = flight_chain.correct(scan, navigation, pixels, overscanned=True)
+    cut = partial(library.segmented, threshold=flight_chain.segmentation_threshold)
+    shown, fine = cut(whole, navigation), cut(fine, navigation)
+    visible = bool(np.count_nonzero(shown.intensity) >= LEAST_SEEN)
+    measured = library.profile(fine, navigation, bins=bins.size, bin_width=bin_width)
+    profiles = np.stack([measured, *(scan.flight.cnr * models)])
+    return {
+        "profile": profiles,
+        "closing_speed_error": np.array(navigation.closing_speed / scan.flight.closing_speed - 1),
+        "looks": shown.looks.sum() / max(np.count_nonzero(shown.looks), 1),
+        "intensity": shown.intensity,
+        "range_image": shown.range - scan.flight.slant_range,
+        "infrared_image": shown.infrared,
+        "window_bottom": np.array(pixels.bottom),
+        "window_left": np.array(pixels.left),
+        **measure_tilts(flight_chain, scan, clean, whole, truth, navigation, shown=visible),
+        **ship_pixels(fine),
+        **compare_profiles(profiles, bins, aspect=aspect, ship=ship),
+    }
+
+
+def _nothing(bins: int) -> Arrays:
+    """Return the empty results of a ship that is not flown past."""
+    lengths = {"source": len(SOURCES), "down_range": bins, "place": 2, "value": 2}
+    return {
+        one.name: np.full([lengths.get(dim, 0) for dim in one.dims], one.empty)
+        for one in corrected.outputs
+    }
+
+
+@stage(
+    Output(
+        "source", ("source",), "U9", label="source of a profile; measured: in a simulated flight"
+    ),
+    group=irar.GROUP,
+    when=looks(IRAR),
+    coordinates=True,
+)
+def profile_sources() -> NDArray[np.str_]:
+    """Return the sources of the profiles of a flight."""
+    return np.array(SOURCES)
+
+
+flight_bins = replace(profile_bins, name="flight_bins", group=irar.GROUP, when=looks(IRAR))
+
+
+# Checks
+
+
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) flights, and errors of them, that are impossible."""
     for ship in choices.one(Irar.flown) or ():
         if ship not in choices[Grid.ship]:
-            raise ConfigurationError(
-                f"irar.flown has {str(ship)!r}, but every value must be one of "
-                f"{', '.join(choices[Grid.ship])}, the values of grid.ship"
-            )
+            allowed = ", ".join(choices[Grid.ship])
+            refuse(Irar.flown, repr(str(ship)), f"among {allowed}, the values of grid.ship")
     printed = next((name for name in choices[Irar.chain] if name != EXACT), None)
-    for one in ALONE if printed else ():
+    for one in OF_EXACT if printed else ():
         if choices[one] != (one.default,):
-            raise ConfigurationError(
-                f"{one.key} is {', '.join(choices[one])}, but must be {one.default} where "
-                f"irar.chain has {printed}, which has a way of its own"
-            )
+            reason = f"where irar.chain has {printed}, which has a way of its own"
+            refuse(one, ", ".join(choices[one]), f"{one.default} {reason}")
     if not looks(IRAR)(choices):
         return choices
     for values in combinations(choices, (Irar.band_start, Irar.band_stop)):
         if not values["band_start"] < values["band_stop"]:
-            raise ConfigurationError(
-                f"irar.band_start has {values['band_start']:g}, but must be below "
-                f"{values['band_stop']:g}, irar.band_stop"
-            )
+            stop = f"below {values['band_stop']:g}, irar.band_stop"
+            refuse(Irar.band_start, values["band_start"], stop)
     for values in combinations(choices, (Grid.aspect, *FLOWN)):
         try:
             flight = flight_of(values.pop("aspect"), values)
         except ValueError as why:
             raise ConfigurationError(_of_key(why, values["range"])) from why
         for error in choices[Irar.errors]:
-            _check_belief(flight, error)
-    nearest, narrowest = min(choices[Irar.profile_range]), min(choices[Ladar.ifov])
-    check_beam(choices, Irar.profile_range.key, nearest, narrowest=narrowest, beam="ladar.ifov")
+            _check_estimate(flight, error)
+    check_beam(choices, Irar.profile_range, Ladar.ifov)
     return choices
 
 
@@ -247,10 +375,8 @@ def check_meshes(choices: Choices, load: Callable[[Any], trimesh.Trimesh]) -> No
                 f"{_of_key(error, values['range'])} ({ship} at {aspect:g} deg)"
             ) from error
         if not plan.meets(hulls[ship]):
-            raise ConfigurationError(
-                f"irar.pointing has {values['pointing']:g}, but must be nearer "
-                f"{values['offset']:g}, irar.offset: no sample meets {ship} at {aspect:g} deg"
-            )
+            missed = f"irar.offset: no sample meets {ship} at {aspect:g} deg"
+            refuse(Irar.pointing, values["pointing"], f"nearer {values['offset']:g}, {missed}")
 
 
 def flown(choices: Choices) -> tuple[Value, ...]:
@@ -276,12 +402,12 @@ def combinations(choices: Choices, settings: tuple[Setting, ...]) -> Iterator[di
         yield {names[key]: value for key, value in whole if key in names}
 
 
-def _check_belief(flight: Flight, error: Error) -> None:
+def _check_estimate(flight: Flight, error: Error) -> None:
     """Refuse an error that changes the closing speed too much."""
     parameter, value = error
     wrong = f"irar.errors.{parameter} has {value:g}, with which"
     try:
-        speed = believed(flight, error).closing_speed
+        speed = navigated(flight, error).closing_speed
     except ValueError as why:
         raise ConfigurationError(f"{wrong} {why}") from why
     least, most = (share * flight.closing_speed for share in (SLOWEST, FASTEST))
@@ -301,6 +427,76 @@ def _of_key(error: ValueError, slant_range: float) -> str:
     return f"irar.{error}"
 
 
-STAGES: tuple[Stage, ...] = (
-    *(course, receivers, flight_draw, flown_pass, truth, models, scan, clean, belief),
+# Tables of flights
+
+
+def tabulate(flights: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return the mean of every figure of flights over draws of the noise, and its spread."""
+    figures = flights[[*OF_FLIGHTS, *OF_PROFILES]].load()
+    draws = figures.sizes.get(DRAW, 1)
+    found = figures.mean(DRAW, keep_attrs=True) if DRAW in figures.dims else figures
+    if draws > 1:
+        spread = figures.std(DRAW, ddof=1, keep_attrs=True)
+        for name, array in spread.data_vars.items():
+            label = f"standard deviation over draws of the {array.attrs['long_name']}"
+            found[f"{name}_spread"] = array.assign_attrs(long_name=label)
+    return found.assign(draws=((), draws, {"units": "1", "long_name": "draws of the noise"}))
+
+
+def _flight_figures(names: tuple[str, ...]) -> tuple[Figure, ...]:
+    """Return figures of flights with their spread; those without a format are in files only."""
+    figures = [
+        Figure(
+            name,
+            beside={f"{name}_spread": f"{name}_spread"},
+            digits=5,
+            format=LISTED.get(name, ".4g"),
+            listed=name in LISTED,
+        )
+        for name in names
+    ]
+    return (*figures, Figure("draws", listed=False))
+
+
+DRAW = "replicate"
+OF_FLIGHTS = tuple(one.name for one in corrected.outputs if one.stored and not one.dims)
+OF_PROFILES = tuple(LANDMARKS)
+LISTED = {
+    "profile_correlation": ".3f",
+    "profile_correlation_without_hangar": ".3f",
+    **dict.fromkeys(("mast_tilt", "waterline_tilt", "hangar_spike_offset"), ".2f"),
+    **{"looks": ".1f", "stern_to_hangar": ".1f", "stern_to_bridge": ".1f", "deck_spikes": ".0f"},
+    **{"transom_ratio": ".2f", "mast_position": ".1f", "mast_ratio": ".2f"},
+    **{"forward_position": ".1f", "forward_ratio": ".2f"},
+}
+TABLES = (
+    Table(
+        "tables/flights",
+        (irar.GROUP,),
+        tabulate,
+        looks(IRAR),
+        (
+            Display(
+                "flights",
+                "Simulated flights: corrected images and profiles against the noiseless truth",
+                _flight_figures(OF_FLIGHTS),
+                rows=("ship", "error_parameter", "error_value"),
+                notes=(
+                    "Means over draws of the noise, with the standard deviation of one. Tilt of "
+                    "masts to the right, and of the waterline rising to it; offset of the "
+                    "hangar's peak.",
+                ),
+            ),
+            Display(
+                "landmarks",
+                "Simulated flights near the stern: landmarks of profiles",
+                _flight_figures(OF_PROFILES),
+                rows=("ship", "source"),
+                notes=(
+                    "measured: flown; the others are noiseless, synthetic and of single points. "
+                    "Gains of transom and masts are assumed inputs, not results.",
+                ),
+            ),
+        ),
+    ),
 )

@@ -1,4 +1,4 @@
-"""Infrared images of ships, their detections and their errors."""
+"""Infrared images of ships: their detection, their errors, and silhouettes in log-polar maps."""
 
 from __future__ import annotations
 
@@ -8,15 +8,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti import features
 from ncti import infrared as library
 from ncti.evaluate import aspect_bins
 from ncti.infrared.super_resolution import enlarge
+from sweeps.engine.display import Display, Figure
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, Table, plain, stage
-from sweeps.stages.infrared import IMAGES, LOOK, VIEW, Infrared, looks_infrared
-from sweeps.stages.infrared_look import HALVES, Look, whole_window
-from sweeps.stages.scores import data_set
-from sweeps.stages.views import STATUS
+from sweeps.engine.stage import Output, Table, stage
+from sweeps.stages.infrared import (
+    HALVES,
+    IMAGES,
+    LOOK,
+    VIEW,
+    Bits,
+    Infrared,
+    Look,
+    Patches,
+    looks_infrared,
+    whole_window,
+)
+from sweeps.stages.ladar import subpixel_offset
+from sweeps.stages.views import STATUS, Grid, described
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,26 +36,38 @@ if TYPE_CHECKING:
 LEAST_CONTRAST = 1e-6  # K, below which the relative error of images is undefined
 PLACE = "{} place on the target, the ship origin within a pixel"
 WHOLE = HALVES["none"]  # half pixels that a pixel of the detector is wide
+SEEN = ("range", "frame_count")  # axes of the sensor
 OVER = (*VIEW, "phase")  # what tables of images are means over
 
+ANGLES, RADII = 64, 32  # cells of the log-polar map
+IMPORTS = ("skimage.filters",)  # by its stages, when they are called; takes long
+STEPS = 255  # of a cell between empty and full
+
+TEMPLATE = ("coverage_rule", "inner_radius", "interpolation", "phase")
+OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
+
+Bytes = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 
+_shares = {"scale_factor": 1 / STEPS}  # of which xarray makes numbers from 0 to 1
+_map = partial(Output, dims=("angle", "radius"), dtype="u1", fill=0, attrs=_shares)
+
 _of_images = partial(stage, uses=(Infrared,), group=IMAGES, when=looks_infrared)
+_of_views = partial(_of_images, dims=(*VIEW, *OF_SILHOUETTES, "phase", *LOOK), status=STATUS)
+WINDOW = {  # keywords of `whole_window`
+    "slant_range": Infrared.range,
+    "depression": "infrared_depression",
+    "ifov": Infrared.ifov,
+    "length": Infrared.window_length,
+    "height": Infrared.window_height,
+}
 
 
-@plain(uses=(Infrared,), reads={"depression": "infrared_depression"})
-def largest_window(
-    range: float, depression: float, ifov: float, window_length: float, window_height: float
-) -> tuple[float, ...]:
-    """Return the arguments of `whole_window`."""
-    return tuple(locals().values())
-
-
-@_of_images(
+@_of_views(
     Output(
         "image",
         ("row", "col"),
-        label="frame-averaged image of the first phase, contrast against the mean sea",
+        label="frame-averaged image of the first position, contrast against the mean sea",
         unit="K",
         pad=np.nan,
         origin={"row": "first_row", "col": "first_col"},
@@ -51,14 +75,10 @@ def largest_window(
     Output("first_row", dtype="i8", label="row of pixels, from the lowest", stored=False),
     Output("first_col", dtype="i8", label="column of pixels, from the left", stored=False),
     along=(Infrared.frame_count,),
-    dims=(*VIEW, "coverage_rule", *LOOK),
-    status=STATUS,
+    reads=WINDOW,
 )
 def thermal_image(
-    look: Look,
-    largest_window: tuple[float, ...],
-    super_resolution: str,
-    frame_count: tuple[int, ...],
+    look: Look, super_resolution: str, frame_count: tuple[int, ...], **window: float
 ) -> dict[str, NDArray[Any]]:
     """Return images of the first place on the detector, in the window of the largest ship.
 
@@ -69,7 +89,7 @@ def thermal_image(
         first_col : (frame_count,), where it begins.
     """
     (found,) = look.images(super_resolution, (0,), frame_count)
-    whole = whole_window(*largest_window, place=look.place(0))
+    whole = whole_window(**window, place=look.place(0))
     ours = look.covered(0).origin
     cells = HALVES[super_resolution]
     rows, cols = (n // cells for n in whole.coverage.shape)
@@ -88,35 +108,32 @@ def thermal_image(
     Output("vertical", ("row",), "f8", PLACE.format("vertical"), "m", pad=np.nan),
     Output("horizontal", ("col",), "f8", PLACE.format("horizontal"), "m", pad=np.nan),
     dims=("range", "super_resolution"),
+    reads=WINDOW,
     coordinates=True,
 )
-def image_window(
-    largest_window: tuple[float, ...], super_resolution: str
-) -> dict[str, NDArray[Any]]:
+def image_window(super_resolution: str, **window: float) -> dict[str, NDArray[Any]]:
     """Return where the rows and columns of images lie on the target [m]."""
-    window = whole_window(*largest_window)
+    whole = whole_window(**window)
     found = {}
     for axis, name in enumerate(("vertical", "horizontal")):
-        halves = window.origin[1 - axis] + window.footprint * np.arange(window.coverage.shape[axis])
+        halves = whole.origin[1 - axis] + whole.footprint * np.arange(whole.coverage.shape[axis])
         found[name] = halves.reshape(-1, HALVES[super_resolution]).mean(axis=1)
     return found
 
 
-@_of_images(
+@_of_views(
     Output(
         "detection_probability",
         label="probability that a pixel of the ship passes the detector's threshold",
     ),
-    along=(Infrared.phases, Infrared.frame_count),
-    dims=(*VIEW, "coverage_rule", "phase", "range", "frame_count"),
-    status=STATUS,
+    along=(Infrared.subpixel_offsets, Infrared.frame_count),
 )
 def detection_probability(
-    look: Look, false_alarm: float, phases: tuple[int, ...], frame_count: tuple[int, ...]
+    look: Look, false_alarm: float, subpixel_offsets: tuple[int, ...], frame_count: tuple[int, ...]
 ) -> Floats:
-    """Return the (phase, frame_count) probability that a ship pixel exceeds the threshold."""
-    sigmas = look.sigmas("none", frame_count)
-    pixels = [int(np.count_nonzero(look.shown(phase, WHOLE))) for phase in phases]
+    """Return the (offset, frame_count) probability that a ship pixel exceeds the threshold."""
+    sigmas = look.imager.sigmas(np.array(frame_count))
+    pixels = [int(np.count_nonzero(look.shown(offset, WHOLE))) for offset in subpixel_offsets]
     known = {"contrast": look.contrast, "false_alarm": false_alarm}
     return np.array(
         [
@@ -129,84 +146,272 @@ def detection_probability(
     )
 
 
-@_of_images(
+@_of_views(
     Output(
         "reconstruction_error",
         label="rms difference from the noiseless image of half the pixel, over the contrast",
     ),
-    along=(Infrared.phases, Infrared.frame_count),
-    dims=(*VIEW, "coverage_rule", "phase", *LOOK),
-    status=STATUS,
+    along=(Infrared.subpixel_offsets, Infrared.frame_count),
 )
 def reconstruction_error(
-    look: Look, super_resolution: str, phases: tuple[int, ...], frame_count: tuple[int, ...]
+    look: Look,
+    super_resolution: str,
+    subpixel_offsets: tuple[int, ...],
+    frame_count: tuple[int, ...],
 ) -> Floats:
-    """Return the (phase, frame_count) error of images, NaN for negligible contrast."""
+    """Return the (offset, frame_count) error of images, NaN for negligible contrast."""
     if look.contrast < LEAST_CONTRAST:  # no contrast to divide by
-        return np.full((len(phases), len(frame_count)), np.nan)
-    shown = look.images(super_resolution, phases, frame_count)
+        return np.full((len(subpixel_offsets), len(frame_count)), np.nan)
+    shown = look.images(super_resolution, subpixel_offsets, frame_count)
     finer = enlarge(shown) if HALVES[super_resolution] == WHOLE else shown
     return np.array(
         [
-            library.reconstruction_error(image, look.shown(phase, 1), contrast=look.contrast)
-            for phase, image in zip(phases, finer, strict=True)
+            library.reconstruction_error(image, look.shown(offset, 1), contrast=look.contrast)
+            for offset, image in zip(subpixel_offsets, finer, strict=True)
         ]
     )
+
+
+# Silhouettes
+
+
+@_of_images(
+    Output("angle", ("angle",), "f8", "angle about the centroid, from the right upwards", "degree"),
+    Output("radius", ("radius",), "f8", "place between inner (0) and outer (1) log radius"),
+    coordinates=True,
+)
+def map_cells() -> dict[str, NDArray[Any]]:
+    """Return the angles and radii of the cells of log-polar maps."""
+    return {
+        "angle": 360 / ANGLES * (np.arange(ANGLES) + 0.5),
+        "radius": (np.arange(RADII) + 0.5) / RADII,
+    }
+
+
+@stage(
+    Output("silhouettes", ("row", "byte"), "u1"),
+    uses=(Infrared,),
+    along=(Infrared.segmentation, Infrared.subpixel_offsets, Infrared.frame_count),
+)
+def silhouettes(
+    look: Look,
+    super_resolution: str,
+    segmentation: tuple[str, ...],
+    subpixel_offsets: tuple[int, ...],
+    frame_count: tuple[int, ...],
+) -> Bytes:
+    """Return (segmentation, offset, frame_count, row, byte) masks of images, one bit per pixel."""
+    shown = look.images(super_resolution, subpixel_offsets, frame_count)
+    known: dict[str, Any] = {
+        "contrast": look.contrast,
+        **look.imager.sigmas(np.array(frame_count), super_resolution),
+    }
+    masks = [features.segment(shown, method=method, **known) for method in segmentation]
+    return np.packbits(masks, axis=-1)
+
+
+@_of_views(
+    _map("log_polar", label="log-polar map of the segmented silhouette"),
+    along=(
+        *(Infrared.segmentation, Infrared.inner_radius, Infrared.interpolation),
+        *(Infrared.subpixel_offsets, Infrared.frame_count),
+    ),
+)
+def log_polar(
+    silhouettes: Bytes,
+    segmentation: tuple[str, ...],
+    inner_radius: tuple[float, ...],
+    interpolation: tuple[str, ...],
+    subpixel_offsets: tuple[int, ...],
+    frame_count: tuple[int, ...],
+) -> Bytes:
+    """Return maps by segmentation, inner radius, interpolation, offset and number of frames.
+
+    (segmentation, inner_radius, interpolation, offset, frame_count, angle, radius).
+    """
+    # Padding bits beyond the last column are sea, which does not change the map.
+    masks = np.unpackbits(silhouettes, axis=-1).astype(bool)
+    # (inner_radius, interpolation, segmentation, ...)
+    return np.moveaxis(maps_of(masks, inner_radius, interpolation), 2, 0)
+
+
+@_of_images(
+    _map(
+        "template_log_polar",
+        label="log-polar map of the noiseless silhouette at the training range",
+    ),
+    uses=(Infrared, Grid),
+    reads={"hits": "training_hits"},
+    along=(Infrared.inner_radius, Infrared.interpolation, Infrared.subpixel_offsets),
+    dims=(*VIEW, *TEMPLATE),
+    status=STATUS,
+)
+def template_log_polar(
+    hits: Bits,
+    aspect: float,
+    drawn_aspect: float,
+    training_range: float,
+    ifov: float,
+    coverage_rule: float,
+    *,
+    inner_radius: tuple[float, ...],
+    interpolation: tuple[str, ...],
+    subpixel_offsets: tuple[int, ...],
+) -> Bytes:
+    """Return (inner_radius, interpolation, offset, angle, radius) noiseless maps."""
+    patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
+    side = library.footprint(training_range, ifov)
+    shown = [
+        patches.covering(side, subpixel_offset(offset), subdivision=1).target(coverage_rule)
+        for offset in subpixel_offsets
+    ]
+    # Without noise every segmentation gives the same mask.
+    return maps_of(features.segment(shown, method="otsu"), inner_radius, interpolation)
+
+
+def maps_of(
+    masks: NDArray[np.bool_], inner_radius: tuple[float, ...], interpolation: tuple[str, ...]
+) -> Bytes:
+    """Return (inner_radius, interpolation, ..., angle, radius) maps of (..., row, col) masks.
+
+    In 255ths of a cell: half a step is nothing beside what a pixel's noise does.
+    """
+    size = {"angles": ANGLES, "radii": RADII}
+    cells: Any = [
+        [
+            features.log_polar(masks, inner_radius=radius, interpolation=between, **size)
+            for between in interpolation
+        ]
+        for radius in inner_radius
+    ]
+    return np.rint(STEPS * np.array(cells)).astype(np.uint8)
+
+
+# Tables
 
 
 def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the detection probability of ships, from the store's infrared group.
 
-    `probability` by aspect bin, mean over ships, aspects and phases; `lowest`, the least of all
+    `probability` by aspect bin, mean over ships, aspects and offsets; `lowest`, the least of all
     views. Views that are not there are left out; NaN where none is.
     """
     # Imported here because xarray takes a third of a second.
     import xarray as xr
 
-    found = _alone(images, "detection_probability")
-    labels, index = aspect_bins(images.aspect.values)
+    found, aspect = _measured(images, "detection_probability"), images.aspect.values
+    labels, index = aspect_bins(aspect)
     bins = [*(np.flatnonzero(index == k) for k in range(len(labels))), np.arange(len(index))]
-    pooled = [found.isel(aspect=chosen) for chosen in bins]
-    name = xr.Variable("aspect_bin", [*labels, "overall"])
-    return data_set(
-        {
-            "probability": (
-                xr.concat([part.mean(OVER) for part in pooled], name),
-                "mean probability that some pixel of the ship passes the threshold",
-            ),
-            "lowest": (
-                xr.concat([part.min(OVER) for part in pooled], name),
-                "least probability of a view",
-            ),
-        },
-        images.aspect,
+    about = {"long_name": "aspects pooled [deg]"}
+    name = xr.Variable("aspect_bin", [*labels, "overall"], about)
+    mean, least = (
+        xr.concat([reduce(found.isel(aspect=pooled), OVER) for pooled in bins], name)
+        for reduce in (xr.DataArray.mean, xr.DataArray.min)
     )
+    label = "mean probability that some pixel of the ship passes the threshold"
+    table = xr.Dataset(
+        {
+            "probability": described(mean, label),
+            "lowest": described(least, "least probability of a view"),
+        }
+    )
+    lowest = [*(aspect[pooled].min() for pooled in bins[:-1]), np.nan]
+    about = {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"}
+    return table.assign_coords(aspect_low=("aspect_bin", lowest, about))
 
 
 def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the errors of super-resolved images, from the store's infrared group.
 
-    `error`, mean over ships, aspects and phases, and `error_spread`, over them. Views that are not
+    `error`, mean over ships, aspects and offsets, and `error_spread`, over them. Views that are not
     there, and images without contrast, are left out; NaN where none is.
     """
-    error = _alone(images, "reconstruction_error")
-    mean = (error.mean(OVER), "rms difference from the noiseless fine image over contrast")
-    spread = (error.std(OVER), "standard deviation of that over views and phases")
-    return data_set({"error": mean, "error_spread": spread}, None)
+    import xarray as xr
 
-
-def _alone(images: xr.Dataset, name: str) -> xr.DataArray:
-    """One variable, without the coordinates of how silhouettes are cut out, mapped and learnt."""
-    found = images[name].load()
-    return found.drop_vars(
-        [key for key, coord in found.coords.items() if not coord.dims and key != "coverage_rule"]
+    error = _measured(images, "reconstruction_error")
+    label = "rms difference from the noiseless fine image over contrast"
+    spread = "standard deviation of that over views and positions"
+    return xr.Dataset(
+        {
+            "error": described(error.mean(OVER), label),
+            "error_spread": described(error.std(OVER), spread),
+        }
     )
 
 
-STAGES: tuple[Stage, ...] = (
-    *(largest_window, thermal_image, image_window, detection_probability, reconstruction_error),
-)
+def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return attenuation, contrast and signal-to-noise ratio of a ship by range and frames."""
+    import xarray as xr
+
+    axes = {
+        name: images[name].drop_vars(set(images.coords) - {name}, errors="ignore") for name in SEEN
+    }
+    for one in (Infrared.extinction, Infrared.contrast_at_zero, Infrared.nedt):
+        swept = one.name in images.dims
+        axes[one.name] = images[one.name] if swept else xr.DataArray(choices.one(one))
+    whole = dict(zip(axes, xr.broadcast(*axes.values()), strict=True))
+    metres = whole["range"] * 1e3
+    air: dict[str, Any] = {"extinction": (whole["extinction"] * 1e-3).values}
+    seen: dict[str, Any] = air | {"contrast_at_zero": whole["contrast_at_zero"].values}
+    noise: Any = {name: whole[name].values for name in ("frame_count", "nedt")}
+    figures: dict[str, tuple[Any, ...]] = {
+        "attenuation": (
+            library.attenuation(metres.values, **air),
+            "loss in the air, one way",
+            "dB",
+        ),
+        "contrast": (library.contrast(metres.values, **seen), "contrast of ship to sea", "K"),
+        "snr": (library.snr(metres.values, **noise, **seen), "signal-to-noise ratio of a pixel"),
+    }
+    return xr.Dataset(
+        {
+            name: described(metres.copy(data=values), *label)
+            for name, (values, *label) in figures.items()
+        }
+    )
+
+
+def _measured(images: xr.Dataset, name: str) -> xr.DataArray:
+    """Return one variable, without the coordinates of how silhouettes are cut out and mapped."""
+    found = images[name].load()
+    single = [key for key, coord in found.coords.items() if not coord.dims]
+    return found.drop_vars([key for key in single if key != "coverage_rule"])
+
+
+def _table(name: str, tabulate: Any, title: str, figures: tuple[Figure, ...], **how: Any) -> Table:
+    """Return a table of images, with one row for each range and number of frames."""
+    display = Display(f"infrared_{name}", title, figures, rows=SEEN, **how)
+    return Table(f"tables/{name}", (IMAGES,), tabulate, looks_infrared, (display,))
+
+
 TABLES = (
-    Table("tables/detection", (IMAGES,), tabulate_detection, looks_infrared),
-    Table("tables/super_resolution", (IMAGES,), tabulate_reconstruction, looks_infrared),
+    _table(
+        "sensor",
+        tabulate_sensor,
+        "Passive-infrared sensor",
+        (
+            Figure("attenuation", digits=3, format=".2f"),
+            Figure("contrast", digits=4, format=".3f"),
+            Figure("snr", digits=3, format=".1f"),
+        ),
+        source="sensor",
+    ),
+    _table(
+        "detection",
+        tabulate_detection,
+        "Probability that the imager detects a ship",
+        (
+            Figure("probability", format=".1%"),
+            Figure("lowest", "lowest_of_views", format=".1%", listed=False),
+        ),
+        columns="aspect_bin",
+    ),
+    _table(
+        "super_resolution",
+        tabulate_reconstruction,
+        "Error of infrared images against the noiseless one of half the pixel",
+        (Figure("error", beside={"spread": "error_spread"}, digits=4, format=".3f"),),
+        columns="super_resolution",
+        notes=("Root mean square over the contrast of the ship.",),
+    ),
 )

@@ -3,26 +3,45 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ncti import infrared as library
 from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
-from sweeps.engine.errors import ConfigurationError
+from ncti.infrared import Imager, Silhouette
+from ncti.render import LineImage, RangeImage
+from ncti.render.image import Lattice
+from ncti.render.loops import MASK
 from sweeps.engine.kinds import Value
+from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word
-from sweeps.engine.stage import Output, Stage, in_memory, stage
+from sweeps.engine.stage import Output, in_memory, plain, stage
 from sweeps.stages import views
-from sweeps.stages.infrared_look import Bits, Look, Patches, footprint_at, pack_hits
-from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, Grid, looks, quantity
+from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, SI, Grid, looks, quantity, refuse
+
+if TYPE_CHECKING:
+    from ncti.render.mask import Mask
 
 SENSOR = INFRARED
+OPENGL = ("osmesa", "egl")  # engines whose hits `ncti.render.mask` has, too
 IMPORTS = ("ncti.infrared.cells",)  # by its stages, when they are called; takes long
 IMAGES = "infrared"  # group
 VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")  # of its dimensions
+
+MOST_OFFSETS = 1000  # of the ship on the pixels
+MARGIN = 4  # pixels of sea around a ship
+
+SubpixelOffset = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
+Bits = dict[str, NDArray[Any]]
+Floats = NDArray[np.float64]
+
+HALVES = {"none": 2, "perfect": 1, "shifted": 1}
+"""By way of super-resolution: how many half pixels of the detector a pixel is wide."""
 
 # Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
 # 0.5 / sqrt(10,000), is still no less than the 1e-6 K that matched segmentation can tell from 0.
@@ -115,21 +134,208 @@ class Infrared(Settings, key="infrared"):
         25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
     )
     vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
-    phases = draws(
+    subpixel_offsets = draws(
         4,
+        MOST_OFFSETS,
         label="position of the ship on the detector's pixels, by number",
         dimension="phase",
         shown=True,
+        was="phases",
     )
     orders = draws(
-        4,
-        label="order of presentation; 0 is the order of the grid",
-        dimension="order",
-        shown=True,
+        4, label="order of presentation; 0 is the order of the grid", dimension="order", shown=True
     )
 
 
 looks_infrared = looks(INFRARED)
+
+
+# A ship on the detector: its positions on the pixels, and its images
+
+
+def pack_hits(image: RangeImage | LineImage | Mask) -> Bits:
+    """Return where a range image, lines or a mask show the ship.
+
+    Returns
+    -------
+    dict of str to ndarray
+        lattice : (4,) float64, pixel, origin across and up, and roll; of lines their spacing, 0,
+        phase and roll. bits : (byte,) uint8, a bit a pixel; columns : (), of the image, 0 of lines.
+        line : (piece,) int32 and span : (piece, 2) float64, begin and end of what lines see.
+    """
+    if isinstance(image, LineImage):
+        return {
+            "lattice": np.array([image.spacing, 0.0, image.phase, image.roll]),
+            "bits": np.zeros(0, np.uint8),
+            "columns": np.array(0),
+            "line": image.line,
+            "span": image.piece[:, :2],
+        }
+    return {
+        "lattice": np.array([image.pixel, *image.origin, image.roll]),
+        "bits": np.packbits(image.hit),
+        "columns": np.array(image.hit.shape[1]),
+        "line": np.zeros(0, np.int32),
+        "span": np.zeros((0, 2)),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Patches of a ship: (point,) cross-ranges [m], and the area of one [m^2].
+
+    Of lines, points are the corners of their bounding box, and `lines` has what lies between.
+    """
+
+    horizontal: Floats
+    vertical: Floats
+    area: float
+    lines: LineImage | None = None
+
+    @classmethod
+    def of(cls, hits: Bits, *, mirrored: bool = False) -> Patches:
+        """Patches of a stage `hits`, with left and right swapped or not."""
+        pixel, left, bottom, roll = hits["lattice"].tolist()
+        if not hits["columns"]:
+            span = hits["span"]
+            if mirrored:
+                span, roll = -span[:, ::-1], -roll
+            lines = _flat(hits["line"], span, spacing=pixel, phase=bottom, roll=roll)
+            return cls(*lines.bounds, pixel**2, lines)
+        from ncti.infrared.cells import places_of_bits  # numba takes long to import
+
+        lattice = pixel, (left, bottom), Lattice(pixel, (left, bottom), roll).turn
+        horizontal, vertical = places_of_bits(hits["bits"], int(hits["columns"]), *lattice)
+        return cls(-horizontal if mirrored else horizontal, vertical, pixel**2)
+
+    @cached_property
+    def extent(self) -> tuple[float, float, float, float]:
+        """The bounding box, for windows of one shape at all places on the detector."""
+        (left, right), (bottom, top) = (
+            (float(line.min()), float(line.max())) for line in (self.horizontal, self.vertical)
+        )
+        return left, right, bottom, top
+
+    def covering(self, footprint: float, place: SubpixelOffset, *, subdivision: int) -> Silhouette:
+        """Coverage of a detector's pixels with this footprint [m], or of parts of them."""
+        window: dict[str, Any] = {"footprint": footprint, "phase": place, "margin": MARGIN}
+        window |= {"extent": self.extent, "subdivision": subdivision}
+        if self.lines is not None:
+            return library.silhouette(self.lines, **window)
+        return library.coverage_of(self.horizontal, self.vertical, area=self.area, **window)
+
+
+def _flat(
+    line: NDArray[np.int32], span: Floats, *, spacing: float, phase: float, roll: float
+) -> LineImage:
+    """Lines of which only the place across the line of sight counts."""
+    nothing = np.zeros_like(span)
+    surface = np.zeros(len(line), np.int32)
+    piece = np.concatenate([span, nothing], axis=1)
+    return LineImage(line, piece, surface, np.zeros((1, 3)), spacing, phase, 0.0, 0.0, roll)
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A ship at one aspect and range on one detector, imaged on request.
+
+    Only the ship and a margin of sea around it are synthesised: sea farther off does not
+    affect the ship.
+    """
+
+    patches: Patches
+    footprint: float  # side of a pixel on the target [m]
+    contrast: float  # ship above sea, after the air [K]
+    imager: Imager
+    seed: int
+    name: dict[str, Any]  # ship, aspect and range, which name the noise
+    _covered: dict[int, Silhouette] = field(default_factory=dict)
+    _drawn: dict[tuple[str, tuple[int, ...]], tuple[np.random.Generator, list[Floats]]] = field(
+        default_factory=dict
+    )
+
+    @cached_property
+    def _places(self) -> list[list[float]]:
+        # One stream for all, so that a place does not depend on their number.
+        rng = cell_rng(self.seed, stage="infrared_place", **self.name)
+        return rng.random((MOST_OFFSETS, 2)).tolist()
+
+    def place(self, offset: int) -> SubpixelOffset:
+        """Return the position of the ship origin in a pixel, by its number."""
+        across, up = self._places[offset]
+        return across, up
+
+    def covered(self, offset: int) -> Silhouette:
+        """Coverage of half pixels by the ship at one of its places on the detector."""
+        if offset not in self._covered:
+            place = self.place(offset)
+            self._covered[offset] = self.patches.covering(self.footprint, place, subdivision=2)
+        return self._covered[offset]
+
+    def shown(self, offset: int, halves: int) -> NDArray[np.bool_]:
+        """(row, col): pixels of 1 or 2 half pixels' width that show the ship."""
+        pixels = self.covered(offset).coverage
+        if halves > 1:
+            rows, cols = (size // halves for size in pixels.shape)
+            pixels = pixels.reshape(rows, halves, cols, halves).mean(axis=(1, 3))
+        return pixels >= self.imager.coverage_rule
+
+    def images(self, way: str, offsets: tuple[int, ...], frame_counts: tuple[int, ...]) -> Floats:
+        """Return (offset, frame_count, row, col) images [K] of one super-resolution method.
+
+        All places are drawn from one stream in turn, so those before the last one wanted, too.
+        """
+        draw = library.shifted_images if way == "shifted" else library.thermal_images
+        if (way, frame_counts) not in self._drawn:
+            rng = cell_rng(self.seed, stage="infrared", super_resolution=way, **self.name)
+            self._drawn[way, frame_counts] = rng, []
+        rng, drawn = self._drawn[way, frame_counts]
+        for offset in range(len(drawn), max(offsets) + 1):
+            images = draw(
+                self.shown(offset, HALVES[way]),
+                contrast=self.contrast,
+                frame_counts=frame_counts,
+                rng=rng,
+                nedt=self.imager.nedt,
+                target_spread=self.imager.target_spread,
+                sea_spread=self.imager.sea_spread,
+            )
+            drawn.append(images)
+        return np.array([drawn[offset] for offset in offsets])
+
+
+@lru_cache(maxsize=8)  # all ways of super-resolution at one place have it
+def whole_window(
+    *,
+    slant_range: float,
+    depression: float,
+    ifov: float,
+    length: float,
+    height: float,
+    place: SubpixelOffset = (0.0, 0.0),
+) -> Silhouette:
+    """Return half pixels of a window for the largest ship, all of them sea.
+
+    At a slant range [m] and depression [deg], of an IFOV [rad]; length and height are the ship's
+    [m], and its origin is at a place in a pixel.
+    """
+    half, down = length / 2, np.radians(depression)
+    bottom = -half * np.sin(down)
+    top = half * np.sin(down) + height * np.cos(down)
+    # The nearest part of the ship looks this much larger than at the range of the ship origin.
+    nearest = half * np.cos(down) + height * np.sin(down)
+    larger = 1.0 / (1.0 - min(nearest / slant_range, 0.5))
+    sides = (-half * larger, half * larger, bottom * larger, top * larger)
+    frame: dict[str, Any] = {"extent": sides, "margin": MARGIN}
+    pixel = library.footprint(slant_range, ifov)
+    sea = np.zeros(0)
+    return library.coverage_of(
+        sea, sea, area=1.0, footprint=pixel, phase=place, **frame, subdivision=2
+    )
+
+
+# Stages
+
 
 infrared_depression = replace(
     views.depression, name="infrared_depression", reads={"range": Infrared.range}
@@ -137,11 +343,25 @@ infrared_depression = replace(
 training_depression = replace(
     views.depression, name="training_depression", reads={"range": Infrared.training_range}
 )
+
+
+@plain()
+def silhouette_engine(drawing_engine: str) -> str:
+    """Return the engine of silhouettes, which need no depth where OpenGL would draw it."""
+    return MASK if drawing_engine in OPENGL else drawing_engine
+
+
 infrared_images = views.image_stages(
-    "infrared_image", range=Infrared.range, depression="infrared_depression"
+    "infrared_image",
+    range=Infrared.range,
+    depression="infrared_depression",
+    engine=silhouette_engine.name,
 )
 training_images = views.image_stages(
-    "training_image", range=Infrared.training_range, depression="training_depression"
+    "training_image",
+    range=Infrared.training_range,
+    depression="training_depression",
+    engine=silhouette_engine.name,
 )
 
 hits = stage(
@@ -156,30 +376,25 @@ hits = stage(
 training_hits = replace(hits, name="training_hits", reads={"image": "training_image"})
 
 
+imager = plain(uses=(Infrared,), name="imager")(Imager)
+
+
 @in_memory(uses=(Infrared, Grid, Run))
 def look(
     hits: Bits,
+    imager: Imager,
     ship: str,
     aspect: float,
     drawn_aspect: float,
     range: float,
     ifov: float,
-    coverage_rule: float,
-    contrast_at_zero: float,
-    extinction: float,
-    nedt: float,
-    target_spread: float,
-    sea_spread: float,
     seed: int,
 ) -> Look:
     """Return a ship on the detector."""
-    contrast = library.contrast(
-        range * 1e3, contrast_at_zero=contrast_at_zero, extinction=extinction * 1e-3
-    )
-    name = {"ship": str(ship), "aspect": aspect, "range": range}
-    noise = (nedt, target_spread, sea_spread, seed)
+    name = {"ship": str(ship), "aspect": aspect, "range": range / SI["km"]}
     patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
-    return Look(patches, footprint_at(range, ifov), coverage_rule, contrast, *noise, name)
+    contrast = imager.contrast(range)
+    return Look(patches, library.footprint(range, ifov), contrast, imager, seed, name)
 
 
 def check(choices: Choices) -> Choices:
@@ -188,12 +403,8 @@ def check(choices: Choices) -> Choices:
         return choices
     same = choices[Infrared.range] == choices[Grid.range]
     named = Grid.range if same else Infrared.range
-    narrowest = min(choices[Infrared.ifov]) / 2
     for setting in (named, Infrared.training_range):
-        for where in choices[setting]:
-            views.check_range(
-                choices, setting.key, where, narrowest=narrowest, beam="half infrared.ifov"
-            )
+        views.check_ranges(choices, setting, Infrared.ifov, part=0.5)
     for ship in choices[Grid.ship]:
         check_window(choices, ship)
     return choices
@@ -207,14 +418,8 @@ def check_window(choices: Choices, ship: Value) -> None:
     for setting, needed in ((Infrared.window_length, longest), (Infrared.window_height, highest)):
         allowed = choices.one(setting)
         if needed > allowed:
-            raise ConfigurationError(
-                f"{setting.key} is {allowed:g} m, but must be at least {math.ceil(needed)} m to "
-                f"hold {ship}{views.hint(ship)}"
-            )
+            hold = f"at least {math.ceil(needed)} m to hold {ship}{views.hint(ship)}"
+            refuse(setting, allowed, hold)
 
 
 SETTINGS: tuple[type[Settings], ...] = (Infrared,)
-STAGES: tuple[Stage, ...] = (
-    *(infrared_depression, training_depression, *infrared_images, *training_images),
-    *(hits, training_hits, look),
-)

@@ -10,33 +10,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.irar import Flight, Pass, Scan, Snapshot, Window, fly, reflectivity, ship_heading
+from ncti.irar import Flight, Pass, Scan, fly, reflectivity, ship_heading
 from ncti.irar.chain import MIRROR_METHODS, RANGE_FILTERS
+from ncti.irar.corrected import EXACT, NO_ERROR, RATES
 from ncti.irar.registration import MOTION_METHODS
+from ncti.ladar.budget import power_ratio
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Kind, Number, Value
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Setting, Settings, count, number, set_of, switch, word
 from sweeps.stages.ships import ships
-from sweeps.stages.views import IRAR, MOST_FRAMES, Grid, quantity
+from sweeps.stages.views import IRAR, MOST_FRAMES, SI, Grid, quantity
 
 if TYPE_CHECKING:
     import trimesh
 
 Arrays = dict[str, NDArray[Any]]
 Values = Mapping[str, Any]  # by dimension
-Pairs = tuple[tuple[str, Any], ...]  # the same, as a value of a stage
 
 SENSOR = IRAR
 GROUP = "validation"
 
-EXACT = "exact"
-RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
-"""Meaning of f in the source's printed corrections: the line rate, or the pulse-repetition
-frequency, as the source states."""
-
 Error = tuple[str, float]
-NO_ERROR: Error = ("none", 0.0)
 MOST_WRONG = {  # percent, m/s, degrees
     "aircraft_speed": 50.0,
     "ship_speed": 50.0,
@@ -46,18 +41,7 @@ MOST_WRONG = {  # percent, m/s, degrees
 }
 ERROR_VALUE = "error: aircraft_speed in percent, ship_speed in m/s, others in degrees"
 
-CELLS = 8
-"""Of the truth along a pixel; 4 or 10 move tilts of noiseless ships by 0.1 deg."""
-
-IN_SI = {  # settings of a flight that the library has by another name or in another unit
-    "range": ("slant_range", 1e3),
-    "ifov": ("ifov", 1e-6),
-    "jitter": ("jitter", 1e-6),
-    "flown_pulse_width": ("pulse_width", 1e-9),
-    "band_start": ("band_start", 1e-6),
-    "band_stop": ("band_stop", 1e-6),
-    "band_extinction": ("band_extinction", 1e-3),
-}
+LIBRARY = {"range": "slant_range", "flown_pulse_width": "pulse_width"}  # names of a `Flight`
 OF_NO_FLIGHT = ("transom_gain", "mast_gain", "replicate")  # of the ship, and of the noise
 
 
@@ -74,10 +58,11 @@ class Errors(Kind):
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """(parameter, error) pairs, `none` first; see `sweeps.engine.kinds.Kind.values`."""
-        if not isinstance(given, Mapping | None):
-            raise ConfigurationError(f"{key} is {given!r}, but must be {self.allowed}")
+        if not isinstance(given, Mapping):
+            value = "null" if given is None else repr(given)
+            raise ConfigurationError(f"{key} is {value}, but must be {self.allowed}")
         found: set[Error] = set()
-        for parameter, errors in (given or {}).items():
+        for parameter, errors in given.items():
             if parameter not in MOST_WRONG:
                 raise ConfigurationError(
                     f"{key}.{parameter} is not a key of the configuration; {key} has "
@@ -110,19 +95,20 @@ class Errors(Kind):
 
 
 # With one value they are scalar coordinates of what depends on them.
-_axis = partial(quantity, noted=True)
+# Not in SI, since their values name the noise, too.
+_axis = partial(quantity, noted=True, si=None)
 _count = partial(count, noted=True)
 _word = partial(word, noted=True)
 
 
-class Irar(Settings, key="irar"):
-    """Flights past the ships.
+class Course(Settings, key="irar"):
+    """Course and radar of a flight: what the pass and the truth depend on.
 
     The source gives the ranges, the mirror, the detectors and the 1 m of a range; speeds, rates,
     gate, samples and carrier-to-noise ratio are assumptions that lead to its 8 to 12 lines a pixel.
     """
 
-    range = quantity(3.9, 0.1, 1000, "km", "slant range", shown=True)
+    range = quantity(3.9, 0.1, 1000, "km", "slant range", shown=True, si=None)
     depression = _axis(6.7, 0.1, 60, "degree", "depression of the line of sight")
     aircraft_speed = _axis(90, 1, 1000, "m s-1", "speed of the aircraft")
     ship_speed = _axis(
@@ -159,14 +145,24 @@ class Irar(Settings, key="irar"):
         label="assumed reflectivity of masts relative to the ship",
         help="above 1 they glint",
     )
-    cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
     pulse_width = _axis(
         *(30, 2, 1000, "ns", "pulse width of the flight's radar, full width at 1/e^2"),
         dimension="flown_pulse_width",
     )
+
+
+class Receivers(Settings, key="irar"):
+    """The receivers of a flight: what its raw images depend on as well."""
+
+    cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
     range_sigma = _axis(1, 0, 100, "m", "standard deviation of a measured range")
     threshold = _axis(4, 0, 1e9, "1", "noise powers that a peak must reach to be reported")
     nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
+
+
+class Passive(Settings, key="irar"):
+    """The passive image of a flight; it does not name the noise."""
+
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
     band_stop = _axis(12, 0.1, 1000, "um", "longest wavelength of the passive detectors")
     contrast_at_zero = _axis(*(2.1585, 0, 1000, "K", "contrast of ship to sea at zero range"))
@@ -182,6 +178,11 @@ class Irar(Settings, key="irar"):
     clutter_length = _axis(
         10, 0.01, 1e5, "m", "distance on the water at which clutter is correlated by 1/e"
     )
+
+
+class Irar(Course, Receivers, Passive, key="irar"):
+    """Flights past the ships, and the corrections of their images."""
+
     errors = Setting(
         Errors(),
         {},
@@ -234,24 +235,10 @@ class Irar(Settings, key="irar"):
     )
 
 
-FLOWN: tuple[Setting, ...] = (
-    *(Irar.range, Irar.depression, Irar.aircraft_speed, Irar.ship_speed, Irar.aircraft_heading),
-    *(Irar.aircraft_track, Irar.offset, Irar.pointing, Irar.mirror_angle, Irar.ifov),
-    *(Irar.line_rate, Irar.samples, Irar.pulse_rate, Irar.range_gate, Irar.detectors),
-    *(Irar.jitter, Irar.jitter_time, Irar.transom_gain, Irar.mast_gain),
-    Irar.pulse_width,  # the truth's peaks, too, are as wide as the pulse
-)
+FLOWN = Course.declared
 """Settings on which the pass and the truth depend."""
 
-PASSIVE: tuple[Setting, ...] = (
-    *(Irar.band_start, Irar.band_stop, Irar.contrast_at_zero, Irar.sea_temperature),
-    *(Irar.band_extinction, Irar.clutter, Irar.clutter_length),
-)
-"""Settings of the passive image; they do not name the noise."""
-
-RECORDED: tuple[Setting, ...] = (
-    *(Grid.replicate, Irar.cnr, Irar.range_sigma, Irar.threshold, Irar.nedt, *PASSIVE),
-)
+RECORDED = (Grid.replicate, *Receivers.declared, *Passive.declared)
 """Settings on which the raw images depend as well."""
 
 CORRECTED: tuple[Setting, ...] = (
@@ -259,25 +246,26 @@ CORRECTED: tuple[Setting, ...] = (
 )
 """Settings on which corrected images depend as well."""
 
-FLIGHT: tuple[str, ...] = (  # dimensions of a flight in the store, in their order
-    *(one.name for one in FLOWN if one is not Irar.pulse_width),
-    *(one.name for one in (Irar.cnr, Irar.pulse_width, Irar.range_sigma, Irar.threshold)),
-    *(one.name for one in (Irar.nedt, *PASSIVE, *CORRECTED, Grid.replicate)),
+FLIGHT: tuple[str, ...] = tuple(  # dimensions of a flight in the store, in their order
+    one.name
+    for one in (
+        *FLOWN[:-1],
+        *(Irar.cnr, Irar.pulse_width, *Receivers.declared[1:], *Passive.declared),
+        *(*CORRECTED, Grid.replicate),
+    )
 )
-
 DIMS = ("ship", "aspect", *FLIGHT)
 
 
 def parameters(values: Values) -> dict[str, Any]:
-    """Return parameters of a `Flight` from values of `FLOWN` and `RECORDED`."""
-    found = {}
-    for name, value in values.items():
-        own, unit = IN_SI.get(name, (name, None))
-        if name == "cnr":
-            found[own] = 10 ** (value / 10)
-        elif name not in OF_NO_FLIGHT:
-            found[own] = value if unit is None else value * unit
-    return found
+    """Return parameters of a `Flight`, in SI, of values of `FLOWN` and `RECORDED`."""
+    units = {one.name: SI.get(one.unit) for one in (*FLOWN, *RECORDED)}
+    found = {
+        LIBRARY.get(name, name): value if units[name] is None else value * units[name]
+        for name, value in values.items()
+        if name not in OF_NO_FLIGHT
+    }
+    return found | ({"cnr": power_ratio(found["cnr"])} if "cnr" in found else {})
 
 
 def flight_of(aspect: float, values: Values) -> Flight:
@@ -300,20 +288,19 @@ def fly_past(
     mesh: trimesh.Trimesh,
     course: Values,
     *,
-    ship: str,
-    aspect: float,
     replicate: int,
-    seed: int,
     reflectance: str,
+    seed: int,
+    **view: Any,
 ) -> Pass:
     """Return a pass by a ship, of carrier-to-noise ratio 1, on a course of values of `FLOWN`.
 
-    Without jitter all replicates are one draw.
+    The view is the name of the ship, and its aspect [deg]. Without jitter all replicates are one
+    draw.
     """
-    draw = draw_number(replicate, course["jitter"])
-    name = {"stage": "flight_attitude", "ship": ship, "aspect": aspect, "replicate": draw}
-    rng = cell_rng(seed, **name, **course)
-    return fly(mesh, flight_of(aspect, course), rng=rng, **surface(mesh, course, reflectance))
+    draw = {"stage": "flight_attitude", "replicate": draw_number(replicate, course["jitter"])}
+    flight, rng = flight_of(view["aspect"], course), cell_rng(seed, **draw, **view, **course)
+    return fly(mesh, flight, rng=rng, **surface(mesh, course, reflectance))
 
 
 def draw_number(replicate: int, jitter: float) -> int:
@@ -327,57 +314,26 @@ def received(flown: Pass, receivers: Values) -> Pass:
     return replace(flown, plan=replace(flown.plan, flight=flight))
 
 
-def recorded(
-    flown: Pass, course: Values, receivers: Values, *, ship: str, aspect: float, seed: int
-) -> Scan:
+def recorded(flown: Pass, course: Values, receivers: Values, *, seed: int, **view: Any) -> Scan:
     """Return the raw images of a pass, by receivers of values of `RECORDED`.
 
     All else is one draw, for any passive band.
     """
-    shown = {one.name for one in PASSIVE}
+    shown = {one.name for one in Passive.declared}
     named = {name: value for name, value in receivers.items() if name not in shown}
-    rng = cell_rng(seed, stage="flight", ship=ship, aspect=aspect, **course, **named)
+    rng = cell_rng(seed, stage="flight", **view, **course, **named)
     return received(flown, receivers).record(rng)
 
 
-def scan_again(
-    values: Values, mesh: trimesh.Trimesh, *, ship: str, aspect: float, seed: int, reflectance: str
-) -> Scan:
-    """Return the raw images that a sweep of a seed made of a flight past a ship at an aspect [deg].
+def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **place: Any) -> Scan:
+    """Return the raw images that a sweep made of a flight past a ship.
 
     Values are of all of `FLOWN` and `RECORDED`, None where null was given; others are left alone.
+    The place is the sweep's seed, the name of the ship, and its aspect [deg].
     """
     course, receivers = ({one.name: values[one.name] for one in on} for on in (FLOWN, RECORDED))
-    name: dict[str, Any] = {"ship": ship, "aspect": aspect, "seed": seed}
-    replicate = receivers["replicate"]
-    flown = fly_past(mesh, course, **name, replicate=replicate, reflectance=reflectance)
-    return recorded(flown, course, receivers, **name)
+    draw = {"replicate": receivers["replicate"], "reflectance": reflectance}
+    return recorded(fly_past(mesh, course, **draw, **place), course, receivers, **place)
 
 
-def ship_pixels(fine: Snapshot) -> Arrays:
-    """Return the pixels of a segmented image that show the ship, as arrays; see `image_of`."""
-    there = np.isfinite(fine.range) & (fine.intensity > 0)
-    return {
-        "fine_row": fine.row,
-        "fine_column": fine.column,
-        "ship_pixel": np.argwhere(there),
-        "ship_value": np.stack([fine.intensity[there], fine.range[there]], axis=-1),
-    }
-
-
-def image_of(found: Arrays) -> Snapshot:
-    """Return the overscanned image of a flight from its `ship_pixels` and its window.
-
-    Intensity and range where it shows the ship; nothing elsewhere, and no infrared.
-    """
-    row, column = found["fine_row"], found["fine_column"]
-    intensity, ranges = np.zeros((2, row.size, column.size))
-    at = tuple(found["ship_pixel"].T)
-    ranges[:] = np.nan
-    intensity[at], ranges[at] = found["ship_value"].T
-    pixels = Window(int(found["window_bottom"]), int(found["window_left"]), 0, column.size)
-    nothing = np.zeros(intensity.shape)
-    return Snapshot(pixels, row, column, intensity, ranges, nothing, nothing.astype(np.intp))
-
-
-SETTINGS: tuple[type[Settings], ...] = (Irar,)
+SETTINGS: tuple[type[Settings], ...] = (Course, Receivers, Passive, Irar)

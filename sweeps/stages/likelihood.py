@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,18 +11,9 @@ from ncti.classify.fusion import label_posterior
 from ncti.features.profile import estimated_floor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, number, switch
-from sweeps.engine.stage import Output, Stage, in_memory, stage
+from sweeps.engine.stage import Output, in_memory, plain, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import (
-    GATHERED,
-    NONE,
-    Arrays,
-    Classifier,
-    Floats,
-    Naming,
-    Profiles,
-    Views,
-)
+from sweeps.stages.classifier import GATHERED, NONE, Arrays, Classifier, Floats, Profiles, Views
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import RANGE, Grid
 
@@ -30,7 +22,7 @@ if TYPE_CHECKING:
 
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
-NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
+ANSWERS = classifier.ClassifierGroup(NAME, classifier.names_by(NAME, RANGE))
 
 
 KNOWN = "classifier.aspect_known has True, but must be false where {}"
@@ -60,8 +52,12 @@ class Likelihood(Settings, key="classifier"):
         label="restriction to exact templates at the true aspect",
         help="used by the likelihood, as if a track gave the heading",
     )
-    nugget = number(
-        1e-3, 1e-9, 1000, label="variance of noise beyond the model, relative to the model's"
+    diagonal_loading = number(
+        1e-3,
+        1e-9,
+        1000,
+        label="variance of noise beyond the model, relative to the model's",
+        was="nugget",
     )
     template_error = number(
         *(None, 0, 1000),
@@ -70,86 +66,92 @@ class Likelihood(Settings, key="classifier"):
     )
 
 
-@stage(
-    Output("calibrated_error", dtype="f8"),
-    uses=(Grid, Likelihood),
-    gather=GATHERED,
-    stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
-)
-def calibrated_error(
-    expected: Profiles,
-    covariance: Profiles,
-    there: Views,
-    training_views: Views,
-    aspect: tuple[float, ...],
-    nugget: float,
-    floor_sigma: float,
-    template_error: float | None,
-    aspect_known: bool,
-    rng: np.random.Generator,
-    floor_estimated: bool = False,
-) -> Floats:
-    """Return the template error, calibrated on templates left out unless it is given."""
-    known = there & training_views
-    if aspect_known:
-        return np.array(0.0)
-    if template_error is None and known.any():
-        priors = nugget, floor_sigma
-        means = _levelled(expected, floor_estimated)
-        templates = _templates(means, covariance, known, aspect, priors, None, rng)
-        return np.array(templates.template_error_)
-    return np.array(template_error or 0.0)
+@dataclass(frozen=True)
+class Prior:
+    """What is known of profiles before they are seen."""
+
+    diagonal_loading: float
+    floor_sigma: float
+    floor_estimated: bool
+
+    def levelled(self, profiles: Profiles) -> Profiles | Floats:
+        """Return profiles with their floors removed where these are estimated."""
+        return profiles - estimated_floor(profiles) if self.floor_estimated else profiles
 
 
-@in_memory(uses=(Grid, Likelihood), gather=GATHERED, keep=2)
+prior = plain(uses=(Likelihood,), name="prior")(Prior)
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Moments of profiles by (ship, aspect), and which views are learned."""
+
+    expected: Profiles
+    covariance: Profiles
+    known: Views
+    aspect: tuple[float, ...]
+    prior: Prior
+
+    def templates(
+        self, template_error: float | None, rng: np.random.Generator | None = None
+    ) -> GaussianTemplates:
+        """Return templates of the views learned; their error is calibrated if it is None.
+
+        Their floor, which the target's gain leaves alone, is what the window's edge holds: noise,
+        the ship's own IFOVs' among it.
+        """
+        # Imported here because scikit-learn takes a second.
+        from ncti.classify.likelihood import GaussianTemplates
+
+        means = self.prior.levelled(self.expected)[self.known]
+        ship, column = self.known.nonzero()
+        at = np.array(self.aspect)[column]
+        return GaussianTemplates(
+            diagonal_loading=self.prior.diagonal_loading,
+            floor_sigma=self.prior.floor_sigma,
+            template_error=template_error,
+        ).fit(means, self.covariance[self.known], ship, floor=means[:, :1], aspect=at, rng=rng)
+
+
+@in_memory(uses=(Grid,), gather=GATHERED, keep=2)
 def profile_moments(
     expected: Profiles,
     covariance: Profiles,
-    there: Views,
+    valid: Views,
     training_views: Views,
     aspect: tuple[float, ...],
-    nugget: float,
-    floor_sigma: float,
-    calibrated_error: Floats,
-    floor_estimated: bool = False,
+    prior: Prior,
+) -> Moments:
+    """Return the moments of all profiles."""
+    return Moments(expected, covariance, valid & training_views, aspect, prior)
+
+
+@stage(
+    Output("calibrated_error", dtype="f8"),
+    uses=(Likelihood,),
+    stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
+)
+def calibrated_error(
+    profile_moments: Moments,
+    *,
+    template_error: float | None,
+    aspect_known: bool,
+    rng: np.random.Generator,
+) -> Floats:
+    """Return the template error, calibrated on templates left out unless it is given."""
+    if aspect_known:
+        return np.array(0.0)
+    if template_error is None and profile_moments.known.any():
+        return np.array(profile_moments.templates(None, rng).template_error_)
+    return np.array(template_error or 0.0)
+
+
+@in_memory(keep=2)
+def profile_templates(
+    profile_moments: Moments, calibrated_error: Floats
 ) -> tuple[GaussianTemplates, Views]:
     """Return the templates of all training views, and their (ship, aspect) mask."""
-    known = there & training_views
-    error, priors = float(calibrated_error), (nugget, floor_sigma)
-    means = _levelled(expected, floor_estimated)
-    return _templates(means, covariance, known, aspect, priors, error), known
-
-
-def _levelled(profiles: Profiles, floor_estimated: bool) -> Profiles | Floats:
-    """Return profiles with their floors removed where these are estimated."""
-    return profiles - estimated_floor(profiles) if floor_estimated else profiles
-
-
-def _templates(
-    expected: Profiles | Floats,
-    covariance: Profiles,
-    known: Views,
-    aspect: tuple[float, ...],
-    priors: tuple[float, float],
-    template_error: float | None,
-    rng: np.random.Generator | None = None,
-) -> GaussianTemplates:
-    """Return templates of some views, of a nugget and a prior of the floor.
-
-    Their floor, which the target's gain leaves alone, is what the window's edge holds: noise, the
-    ship's own IFOVs' among it.
-    """
-    # Imported here because scikit-learn takes a second.
-    from ncti.classify.likelihood import GaussianTemplates
-
-    means = expected[known]
-    ship, column = known.nonzero()
-    nugget, floor_sigma = priors
-    templates = GaussianTemplates(
-        nugget=nugget, floor_sigma=floor_sigma, template_error=template_error
-    )
-    at = np.array(aspect)[column]
-    return templates.fit(means, covariance[known], ship, floor=means[:, :1], aspect=at, rng=rng)
+    return profile_moments.templates(float(calibrated_error)), profile_moments.known
 
 
 @stage(
@@ -159,95 +161,86 @@ def _templates(
     gather=GATHERED,
 )
 def profile_scores(
-    profile_moments: tuple[GaussianTemplates, Views],
+    profile_templates: tuple[GaussianTemplates, Views],
     averaged: Profiles,
-    there: Views,
+    valid: Views,
     gain_sigma: tuple[float, ...],
     frame_count: tuple[int, ...],
-    floor_estimated: bool = False,
+    prior: Prior,
 ) -> Floats:
     """Return (gain_sigma, frame_count, view, template) log densities.
 
     NaN for missing views and for templates that are not learned. `gain_sigma` is the prior
     standard deviation of the gain.
     """
-    templates, known = profile_moments
-    views = there.reshape(-1)
-    whole = len(gain_sigma), len(frame_count), views.size, views.size
-    found = np.full(whole, np.nan)
+    templates, known = profile_templates
+    views = valid.reshape(-1)
+    scores = np.full((len(gain_sigma), len(frame_count), views.size, views.size), np.nan)
     for f, count in enumerate(frame_count):
-        seen = _levelled(averaged[f][there], floor_estimated)
-        one = templates.log_likelihood(seen, count, gain_sigma=gain_sigma)
-        found[:, f, views[:, None] & known.reshape(-1)] = one.reshape(len(gain_sigma), -1)
-    return found
+        seen = prior.levelled(averaged[f][valid])
+        logs = templates.log_likelihood(seen, count, gain_sigma=gain_sigma)
+        scores[:, f, views[:, None] & known.reshape(-1)] = logs.reshape(len(gain_sigma), -1)
+    return scores
 
 
-@NAMING.answers(
+@ANSWERS.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
     Output("similarity", classifier.VIEW, label="posterior probability of the predicted ship"),
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
     along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
-    dims=(
-        *classifier.OF_PROFILES,
-        "gain_sigma",
-        "left_out",
-        "replicate",
-        "ifov_phase",
-        "frame_count",
-    ),
+    dims=classifier.of_profiles("gain_sigma", "left_out"),
 )
 def likelihood(
-    profile_moments: tuple[GaussianTemplates, Views],
+    profile_templates: tuple[GaussianTemplates, Views],
     profile_scores: Floats,
     averaged: Profiles,
-    there: Views,
+    valid: Views,
+    prior: Prior,
+    *,
     gain_sigma: tuple[float, ...],
     left_out: tuple[bool, ...],
     frame_count: tuple[int, ...],
     aspect_known: bool,
-    floor_estimated: bool = False,
 ) -> Arrays:
     """Return the most probable ship, one number of frames at a time.
 
     Where the true aspect is left out, templates of all ships at it are, and cells of those beside
     it reach as far as it.
     """
-    templates, known = profile_moments
+    templates, known = profile_templates
     classifier.require_another_aspect(known, left_out)
-    (true, of_view), (of_ship, of_template) = np.nonzero(there), np.nonzero(known)
-    rows_of, columns_of = np.ix_(there.reshape(-1), known.reshape(-1))
-    whole = (len(gain_sigma), len(left_out), len(frame_count), *there.shape)
-    named, probability = np.full(whole, NONE), np.full(whole, np.nan)
-    similarity = np.full(whole, np.nan)
+    (true, of_view), (of_ship, of_template) = np.nonzero(valid), np.nonzero(known)
+    pairs = np.ix_(valid.reshape(-1), known.reshape(-1))
+    whole = (len(gain_sigma), len(left_out), len(frame_count), *valid.shape)
+    named, (probability, similarity) = np.full(whole, NONE), np.full((2, *whole), np.nan)
+    same = of_view[:, None] == of_template
     for k, f in np.ndindex(whole[1:3]):
-        compared = profile_scores[:, f, rows_of, columns_of]
-        same = of_view[:, None] == of_template
+        logs = profile_scores[:, f, *pairs]
         exclude = (same & left_out[k]) | (~same & aspect_known)
         if left_out[k] and templates.template_error_:
-            seen = _levelled(averaged[f][there], floor_estimated)
+            seen = prior.levelled(averaged[f][valid])
             for column in np.unique(of_view):
                 rows, others = of_view == column, of_template != column
                 rest = templates.without(~others)
-                compared[(..., *np.ix_(rows, others))] = rest.log_likelihood(
+                logs[(..., *np.ix_(rows, others))] = rest.log_likelihood(
                     seen[rows], frame_count[f], gain_sigma=gain_sigma
                 )
-        for g, logs in enumerate(compared):
-            posterior = label_posterior(logs, of_ship, exclude=exclude)
-            answer = named[g, k, f], probability[g, k, f], similarity[g, k, f]
-            answer[0][there], answer[1][there] = classifier.most_probable(posterior, true)
-            answer[2][there] = posterior[1].max(axis=1)
-    error = np.full(whole[:3], templates.template_error_)
-    return classifier.judged(named, there) | {
+        for g, of_gain in enumerate(logs):
+            posterior = label_posterior(of_gain, of_ship, exclude=exclude)
+            best, of_true = classifier.most_probable(posterior, true)
+            named[g, k, f][valid], probability[g, k, f][valid] = best, of_true
+            similarity[g, k, f][valid] = posterior[1].max(axis=1)
+    return classifier.judged(named, valid) | {
         "probability": probability,
         "similarity": similarity,
-        "calibrated_error": error,
+        "calibrated_error": np.full(whole[:3], templates.template_error_),
     }
 
 
 def check(choices: Choices) -> Choices:
     """Refuse receivers with unknown moments, and leaving all aspects out."""
-    if NAMING.when(choices):
+    if ANSWERS.when(choices):
         classifier.check_receiver(choices, NAME)
         classifier.check_left_out(choices)
         if any(choices[Likelihood.aspect_known]):
@@ -259,5 +252,4 @@ def check(choices: Choices) -> Choices:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Likelihood,)
-STAGES: tuple[Stage, ...] = (calibrated_error, profile_moments, profile_scores, likelihood)
-TABLES = NAMING.tables(rejecting=True)
+TABLES = ANSWERS.tables(rejecting=True)

@@ -6,23 +6,24 @@ Article, 'Conclusions': measured profiles of ships that synthetic ones were lear
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, in_memory, plain, stage
-from sweeps.stages import categories, classifier
-from sweeps.stages.categories import Lessons, Network
-from sweeps.stages.classifier import NONE, Arrays, Classifier, Naming, Profiles, Views
+from sweeps.engine.stage import Output, in_memory, plain
+from sweeps.stages import acn, classifier
+from sweeps.stages.acn import Network, TrainingSet
+from sweeps.stages.classifier import NONE, Arrays, Classifier, ClassifierGroup, Profiles, Views
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flights import flown
 from sweeps.stages.irar import FLIGHT, Irar
-from sweeps.stages.mnn import mnn, mnn_training
-from sweeps.stages.scores import data_set, scored_profiles
+from sweeps.stages.mnn import Training, mnn, mnn_training
+from sweeps.stages.scores import tabulate_scores
 from sweeps.stages.signatures import KINDS, NAMES, signature_kinds
-from sweeps.stages.views import IRAR, Grid, Sweep, looks
+from sweeps.stages.views import IRAR, RANGE, Grid, Sweep, looks
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,93 +32,68 @@ Namer = Callable[[Profiles, Views], Arrays]
 """Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that
 returns `predicted` and `correct`, (kind, ship, aspect)."""
 
-NAMING = Naming(
+ANSWERS = ClassifierGroup(
     "measured", looks(IRAR), of="profiles of simulated flights", dims=("kind", "ship", "aspect")
 )
 
 
-def acn_namer(
-    profiles: Profiles,
-    there: Views,
-    training_views: Views,
-    *,
-    presentation: tuple[int, int],
-    learn_in_test: bool,
-    label_rule: str,
-    score_rule: str,
-    **settings: Any,
-) -> Namer:
-    """Train the Adaptive Clustering Network."""
-    lessons = Lessons.of(profiles, there, classifier.profile_vectors)
-    formed = categories.form_categories(lessons, training_views, presentation, **settings)
-    names = {key: one[None] for key, one in categories.name_categories(formed, label_rule).items()}
+@dataclass(frozen=True)
+class AcnSettings:
+    """What training and test of the Adaptive Clustering Network depend on."""
 
-    def name(tests: Profiles, there: Views) -> Arrays:
-        rules = (score_rule,), learn_in_test
-        found = categories.answer_tests(lessons, formed, names, tests, there, *rules)
-        return {key: found[key][:, 0, 0] for key in ("predicted", "correct")}
+    presentation: tuple[int, int]
+    vigilance: float
+    learning_rate: float
+    max_passes: int
+    learn_in_test: bool
+    label_rule: str
+    score_rule: str
+
+
+acn_settings = plain(
+    uses=(Grid, Network), reads={"presentation": "profile_order"}, name="acn_settings"
+)(AcnSettings)
+
+
+def train_acn(given: AcnSettings, profiles: Profiles, valid: Views, views: Views) -> Namer:
+    """Train the Adaptive Clustering Network."""
+    training_set = TrainingSet.of(profiles, valid, classifier.profile_vectors)
+    how = given.vigilance, given.learning_rate, given.max_passes, (given.label_rule,)
+    formed = acn.form_categories(training_set, views, given.presentation, *how)
+
+    def name(tests: Profiles, valid: Views) -> Arrays:
+        rules = (given.score_rule,), given.learn_in_test
+        answers = acn.answer_tests(training_set, formed, tests, valid, *rules)
+        return {key: answers[key][:, 0, 0] for key in ("predicted", "correct")}
 
     return name
 
 
-def mnn_namer(
-    profiles: Profiles,
-    there: Views,
-    training_views: Views,
-    aspect: tuple[float, ...],
-    rng: np.random.Generator,
-    **settings: Any,
-) -> Namer:
-    """Train the multilayered network."""
-    trained = mnn_training(profiles, there, training_views, aspect, tuple(settings.items()), rng)
-    return lambda tests, there: mnn(trained, tests, there, aspect, settings["inputs"])
-
-
-def correlation_namer(profiles: Profiles, there: Views, training_views: Views) -> Namer:
+def store_templates(profiles: Profiles, valid: Views, views: Views) -> Namer:
     """Store the training profiles for correlation."""
-    lessons = classifier.profile_vectors(profiles)[None]
+    training_set = classifier.profile_vectors(profiles)[None]
 
-    def name(tests: Profiles, now_there: Views) -> Arrays:
-        found = [
-            match_views(lessons, of_kind, now_there, training_views & there, (False,))
+    def name(tests: Profiles, valid_tests: Views) -> Arrays:
+        answers = [
+            match_views(training_set, of_kind, valid_tests, views & valid, (False,))
             for of_kind in classifier.profile_vectors(tests)
         ]
-        return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
+        return {key: np.concatenate([one[key] for one in answers]) for key in answers[0]}
 
     return name
 
 
-TRAINERS: dict[str, Callable[..., Namer]] = {
-    "acn": acn_namer,
-    "mnn": mnn_namer,
-    "correlation": correlation_namer,
-}
+TRAINED = ("acn", "mnn", "correlation")
 """Classifiers of measured profiles: those that need no moments, which are unknown for them."""
 
-Lesson = tuple[str, tuple[tuple[str, Any], ...]]
+Lesson = tuple[str, AcnSettings | Training | None]
 
 
-@plain(uses=(Grid, Classifier, Network))
-def lesson(
-    name: str,
-    vigilance: float,
-    learning_rate: float,
-    max_passes: int,
-    profile_order: tuple[int, int],
-    learn_in_test: bool,
-    label_rule: str,
-    score_rule: str,
-    mnn_settings: tuple[tuple[str, Any], ...],
-) -> Lesson:
+@plain(uses=(Classifier,))
+def lesson(name: str, acn_settings: AcnSettings, mnn_settings: Training) -> Lesson:
     """Return the classifier and its own settings, so that others do not repeat its training."""
-    given = locals()
-    of_network = tuple(
-        (one.name, given[one.name])
-        for one in (Grid.vigilance, *Network.declared)
-        if one is not Network.orders
-    )
-    of_network = (("presentation", profile_order), *of_network)
-    return name, {"acn": of_network, "mnn": mnn_settings}.get(name, ())
+    own: dict[str, AcnSettings | Training] = {"acn": acn_settings, "mnn": mnn_settings}
+    return name, own.get(name)
 
 
 @in_memory(
@@ -130,22 +106,27 @@ def lesson(
 def namer(
     lesson: Lesson,
     learned_signature: Profiles,
-    there: Views,
+    valid: Views,
     training_views: Views,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
 ) -> Namer:
     """Return a classifier trained on synthetic profiles, for all flights."""
-    name, settings = lesson
-    if name not in TRAINERS:
-        nothing = ("predicted", "correct")
-        return lambda tests, there: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
-    more = {"aspect": aspect, "rng": rng} if name == "mnn" else {}
-    return TRAINERS[name](learned_signature, there, training_views, **dict(settings), **more)
+    name, given = lesson
+    of_training = learned_signature, valid, training_views
+    if isinstance(given, AcnSettings):
+        return train_acn(given, *of_training)
+    if isinstance(given, Training):
+        trained = mnn_training(*of_training, aspect, given, rng)
+        return lambda tests, valid: mnn(trained, tests, valid, aspect, given.inputs)
+    if name == "correlation":
+        return store_templates(*of_training)
+    nothing = ("predicted", "correct")
+    return lambda tests, valid: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
 
 
-@NAMING.answers(
-    Output("ship_correct", NAMING.dims, "i1", label="1 where the ship is right"),
+@ANSWERS.answers(
+    Output("ship_correct", ANSWERS.dims, "i1", label="1 where the ship is right"),
     right=": the ship, of the multilayered network its aspect bin, too",
     uses=(Grid,),
     dims=(
@@ -154,7 +135,7 @@ def namer(
     ),
     names=NAMES,
 )
-def measured(namer: Namer, signature: Profiles, there: Views) -> Arrays:
+def measured(namer: Namer, signature: Profiles, valid: Views) -> Arrays:
     """Return the ships predicted for signatures of every kind.
 
     -1 where a view is not there, or not measured. A signature that shows nothing names no ship,
@@ -162,37 +143,29 @@ def measured(namer: Namer, signature: Profiles, there: Views) -> Arrays:
     """
     seen = np.moveaxis(signature, 2, 0)
     absent = np.asarray(np.isnan(seen).any(axis=-1))
-    found = namer(np.where(absent[..., None], seen[KINDS.index("learned")], seen), there)
+    found = namer(np.where(absent[..., None], seen[KINDS.index("learned")], seen), valid)
     predicted, correct = (np.where(absent, NONE, found[name]) for name in ("predicted", "correct"))
-    true = np.arange(len(there))[:, None]
+    true = np.arange(len(valid))[:, None]
     return {
         "predicted": predicted,
         "correct": correct,
         "ship_correct": np.where(correct == NONE, NONE, predicted == true),
-        "cell": classifier.state(correct, there),
+        "cell": classifier.state(correct, valid),
     }
 
 
-kinds_named, kinds_of_states = (
-    stage(*signature_kinds.outputs, group=group, when=looks(IRAR), coordinates=True, name=name)(
-        signature_kinds.function
-    )
-    for group, name in (
-        ("classification/measured", "kinds_named"),
-        ("status_measured", "kinds_of_states"),
-    )
-)
+measured_kinds = ANSWERS.coordinates(*signature_kinds.outputs)(signature_kinds.function)
 
 
 def check(choices: Choices) -> Choices:
     """Refuse classifiers that cannot identify measured profiles; drop them if others can."""
     if not looks(IRAR)(choices):
         return choices
-    names = tuple(name for name in choices[Classifier.name] if name in TRAINERS)
+    names = tuple(name for name in choices[Classifier.name] if name in TRAINED)
     if not names:
         raise ConfigurationError(
             f"classifier.name is {', '.join(choices[Classifier.name])}, but must have one of "
-            f"{', '.join(TRAINERS)} where sensor is irar"
+            f"{', '.join(TRAINED)} where sensor is irar"
         )
     for setting, allowed in ((Correlation.training, EXPECTED), (Classifier.left_out, False)):
         for value in choices[setting]:
@@ -210,8 +183,7 @@ def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the scores of ships that are in training and flown past."""
     known, past = classifier.known_ships(classified, choices), flown(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
-    return data_set(scored_profiles(known, classifier.aspects_of(choices)), known.aspect)
+    return tabulate_scores(known, classifier.aspects_of(choices), classifier.PROFILES)
 
 
-STAGES: tuple[Stage, ...] = (lesson, namer, measured, kinds_named, kinds_of_states)
-TABLES = NAMING.tables(tabulate_measured)
+TABLES = ANSWERS.tables(tabulate_measured, labels={"channel": RANGE}, scored="own rule")

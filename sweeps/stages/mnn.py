@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.engine.stage import Output, Stage, plain
+from sweeps.engine.stage import Output, plain
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Arrays, Naming, Profiles, Views
+from sweeps.stages.classifier import GATHERED, NONE, Arrays, ClassifierGroup, Profiles, Views
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import RANGE, Grid
 
@@ -22,11 +23,10 @@ if TYPE_CHECKING:
 
 IMPORTS = ("ncti.classify.gain_annealed",)  # by its stages, when they are called; takes long
 NAME = "mnn"
-NAMING = Naming(NAME, classifier.names_by(NAME, RANGE))
+ANSWERS = ClassifierGroup(NAME, classifier.names_by(NAME, RANGE))
 RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
-DIMS = (
-    *(*classifier.OF_PROFILES, "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs"),
-    *("annealing", "replicate", "ifov_phase", "frame_count"),
+DIMS = classifier.of_profiles(
+    *("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing")
 )
 
 # Arrays of a fitted network: its attributes, those of both layers, and their dimensions.
@@ -76,21 +76,32 @@ class Mnn(Settings, key="classifier.mnn"):
     max_hidden = count(25, 1, 1000, label="largest number of hidden nodes")
 
 
-@plain(uses=(Mnn,))
-def mnn_settings(
-    epochs: int,
-    grow_every: int,
-    learning_rate: float,
-    tolerance: float,
-    inputs: str,
-    annealing: bool,
-    max_hidden: int,
-) -> tuple[tuple[str, Any], ...]:
-    """Return the training parameters of a network."""
-    return tuple(locals().items())
+@dataclass(frozen=True)
+class Training:
+    """Parameters of training: of `GainAnnealedNetwork`, and its inputs."""
+
+    epochs: int
+    grow_every: int
+    learning_rate: float
+    tolerance: float
+    inputs: str
+    annealing: bool
+    max_hidden: int
+
+    def network(self, random_state: int) -> GainAnnealedNetwork:
+        """Return a network that is not trained yet."""
+        # Imported here because scikit-learn takes a second.
+        from ncti.classify.gain_annealed import GainAnnealedNetwork
+
+        given = {name: value for name, value in vars(self).items() if name != "inputs"}
+        scaling = "common" if self.inputs == STANDARDISED else "none"
+        return GainAnnealedNetwork(**given, scaling=scaling, random_state=random_state)
 
 
-@NAMING.stage(
+mnn_settings = plain(uses=(Mnn,), name="mnn_settings")(Training)
+
+
+@ANSWERS.stage(
     Output(
         *("training_correct", classifier.VIEW, "i1"),
         label="1 where ship and aspect bin of the expected profile are right",
@@ -116,10 +127,10 @@ def mnn_settings(
 )
 def mnn_training(
     expected: Profiles,
-    there: Views,
+    valid: Views,
     training_views: Views,
     aspect: tuple[float, ...],
-    mnn_settings: tuple[tuple[str, Any], ...],
+    mnn_settings: Training,
     rng: np.random.Generator,
 ) -> Arrays:
     """Return a network trained on expected profiles, with an output for every ship and aspect bin.
@@ -131,20 +142,14 @@ def mnn_training(
     # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
-    from ncti.classify.gain_annealed import GainAnnealedNetwork
-
-    settings = dict(mnn_settings)
-    inputs = settings.pop("inputs")
-    scaling = "common" if inputs == STANDARDISED else "none"
-    first = int(rng.integers(2**32))
-    network = GainAnnealedNetwork(**settings, scaling=scaling, random_state=first)
-    truth = classes_of(there.shape, aspect)
-    known = training_views & there
+    network, inputs = mnn_settings.network(int(rng.integers(2**32))), mnn_settings.inputs
+    truth = classes_of(valid.shape, aspect)
+    known = training_views & valid
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` shows it
         network.fit(seen(expected[known], inputs), truth[known])
-    named = np.full(there.shape, NONE)
-    named[there] = network.predict(seen(expected[there], inputs))
+    named = np.full(valid.shape, NONE)
+    named[valid] = network.predict(seen(expected[valid], inputs))
     return {
         "training_correct": np.where(known, named == truth, NONE),
         "presentations": np.array(network.n_iter_),
@@ -153,7 +158,7 @@ def mnn_training(
     } | to_arrays(network)
 
 
-@NAMING.answers(
+@ANSWERS.answers(
     Output("predicted_bin", classifier.VIEW, "i2", label="number of the predicted aspect bin"),
     Output(
         *("ship_correct", classifier.VIEW, "i1"),
@@ -164,21 +169,21 @@ def mnn_training(
     dims=DIMS,
 )
 def mnn(
-    mnn_training: Arrays, averaged: Profiles, there: Views, aspect: tuple[float, ...], inputs: str
+    mnn_training: Arrays, averaged: Profiles, valid: Views, aspect: tuple[float, ...], inputs: str
 ) -> Arrays:
     """Return the ships predicted for averaged profiles, one number of frames at a time."""
     network = from_arrays(mnn_training)
     named = np.full(averaged.shape[:-1], NONE)
     for of_count, profiles in zip(named, averaged, strict=True):
-        of_count[there] = network.predict(seen(profiles[there], inputs))
+        of_count[valid] = network.predict(seen(profiles[valid], inputs))
     bins = len(aspect_bins(aspect)[0])
-    found = classifier.judged(named // bins, there)
-    right = np.where(there, named == classes_of(there.shape, aspect), NONE)
+    found = classifier.judged(named // bins, valid)
+    right = np.where(valid, named == classes_of(valid.shape, aspect), NONE)
     return found | {
         "correct": right,
-        "predicted_bin": np.where(there, named % bins, NONE),
+        "predicted_bin": np.where(valid, named % bins, NONE),
         "ship_correct": found["correct"],
-        "cell": classifier.state(right, there),
+        "cell": classifier.state(right, valid),
     }
 
 
@@ -215,5 +220,4 @@ def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Mnn,)
-STAGES: tuple[Stage, ...] = (mnn_settings, mnn_training, mnn)
-TABLES = NAMING.tables()
+TABLES = ANSWERS.tables(scored="ship and aspects")

@@ -17,7 +17,7 @@ from ncti.render import cast_rays
 from ncti.render.view import View
 from ncti.ships.errors import printable
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, stage
+from sweeps.engine.stage import Output, stage
 from sweeps.stages.ships import ShipName, ship_name
 from sweeps.stages.views import Grid, description, hull
 
@@ -54,7 +54,6 @@ MOST_LINES = 12  # of ships, on the screen
         label="what looks wrong with the axes or origin of the mesh; empty: nothing",
     ),
     group=GROUP,
-    also=("embreex", "manifold3d", "networkx", "trimesh"),
 )
 def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
     """Return a ship's measures, its picture, and what looks wrong with its mesh."""
@@ -128,6 +127,3 @@ def about(choices: Choices) -> list[str]:
         if one.findings
     ]
     return [printable(line) for line in lines]
-
-
-STAGES: tuple[Stage, ...] = (portrait,)

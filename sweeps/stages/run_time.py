@@ -7,168 +7,168 @@ from the slant range, so that errors are of the sampling alone.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti import ladar as library
-from ncti.ladar import RangeExtent
-from ncti.ladar.pulse import shortest_pulse, target_kernel
-from ncti.render import available_engines
+from ncti.ladar import RangeExtent, expected_profile, range_extent
+from ncti.render import Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stage, Table, in_memory
-from sweeps.stages import run_time_tables
+from sweeps.engine.settings import Choices, Settings, count
+from sweeps.engine.stage import Output, Table, in_memory, plain, stage
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
-from sweeps.stages.exact import RunTime, of_extents, signature_of
-from sweeps.stages.ladar import Ladar
-from sweeps.stages.run_time_tables import SPREAD
-from sweeps.stages.views import RUN_TIME, Grid, Render, image, looks
+from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Arrays, Floats, Ladar, check_pulses
+from sweeps.stages.views import (
+    RUN_TIME,
+    SHAPES,
+    STATUS,
+    Grid,
+    Keywords,
+    Render,
+    described,
+    keywords,
+    looks,
+    quantity,
+    refuse,
+)
 
 if TYPE_CHECKING:
     import trimesh
-
-Arrays = dict[str, NDArray[Any]]
-Floats = NDArray[np.float64]
-Sampling = tuple[float, float, float]  # pixel [m], roll [deg], and spread
+    import xarray as xr
 
 SENSOR = GROUP = RUN_TIME
-YARDSTICK, YARDSTICK_PIXEL = "embree", 0.25
+IMPORTS = ("ncti.ladar.accuracy",)  # by its stages, when they are called; takes long
 VIEWS, VIEW_SETTINGS = ("ship", "aspect"), (Grid.ship, Grid.aspect)
+SPREAD, BIN_WIDTH = 0.5, 1.0
+STANDARD = Sampling("embree", 0.25, 0, ROLL)  # of the views that others are timed beside
+TARGET = 1e-3  # error whose cost is tabulated
+
+
+class RunTime(Settings, key="run_time"):
+    """Run time against error."""
+
+    bin_width = quantity(1, 0.05, 50, "m", "range bin of the extents that are timed", shown=True)
+    repeats = count(3, 1, 1000, label="timings of a view, of which the median is taken")
+    draws = count(16, 1, 1000, label="noisy profiles of a view that are classified", fixed=SHAPES)
+
+
+_stage = partial(stage, uses=(Grid, Render, Ladar, RunTime), when=looks(RUN_TIME), status=STATUS)
+_tabulated = partial(_stage, group=GROUP)
+_signature = Output("signature", ("down_range",), "f8", stored=False)
+VIEW = {"aspect": Grid.aspect, "depression": "depression"}
+BINNED = {name: BEAM[name] for name in ("slant_range", "ifov", "window")}
+BINNED["bin_width"] = RunTime.bin_width
+
+
+# Exact results
+
+
+@_stage(*EXTENT, reads=VIEW | BINNED)
+def exact_extent(mesh: trimesh.Trimesh, **view: Any) -> Arrays:
+    """Return the visible areas of the sampling-free reference, bin by range bin."""
+    from ncti.ladar.accuracy import exact_extent
+
+    return vars(exact_extent(mesh, **view))
+
+
+@in_memory()
+def exact_ifovs(exact_extent: Arrays) -> RangeExtent:
+    """Return the exact extent as the library has it."""
+    return RangeExtent.of(exact_extent)
+
+
+exact_signature = _stage(
+    _signature, reads=SIGNAL | {"extent": "exact_ifovs"}, uses=(), name="exact_signature"
+)(expected_profile)
+
+
+@_stage(
+    Output("noise", ("draw", "down_range"), "f8"),
+    reads=SIGNAL | {"frame_count": Grid.frame_count},
+    stream=(Grid.ship, Grid.aspect, Grid.pulse_width, RunTime.bin_width),
+)
+def profile_noise(
+    exact_ifovs: RangeExtent, draws: int, rng: np.random.Generator, **signal: Any
+) -> Floats:
+    """Return draws of the deviation of averaged frames from their expectation."""
+    from ncti.ladar.accuracy import profile_noise
+
+    return profile_noise(exact_ifovs, draws=draws, rng=rng, **signal)
 
 
 # Samplings
 
 
-@dataclass(frozen=True)
-class Look:
-    """Parameters of a view except its sampling; angles [deg], IFOV [rad], lengths [m]."""
-
-    aspect: float
-    depression: float
-    drawn_range: float | None
-    engine: str
-    samples: int
-    slant_range: float
-    ifov: float
-    bin_width: float
-    window: float
-
-    def extent(self, mesh: trimesh.Trimesh, sampling: Sampling) -> RangeExtent:
-        """Draw the view by some sampling, and bin it."""
-        return self.binned(self.drawn(mesh, *sampling[:2]), sampling[2])
-
-    def drawn(self, mesh: trimesh.Trimesh, pixel: float, roll: float) -> Any:
-        """Return the image, or the lines."""
-        place = (self.aspect, self.depression, self.drawn_range, self.engine)
-        return image(mesh, *place, pixel, self.samples, roll, ())
-
-    def binned(self, seen: Any, spread: float) -> RangeExtent:
-        """Return the range extent of an image."""
-        return library.range_extent(
-            seen,
-            slant_range=self.slant_range,
-            ifov=self.ifov,
-            bin_width=self.bin_width,
-            window=self.window,
-            spread=spread,
-        )
+timed_view = plain(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view")(keywords)
+timed_beam = plain(reads=BINNED, name="timed_beam")(keywords)
 
 
-@in_memory(uses=(Grid, Render, Ladar), reads={"bin_width": RunTime.bin_width})
-def sighting(
-    aspect: float,
-    depression: float,
-    drawn_range: float | None,
-    drawing_engine: str,
-    samples: int,
-    range: float,
-    ifov: float,
-    bin_width: float,
-    window: float,
-) -> Look:
-    """Return the parameters common to all samplings of a view."""
-    sight = (aspect, depression, drawn_range, drawing_engine, samples)
-    return Look(*sight, range * 1e3, ifov * 1e-6, bin_width, window)
-
-
-@of_extents(
+@_tabulated(
     Output(
         "extent_error",
         label="error of the range extent of the whole ship",
         without=("pulse_width",),
     ),
     Output("ifov_error", label="error of the range extents of the IFOVs", without=("pulse_width",)),
-    Output("profile_error", label="error of the range extent of the whole ship after the pulse"),
-    Output("signature", ("down_range",), "f8", label="expected range profile", stored=False),
-    group=GROUP,
+    Output("profile_error", label="error of the range extent of the ship after the pulse"),
+    _signature,
+    reads={
+        "engine": "drawing_engine",
+        **{name: SIGNAL[name] for name in ("cnr", "target_free_ifovs")},
+    },
     along=(Render.pixel, Render.roll, Ladar.spread, Grid.pulse_width),
 )
 def sampled(
     mesh: trimesh.Trimesh,
-    sighting: Look,
+    timed_view: Keywords,
+    timed_beam: Keywords,
     exact_ifovs: RangeExtent,
+    engine: str,
+    samples: int,
+    *,
     pixel: tuple[float, ...],
     roll: tuple[float, ...],
     spread: tuple[float, ...],
     pulse_width: tuple[float, ...],
-    cnr_at_range: float,
-    target_free_ifovs: int,
+    **signal: Any,
 ) -> Arrays:
     """Return the errors of range extents and profiles, and expected profiles."""
-    found = call_apart(sighting.engine, _extents, mesh, sighting, pixel, roll, spread)
-    shape = (len(pixel), len(roll), len(spread), len(pulse_width))
-    rows = []
-    for extent in found:
-        p, q = extent.fraction.sum(axis=0), exact_ifovs.fraction.sum(axis=0)
-        whole, single = relative_error(p, q), ifov_error(extent, exact_ifovs)
-        for width in pulse_width:
-            kernel = target_kernel(
-                pulse_width=width * 1e-9, bin_width=sighting.bin_width, bin_count=len(q)
-            )
-            after = relative_error(kernel**2 @ p, kernel**2 @ q)
-            profile = signature_of(extent, width, cnr_at_range, target_free_ifovs)
-            rows.append((whole, single, after, profile))
-    names = ("extent_error", "ifov_error", "profile_error", "signature")
-    columns = (np.array(column) for column in zip(*rows, strict=True))
-    return {
-        name: column.reshape(*shape, *column.shape[1:])
-        for name, column in zip(names, columns, strict=True)
-    }
+    from ncti.ladar.accuracy import extent_errors
 
-
-def relative_error(found: Floats, exact: Floats) -> float:
-    """Return the sum of absolute differences over the sum of what is exact."""
-    return float(np.abs(found - exact).sum() / exact.sum())
-
-
-def ifov_error(found: RangeExtent, exact: RangeExtent) -> float:
-    """Return the relative error of all IFOVs, each compared with its own reference."""
-    rows = {tuple(cell): row for cell, row in zip(exact.cell.tolist(), exact.fraction, strict=True)}
-    wrong = 0.0
-    for cell, row in zip(found.cell.tolist(), found.fraction, strict=True):
-        wrong += np.abs(row - rows.pop(tuple(cell), 0.0)).sum()
-    return float((wrong + sum(row.sum() for row in rows.values())) / exact.fraction.sum())
+    samplings = [Sampling(engine, *at) for at in product(pixel, (samples,), roll)]
+    seen = call_apart(engine, _extents, mesh, samplings, spread, timed_view, timed_beam)
+    rows: list[dict[str, Any]] = [
+        extent_errors(extent, exact_ifovs, pulse_width=width)
+        | {"signature": expected_profile(extent, pulse_width=width, **signal)}
+        for extent in seen
+        for width in pulse_width
+    ]
+    shape = len(pixel), len(roll), len(spread), len(pulse_width)
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return {name: one.reshape(*shape, *one.shape[1:]) for name, one in columns.items()}
 
 
 def _extents(
-    mesh: trimesh.Trimesh, look: Look, pixel: Any, roll: Any, spread: Any
+    mesh: trimesh.Trimesh,
+    samplings: list[Sampling],
+    spreads: tuple[float, ...],
+    view: Keywords,
+    beam: Keywords,
 ) -> list[RangeExtent]:
     """Range extents by every sampling, the spread fastest: each image is drawn once."""
-    seen = (look.drawn(mesh, *one) for one in product(pixel, roll))
-    return [look.binned(one, share) for one in seen for share in spread]
+    images = (sampling.draw(mesh, **dict(view)) for sampling in samplings)
+    return [range_extent(image, spread=s, **dict(beam)) for image in images for s in spreads]
 
 
 # Run times
 
 
-@of_extents(
+@_tabulated(
     Output(
         "run_time",
         dtype="f8",
@@ -182,12 +182,16 @@ def _extents(
         label="run time relative to a view by embree at 0.25 m, timed alongside",
         measured=True,
     ),
-    group=GROUP,
+    reads={"engine": "drawing_engine"},
     along=(Render.pixel, Render.roll, Ladar.spread),
 )
 def timed(
     mesh: trimesh.Trimesh,
-    sighting: Look,
+    timed_view: Keywords,
+    timed_beam: Keywords,
+    engine: str,
+    samples: int,
+    *,
     pixel: tuple[float, ...],
     roll: tuple[float, ...],
     spread: tuple[float, ...],
@@ -198,73 +202,76 @@ def timed(
     Samplings take turns, forwards and backwards, so that a temporary slowdown of the machine
     affects all of them; and the reference is timed beside each pixel in every turn.
     """
-    taken = call_apart(sighting.engine, _times, mesh, sighting, pixel, roll, spread, repeats)
-    shape = (len(pixel), len(roll), len(spread))
+    several = [
+        (Sampling(engine, side, samples, angle), share)
+        for side, angle, share in product(pixel, roll, spread)
+    ]
+    taken = call_apart(engine, _times, mesh, several, repeats, timed_view, timed_beam)
+    shape = len(pixel), len(roll), len(spread)
     run_time, ratio = (np.median(one, axis=0).reshape(shape) for one in taken)
     return {"run_time": run_time, "ratio": ratio}
 
 
 def _times(
-    mesh: trimesh.Trimesh, look: Look, pixel: Any, roll: Any, spread: Any, repeats: int
+    mesh: trimesh.Trimesh,
+    samplings: list[tuple[Sampling, float]],
+    repeats: int,
+    view: Keywords,
+    beam: Keywords,
 ) -> tuple[Floats, Floats]:
     """(turn, sampling) times [s], and ratios to the reference of the same turn and pixel."""
-    standard = Look(**{**vars(look), "engine": YARDSTICK, "samples": 0})
-    fixed: Sampling = (YARDSTICK_PIXEL, ROLL, SPREAD)
-    samplings = list(product(pixel, roll, spread))
-    look.extent(mesh, samplings[0])  # warm up: load libraries and caches of the ship
-    standard.extent(mesh, fixed)
+
+    def stopwatch(sampling: Sampling, spread: float) -> float:
+        start = time.perf_counter()
+        _extents(mesh, [sampling], (spread,), view, beam)
+        return time.perf_counter() - start
+
+    for sampling in (samplings[0], (STANDARD, SPREAD)):
+        stopwatch(*sampling)  # warm up: load libraries and caches of the ship
     seconds, beside = np.empty((2, repeats, len(samplings)))
     for turn in range(repeats):
-        order = list(range(len(samplings)))[:: 1 if turn % 2 == 0 else -1]
-        drawn = None
-        for place in order:
-            if samplings[place][0] != drawn:
-                drawn = samplings[place][0]
-                unit = _stopwatch(standard, mesh, fixed)
-            seconds[turn, place] = _stopwatch(look, mesh, samplings[place])
-            beside[turn, place] = unit
+        pixel = None
+        for place in list(range(len(samplings)))[:: 1 if turn % 2 == 0 else -1]:
+            if samplings[place][0].pixel != pixel:
+                pixel = samplings[place][0].pixel
+                standard = stopwatch(STANDARD, SPREAD)
+            seconds[turn, place] = stopwatch(*samplings[place])
+            beside[turn, place] = standard
     return seconds, seconds / beside
-
-
-def _stopwatch(look: Look, mesh: trimesh.Trimesh, sampling: Sampling) -> float:
-    start = time.perf_counter()
-    look.extent(mesh, sampling)
-    return time.perf_counter() - start
 
 
 # Decisions
 
 
-@of_extents(
+@_tabulated(
     Output(
         "changed",
         VIEWS,
         label="share of noisy profiles whose correlation answer differs from the exact extents'",
     ),
-    group=GROUP,
     gather=VIEW_SETTINGS,
 )
 def changed(
-    sampled: Arrays, exact_signature: Floats, profile_noise: Floats, there: NDArray[np.bool_]
-) -> NDArray[np.float32]:
-    """Return the (ship, aspect) numbers of answers that change with the sampling."""
-    found = _named(sampled["signature"], profile_noise, there)
-    exact = _named(exact_signature, profile_noise, there)
-    share = np.mean(found != exact, axis=-1)
-    return np.where(there, share, np.nan).astype(np.float32)
+    sampled: Arrays, exact_signature: Floats, profile_noise: Floats, valid: NDArray[np.bool_]
+) -> Floats:
+    """Return the (ship, aspect) shares of answers that change with the sampling."""
+    named, exact = (
+        _nearest_ships(one, profile_noise, valid) for one in (sampled["signature"], exact_signature)
+    )
+    return np.where(valid, np.mean(named != exact, axis=-1), np.nan)
 
 
-def _named(signature: Floats, noise: Floats, there: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _nearest_ships(signature: Floats, noise: Floats, valid: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the (ship, aspect, draw) ships with the expected profile nearest to the noisy one."""
     # Imported here because scikit-learn takes a second.
     from ncti.classify.baselines import CorrelationNeighbour
 
-    ship, known = np.indices(there.shape)[0].ravel(), there.ravel()
+    ship, known = np.indices(valid.shape)[0].ravel(), valid.ravel()
     neighbour = CorrelationNeighbour().fit(profile_vectors(signature)[known], ship[known])
     noisy = np.moveaxis(signature[..., None, :] + noise, -2, 0)  # draws lead
     vectors = profile_vectors(noisy)
     names = neighbour.predict(vectors.reshape(-1, vectors.shape[-1]))
-    return np.moveaxis(names.reshape(-1, *there.shape), 0, -1)
+    return np.moveaxis(names.reshape(-1, *valid.shape), 0, -1)
 
 
 # Checks
@@ -274,35 +281,20 @@ def check(choices: Choices) -> Choices:
     """Drop unavailable engines, and refuse what cannot be measured."""
     if not looks(SENSOR)(choices):
         return choices
-    tolerance = next((one for one in choices[Render.tolerance] if one is not None), None)
-    if tolerance is not None:
-        raise ConfigurationError(
-            f"render.tolerance has {tolerance:g}, but must be null with the sensor {SENSOR}, which "
-            "measures the error of a given pixel"
-        )
-    window = choices.one(Ladar.window)
-    for bin_width in choices[RunTime.bin_width]:
-        shortest = shortest_pulse(bin_width) * 1e9
-        if window < 10 * bin_width:
-            raise ConfigurationError(
-                f"run_time.bin_width has {bin_width:g}, but must be at most a tenth of "
-                f"ladar.window, {window:g} m"
-            )
-        if min(choices[Grid.pulse_width]) < shortest:
-            raise ConfigurationError(
-                f"grid.pulse_width has {min(choices[Grid.pulse_width]):g}, but must be at least "
-                f"{shortest:.3g} for run_time.bin_width {bin_width:g} m"
-            )
+    for tolerance in choices[Render.tolerance]:
+        if tolerance is not None:
+            reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"
+            refuse(Render.tolerance, tolerance, f"null {reason}")
+    window, widest_bin = choices.one(Ladar.window), max(choices[RunTime.bin_width])
+    if window < 10 * widest_bin:
+        refuse(RunTime.bin_width, widest_bin, f"at most a tenth of ladar.window, {window:g} m")
+    check_pulses(choices, RunTime.bin_width)
     widest = max(choices[Render.pixel])
     narrowest = min(choices[Ladar.ifov]) * min(choices[Grid.range]) * 1e-3
     if narrowest < widest:
-        raise ConfigurationError(
-            f"render.pixel has {widest:g}, but must be at most {narrowest:.3g} m, the width of an "
-            "IFOV"
-        )
+        refuse(Render.pixel, widest, f"at most {narrowest:.3g} m, the width of an IFOV")
     asked, absent = choices[Render.engine], missing_engines()
-    here = tuple(one for one in asked if one not in absent)
-    return choices.having(Render.engine, here or asked)
+    return choices.having(Render.engine, tuple(e for e in asked if e not in absent) or asked)
 
 
 def missing_engines() -> list[str]:
@@ -318,9 +310,73 @@ def remarks(choices: Choices) -> list[str]:
     ]
 
 
-STAGES: tuple[Stage, ...] = (sighting, sampled, timed, changed)
-TABLES = (
-    Table(f"tables/{GROUP}", (GROUP,), run_time_tables.tabulate_nominal, looks(SENSOR)),
-    Table(f"tables/{GROUP}_cost", (GROUP,), run_time_tables.tabulate_cost, looks(SENSOR)),
-    Table(f"tables/{GROUP}_samplings", (GROUP,), run_time_tables.tabulate, looks(SENSOR)),
+# Tables
+
+
+def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return median and worst of all views, for every engine and sampling."""
+    import xarray as xr
+
+    def over_views(names: list[str], suffix: str, word: str, reduce: Any) -> xr.Dataset:
+        part = reduce(measured[names].astype("f8"), VIEWS, keep_attrs=True)
+        for array in part.data_vars.values():
+            array.attrs["long_name"] += f", {word} of views"
+        return part.rename({name: name + suffix for name in names})
+
+    errors = ["extent_error", "ifov_error", "profile_error"]
+    parts = (
+        over_views(["run_time", "ratio"], "", "median", xr.Dataset.median),
+        over_views(errors, "_median", "median", xr.Dataset.median),
+        over_views(errors, "_worst", "worst", xr.Dataset.max),
+        over_views(["changed"], "", "mean", xr.Dataset.mean),
+    )
+    return xr.merge(parts).assign_attrs(title="Run time against error, all samplings")
+
+
+def tabulate_nominal(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return the table by engine and pixel, at the default sampling or the nearest to it."""
+    table = tabulate(measured, choices)
+    wanted = {"roll": ROLL, "spread": SPREAD, "bin_width": BIN_WIDTH}
+    at = {name: value for name, value in wanted.items() if name in table.dims}
+    return table.sel(at, method="nearest").assign_attrs(title="Run time against error")
+
+
+def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return the time, ratio and pixel at which the median profile error is `TARGET`, by engine."""
+    import xarray as xr
+
+    table = tabulate_nominal(measured, choices)
+    if "pixel" not in table.dims:
+        table = table.expand_dims("pixel")
+    figures = {
+        "run_time": ("time of a view of that error", "s"),
+        "ratio": ("that time over a view by embree at 0.25 m, timed alongside", "1"),
+        "pixel": ("pixel of that error", "m"),
+    }
+    along: Any = {"input_core_dims": [["pixel"], ["pixel"]], "vectorize": True}
+    error = table.profile_error_median
+    needed = {
+        f"{name}_needed": described(xr.apply_ufunc(at_error, table[name], error, **along), *label)
+        for name, label in figures.items()
+    }
+    return xr.Dataset(needed, attrs={"title": f"Cost of a median error of {TARGET:.1%}"})
+
+
+def at_error(figure: Floats, error: Floats, target: float = TARGET) -> float:
+    """Return a figure where an error is met, by the power law between the pixels around it.
+
+    That of the coarsest pixel if all errors are less, and NaN if all are more, or one is not known.
+    """
+    order = np.argsort(error)
+    if not (np.isfinite(error).all() and np.isfinite(figure).all()) or error[order[0]] > target:
+        return np.nan
+    floor = np.finfo(np.float64).tiny  # errors may be 0, which has no logarithm
+    x, y = np.log(np.maximum(error[order], floor)), np.log(figure[order])
+    return float(np.exp(np.interp(np.log(target), x, y)))
+
+
+SETTINGS: tuple[type[Settings], ...] = (RunTime,)
+TABLES = tuple(
+    Table(f"tables/{GROUP}{suffix}", (GROUP,), make, looks(SENSOR))
+    for suffix, make in (("", tabulate_nominal), ("_cost", tabulate_cost), ("_samplings", tabulate))
 )

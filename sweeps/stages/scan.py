@@ -6,28 +6,38 @@ Ships of the grid and a decoy lie in it at random, at aspects that no template h
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti import ladar, search
-from ncti.ladar import RangeExtent
-from ncti.search import Box
-from sweeps.engine.settings import Settings, count, number, word
-from sweeps.engine.stage import Output, Stage, plain, stage
+from ncti import search
+from ncti.evaluate import wilson_interval
+from ncti.features.profile import EDGE
+from ncti.ladar import RangeExtent, banded_frame_moments
+from ncti.search import Box, Field, Imager, Laser, Rates, Survey, Target
+from ncti.search.visits import identify_visits, known_similarity, search_outcome, visit_templates
+from sweeps.engine.display import Display, Figure
+from sweeps.engine.settings import Choices, Settings, count, number, word
+from sweeps.engine.stage import Output, Table, in_memory, plain, stage
 from sweeps.stages import views
-from sweeps.stages.ladar import Arrays, Ladar, profile_bins
-from sweeps.stages.scan_tables import DECOY
-from sweeps.stages.views import SCAN, STATUS, Grid, Render, looks, quantity
+from sweeps.stages.classifier import check_receiver
+from sweeps.stages.infrared import Infrared, check_window
+from sweeps.stages.ladar import Arrays, Ladar
+from sweeps.stages.likelihood import Likelihood
+from sweeps.stages.views import SCAN, SI, STATUS, Grid, Render, Scene, looks, quantity, refuse
 
 if TYPE_CHECKING:
     import trimesh
+    import xarray as xr
 
 SENSOR = GROUP = SCAN
+IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 BARGE, NO_DECOY = "barge", "none"
+DECOY = "decoy"  # name of the last target
+DEGREE = math.pi / 180
 
 
 class Scan(Settings, key="scan"):
@@ -37,8 +47,8 @@ class Scan(Settings, key="scan"):
     IFOV and the 2 x 2 detector. Rates, the imager's array and the decoy are assumptions.
     """
 
-    width = quantity(3, 0.1, 60, "degree", "width of the field of regard")
-    height = quantity(2, 0.1, 60, "degree", "height of the field of regard")
+    width = quantity(3, 0.1, 60, "degree", "width of the field of regard", si=DEGREE)
+    height = quantity(2, 0.1, 60, "degree", "height of the field of regard", si=DEGREE)
     detector = count(2, 1, 64, label="elements of the laser radar along a side of its detector")
     pulse_rate = quantity(
         *(1000, 1, 1e9, "Hz", "pulses of the laser radar a second, one a frame"),
@@ -65,24 +75,6 @@ class Scan(Settings, key="scan"):
 of_scan = partial(stage, uses=(Scan, Grid, Render, Ladar), when=looks(SCAN), status=STATUS)
 
 
-@plain(uses=(Render,))
-def scan_drawn(drawing_engine: str, pixel: float, samples: int, roll: float) -> tuple[Any, ...]:
-    """Return the rendering parameters of views."""
-    return drawing_engine, pixel, samples, roll
-
-
-@plain(uses=(Ladar,))
-def scan_bins(ifov: float, bin_width: float, window: float, spread: float) -> tuple[float, ...]:
-    """Return the binning of range extents: IFOV [rad], bin and window [m], and spread."""
-    return ifov * 1e-6, bin_width, window, spread
-
-
-@plain(uses=(Scan, Ladar))
-def scan_field(width: float, height: float, ifov: float) -> tuple[float, float, float]:
-    """Return the field's sides and its IFOV [rad]."""
-    return math.radians(width), math.radians(height), ifov * 1e-6
-
-
 @of_scan(
     Output("target", ("target",), "U64", label="target in the field"),
     group=GROUP,
@@ -106,95 +98,352 @@ def scan_edges() -> NDArray[np.str_]:
     return np.array(Box._fields)
 
 
-VIEW = (
-    Output("true_aspect", dtype="f8"),
-    Output("offset", dtype="f8"),  # of bearing, -1 to 1 of what its slot leaves
-    Output("slant_range", dtype="f8"),
-    Output("fraction", ("ifov", "down_range")),  # of as many IFOVs as any ship has, empty ones too
+# Targets
+
+scan_field = plain(uses=(Scan, Ladar), name="scan_field")(Field)
+scan_survey = plain(
+    uses=(Scan, Grid, Ladar),
+    reads={
+        "slant_range": Grid.range,
+        "length": Infrared.window_length,
+        "height": Infrared.window_height,
+    },
+    name="scan_survey",
+)(Survey)
+
+# Arrays of a target: of as many IFOVs as any ship has, empty ones too.
+TARGET = (
+    *(Output(name, dtype="f8") for name in ("true_aspect", "offset", "slant_range")),
+    Output("fraction", ("ifov", "down_range")),
     Output("cell", ("ifov", "side"), "i4"),
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Target:
-    """A ship or decoy in the field, from the arrays of `VIEW`."""
-
-    aspect: float  # [deg]
-    offset: float
-    extent: RangeExtent
-
-    @classmethod
-    def of(cls, found: Arrays, bins: tuple[float, ...]) -> Target:
-        """Return a target of some arrays, IFOVs without it left out."""
-        ifov, bin_width, window, _ = bins
-        seen = found["fraction"].any(axis=1)
-        extent = RangeExtent(
-            fraction=found["fraction"][seen].astype(np.float64),
-            down_range=profile_bins(window, bin_width),
-            bin_width=bin_width,
-            cell=found["cell"][seen].astype(np.int64),
-            ifov=ifov,
-            slant_range=float(found["slant_range"]),
-        )
-        return cls(float(found["true_aspect"]), float(found["offset"]), extent)
-
-    def shown(self, rule: float) -> NDArray[np.int64]:
-        """(pixel, 2): pixels that show it, from its origin, of which it fills at least a share."""
-        return self.extent.cell[self.extent.fraction.sum(axis=1) >= rule]
-
-    def inside(self, box: Box) -> RangeExtent:
-        """Return what is seen of it by the IFOVs of a box, which counts from its origin."""
-        held = box.holds(self.extent.cell)
-        parts = {"fraction": self.extent.fraction[held], "cell": self.extent.cell[held]}
-        return RangeExtent(**{**vars(self.extent), **parts, "strands": None})
-
-
-def view_of(
-    mesh: trimesh.Trimesh,
-    rng: np.random.Generator,
-    aspects: tuple[float, ...],
-    *,
-    depth: float,
-    slant_range: float,
-    depression: float,
-    most: tuple[int, int],
-    drawn: tuple[Any, ...],
-    bins: tuple[float, ...],
+@of_scan(*TARGET, gather=(Grid.aspect,), stream=(Grid.ship, Grid.replicate))
+def scan_target(
+    mesh: trimesh.Trimesh, scan_survey: Survey, aspect: tuple[float, ...], rng: np.random.Generator
 ) -> Arrays:
-    """Return the arrays of `VIEW` of a ship at a random aspect and position.
-
-    Its aspect is anywhere between the first and the last that are learned. Its IFOVs differ by
-    `most` columns and rows.
-    """
-    aspect = float(rng.uniform(min(aspects), max(aspects)))
-    offset, deep = rng.uniform(-1, 1, 2).tolist()
-    far = slant_range * (1 + depth * deep)
-    down = math.radians(depression)
-    up = search.elevation(far, middle_range=slant_range, depression=down) if down else 0.0
-    engine, pixel, samples, roll = drawn
-    below = math.degrees(down - up)
-    image = views.image(mesh, aspect, below, far, engine, pixel, samples, roll, ())
-    ifov, bin_width, window, spread = bins
-    extent = ladar.range_extent(
-        image, slant_range=far, ifov=ifov, bin_width=bin_width, window=window, spread=spread
-    )
-    empty = (most[0] + 1) * (most[1] + 1) - len(extent.cell)
-    return {
-        "true_aspect": np.array(aspect),
-        "offset": np.array(offset),
-        "slant_range": np.array(far),
-        "fraction": np.pad(extent.fraction, ((0, empty), (0, 0))).astype(np.float32),
-        "cell": np.pad(extent.cell, ((0, empty), (0, 0))),
-    }
+    """Return the view of a ship in the field, at the same aspects and positions for every range."""
+    return scan_survey.arrays(scan_survey.target(mesh, aspect, rng))
 
 
-def targets_of(ships: Arrays, decoy: Arrays, bins: tuple[float, ...]) -> list[Target]:
+BARGE_SIDES = {"length": Scan.decoy_length, "beam": Scan.decoy_beam, "height": Scan.decoy_height}
+
+
+@of_scan(*TARGET, reads=BARGE_SIDES, gather=(Grid.aspect,), stream=(Grid.replicate,))
+def scan_decoy(
+    scan_survey: Survey,
+    decoy: str,
+    aspect: tuple[float, ...],
+    rng: np.random.Generator,
+    **sides: float,
+) -> Arrays:
+    """Return the view of the decoy, empty if there is none."""
+    arrays = scan_survey.arrays(scan_survey.target(search.box(**sides), aspect, rng))
+    return arrays if decoy != NO_DECOY else {**arrays, "fraction": 0 * arrays["fraction"]}
+
+
+@stage(uses=(Scan,), memory=2, gather=(Grid.ship,))
+def scan_targets(scan_survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Target]:
     """Return the ships of the field, and the decoy behind them if there is one."""
-    several = [{name: ships[name][k] for name in ships} for k in range(len(ships["fraction"]))]
-    if decoy["fraction"].any():
-        several.append(decoy)
-    return [Target.of(one, bins) for one in several]
+    ships = len(scan_target["fraction"])
+    several = [{name: array[k] for name, array in scan_target.items()} for k in range(ships)]
+    if scan_decoy["fraction"].any():
+        several.append(scan_decoy)
+    return [scan_survey.restored(one) for one in several]
+
+
+# Detections of the imager
+
+scan_imager = plain(
+    uses=(Infrared, Scan), reads={"frame_count": Scan.imager_frames}, name="scan_imager"
+)(Imager)
+_of_target = partial(Output, dims=("target",), dtype="i4")
+_of_detection = partial(Output, dims=("detection", "edge"), dtype="i4", pad=-1)
+_ship = partial(Output, dims=("detection",), dtype="i4", pad=-2, fill=-2)
+
+scan_detected = of_scan(
+    _of_target("column", label="column of a target's origin in the field"),
+    _of_target("row", label="row of a target's origin in the field"),
+    _of_target("true_aspect", dtype="f4", label="aspect of a target", unit="degree"),
+    _of_target("slant_range", dtype="f4", label="slant range of a target", unit="m"),
+    _of_target("shown", label="pixels that show a target"),
+    _of_target("hot", label="pixels of a target above the threshold"),
+    _of_target(
+        "detection_probability",
+        dtype="f4",
+        label="probability that a target is detected, in closed form",
+    ),
+    Output("alarms", dtype="i4", label="pixels of the sea above the threshold"),
+    _ship("source", label="detected target; -1 for the sea"),
+    _of_detection("box", label="pixels of a detection"),
+    _of_detection("visit", label="pixels of the visit to a detection"),
+    reads={
+        "field": "scan_field",
+        "targets": "scan_targets",
+        "survey": "scan_survey",
+        "imager": "scan_imager",
+    },
+    group=GROUP,
+    stream=(Grid.range, Grid.replicate),
+    name="scan_detected",
+)(search.observe)
+
+
+# Visits of the laser radar
+
+DRAW = Grid.replicate.name
+VISITS = {"survey": "scan_survey", "laser": "scan_laser", "templates": "scan_templates"}
+
+scan_laser = plain(uses=(Grid, Ladar), name="scan_laser")(Laser)
+scan_rates = plain(uses=(Scan,), name="scan_rates")(Rates)
+
+
+# Templates of known ships
+
+
+@of_scan(
+    Output("mean", ("down_range",), "f8"),
+    Output("band", ("lag", "down_range"), "f8", pad=0),
+    Output("ifovs", dtype="i8"),
+)
+def scan_moments(ifovs: RangeExtent, pulse_width: float, cnr_at_range: float) -> Arrays:
+    """Return mean and covariance of one frame of the IFOVs that see a ship, and their number."""
+    mean, band = banded_frame_moments(
+        ifovs, pulse_width=pulse_width, cnr=cnr_at_range, target_free_ifovs=0
+    )
+    return {"mean": mean, "band": band, "ifovs": np.array(len(ifovs.cell))}
+
+
+scan_templates = in_memory(
+    uses=(Grid, Ladar, Likelihood),
+    reads={"moments": "scan_moments", "survey": "scan_survey", "cnr": "cnr_at_range"},
+    gather=(Grid.ship, Grid.aspect),
+    name="scan_templates",
+)(visit_templates)
+
+scan_known = of_scan(
+    Output("similarity", ("view",), "f8"),
+    reads=VISITS,
+    along=(Grid.frame_count,),
+    gather=(Grid.aspect,),
+    stream=(Grid.ship, Grid.range),
+    name="scan_known",
+)(known_similarity)
+
+scan_visited = of_scan(
+    _ship("named", label="ship predicted by a visit"),
+    Output(
+        "similarity", ("detection",), pad=np.nan, label="cosine similarity to the nearest profile"
+    ),
+    reads=VISITS | {"detected": "scan_detected", "targets": "scan_targets"},
+    group=GROUP,
+    along=(Grid.frame_count,),
+    stream=(Grid.range, Grid.replicate),
+    name="scan_visited",
+)(identify_visits)
+
+COUNTS = {
+    "detected": "ships detected",
+    "right": "ships detected and identified correctly",
+    "wrong": "ships detected and misidentified",
+    "turned_away": "ships detected and rejected",
+    "decoys": "decoys in the field",
+    "decoys_detected": "decoys detected",
+    "decoys_rejected": "decoys detected and rejected",
+    "false": "detections of the sea",
+    "false_rejected": "detections of the sea that are rejected",
+}
+TIMES = {
+    "imaging": "time of the imager",
+    "slewing": "time of moves to visits",
+    "dwelling": "time of visits",
+    "total": "time of the search",
+    "exhaustive": "time of the laser radar over the whole field",
+}
+
+scan_outcome = of_scan(
+    Output("least", label="rejection threshold of the similarity"),
+    Output("accepted", ("detection",), "i1", pad=-1, label="1 where a visit is accepted as a ship"),
+    *(Output(name, dtype="i4", label=label) for name, label in COUNTS.items()),
+    *(Output(name, dtype="f8", unit="s", label=label) for name, label in TIMES.items()),
+    reads={
+        "detected": "scan_detected",
+        "visited": "scan_visited",
+        "known": "scan_known",
+        "field": "scan_field",
+        "rates": "scan_rates",
+    },
+    group=GROUP,
+    gather=(Grid.ship,),
+    name="scan_outcome",
+)(search_outcome)
+
+
+# Checks
+
+
+def check(choices: Choices) -> Choices:
+    """Refuse (`ConfigurationError`) fields, ranges and rates that cannot be searched."""
+    if not looks(SCAN)(choices):
+        return choices
+    check_receiver(choices, "likelihood")
+    if {*choices[Ladar.ifov], *choices[Infrared.ifov]} != {choices[Ladar.ifov][0]}:
+        reason = f"with the sensor {SCAN}: both sensors look through one aperture"
+        refuse(Infrared.ifov, max(choices[Infrared.ifov]), f"one number, of ladar.ifov, {reason}")
+    for setting, allowed in ((Render.tolerance, None), (Ladar.reflectance, "projected_area")):
+        for given in choices[setting]:
+            if given != allowed:
+                refuse(setting, given, f"{allowed or 'null'} with the sensor {SCAN}")
+    far = max(choices[Grid.range]) * 1e3 * (1 + max(choices[Scan.depth]))
+    most, pulses = search.most_pulses(far), max(choices[Scan.pulse_rate])
+    if pulses > most:
+        reason = f"for pulses to be back from {far * 1e-3:g} km before the next ones leave"
+        refuse(Scan.pulse_rate, pulses, f"at most {most:.0f} Hz {reason}")
+    for ship in choices[Grid.ship]:
+        check_window(choices, ship)
+    _check_decoy(choices)
+    views.check_ranges(choices, Grid.range, Ladar.ifov)
+    for where in choices[Grid.range]:
+        _check_field(choices, where)
+    return choices
+
+
+def _check_decoy(choices: Choices) -> None:
+    """Refuse a decoy that is larger than the largest ship may be."""
+    across = math.hypot(max(choices[Scan.decoy_length]), max(choices[Scan.decoy_beam]))
+    for setting, needed, limit in (
+        (Scan.decoy_length, across, Infrared.window_length),
+        (Scan.decoy_height, max(choices[Scan.decoy_height]), Infrared.window_height),
+        (Scan.decoy_length, across / (1 - 2 * EDGE), Ladar.window),
+    ):
+        most = choices.one(limit)
+        if needed > most:
+            reason = f"for the decoy to be within {limit.key}, {most:g} m"
+            refuse(setting, max(choices[setting]), f"less {reason}")
+
+
+def _check_field(choices: Choices, where: float) -> None:
+    """Refuse a field that does not hold its targets [km] side by side, or is not as high."""
+    targets = len(choices[Grid.ship]) + (BARGE in choices[Scan.decoy])
+    width, longest = min(choices[Scan.width]), choices.one(Infrared.window_length)
+    nearest = 2e-3 * longest * targets / math.radians(width)
+    if where < nearest:
+        side_by_side = f"for {targets} targets to lie side by side in a field of {width:g} deg"
+        refuse(Grid.range, where, f"at least {nearest:.3g} km {side_by_side}")
+    # On a flat sea the nearest target is lowest in the field.
+    deep, height = max(choices[Scan.depth]), min(choices[Scan.height])
+    for depression in depressions(choices, where):
+        steep = math.sin(math.radians(depression)) / (1 - deep)
+        low = math.degrees(math.asin(steep)) - depression if steep < 1 else math.inf
+        if low > height / 2:
+            reason = f"for targets at {where:g} km to lie in a field {height:g} deg high"
+            refuse(Scan.depth, deep, f"less {reason}")
+
+
+def depressions(choices: Choices, slant_range: float) -> set[float]:
+    """Return the depressions [deg] of the field's middle, in every geometry."""
+    scenes = (Scene.geometry, Scene.depression, Scene.altitude, Scene.earth_radius)
+    several = product(*(choices[one] for one in scenes))
+    return {views.depression(slant_range * SI["km"], *scene) for scene in several}
+
+
+# The table
+
+SHARES = {  # of what: part and whole
+    "detected": ("detected", "ships"),
+    "right": ("right", "detected"),
+    "wrong": ("wrong", "detected"),
+    "away": ("turned_away", "detected"),
+    "identified": ("right", "ships"),
+    "decoys": ("decoys_detected", "decoys"),
+    "rejected": ("decoys_rejected", "decoys_detected"),
+    "false_rejected": ("false_rejected", "false"),
+}
+LISTED = {"detected", "right", "rejected", "false_rejected"}  # of them, on the screen
+MEANS = {"false_a_field": "false", "alarms_a_field": "alarms"} | {name: name for name in TIMES}
+
+
+def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return shares over all draws with 95 % Wilson intervals, and means of counts and times.
+
+    A share of nothing is NaN, within 0 and 1.
+    """
+    import xarray as xr
+
+    if DRAW not in scan.dims:
+        scan = scan.expand_dims(DRAW)
+    ships = len(choices[Grid.ship])
+    whole_field = xr.full_like(scan.detected, ships).assign_attrs(long_name="all ships")
+    done = scan.detected >= 0  # -1: the cell failed
+    detectable = scan.detection_probability.isel(target=slice(ships)).mean("target")
+    counts = scan.assign(ships=whole_field)
+    totals = counts[[*COUNTS, "ships"]].where(done).sum(DRAW)
+    arrays = {
+        "draws": (done.sum(DRAW), "draws of the field"),
+        "detection_probability": (
+            detectable.where(done).mean(DRAW),
+            "share of ships detected, in closed form",
+        ),
+    }
+    for name, parts in SHARES.items():
+        hits, trials = xr.broadcast(*(totals[part] for part in parts))
+        low, high = wilson_interval(hits, trials)
+        label = ", as a share of ".join(counts[part].long_name for part in parts)
+        arrays |= {
+            f"share_{name}": (hits / trials.where(trials > 0), label),
+            f"share_{name}_low": (hits.copy(data=low), "low end of its 95 % Wilson interval"),
+            f"share_{name}_high": (hits.copy(data=high), "high end of its 95 % Wilson interval"),
+            f"share_{name}_of": (trials, "number of trials of the share"),
+        }
+    for name, one in MEANS.items():
+        arrays[name] = (scan[one].where(done).mean(DRAW), f"{scan[one].long_name}, mean of draws")
+    ratio = arrays["exhaustive"][0] / arrays["total"][0]
+    arrays["gain"] = (ratio, "time of the laser radar over the whole field over the search's")
+    units = {name: scan[one].attrs.get("units", "1") for name, one in MEANS.items()}
+    return xr.Dataset(
+        {
+            name: views.described(array, label, units.get(name, "1"))
+            for name, (array, label) in arrays.items()
+        }
+    )
+
+
+def _share(name: str) -> Figure:
+    """Return the figure of a share, with its interval and number of trials."""
+    of = f"share_{name}"
+    return Figure(
+        of,
+        f"percent_{name}",
+        low=f"{of}_low",
+        high=f"{of}_high",
+        beside={f"{of}_of": f"{of}_of"},
+        percent=True,
+        format=".0f",
+        listed=name in LISTED,
+    )
 
 
 SETTINGS: tuple[type[Settings], ...] = (Scan,)
-STAGES: tuple[Stage, ...] = (*(scan_drawn, scan_bins, scan_field, scan_names, scan_edges),)
+_shown = partial(Figure, format=".1f")
+DISPLAY = Display(
+    "scan",
+    "Scan of the field of regard",
+    (
+        *map(_share, SHARES),
+        Figure(
+            "detection_probability", "percent_detected_in_closed_form", percent=True, format=".0f"
+        ),
+        *(_shown(name, listed=name in ("total", "exhaustive", "false_a_field")) for name in MEANS),
+        _shown("gain"),
+        Figure("draws", listed=False),
+    ),
+    rows=("range", "frame_count"),
+    notes=(
+        "With 95 % Wilson intervals. Ships are at aspects without a template. Right: of the ships "
+        "detected, the most probable ship is the true one, and its similarity exceeds the "
+        "rejection threshold. Frames are those of the laser radar; in an exhaustive search it "
+        "takes as many at every place of the field.",
+    ),
+)
+TABLES = (Table("tables/scan", (GROUP,), tabulate, looks(SCAN), (DISPLAY,)),)

@@ -2,152 +2,154 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncti.evaluate import (
     accuracy_by_aspect,
     aspect_bins,
     open_set_scores,
+    rejection_thresholds,
     replicated_accuracy,
 )
+from sweeps.engine.display import Display, Figure
+from sweeps.stages.views import described
 
 if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
     import xarray as xr
 
-Flags = NDArray[np.bool_]
-Floats = NDArray[np.floating]
-Scored: TypeAlias = "dict[str, tuple[xr.DataArray, str]]"
 VIEW = ("ship", "aspect")
 OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
 # Draws of noise, positions and orders, over which accuracies are means.
 DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
-PROFILES = {
-    "training_correct": ("training_", "training profiles"),
-    "ship_correct": ("ship_", "ships of test profiles"),
-    "correct": ("", "test profiles"),
-}
-"""Variables of answers about range profiles, with the prefix and words of their scores."""
+ENDS = {"_ci_low": "lower", "_ci_high": "upper"}
 
 
-def formed(classified: xr.Dataset, what: str) -> Scored:
+def formed(classified: xr.Dataset, shown: str) -> dict[str, xr.DataArray]:
     """Return the numbers of categories and of views of every training."""
     category = classified.training_category
     return {
-        "category_count": ((category.max(VIEW) + 1).astype("i4"), "categories formed"),
-        "view_count": ((category >= 0).sum(VIEW).astype("i4"), what),
-        "settled": ((classified.passes > 0).astype("i1"), "1 where the categories settled"),
+        "category_count": described((category.max(VIEW) + 1).astype("i4"), "categories formed"),
+        "view_count": described((category >= 0).sum(VIEW).astype("i4"), f"training {shown}"),
+        "settled": described(
+            (classified.passes > 0).astype("i1"), "1 where the categories settled"
+        ),
     }
 
 
-def scored(correct: xr.DataArray, prefix: str, what: str) -> Scored:
+def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
+    """Return the numbers of categories of all trainings: mean, spread and extremes over draws."""
+    arrays = formed(classified, "")
+    draws = [name for name in DRAWS if name in arrays["category_count"].dims]
+    done = arrays["view_count"] > 0
+    counts = arrays["category_count"].where(done)
+    views, mean = arrays["view_count"].max(draws), counts.mean(draws)
+    settled = done.any(draws) & (arrays["settled"].where(done, 1) == 1).all(draws)
+    return data_set(
+        {
+            "categories": (mean, "categories formed, mean over draws"),
+            "spread": (counts.std(draws), "standard deviation of the number of categories"),
+            "least": (counts.min(draws), "least number of categories"),
+            "most": (counts.max(draws), "largest number of categories"),
+            "first": (counts.isel(dict.fromkeys(draws, 0), drop=True), "categories, first draw"),
+            "trainings": (done.astype("i4").sum(draws), "number of trainings"),
+            "views": (views, "training views"),
+            "compression": (views / mean.where(mean > 0), "training views per category"),
+            "settled": (settled, "whether no category changed in the last pass"),
+        },
+        None,
+    )
+
+
+def scored(
+    correct: xr.DataArray, prefix: str, what: str, aspects: Mapping[str, xr.DataArray] | None = None
+) -> xr.Dataset:
     """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
     Of (..., ship, aspect) answers: 1 where right, 0 where not, negative where nothing was asked.
     Means over draws have intervals that take in views and draws (`replicated_accuracy`), and a
-    `spread`.
+    `spread`. Answers at `aspects` of several kinds are scored apart, along a dimension of theirs.
     """
     import xarray as xr
 
+    if aspects and len(aspects) > 1:
+        parts = [scored(correct.where(kind, -1), prefix, what) for kind in aspects.values()]
+        kinds = xr.DataArray(list(aspects), dims="aspects", attrs=OF_ASPECTS, name="aspects")
+        return xr.concat(parts, kinds)
     draws = tuple(name for name in DRAWS if name in correct.dims)
     answers = correct.transpose(..., *draws, *VIEW)
     right, asked, aspect = answers.values == 1, answers.values >= 0, answers.aspect.values
     score = replicated_accuracy(right, aspect, draws=len(draws), answered=asked)
-    gone = (*draws, *VIEW)
-    coords: dict[Any, Any] = {
-        name: coord for name, coord in answers.coords.items() if not {name, *coord.dims} & {*gone}
+    cells = answers.isel(dict.fromkeys((*draws, *VIEW), 0), drop=True)
+    cells = cells.expand_dims(aspect_bin=list(score.labels), axis=-1)
+    figures = {
+        "accuracy": (score.fraction, f"fraction of {what} classified correctly"),
+        "ci_low": (score.ci_low, "lower end of its 95 % Wilson interval"),
+        "ci_high": (score.ci_high, "upper end of its 95 % Wilson interval"),
+        "n": (score.n, f"number of {what}"),
     }
-    coords["aspect_bin"] = np.array(score.labels)
-    dims = (*answers.dims[: -len(gone)], "aspect_bin")
-    more: list[tuple[str, Floats, str]] = []
     if draws:
-        alone = xr.DataArray(
-            accuracy_by_aspect(right, aspect, answered=asked).fraction,
-            dims=(*answers.dims[:-2], "aspect_bin"),
-        )
+        of_draws = accuracy_by_aspect(right, aspect, answered=asked).fraction
+        spread = xr.DataArray(of_draws, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
         said = f"standard deviation of that fraction over {' and '.join(draws)}"
-        more = [("spread", alone.std(draws).values, said)]
-    return {
-        prefix + suffix: (xr.DataArray(values, coords, dims), long_name)
-        for suffix, values, long_name in (
-            ("accuracy", score.fraction, f"fraction of {what} classified correctly"),
-            ("ci_low", score.ci_low, "lower end of its 95 % Wilson interval"),
-            ("ci_high", score.ci_high, "upper end of its 95 % Wilson interval"),
-            ("n", score.n, f"number of {what}"),
-            *more,
-        )
-    }
-
-
-def by_aspects(
-    correct: xr.DataArray,
-    aspects: Mapping[str, xr.DataArray],
-    score: Callable[[xr.DataArray], Scored],
-) -> Scored:
-    """Return scores of answers at aspects of several kinds apart, along `aspects`.
-
-    Of one kind there is no such dimension.
-    """
-    import xarray as xr
-
-    if len(aspects) < 2:
-        return score(correct)
-    parts = [score(correct.where(where, -1)) for where in aspects.values()]
-    names = xr.DataArray(list(aspects), dims="aspects", attrs=OF_ASPECTS, name="aspects")
-    return {
-        name: (xr.concat([part[name][0] for part in parts], names), what)
-        for name, (_, what) in parts[0].items()
-    }
-
-
-def scored_profiles(classified: xr.Dataset, aspects: Mapping[str, xr.DataArray]) -> Scored:
-    """Return the scores of all answers about range profiles that a classifier gives.
-
-    Tests at aspects of several kinds are scored apart.
-    """
-    tables: Scored = {}
-    for name, (prefix, what) in PROFILES.items():
-        if name in classified:
-            score = partial(scored, prefix=prefix, what=what)
-            of_kinds = {} if prefix == "training_" else aspects
-            tables |= by_aspects(classified[name], of_kinds, score)
-    return tables
-
-
-def data_set(tables: Scored, aspect: xr.DataArray | None) -> xr.Dataset:
-    """Return tables without units as a data set, each with its long name.
-
-    Of aspects [deg] that were pooled the lowest of every bin is a coordinate; None where tables
-    have no bins of them.
-    """
-    import xarray as xr
-
-    found = xr.Dataset(
+        figures["spread"] = spread.values, said
+    return xr.Dataset(
         {
-            name: array.assign_attrs(units="1", long_name=long_name)
-            for name, (array, long_name) in tables.items()
+            prefix + name: described(xr.DataArray(values, cells.coords, cells.dims), said)
+            for name, (values, said) in figures.items()
         }
     )
-    if aspect is None:
-        return found
-    found.aspect_bin.attrs = {"long_name": "aspects pooled [deg]"}
+
+
+def tabulate_scores(
+    classified: xr.Dataset, aspects: Mapping[str, xr.DataArray], shown: str
+) -> xr.Dataset:
+    """Return all scores of answers that a classifier gives, by aspect bin.
+
+    With the numbers of categories where they form; tests at aspects of several kinds apart.
+    """
+    import xarray as xr
+
+    arrays: dict[Any, xr.DataArray] = (
+        formed(classified, shown) if "training_category" in classified else {}
+    )
+    for name, prefix, what, kinds in (
+        ("training_correct", "training_", f"training {shown}", None),
+        ("ship_correct", "ship_", f"ships of test {shown}", aspects),
+        ("correct", "", f"test {shown}", aspects),
+    ):
+        if name in classified:
+            arrays |= scored(classified[name], prefix, what, kinds).data_vars.items()
+    return _with_bins(xr.Dataset(arrays), classified.aspect)
+
+
+def data_set(
+    tables: Mapping[str, tuple[xr.DataArray, str]], aspect: xr.DataArray | None
+) -> xr.Dataset:
+    """Return arrays without a unit and their long names as a data set.
+
+    Of aspects [deg] that were pooled the lowest of every bin is a coordinate.
+    """
+    import xarray as xr
+
+    table = xr.Dataset({name: described(*column) for name, column in tables.items()})
+    return table if aspect is None else _with_bins(table, aspect)
+
+
+def _with_bins(table: xr.Dataset, aspect: xr.DataArray) -> xr.Dataset:
+    """Return a table with the lowest aspect [deg] of every bin."""
+    table.aspect_bin.attrs = {"long_name": "aspects pooled [deg]"}
     _, index = aspect_bins(aspect.values)
     lowest = [aspect.values[index == k].min() for k in range(index.max() + 1)]
-    found["aspect_low"] = (
-        "aspect_bin",
-        [*lowest, np.nan],
-        {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"},
-    )
-    return found.set_coords("aspect_low")
+    about = {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"}
+    return table.assign_coords(aspect_low=("aspect_bin", [*lowest, np.nan], about))
 
 
 # Unknown ships: answers that a test vigilance rejects
 
-ENDS = {"_ci_low": "lower", "_ci_high": "upper"}
 LEAST = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # shares of answers to unknown ships, to be rejected
 MEANINGS = {
     "rejected_unknown": "fraction of answers to unknown ships that are rejected",
@@ -162,6 +164,8 @@ MEANINGS = {
     "ship (area under the receiver operating characteristic)",
     "oscr": "probability that an answer to a known ship is right and more similar than one to an "
     "unknown ship (area under the open-set classification rate)",
+    "test_vigilance": "cosine that an answer must reach",
+    "least_rejected": "fraction of answers to unknown ships that is rejected at least",
 }
 
 
@@ -178,47 +182,57 @@ def tabulate_rejection(
     "unknown": `MEANINGS` over the classifier's axes and `aspects`, NaN without answers; means over
     all draws, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`,
     `rejected_up_to`, `auroc` and `oscr` are of the whole characteristic, for any test vigilances;
-    see `ncti.evaluate.open_set_scores`.
-
-    Notes
-    -----
-    The characteristic has a corner at every similarity of an answer to an unknown ship. To reject
-    a share of these answers, all answers up to a quantile of the similarity are rejected.
+    see `ncti.evaluate.open_set_scores` and `rejection_thresholds`.
     """
     import xarray as xr
 
     levels = np.array(test_vigilances)
-    thresholds = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
+    vigilance = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
     similarity, right = classified.similarity, classified.correct == 1
-    accepted = similarity >= thresholds
-    draws = [name for name in DRAWS if name in right.dims]
-    pooled = [*draws, *VIEW]
+    pooled = [*(name for name in DRAWS if name in right.dims), *VIEW]
     parts = []
-    for name, of_kind in aspects.items():
+    for kind, of_kind in aspects.items():
         of_known = (classified.correct >= 0) & known & of_kind
         of_unknown = similarity.notnull() & ~known & of_kind  # right or wrong
-        up_to = _over(pooled, _quantiles, similarity, of_unknown, gives=["least_rejected"])
-        up_to = up_to.assign_coords(least_rejected=LEAST)
-        counted = {
-            "rejected_unknown": (~accepted, of_unknown),
-            "rejected_known": (~accepted, of_known),
-            "correct_known": (accepted & right, of_known),
-            "correct_where_rejected": ((similarity > up_to) & right, of_known & up_to.notnull()),
+        of_all = similarity.where(of_known | of_unknown)
+        over = partial(xr.apply_ufunc, vectorize=True)
+        up_to = over(
+            lambda answers: rejection_thresholds(answers[~np.isnan(answers)], LEAST),
+            similarity.where(of_unknown),
+            input_core_dims=[pooled],
+            output_core_dims=[["least_rejected"]],
+        ).assign_coords(least_rejected=LEAST)
+        auroc, oscr = over(
+            _areas,
+            of_all,
+            right,
+            of_known,
+            input_core_dims=[pooled] * 3,
+            output_core_dims=[[], []],
+        )
+        part = {
+            "n_unknown": of_unknown.sum(pooled),
+            "n_known": of_known.sum(pooled),
+            "rejected_up_to": up_to.where(up_to > -np.inf).astype(similarity.dtype),
+            "auroc": auroc,
+            "oscr": oscr,
         }
-        part = {"n_unknown": of_unknown.sum(pooled), "n_known": of_known.sum(pooled)}
-        part["rejected_up_to"] = up_to.where(up_to > -np.inf)
-        areas = _over(pooled, _areas, similarity, right, of_known, of_unknown, gives=["score"])
-        part |= {name: areas.isel(score=k) for k, name in enumerate(("auroc", "oscr"))}
-        for figure, (hits, answers) in counted.items():
-            for suffix, values in zip(("", *ENDS), _share(hits, answers, draws), strict=True):
-                part[figure + suffix] = values
-        parts.append(xr.Dataset(part).expand_dims(aspects=[name]))
+        accepted = similarity >= vigilance
+        for name, hits, asked in (
+            ("rejected_unknown", ~accepted, of_unknown),
+            ("rejected_known", ~accepted, of_known),
+            ("correct_known", accepted & right, of_known),
+            ("correct_where_rejected", (similarity > up_to) & right, of_known & up_to.notnull()),
+        ):
+            # All aspects together, as if they were the same.
+            hits, asked = xr.broadcast(hits, asked)
+            answers = hits.where(asked, -1).assign_coords(aspect=np.zeros(hits.sizes["aspect"]))
+            share = scored(answers, "", name).sel(aspect_bin="overall", drop=True)
+            part[name] = share.accuracy
+            part |= {name + end: share[end.removeprefix("_")] for end in ENDS}
+        parts.append(xr.Dataset(part).expand_dims(aspects=[kind]))
     table = xr.concat(parts, "aspects")
-    said = MEANINGS | {
-        "test_vigilance": "cosine that an answer must reach",
-        "least_rejected": "fraction of answers to unknown ships that is rejected at least",
-    }
-    for name, meaning in said.items():
+    for name, meaning in MEANINGS.items():
         table[name].attrs = {"units": "1", "long_name": meaning}
         for suffix, end in ENDS.items() if name + "_ci_low" in table else ():
             interval = f"{end} end of the 95 % Wilson interval of the {meaning}"
@@ -227,50 +241,109 @@ def tabulate_rejection(
     return table
 
 
-def _over(
-    pooled: list[str], function: Callable[..., Any], *arrays: xr.DataArray, gives: Any = ()
-) -> xr.DataArray:
-    """Return the results of a function of pooled axes, at every place of the other axes."""
-    import xarray as xr
-
-    whole, made = [pooled] * len(arrays), [gives]
-    found: xr.DataArray = xr.apply_ufunc(
-        function, *arrays, input_core_dims=whole, output_core_dims=made, vectorize=True
-    )
-    return found
-
-
-def _quantiles(similarity: Floats, unknown: Flags) -> Floats:
-    """(least_rejected,): up to where answers go; -inf where none do, NaN without any."""
-    ranked = np.sort(similarity[unknown])
-    if not ranked.size:
-        return np.where(LEAST > 0, np.nan, -np.inf)
-    count = np.ceil(LEAST * ranked.size - 1e-9).astype(int)
-    return np.where(count > 0, ranked[np.maximum(count - 1, 0)], -np.inf)
-
-
-def _areas(similarity: Floats, right: Flags, known: Flags, unknown: Flags) -> Floats:
-    """Return AUROC and OSCR of answers; NaN without any."""
-    asked = known | unknown
+def _areas(similarity: Any, right: Any, known: Any) -> tuple[float, float]:
+    """Return AUROC and OSCR of answers, NaN without any; a similarity of NaN is none."""
+    asked = ~np.isnan(similarity)
     scores = open_set_scores(similarity[asked], right[asked], known[asked])
-    return np.array([scores.auroc, scores.oscr])
+    return scores.auroc, scores.oscr
 
 
-def _share(
-    hits: xr.DataArray, answers: xr.DataArray, draws: list[str]
-) -> tuple[xr.DataArray, xr.DataArray, xr.DataArray]:
-    """Return the fraction of answers that hit, and both ends of its interval."""
-    import xarray as xr
+# How tables of answers are shown
 
-    hits, answers = xr.broadcast(hits & answers, answers)
-    n = answers.sum([*draws, *VIEW])
-    fraction = hits.sum([*draws, *VIEW]) / n.where(n > 0)
-    order = [*fraction.dims, *draws, *VIEW]
-    score = replicated_accuracy(
-        hits.transpose(*order).values,
-        np.zeros(hits.sizes["aspect"]),  # all of them together
-        draws=len(draws),
-        answered=answers.transpose(*order).values,
+_percent = partial(Figure, percent=True, format=".0f")
+
+
+def score_displays(
+    labels: Mapping[str, str], *, scored: str, source: str, chance: tuple[Any, Any]
+) -> tuple[Display, ...]:
+    """Return the displays of percent correct of one classifier, of its training views, too.
+
+    `labels` tell it from others, `scored` says what has to be right. `chance` is percent correct of
+    random answers of that kind, and of ships.
+    """
+
+    def figure(prefix: str) -> Figure:
+        accuracy, low, high, spread, n = (
+            prefix + name for name in ("accuracy", "ci_low", "ci_high", "spread", "n")
+        )
+        return _percent(accuracy, "percent_correct", low, high, {"spread": spread, "n": n})
+
+    return tuple(
+        Display(
+            "scores",
+            "Ships identified correctly [%]",
+            (figure(prefix),),
+            rows=("classifier", "channel", "scored"),
+            columns="aspect_bin",
+            labels={**labels, "scored": right, "kind": kind},
+            source=of_source,
+            chance=level,
+            notes=(
+                "With 95 % Wilson intervals. n counts answers; those that are alike for one view, "
+                "or in one draw, count for less (Kish's design effect).",
+            ),
+        )
+        for prefix, right, kind, of_source, level in (
+            ("", scored, "test", source, chance[0]),
+            ("ship_", "ship", "test", "", chance[1]),
+            ("training_", scored, "training", source, chance[0]),
+        )
     )
-    low, high = score.ci_low[..., -1], score.ci_high[..., -1]
-    return fraction, fraction.copy(data=low), fraction.copy(data=high)
+
+
+def category_display(labels: Mapping[str, str], source: str) -> Display:
+    """Return the display of the numbers of categories that one classifier forms."""
+    names = ("first", "least", "most", "trainings", "views", "settled")
+    return Display(
+        "categories",
+        "Categories formed in training",
+        (
+            Figure("categories", beside={"spread": "spread"}, digits=2),
+            Figure("compression", digits=2, listed=False),
+            *(Figure(name, listed=name == "views") for name in names),
+        ),
+        rows=("classifier", "channel"),
+        columns="vigilance",
+        labels=labels,
+        source=source,
+        notes=("Means over draws of noise, positions and orders of presentation.",),
+    )
+
+
+def rejection_displays(labels: Mapping[str, str]) -> tuple[Display, Display]:
+    """Return the displays of the rejection of unknown ships: its curve, and by test vigilance."""
+
+    def share(variable: str, name: str, *beside: str) -> Figure:
+        low, high = (variable + end for end in ENDS)
+        return _percent(variable, name, low, high, {one: one for one in beside})
+
+    curve = Display(
+        "rejection_curve",
+        "Known ships identified correctly [%], by share of unknown ships rejected",
+        (
+            share("correct_where_rejected", "percent_correct", "n_known", "n_unknown"),
+            Figure("auroc", digits=3, format=".2f"),
+            Figure("oscr", digits=3, format=".2f"),
+            Figure("rejected_up_to", listed=False),
+        ),
+        rows=("classifier", "channel"),
+        columns="least_rejected",
+        labels=labels,
+        notes=(
+            "At the least test vigilance that rejects at least that share. auroc, oscr: areas "
+            "under the curves of known ships accepted, and of those accepted and identified, over "
+            "unknown ships accepted; by chance 0.5 and half the accuracy.",
+        ),
+    )
+    rates = Display(
+        "rejection",
+        "Ships rejected and identified correctly [%], by test vigilance",
+        (
+            share("rejected_unknown", "percent_rejected_unknown", "n_known", "n_unknown"),
+            share("rejected_known", "percent_rejected_known"),
+            share("correct_known", "percent_correct_known"),
+        ),
+        rows=("classifier", "channel"),
+        labels=labels,
+    )
+    return curve, rates

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from ncti.checks import NothingSeenError
 from ncti.irar import measured_extent
-from ncti.ladar import expected_profile
-from sweeps.engine.stage import Output, Stage, stage
+from ncti.irar.corrected import image_of
+from ncti.ladar import expected_profile, no_return
+from sweeps.engine.stage import Output, stage
 from sweeps.stages import ladar, views
-from sweeps.stages.irar import DIMS, GROUP, Arrays, Irar, Pairs, flight_of, image_of
+from sweeps.stages.irar import DIMS, GROUP, Arrays, Irar, flight_of
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import IRAR, STATUS, Grid, Render, looks
+from sweeps.stages.views import IRAR, STATUS, Grid, Keywords, Render, looks
 
 KINDS = ("learned", "test", "measured")
 NAMES = {  # a flight has settings of the same words
@@ -28,29 +29,32 @@ NAMES = {  # a flight has settings of the same words
     Render.samples: "render_samples",
 }
 
-SIGHT = {"ifovs": "flight_ifovs", "signal": "flight_signal"}
 UNSTORED: dict[str, Any] = {"group": None, "dims": ()}
 
 flight_images = views.image_stages(
     "flight_image", range=Irar.profile_range, depression=Irar.depression
 )
 flight_cnr = replace(ladar.cnr_at_range, name="flight_cnr", reads={"range": Irar.profile_range})
-flight_signal = replace(ladar.signal, name="flight_signal", reads={"cnr_at_range": "flight_cnr"})
+FLIGHT_SIGNAL = ladar.RECEIVED | {"cnr": "flight_cnr"}
+flight_reads = {"image": "flight_image", "slant_range": Irar.profile_range}
 flight_extent = replace(
-    ladar.extent,
-    name="flight_extent",
-    reads={"image": "flight_image", "range": Irar.profile_range},
+    ladar.extent, name="flight_extent", reads={**ladar.extent.reads, **flight_reads}
 )
-flight_ifovs = replace(
-    ladar.ifovs,
-    name="flight_ifovs",
-    reads={"extent": "flight_extent", "range": Irar.profile_range},
+flight_ifovs = replace(ladar.ifovs, name="flight_ifovs", reads={"extent": "flight_extent"})
+learned_signature = replace(
+    ladar.expected,
+    name="learned_signature",
+    reads={"extent": "flight_ifovs", **FLIGHT_SIGNAL},
+    **UNSTORED,
 )
-learned_signature = replace(ladar.expected, name="learned_signature", reads=SIGHT, **UNSTORED)
 test_signature = replace(
     ladar.averaged,
     name="test_signature",
-    reads={**SIGHT, "frame_count": Irar.profile_frames},
+    reads={
+        "ifovs": "flight_ifovs",
+        "frame_count": Irar.profile_frames,
+        **FLIGHT_SIGNAL,
+    },
     along=(Irar.profile_frames,),
     noise="flight_signature",
     stream=(Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate),
@@ -66,7 +70,7 @@ test_signature = replace(
         label="range profile of the proposed sensor, noise floor included",
     ),
     uses=(Grid, Irar, Ladar),
-    reads={"ladar_ifov": Ladar.ifov},
+    reads={"ladar_ifov": Ladar.ifov, **FLIGHT_SIGNAL},
     along=(Grid.pulse_width,),
     group=GROUP,
     dims=(*DIMS, "pulse_width"),
@@ -78,15 +82,16 @@ def signature(
     corrected: Arrays,
     learned_signature: NDArray[np.float32],
     test_signature: NDArray[np.float32],
-    course: Pairs | None,
-    receivers: Pairs,
-    flight_signal: Pairs,
+    course: Keywords | None,
+    receivers: Keywords,
+    *,
     aspect: float,
     pulse_width: tuple[float, ...],
     profile_range: float,
     ladar_ifov: float,
     bin_width: float,
     window: float,
+    **signal: Any,
 ) -> NDArray[np.float32]:
     """Return (pulse_width, kind, bin) training, test and measured profiles.
 
@@ -94,20 +99,20 @@ def signature(
     """
     measured = np.full_like(learned_signature, np.nan)
     if course is not None:
-        flight = flight_of(aspect, dict((*course, *receivers)))
+        flight = flight_of(aspect, dict(course + receivers))
         try:
             seen = measured_extent(
                 image_of(corrected),
                 flight,
-                slant_range=profile_range * 1e3,
-                ifov=ladar_ifov * 1e-6,
+                slant_range=profile_range,
+                ifov=ladar_ifov,
                 bin_width=bin_width,
                 window=window,
             )
         except NothingSeenError:
-            seen = ladar.nowhere(window, bin_width)
+            seen = no_return(window, bin_width)
         for line, width in zip(measured, pulse_width, strict=True):
-            line[:] = expected_profile(seen, pulse_width=width * 1e-9, **dict(flight_signal))
+            line[:] = expected_profile(seen, pulse_width=width, **signal)
     return np.stack([learned_signature, test_signature, measured], axis=1)
 
 
@@ -126,9 +131,3 @@ def signature(
 def signature_kinds() -> NDArray[np.str_]:
     """Return the kinds of signatures."""
     return np.array(KINDS)
-
-
-STAGES: tuple[Stage, ...] = (
-    *(*flight_images, flight_cnr, flight_signal, flight_extent, flight_ifovs),
-    *(learned_signature, test_signature, signature, signature_kinds),
-)

@@ -2,48 +2,65 @@
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from platformdirs import user_cache_path
 
 import ncti.render
 import ncti.ships
 from ncti.ladar import lines_within
-from ncti.render import EngineError, LineImage, RangeImage, line_image, range_image, refined
+from ncti.render import EngineError, LineImage, RangeImage, Sampling
 from ncti.render.choice import choose_engine, engines
 from ncti.render.far_field import reach_of, sampling_tolerance
 from ncti.render.flight import DEPRESSION, depression_angle
+from ncti.render.loops import LINES
 from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
+from sweeps.engine.settings import (
+    Choices,
+    Setting,
+    Settings,
+    count,
+    draws,
+    number,
+    set_of,
+    word,
+    written_default,
+)
 from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
 from sweeps.stages.ships import ShipFile, ShipName, ships
 
 if TYPE_CHECKING:
     import trimesh
+    import xarray as xr
+
+    from ncti.render.mask import Mask
 
 IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
-LINES = "lines"  # the engine without pixels
 RANGE, INFRARED, IRAR, RUN_TIME, SCAN = "range", "infrared", "irar", "run_time", "scan"
 MOST_FRAMES = 10_000
-FINEST = 0.25  # of the configured pixel: more would not pay for the few samples of a thin pole
 AS_IT_IS = Transform()  # of a mesh that is in the ship frame
 SHAPES = "it shapes arrays"  # why a setting takes one value only
+
+Keywords = tuple[tuple[str, Any], ...]  # values with their names
 
 CACHE_VARIABLE = "NCTI_CACHE"
 """Name of the environment variable with the cache folder, whose `meshes` keeps built ships."""
 
 
+SI = {"km": 1e3, "ns": 1e-9, "urad": 1e-6, "um": 1e-6, "dB km-1": 1e-3}
+"""Factors of units to SI; angles of a view stay in degrees."""
+
+
 def quantity(default: Any, low: float, high: float, unit: str, label: str, **about: Any) -> Setting:
-    """Return a setting that is a number with a unit; the rest as of `Setting`."""
-    return number(default, low, high, unit=unit, label=label, **about)
+    """Return a setting that is a number with a unit, which stages get in SI; see `Setting`."""
+    return number(default, low, high, **{"unit": unit, "label": label, "si": SI.get(unit), **about})
 
 
 class Sweep(Settings):
@@ -199,13 +216,13 @@ def drawing_engines(choices: Choices) -> tuple[str, ...]:
 def depression(
     range: float, geometry: str, depression: float, altitude: float, earth_radius: float
 ) -> float:
-    """Return the depression [deg] at a slant range [km]; ValueError beyond the scene."""
+    """Return the depression [deg] at a slant range [m]; ValueError beyond the scene."""
     if geometry == "fixed":
         return depression
-    return depression_angle(range * 1e3, altitude=altitude, earth_radius=earth_radius)
+    return depression_angle(range, altitude=altitude, earth_radius=earth_radius)
 
 
-@in_memory(keep=8, also=("manifold3d", "networkx", "trimesh"))
+@in_memory(keep=8)
 def mesh(hull: Hull) -> trimesh.Trimesh:
     """Return a ship's mesh, refused when its file has changed since its digest."""
     return read_mesh(hull)
@@ -223,56 +240,64 @@ def drawn_aspect(hull: Hull, aspect: float, skip: str) -> float:
 def drawn_range(hull: Hull, range: float, tolerance: float | None, skip: str) -> float | None:
     """Return the slant range [m] to draw a ship at, or None in the far field."""
     if skip == "none":
-        return range * 1e3
-    return ncti.render.drawn_range(_reach(hull), range * 1e3, tolerance=tolerance)
+        return range
+    return ncti.render.drawn_range(_reach(hull), range, tolerance=tolerance)
 
 
-@in_memory(uses=(Grid, Render), also=("embreex", "numba", "PyOpenGL", "pyrender"))
+sampling = plain(uses=(Render,), reads={"engine": "drawing_engine"}, name="sampling")(Sampling)
+
+
+@in_memory()
 def image(
     mesh: trimesh.Trimesh,
     drawn_aspect: float,
     depression: float,
     drawn_range: float | None,
-    drawing_engine: str,
-    pixel: float,
-    samples: int,
-    roll: float,
+    sampling: Sampling,
     fineness: tuple[float, ...],
-) -> RangeImage | LineImage:
-    """Return the image at the configured pixel, or at a finer one where that has few samples.
+) -> RangeImage | LineImage | Mask:
+    """Return the image at the configured pixel, or finer where that has few samples.
 
-    Ends of ships are small: at one pixel for all, they would err several times more than
-    broadsides, and ships differ mostly at their ends. With a tolerance, lines are as fine as it
-    takes, from one a pixel on. From starboard the lattice is mirrored, as the ship's twin is.
+    With a tolerance, lines are as fine as it takes, from one a pixel on.
     """
-    turn = roll if drawn_aspect <= 180 else -roll
-    view: dict[str, Any] = {"aspect": drawn_aspect, "depression": depression, "roll": turn}
+    view: dict[str, Any] = {"aspect": drawn_aspect, "depression": depression}
     view["slant_range"] = drawn_range
-    if fineness:
-        tolerance, pulse_width, bin_width = fineness
-        within = {"pulse_width": pulse_width * 1e-9, "bin_width": bin_width}
-        within["tolerance"] = sampling_tolerance(tolerance, drawn_range)
-        return lines_within(mesh, spacing=pixel, **within, **view)
-    if drawing_engine == LINES:
-        lines = line_image(mesh, spacing=pixel, **view)
-        while 0 < lines.area.sum() < samples * lines.spacing**2 and lines.spacing > FINEST * pixel:
-            lines = refined(mesh, lines)
-        return lines
-    drawn = range_image(mesh, pixel=pixel, engine=drawing_engine, **view)
-    hits = int(drawn.hit.sum())
-    if 0 < hits < samples:
-        finer = pixel * max(math.sqrt(hits / samples), FINEST)
-        drawn = range_image(mesh, pixel=finer, engine=drawing_engine, **view)
-    return drawn
+    if not fineness:
+        return sampling.draw(mesh, **view)
+    tolerance, pulse_width, bin_width = fineness
+    return lines_within(
+        mesh,
+        spacing=sampling.pixel,
+        roll=sampling.rolled(drawn_aspect),
+        tolerance=sampling_tolerance(tolerance, drawn_range),
+        pulse_width=pulse_width,
+        bin_width=bin_width,
+        **view,
+    )
 
 
-def image_stages(name: str, *, range: Setting, depression: str | Setting) -> tuple[Stage, Stage]:
-    """Return a stage that draws ships at another range and depression, and that of its range.
+def image_stages(
+    name: str, *, range: Setting, depression: str | Setting, engine: str = "drawing_engine"
+) -> tuple[Stage, Stage, Stage]:
+    """Return a stage that draws ships at another range and depression, and those it needs.
 
-    Images of equal depression and drawn range are one result, whichever stage asks for them.
+    Images of equal depression, drawn range and engine are one result, whichever stage asks for
+    them. The engine is that of a plain stage.
     """
     at = replace(drawn_range, name=f"{name}_range", reads={"range": range})
-    return at, replace(image, name=name, reads={"depression": depression, "drawn_range": at.name})
+    how = replace(sampling, name=f"{name}_sampling", reads={"engine": engine})
+    reads = {"depression": depression, "drawn_range": at.name, "sampling": how.name}
+    return at, how, replace(image, name=name, reads=reads)
+
+
+def keywords(**values: Any) -> Keywords:
+    """Return some values with their names: a plain stage of what a function of `ncti` takes."""
+    return tuple(values.items())
+
+
+def described(array: xr.DataArray, long_name: str, units: str = "1") -> xr.DataArray:
+    """Return an array of a table with its label and its unit."""
+    return array.assign_attrs(units=units, long_name=long_name)
 
 
 def cache_folder() -> Path:
@@ -337,37 +362,35 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-def check_range(
-    choices: Choices, key: str, slant_range: float, *, narrowest: float, beam: str
-) -> None:
-    """Refuse (`ConfigurationError`) a slant range [km] beyond the scene, or as `check_beam`."""
+def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
+    """Refuse (`ConfigurationError`) slant ranges beyond the scene, or as `check_beam`."""
     scenes = (choices[one] for one in (Scene.geometry, Scene.altitude, Scene.earth_radius))
-    for geometry, altitude, radius in product(*scenes):
+    for slant_range, (geometry, *earth) in product(choices[setting], [*product(*scenes)]):
         try:
-            depression(slant_range, geometry, 0.0, altitude, radius)
+            depression(setting.in_si(slant_range), geometry, 0.0, *earth)
         except ValueError as error:
-            raise ConfigurationError(f"{key} has {slant_range:g}: {error}") from error
-    check_beam(choices, key, slant_range, narrowest=narrowest, beam=beam)
+            raise ConfigurationError(f"{setting.key} has {slant_range:g}: {error}") from error
+    check_beam(choices, setting, beam, part=part)
 
 
-def check_beam(
-    choices: Choices, key: str, slant_range: float, *, narrowest: float, beam: str
-) -> None:
-    """Refuse (`ConfigurationError`) a slant range [km] where pixels do not resolve a beam [urad].
-
-    The key of the range, and the words for the beam, are for the message.
-    """
-    width, pixel = narrowest * 1e-6 * slant_range * 1e3, max(choices[Render.pixel])
+def check_beam(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
+    """Refuse (`ConfigurationError`) a slant range where pixels do not resolve a part of a beam."""
+    nearest, narrowest = min(choices[setting]), part * min(choices[beam])
+    width, pixel = narrowest * 1e-6 * nearest * 1e3, max(choices[Render.pixel])
     if width < pixel:
-        raise ConfigurationError(
-            f"{key} has {slant_range:g}, where {beam} of {narrowest:g} urad is {width:.2g} m wide, "
-            f"but must be at least render.pixel, {pixel:g} m"
+        words = beam.key if part == 1 else f"half {beam.key}"
+        refuse(
+            *(setting, f"{nearest:g}, where {words} of {narrowest:g} urad is {width:.2g} m wide"),
+            f"at least render.pixel, {pixel:g} m",
         )
 
 
+def refuse(setting: Setting, value: Any, allowed: str) -> NoReturn:
+    """Raise `ConfigurationError`: a setting has a value that is not among those allowed."""
+    written = value if isinstance(value, str) else written_default(value)
+    raise ConfigurationError(f"{setting.key} has {written}, but must be {allowed}")
+
+
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
-STAGES: tuple[Stage, ...] = (
-    *(hull, drawing_engine, depression, drawn_aspect, drawn_range, mesh, image),
-)
 STATUS = "status:view"
 STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of the sensors' results for a view"),)

@@ -17,14 +17,6 @@ def test_lines_err_less_than_pixels_and_a_tolerance_is_kept():
     assert rows[0]["ratio"].median == 1 and all(row["cpu_ms"].low > 0 for row in rows)
 
 
-def test_names_by_every_way_are_of_the_same_noise():
-    report = lines.measure_names(ships=["duncan", "texas"], aspects=[0.0, 60.0], replicates=2)
-    ways = [column.key for column in report.columns if column.key.startswith("differ")]
-    assert len(ways) == 3 and len(report.rows) == len(lines.CLASSIFIERS)
-    for row in report.rows:
-        assert 0 <= row["exact"] <= 100 and all(0 <= row[way] <= 100 for way in ways)
-
-
 def test_extents_made_alike_have_the_same_draws():
     """Coarse and fine lines: as one sees more IFOVs than the other, frames drawn from them as they
     are differ by all their noise, and made alike by a small part of it."""

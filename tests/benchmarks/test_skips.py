@@ -27,7 +27,7 @@ def test_exact_skips_change_nothing(barge, task):
     By pixels, float32 may put a pixel of an outline on the other side, 1e-3 of an IFOV.
     """
     found = {skip.name: skip.difference() for skip in skips.skips(barge, task) if skip.exact}
-    assert len(found) == 8
+    assert len(found) == 9
     mirrored = {name: found.pop(name) for name in list(found) if name.startswith("twins")}
     assert set(found.values()) == {0}
     by_lines, by_pixels = mirrored.values()

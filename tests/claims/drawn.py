@@ -54,7 +54,7 @@ PROFILES = (
     f"grid.ship=[{','.join((*KNOWN, *UNKNOWN))}]",
     f"classifier.unknown=[{','.join(UNKNOWN)}]",
     "grid.aspect={start: 0, stop: 90, step: 1.5}",
-    "grid.fresh=8",
+    "grid.random_aspects=8",
     "classifier.template_spacing=[1.5,3]",
     "grid.frame_count=16",
     "grid.replicate=3",
@@ -72,7 +72,7 @@ BOTH = (
     "grid.range=[25,50,100]",
     "infrared.range=[25,50,100]",
     "infrared.super_resolution=none",
-    "infrared.phases=6",
+    "infrared.subpixel_offsets=6",
     "grid.replicate=6",
     "classifier.name=fusion",
 )

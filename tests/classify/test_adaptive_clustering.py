@@ -90,11 +90,6 @@ def test_vectors_of_any_length_form_the_categories_of_the_plain_rule(seed):
     )
 
 
-def test_the_first_vector_founds_the_first_category():
-    network = fit(on_a_circle(10, 80, 12), vigilance=0.9)
-    np.testing.assert_array_equal(network.labels_, [0, 1, 0])
-
-
 def test_a_vector_must_exceed_the_vigilance():
     assert fit(np.eye(2), vigilance=0.0).n_categories_ == 2
     assert fit(np.eye(2), vigilance=-1e-300).n_categories_ == 1
@@ -103,12 +98,6 @@ def test_a_vector_must_exceed_the_vigilance():
 def test_of_equal_matches_the_oldest_wins():
     network = fit(np.eye(2), y=["north", "east"])
     assert network.predict([[1.0, 1.0]]) == ["north"]
-
-
-def test_the_order_of_presentation_matters():
-    X = on_a_circle(0, 10, 20)
-    assert fit(X, vigilance=np.cos(np.radians(12))).n_categories_ == 2
-    assert fit(X[[1, 0, 2]], vigilance=np.cos(np.radians(12))).n_categories_ == 1
 
 
 def test_the_most_frequent_ship_names_the_category_and_the_first_wins_a_tie():
@@ -134,30 +123,7 @@ def test_a_category_that_lost_its_vectors_does_not_answer():
     assert category == [0]
 
 
-def test_categories_still_changing_are_reported():
-    X, y = profiles(np.random.default_rng(1))
-    network = AdaptiveClusteringNetwork(max_passes=1)
-    with pytest.warns(ConvergenceWarning, match="pass 1"):
-        network.fit(X, y)
-    assert not network.converged_
-    assert network.n_passes_ == 1
-
-
-def test_fitting_again_gives_the_same_bits():
-    X, y = profiles(np.random.default_rng(2))
-    first, second = (AdaptiveClusteringNetwork().fit(X, y) for _ in range(2))
-    np.testing.assert_array_equal(first.categories_, second.categories_)
-    np.testing.assert_array_equal(first.labels_, second.labels_)
-
-
 # What the vigilance does ---------------------------------------------------------------------
-
-
-def test_the_number_of_categories_may_fall_as_the_vigilance_rises():
-    X = np.array([[1.0, 2.0, 2.0], [3.0, 3.0, 0.0], [3.0, 1.0, 0.0], [1.0, 0.0, 3.0]])
-    networks = [fit(X, vigilance=vigilance) for vigilance in (0.70, 0.72)]
-    assert all(network.converged_ for network in networks)
-    assert [network.n_categories_ for network in networks] == [3, 2]
 
 
 elements = st.floats(0.0, 1.0, allow_subnormal=False).map(lambda x: round(x, 3))
@@ -165,28 +131,6 @@ vectors = st.tuples(st.integers(1, 12), st.integers(1, 6)).flatmap(
     lambda shape: arrays(np.float64, shape, elements=elements)
 )
 rates = st.sampled_from([0.01, 0.1, 0.5, 1.0])
-
-
-@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
-@given(X=vectors.filter(lambda X: X.any()), rate=rates)
-def test_number_of_categories_at_both_ends_of_the_vigilance(X, rate):
-    X = X[X.any(axis=1)]
-    unit = X / np.linalg.norm(X, axis=1, keepdims=True)
-    cosines = unit @ unit.T
-    # Elements are thousandths, so that distinct directions differ by 1e-7 at least in angle:
-    # their cosines may still round to 1, and such sets are left out.
-    distinct = cosines < 1.0 - 1e-11
-    same = cosines > 1.0 - 1e-13
-    # All pairs agree better than the vigilance: a mean of such vectors agrees with them too.
-    lowest = cosines.min()
-    if lowest > 1e-9:
-        assert fit(X, vigilance=lowest - 1e-9, learning_rate=rate).n_categories_ == 1
-    assert fit(X, vigilance=-1.0, learning_rate=rate).n_categories_ == 1
-    # No two distinct directions do: nothing ever moves but along its own direction.
-    if np.all(distinct | same):
-        network = fit(X, vigilance=1.0, learning_rate=rate)
-        assert network.n_categories_ == len({tuple(row) for row in same})
-        assert network.converged_
 
 
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
@@ -201,64 +145,6 @@ def test_categories_are_means_of_their_vectors(X, rate, vigilance):
 
 
 # Scale and numbers off the usual road ----------------------------------------------------------
-
-
-@given(scale=st.integers(-400, 400), rows=st.integers(-400, 400))
-def test_powers_of_two_change_nothing(scale, rows):
-    X, y = profiles(np.random.default_rng(3))
-    X, y = X[::4, ::10], y[::4]
-    network = AdaptiveClusteringNetwork().fit(X, y)
-    scaled = AdaptiveClusteringNetwork().fit(X * 2.0**scale, y)
-    np.testing.assert_array_equal(scaled.labels_, network.labels_)
-    np.testing.assert_array_equal(scaled.categories_, network.categories_ * 2.0**scale)
-    stretched = X * np.where(np.arange(len(X)) % 2, 1.0, 2.0**rows)[:, None]
-    for mine, theirs in zip(network.match(stretched), network.match(X), strict=True):
-        np.testing.assert_array_equal(mine, theirs)
-
-
-@given(scale=st.floats(1e-150, 1e150))
-def test_matching_does_not_see_the_length(scale):
-    X, y = profiles(np.random.default_rng(4))
-    X, y = X[::4, ::10], y[::4]
-    network = AdaptiveClusteringNetwork().fit(X, y)
-    category, similarity = network.match(X)
-    scaled_category, scaled_similarity = network.match(X * scale)
-    np.testing.assert_array_equal(scaled_category, category)
-    np.testing.assert_allclose(scaled_similarity, similarity, rtol=1e-14)
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(
-    ("small", "large"),
-    [(1e-150, 1e150), (5e-324, 5e-324), (1e-300, 1e308), (1.7e308, 1.7976931348623157e308)],
-)
-@pytest.mark.parametrize("rate", [0.1, 0.5, 1.0])
-def test_no_length_over_or_underflows(small, large, rate):
-    directions = np.tile([[1, 1, 0, 0], [0, 0, 1, 1]], (4, 1))
-    X = directions * np.repeat([small, large, large, small], 2)[:, None]
-    y = np.arange(8) % 2
-    network = fit(X, y, learning_rate=rate)
-    assert network.n_categories_ == 2
-    assert np.isfinite(network.categories_).all()
-    np.testing.assert_array_equal(network.predict(X), y)
-    followed, _ = network.match(X, learning=True)
-    np.testing.assert_array_equal(network.category_labels_[followed], y)
-    np.testing.assert_allclose(network.match(X)[1], 1.0, rtol=1e-12)
-
-
-@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
-@given(
-    X=arrays(np.float64, (6, 3), elements=st.floats(allow_nan=False, allow_infinity=False)),
-    vigilance=st.floats(-1.0, 1.0),
-    rate=st.floats(1e-6, 1.0),
-)
-def test_any_finite_numbers_give_finite_categories(X, vigilance, rate):
-    X = np.concatenate([X, np.eye(3)])
-    network = fit(X, vigilance=vigilance, learning_rate=rate, max_passes=5)
-    assert np.isfinite(network.categories_).all()
-    category, similarity = network.match(X)
-    assert np.all((category >= 0) == X.any(axis=1))
-    assert np.all(np.abs(similarity) <= 1.0)
 
 
 def test_opposite_vectors_that_cancel_leave_no_nan():

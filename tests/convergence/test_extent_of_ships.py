@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
@@ -30,7 +29,7 @@ import ncti.ships
 from ncti.ladar import extent_within, lines_within, range_extent
 from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import line_image, range_image
+from ncti.render import line_image
 
 # Bow to beam at the article's altitude; the stern of its missions, and a view from near by.
 GRID = [
@@ -134,34 +133,8 @@ def test_error_falls_with_the_pixel(pulse_width):
     assert slope(pixels, errors) > SLOPE
 
 
-def test_a_rolled_lattice_samples_ships_more_evenly():
-    """A ship's edges are level and upright: along a level lattice their errors add up."""
-    level, rolled = ship_errors(EVERY_OTHER, PULSE, roll=0.0), ship_errors(EVERY_OTHER, PULSE)
-    assert np.median(rolled) < np.median(level) / 2.0
-    assert rolled.max() < level.max() / 2.0
-
-
-def test_half_a_pixels_extent_is_the_best_spread():
-    """Less leaves a deck's pixels a comb of ranges, more leaks past the deck's ends."""
-    points, half, whole = (
-        np.median(ship_errors(EVERY_OTHER, 0.0, spread=spread)) for spread in (0.0, 0.5, 1.0)
-    )
-    assert half < points
-    assert half < whole
-
-
-@pytest.mark.parametrize("side", [0.25, 5.0, 15.0, 400.0])
-@pytest.mark.parametrize("bin_width", [0.25, 1.0, 2.5])
-def test_area_is_conserved(side, bin_width):
-    """However area is sorted into IFOVs and bins, it is that of the pixels that see the ship."""
-    image = range_image(ship("texas"), aspect=17.0, depression=DEPRESSION, engine="auto")
-    extent = range_extent(image, slant_range=FAR, ifov=side / FAR, bin_width=bin_width)
-    seen = np.count_nonzero(image.hit) * image.pixel**2
-    assert math.isclose(areas(extent).sum(), seen, rel_tol=1e-6)
-
-
 def test_lines_err_by_less_than_a_thousandth():
-    """After the pulse, at a quarter of a metre; single IFOVs; and the bare extent at an eighth."""
+    """After the pulse, at a quarter of a metre; and single IFOVs."""
     views = GRID + ANY
     whole = ship_errors(views, PULSE, extent=lined)
     assert np.median(whole) < 0.001
@@ -169,20 +142,19 @@ def test_lines_err_by_less_than_a_thousandth():
     single = ifov_errors(views, PULSE, extent=lined)
     assert np.median(single) < 0.0017
     assert single.max() < 0.009
-    assert np.median(ship_errors(views, 0.0, extent=lined, spacing=0.125)) < 0.0012
 
 
 @pytest.mark.parametrize("pulse_width", [0.0, PULSE])
 def test_error_falls_with_the_spacing_of_lines(pulse_width):
     """An outline of length L meets L/d lines, each at a phase of its own: d^2 sqrt(L/d)."""
-    spacings = [1.0, 0.5, 0.25, 0.125]
+    spacings = [1.0, 0.5, 0.25]
     errors = [
         ship_errors(GRID + ANY, pulse_width, extent=lined, spacing=d).mean() for d in spacings
     ]
     assert slope(spacings, errors) > 1.4
 
 
-@pytest.mark.parametrize("spacing", [1.0, 0.5, 0.25, 0.125])
+@pytest.mark.parametrize("spacing", [1.0, 0.5, 0.25])
 @pytest.mark.parametrize("pulse_width", [0.0, 10e-9, PULSE])
 def test_lines_know_their_error(spacing, pulse_width):
     """The estimate bounds at least 95 % of errors, and is within three times them in the median.
@@ -197,7 +169,7 @@ def test_lines_know_their_error(spacing, pulse_width):
     assert np.median(bars / errors) <= 3
 
 
-TOLERANCES = [1e-2, 4.6e-3, 2.2e-3, 1e-3, 4.6e-4, 2.2e-4, 1e-4]
+TOLERANCES = [1e-2, 1e-3, 2.2e-4]
 
 COVERED = 0.97
 """Share of views in which a bound is stated to hold."""
@@ -249,14 +221,6 @@ def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
     assert misses <= most_misses(6)
 
 
-@pytest.mark.parametrize("name", ncti.ships.names())
-def test_decks_on_the_edges_of_bins(name):
-    """Seen from straight above, decks lie at the edges of bins: rounding must not tell which."""
-    exact = reference_range_extent(ship(name), aspect=0, depression=90, bin_edges=EDGES).area[0]
-    extent = lined(name, 0.0, 90.0)
-    assert error(areas(extent).sum(axis=0), exact, 0.0) <= extent.error
-
-
 @settings(deadline=None, max_examples=40)
 @given(
     st.tuples(*[st.floats(1, 20)] * 3), st.floats(0, 180), st.floats(0, 12.7), st.floats(2e-3, 2e-2)
@@ -270,7 +234,3 @@ def test_small_bodies_are_within_the_tolerance(size, aspect, depression, toleran
     faces = np.prod(size) / np.array(size)
     exact = faces @ np.abs([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
     assert lines.area.sum() == pytest.approx(exact, rel=2 * tolerance)
-
-
-def test_an_image_does_not_know_its_error():
-    assert math.isnan(rendered("texas", 0.0, DEPRESSION).error)

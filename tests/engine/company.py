@@ -10,7 +10,8 @@ import numpy as np
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.packs import read_cells
 from sweeps.engine.plan import Plan
-from sweeps.engine.results import open_index
+from sweeps.engine.process import one_thread
+from sweeps.engine.results import CellIndex
 from sweeps.engine.run import execute
 from sweeps.engine.schedule import Job, Schedule, Watch
 from sweeps.engine.settings import Choices
@@ -46,25 +47,26 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
     with tempfile.TemporaryDirectory() as name:
         folder, alone = Path(name, "company"), Path(name, "alone")
         quiet = Watch(lambda sentence: None)
-        with open_index(folder, quiet.say) as index:
-            schedule.resolve(lambda bound, keys: index.find(keys))
-            with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
-                _, failures = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
-                assert not failures, failures[0]
-                forget_all()  # a stage must not owe anything to what another has left in memory
-                for bound in plan.bound.values():
-                    if not plan.together(bound):
-                        continue
-                    cells = list(dict.fromkeys(plan.cells(bound)))
-                    for place in cells[:: max(1, len(cells) // most)]:
-                        [(_, call)] = schedule.retried(Job(bound, (place,), ""))
+        index = CellIndex(folder, quiet.say)
+        schedule.resolve(index.find)
+        with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
+            _, failures = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
+            assert not failures, failures[0]
+            forget_all()  # a stage must not owe anything to what another has left in memory
+            for bound in plan.bound.values():
+                if not plan.together[bound]:
+                    continue
+                cells = plan.cells(bound).tolist()
+                for cell in cells[:: max(1, len(cells) // most)]:
+                    key, what = plan.key(bound, cell), plan.described(bound, cell)
+                    call = schedule.call(Job(bound, (cell,), (key,), ()))
+                    with one_thread():  # as workers are
                         [done] = run_calls((call,), folder, alone).calls
-                        assert not done.reason, f"{plan.described(bound, place)}: {done.reason}"
-                        spots = [schedule.spots[plan.key(bound, place)], done.spots[0]]
-                        there, again = read_cells(folder, spots)
-                        measured = {one.name for one in bound.stage.outputs if one.measured}
-                        _compare(plan.described(bound, place), there, again, measured)
-                        compared[bound.name] = compared.get(bound.name, 0) + 1
+                    assert not done.traceback, f"{what}: {done.traceback}"
+                    there, again = read_cells(folder, [schedule.spots[key], done.cells[0]])
+                    measured = {one.name for one in bound.stage.outputs if one.measured}
+                    _compare(what, there, again, measured)
+                    compared[bound.name] = compared.get(bound.name, 0) + 1
     return compared
 
 

@@ -3,10 +3,11 @@
 import signal
 
 import pytest
-from executors import silent
+from executors import eventually, silent
 
 from sweeps.engine import workers
 from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.forking import running_server
 
 
 @pytest.fixture(scope="module")
@@ -18,8 +19,21 @@ def at_a_terminal():
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def no_server_of_other_tests():
+    """A worker restarted while its cluster closes may start a fork server that outlives both."""
+    eventually(no_server)
+
+
+def no_server():
+    """End the fork server of this process; return whether there is none."""
+    if server := running_server():
+        server.terminate()
+    return server is None
+
+
 @pytest.fixture(scope="module")
-def local(at_a_terminal):
+def local(no_server_of_other_tests, at_a_terminal):
     # The environment of the user does not decide, whatever it holds.
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("OMP_NUM_THREADS", "7")

@@ -1,7 +1,6 @@
 """What tests have executors do, and what they ask of the outcomes."""
 
 import os
-import signal
 import threading
 import time
 from pathlib import Path
@@ -39,22 +38,6 @@ def span(seconds):
 
 def blas_threads():
     return [library["num_threads"] for library in threadpool_info()]
-
-
-def interrupt_oneself():
-    """Ctrl-C as a worker would get it; the time for it to act."""
-    os.kill(os.getpid(), signal.SIGINT)
-    time.sleep(0.1)
-    return os.getpid(), signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-
-
-def die(marker=None):
-    """Kill this process; with a marker, only where that does not exist yet."""
-    if marker is not None and marker.exists():
-        return "survived"
-    if marker is not None:
-        marker.touch()
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def started_with():

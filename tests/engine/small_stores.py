@@ -15,18 +15,21 @@ COUNTS = np.arange(105).reshape(SHAPE)
 
 def array(values, fill=None, chunks=CHUNKS, read=None, **attrs):
     """An array of values, or of those that a function reads."""
-    dims = DIMS[: values.ndim]
-    return Array(dims, values.shape, values.dtype, fill, attrs, chunks, read or values)
+    dims, read = DIMS[: values.ndim], read or values.__getitem__
+    return Array(dims, values.shape, values.dtype, attrs, read, chunks, fill)
+
+
+def coordinate(dims, values, **attrs):
+    """A coordinate of values."""
+    return Array.of(dims, values, attrs, coordinate=True)
 
 
 def small(value):
     """Groups of a store whose every value tells which store it is of."""
     values = np.full((4, 6), value, dtype="f4")
-    ships = Array.of(("ship",), np.array(["Ålesund", "b", "", "ddd"]), {"long_name": "ship"})
-    return {
-        name: Group({"x": array(values, fill=np.nan, chunks=(1, 6))}, {"ship": ships})
-        for name in ("one", "two/three")
-    }
+    ships = coordinate(("ship",), np.array(["Ålesund", "b", "", "ddd"]), long_name="ship")
+    x = array(values, fill=np.nan, chunks=(1, 6))
+    return {name: Group({"x": x, "ship": ships}) for name in ("one", "two/three")}
 
 
 def files(path):

@@ -8,11 +8,10 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import distributed
 import pytest
 from distributed.security import Security
-from executors import fails_with, silent, span, written
+from executors import fails_with, written
 
 from sweeps.engine import workers
-from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+from sweeps.engine.cluster import ClusterChoice
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -85,30 +84,3 @@ def test_a_scheduler_without_workers_is_refused(monkeypatch):
         address = cluster.scheduler_address
         choice = ClusterChoice(kind="address", address=address)
         fails_with(choice, f"cluster.address is {address}, but its scheduler has no workers")
-
-
-def test_a_scheduler_that_goes_away_ends_the_sweep(monkeypatch):
-    monkeypatch.setattr(workers, "ANSWER", 2)
-    with thread_cluster(1) as cluster:
-        choice = ClusterChoice(kind="address", address=cluster.scheduler_address)
-        with executor(choice, say=silent) as run:
-            run.submit(0, span, 0.5)
-            cluster.close()
-            with pytest.raises(SweepIncomplete, match="the scheduler of the cluster is gone"):
-                run.finished()
-
-
-@pytest.mark.usefixtures("impatient")
-@pytest.mark.parametrize(
-    ("host", "warned"), [("192.0.2.1", True), ("localhost", False), ("[::1]", False)]
-)
-def test_traffic_that_leaves_the_machine_in_the_open_is_said(host, warned):
-    sentences = []
-    address = f"tcp://{host}:1"
-    with (
-        pytest.raises(ConfigurationError),
-        executor(ClusterChoice(kind="address", address=address), say=sentences.append),
-    ):
-        pass
-    said = [f"the traffic with {address} is neither encrypted nor authenticated"]
-    assert sentences == (said if warned else [])

@@ -1,6 +1,7 @@
 """The hash of the code behind a function: what changes it, and what must not."""
 
 import importlib
+import inspect
 import json
 import linecache
 import shutil
@@ -12,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from sweeps.engine import code, sources
-from sweeps.engine.code import code_digest
+from sweeps.engine.code import Code, place_of
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.libraries import distributions, versions
-from sweeps.engine.reach import graph_of
+from sweeps.engine.stage import Stage
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOTS = frozenset({"fleet", "yard"})
@@ -68,7 +69,9 @@ COUNTED = {
     "fleet/paint/__init__.py",
     "fleet/paint/colours/red.frag",
     "fleet/untyped.py",
-    "fleet/__init__.py",  # of `import fleet.untyped`
+    "fleet/__init__.py",
+    "fleet/paint/varnish/gloss.frag",
+    "yard/__init__.py",
     "yard/crane.py",
 }
 
@@ -91,7 +94,7 @@ def digest_in(monkeypatch):
             if name.split(".")[0] in {"fleet", "yard", "loose"}:
                 del sys.modules[name]
         importlib.invalidate_caches()
-        for cached in (graph_of, sources._read, versions, distributions, code._data):
+        for cached in (sources.place, code._files, versions, distributions):
             cached.cache_clear()
 
     def digest(folder, module="fleet.measure", function="length", roots=ROOTS, **how):
@@ -101,7 +104,13 @@ def digest_in(monkeypatch):
             imported = importlib.import_module(module)
             assert str(folder) in imported.__file__
             given = getattr(imported, function)
-            return code_digest(getattr(given, "function", given), roots=roots, **how)
+            declared = [one for one in vars(imported).values() if isinstance(one, Stage)]
+            how["stages"] = frozenset(
+                place_of(one.function)
+                for one in declared
+                if inspect.unwrap(one.function) is one.function
+            )
+            return Code(roots, **how).digest(getattr(given, "function", given))
 
     yield digest
     forget()
@@ -113,54 +122,29 @@ def test_exactly_the_files_behind_a_function_change_its_digest(tmp_path, digest_
     more = {".py": "print()\n", ".frag": "// a comment\n", ".txt": "a note\n"}
     text = PROJECT[name] + more[Path(name).suffix]
     after = digest_in(write(tmp_path, {name: text}))
-    # A package above counts, too, as soon as it does something when it is imported.
-    acts = name == "yard/__init__.py"
-    assert (after.digest != before.digest) == (acts or name in COUNTED)
-    assert set(after.modules) - ({"yard"} if acts else set()) == set(before.modules)
+    assert (after.digest != before.digest) == (name in COUNTED)
+    assert after.modules == before.modules
     assert after.libraries == before.libraries
 
 
-def test_modules_and_libraries_are_named(tmp_path, digest_in):
-    found = digest_in(write(tmp_path, PROJECT))
-    sources = {name for name in COUNTED if name.endswith(".py")}
-    names = {name.removesuffix(".py").removesuffix("/__init__") for name in sources}
-    assert found.modules == tuple(sorted(name.replace("/", ".") for name in names))
-    assert found.libraries == {
-        "numpy": version("numpy"),
-        "scikit-image": version("scikit-image"),
-    }
-
-
-def test_a_copy_elsewhere_has_the_same_digest(tmp_path, digest_in):
-    first = write(tmp_path / "here", PROJECT)
-    shutil.copytree(first, tmp_path / "over" / "there")
-    assert digest_in(first) == digest_in(tmp_path / "over" / "there")
-
-
-def test_another_process_has_the_same_digest(tmp_path, digest_in):
-    folder = write(tmp_path, PROJECT)
+def test_a_copy_elsewhere_has_the_same_digest_in_other_processes(tmp_path, digest_in):
+    folder = write(tmp_path / "here", PROJECT)
+    copy = shutil.copytree(folder, tmp_path / "over" / "there")
     script = (
         "import fleet.measure, sweeps.engine.code as code;"
-        "print(code.code_digest(fleet.measure.length, roots=frozenset(['yard', 'fleet'])).digest)"
+        "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest)"
     )
     printed = {
         subprocess.run(
             [sys.executable, "-c", script],
-            env={"PYTHONPATH": f"{folder}:{ROOT}", "PYTHONHASHSEED": seed},
+            env={"PYTHONPATH": f"{place}:{ROOT}", "PYTHONHASHSEED": seed},
             capture_output=True,
             text=True,
             check=True,
         ).stdout.strip()
-        for seed in ("1", "2")
+        for seed, place in (("1", folder), ("2", copy))
     }
     assert printed == {digest_in(folder).digest}
-
-
-def test_functions_of_one_module_differ(tmp_path, digest_in):
-    folder = write(tmp_path, {"fleet/hull.py": "def a(): ...\ndef b(): ...\n"})
-    digests = [digest_in(folder, "fleet.hull", name) for name in "aab"]
-    assert digests[0] == digests[1]
-    assert digests[0].digest != digests[2].digest
 
 
 def test_the_version_of_a_library_counts(tmp_path, digest_in, monkeypatch):
@@ -173,35 +157,6 @@ def test_the_version_of_a_library_counts(tmp_path, digest_in, monkeypatch):
     assert after.digest != before.digest
 
 
-def test_further_distributions_count(tmp_path, digest_in):
-    plain = digest_in(write(tmp_path, PROJECT))
-    further = digest_in(tmp_path, also=("networkx",))
-    assert further.libraries == plain.libraries | {"networkx": version("networkx")}
-    assert further.digest != plain.digest
-    with pytest.raises(ConfigurationError, match="'no-such-thing'"):
-        digest_in(tmp_path, also=("no-such-thing",))
-
-
-@pytest.mark.parametrize("statement", ["import fleet.hull", "from fleet import hull"])
-def test_what_is_left_out_is_left_out_with_all_behind_it(tmp_path, digest_in, statement):
-    measure = {"fleet/measure.py": f"{statement}\nimport fleet.rope\ndef length(): ...\n"}
-    folder = write(tmp_path, PROJECT | measure)
-    without = frozenset({"fleet.hull"})
-    found = digest_in(folder, without=without)
-    assert found.modules == ("fleet", "fleet.measure", "fleet.rope")
-    write(folder, {"fleet/hull.py": "import scipy\n"})
-    assert digest_in(folder, without=without) == found
-    assert digest_in(folder).libraries.keys() == {"scipy"}
-
-
-def test_a_library_and_modules_of_a_star_can_be_left_out(tmp_path, digest_in):
-    measure = "from fleet.deck import *\nimport scipy.fft\nimport numpy\ndef length(): ...\n"
-    folder = write(tmp_path, PROJECT | {"fleet/measure.py": measure})
-    found = digest_in(folder, without=frozenset({"fleet.deck.wood", "scipy"}))
-    assert found.modules == ("fleet.deck", "fleet.deck.caulk", "fleet.measure")
-    assert found.libraries.keys() == {"numpy"}
-
-
 def test_the_engine_is_left_out(tmp_path, digest_in):
     text = "from sweeps.engine.errors import ConfigurationError\ndef length(): ...\n"
     found = digest_in(write(tmp_path, {"fleet/measure.py": text}), roots=ROOTS | {"sweeps"})
@@ -209,82 +164,41 @@ def test_the_engine_is_left_out(tmp_path, digest_in):
     assert found.libraries == {}
 
 
-@pytest.mark.parametrize(
-    ("files", "modules"),
-    [
-        # a package that gives the name of its module to something else
-        (
-            {
-                "measure": "from fleet.deck import wood",
-                "deck/__init__": "from fleet.rope import wood",
-                "deck/wood": "",
-                "rope": "wood = 1",
-            },
-            {"fleet.deck", "fleet.deck.wood", "fleet.rope"},
-        ),
-        # packages that import on demand
-        (
-            {
-                "__init__": "def __getattr__(name): ...",
-                "measure": "import fleet\ndef length(): return fleet.deck.wood.planks",
-                "deck/__init__": "",
-                "deck/wood": "",
-                "rope": "",
-            },
-            {"fleet", "fleet.deck", "fleet.deck.wood"},
-        ),
-        (
-            {
-                "measure": "from fleet.deck import planks",
-                "deck/__init__": "def __getattr__(name): ...",
-                "deck/wood": "",
-                "rope": "",
-            },
-            {"fleet.deck", "fleet.deck.wood"},
-        ),
-        (
-            {
-                "measure": "import importlib\nrope = importlib.import_module('.rope', __package__)",
-                "rope": "",
-            },
-            {"fleet.rope"},
-        ),
-        (
-            {"measure": "from fleet.deck import *", "deck/__init__": "", "deck/wood": ""},
-            {"fleet.deck", "fleet.deck.wood"},
-        ),
-        # a package above that does something when it is imported
-        (
-            {
-                "__init__": "import os\nimport fleet.rope\nos.environ['PAINT'] = 'red'",
-                "measure": "",
-                "rope": "",
-            },
-            {"fleet", "fleet.rope"},
-        ),
-        (
-            {
-                "__init__": "'''Ships.'''\nimport fleet.rope\nNAMES = ('keel',)",
-                "measure": "",
-                "rope": "",
-            },
-            set(),
-        ),
-    ],
-)
-def test_ways_of_importing(tmp_path, digest_in, files, modules):
-    files = {f"fleet/{name}.py": f"{text}\n" for name, text in files.items()}
+LAZY = "def __getattr__(name): ..."
+IMPORTS = {
+    "a package that gives the name of its module to something else": (
+        {"measure": "from fleet.deck import wood", "deck/__init__": "from fleet.rope import wood"},
+        {"fleet.deck", "fleet.deck.wood", "fleet.rope"},
+    ),
+    "a package that imports on demand": (
+        {"__init__": LAZY, "measure": "import fleet\ndef length(): return fleet.deck.wood.planks"},
+        {"fleet.deck", "fleet.deck.wood"},
+    ),
+    "a name of a package that imports on demand": (
+        {"measure": "from fleet.deck import planks", "deck/__init__": LAZY},
+        {"fleet.deck", "fleet.deck.wood"},
+    ),
+    "a call": (
+        {"measure": "import importlib\nrope = importlib.import_module('.rope', __package__)"},
+        {"fleet.rope"},
+    ),
+    "a star": ({"measure": "from fleet.deck import *"}, {"fleet.deck", "fleet.deck.wood"}),
+    "a package above": (
+        {"__init__": "'Ships.'\nimport fleet.rope\nNAMES = ('keel',)", "measure": ""},
+        {"fleet.rope"},
+    ),
+}
+
+
+@pytest.mark.parametrize("how", IMPORTS)
+def test_ways_of_importing(tmp_path, digest_in, how):
+    given, modules = IMPORTS[how]
+    empty = {"__init__": "", "deck/__init__": "", "deck/wood": "", "rope": "wood = 1"}
+    files = {f"fleet/{name}.py": f"{text}\n" for name, text in (empty | given).items()}
     if "def length" not in files["fleet/measure.py"]:
         files["fleet/measure.py"] += "def length(): ...\n"
     found = digest_in(write(tmp_path, files))
-    assert set(found.modules) == modules | {"fleet.measure"}
-
-
-def test_nothing_is_imported_to_find_it(tmp_path, digest_in):
-    measure = "def length():\n    import yard.bomb\n"
-    bomb = {"yard/bomb.py": "raise RuntimeError", "yard/__init__.py": "raise RuntimeError"}
-    found = digest_in(write(tmp_path, {"fleet/measure.py": measure} | bomb))
-    assert found.modules == ("fleet.measure", "yard", "yard.bomb")
+    assert set(found.modules) == modules | {"fleet", "fleet.measure"}
 
 
 def test_a_module_that_no_distribution_has_counts_by_its_source(tmp_path, digest_in):
@@ -295,44 +209,16 @@ def test_a_module_that_no_distribution_has_counts_by_its_source(tmp_path, digest
     assert digest_in(write(tmp_path, {"loose.py": "x = 1\n"})).digest != before.digest
 
 
-def test_a_root_may_be_a_part_of_a_package(tmp_path, digest_in):
-    files = {"fleet/measure.py": "import scipy.fft\nimport scipy.io\ndef length(): ...\n"}
-    found = digest_in(write(tmp_path, files), roots=ROOTS | {"scipy.io"})
-    assert "scipy.io" in found.modules
-    assert "scipy.fft" not in found.modules
-    assert found.libraries["scipy"] == version("scipy")
-
-
 def test_a_library_that_is_missing_is_named(tmp_path, digest_in):
     files = {"fleet/measure.py": "def length():\n    import no_such_library\n"}
     assert digest_in(write(tmp_path, files)).libraries == {"no_such_library": "not installed"}
 
 
-def test_a_single_compiled_module_has_its_version(tmp_path, digest_in):
-    files = {"fleet/measure.py": "def length():\n    import manifold3d\n"}
-    found = digest_in(write(tmp_path, files))
-    assert found.libraries == {"manifold3d": version("manifold3d")}
-
-
-@pytest.mark.parametrize("top", ["OpenGL", "numpy", "scipy", "skimage", "sklearn", "yaml", "zarr"])
-def test_distributions_are_those_that_python_finds(top):
-    expected = {name: version(name) for name in metadata.packages_distributions()[top]}
-    assert dict(versions(top)) == expected
-
-
-def test_decorators_are_seen_through(tmp_path, digest_in):
-    wrapped = (
-        "import functools\n@functools.lru_cache\ndef length(): ...\nplain = length.__wrapped__\n"
-    )
-    folder = write(tmp_path, {"fleet/measure.py": wrapped})
-    assert digest_in(folder) == digest_in(folder, function="plain")
-
-
 def test_a_script_counts_like_a_module(tmp_path):
     script = (
-        "import json, sys\nimport loose\nfrom sweeps.engine.code import code_digest\n"
+        "import json, sys\nimport loose\nfrom sweeps.engine.code import Code, place_of\n"
         "def length(): ...\n"
-        "found = code_digest(length, roots=frozenset())\n"
+        "found = Code(frozenset()).digest(length)\n"
         "print(json.dumps([found.digest, found.modules]))\n"
     )
     write(tmp_path, {"script.py": script, "loose.py": ""})
@@ -367,40 +253,17 @@ def typed_in(text: str, monkeypatch):
 def test_a_function_of_a_session_counts_by_its_own_lines(monkeypatch):
     def digest(body: str):
         text = f"import numpy as np\ndef length(x):\n    return [{body} for y in x]\n"
-        return code_digest(typed_in(text, monkeypatch), roots=frozenset())
+        return Code(frozenset()).digest(typed_in(text, monkeypatch))
 
     assert digest("np.sqrt(y)").libraries == {"numpy": version("numpy")}
     assert digest("np.sqrt(y)") == digest("np.sqrt(y)")
     assert digest("np.sqrt(y)").digest != digest("np.cbrt(y)").digest
 
 
-def test_a_function_of_a_session_may_not_use_what_is_not_hashed(monkeypatch):
-    text = "GAIN = 3\ndef length(x):\n    return [GAIN * y for y in x]\n"
-    with pytest.raises(ConfigurationError, match="length uses GAIN of a session"):
-        code_digest(typed_in(text, monkeypatch), roots=frozenset())
-
-
 def test_a_function_without_source_is_refused():
     space = {"__name__": "nowhere"}
     exec("def length(): ...", space)
     with pytest.raises(ConfigurationError, match="length of nowhere has no source"):
-        code_digest(space["length"], roots=frozenset())
+        Code(frozenset()).digest(space["length"])
     with pytest.raises(TypeError, match="not a Python function"):
-        code_digest(len, roots=frozenset())
-
-
-def test_segmentation_of_this_project():
-    from ncti.features.segmentation import segment
-
-    found = code_digest(segment, roots=frozenset({"ncti", "sweeps"}))
-    assert "ncti.features.segmentation" in found.modules
-    assert not any(name.startswith("ncti.irar") for name in found.modules)
-    assert found.libraries["scikit-image"] == version("scikit-image")
-
-
-def test_a_name_of_a_package_depends_on_all_that_the_package_imports(tmp_path, digest_in):
-    files = {"fleet/measure.py": "from ncti.ladar import sample_frames\ndef length(): ...\n"}
-    found = digest_in(write(tmp_path, files), roots=ROOTS | {"ncti"})
-    rooms = {"ncti.ladar", "ncti.ladar.frames", "ncti.ladar.budget", "ncti.checks"}
-    assert rooms <= set(found.modules)
-    assert not any(name.startswith("ncti.classify") for name in found.modules)
+        Code(frozenset()).digest(len)

@@ -9,11 +9,9 @@ import pytest
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, go, run
 
-from sweeps.engine import takeover
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import write_manifest
 from sweeps.engine.provenance import choices_of
-from sweeps.engine.settings import Joint, Settings, count, read_choices, set_of, text, word
+from sweeps.engine.settings import Joint, Settings, count, read_choices, text
 from sweeps.engine.stage import Experiment, Output, plain, stage
 from sweeps.engine.store import read_attributes
 
@@ -57,16 +55,6 @@ def test_a_store_grows_on_any_axis(grown, tmp_path, given):
             assert progress.reused == CELLS[name], name
 
 
-def test_a_store_is_not_read_for_cells_that_it_cannot_have(grown, tmp_path, monkeypatch):
-    store, cache = tmp_path / "s.zarr", tmp_path / "cache"
-    shutil.copytree(grown(), store)
-    shutil.copytree(grown().with_suffix(".cache"), cache)
-    monkeypatch.setattr(takeover, "verify", lambda path: pytest.fail("it is read"))
-    given = GROWN["at the end"] | GROWN["two axes"]
-    go(store, cache, **given)
-    assert files(store) == files(grown(**given))
-
-
 def test_one_more_value_along_an_axis_computes_only_itself(grown, tmp_path):
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
     go(store, cache)
@@ -78,23 +66,15 @@ def test_one_more_value_along_an_axis_computes_only_itself(grown, tmp_path):
     assert CALLS == {"answers": 12}  # those of one rule
 
 
-def test_without_a_cache_the_store_gives_what_it_has(grown, tmp_path):
+def test_without_a_cache_only_a_store_that_lacks_something_is_computed_again(grown, tmp_path):
     store = tmp_path / "s.zarr"
     shutil.copytree(grown(), store)
     CALLS.clear()
-    finished = go(store, tmp_path / "new", measured__rule=["max", "mean", "min"])
-    assert CALLS == {"answers": 8}  # ragged arrays come back without their padding
-    assert finished.progress["answers"].reused == 16
-    assert files(store) == files(grown(measured__rule=["max", "mean", "min"]))
-
-
-def test_nothing_is_computed_again_for_a_cache_that_is_gone(grown, tmp_path):
-    store = tmp_path / "s.zarr"
-    shutil.copytree(grown(), store)
-    CALLS.clear()
-    assert not go(store, tmp_path / "b").written
+    finished = go(store, tmp_path / "b")
+    assert not (CALLS or finished.written)
+    assert finished.progress["answers"].reused == CELLS["answers"]
     go(store, tmp_path / "c", spring__limit=[50.0, 100.0])
-    assert CALLS["period"] == 4 and files(store) == files(grown(spring__limit=[50.0, 100.0]))
+    assert CALLS["period"] == 8 and files(store) == files(grown(spring__limit=[50.0, 100.0]))
 
 
 class Cut(Settings, key="cut"):
@@ -132,147 +112,76 @@ def hashed(piece):
     return zlib.crc32(repr([*given, *(array.shape for array in piece.values())]).encode())
 
 
-def test_ragged_arrays_come_back_from_a_store_as_they_were(tmp_path):
+def test_ragged_arrays_come_back_as_they_were(tmp_path):
     alone = Experiment("cut", "Cut", (Cut,), (piece,))
     both = Experiment("cut", "Cut", (Cut,), (piece, hashed))
     choices = read_choices(alone.declared, {})
     run(alone, choices, tmp_path / "s.zarr", tmp_path / "a")
     CALLS.clear()
-    run(both, choices, tmp_path / "s.zarr", tmp_path / "b")
+    run(both, choices, tmp_path / "s.zarr", tmp_path / "a")
     assert CALLS == {"piece": 1}  # the one that failed
     run(both, choices, tmp_path / "t.zarr", tmp_path / "c")
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
 
 
-@pytest.mark.parametrize("way", ["damaged", "older"])
-def test_ragged_arrays_that_cannot_be_told_are_made_again(grown, tmp_path, way):
-    store = tmp_path / "s.zarr"
-    shutil.copytree(grown(), store)
-    if way == "damaged":
-        (store / "springs" / "ragged").write_text("{}")
-    else:  # of a time when stores did not say where such arrays lie
-        (store / "springs" / "ragged").unlink()
-        write_manifest(store, {})
-    CALLS.clear()
-    wider = {"spring__limit": [50.0, 100.0]}
-    go(store, tmp_path / "new", **wider)
-    assert (CALLS["trace"], CALLS["noisy"]) == (24, 24) and files(store) == files(grown(**wider))
-
-
-class Odd(Settings, key="odd"):
-    """Settings of kinds that a store does not have as they are."""
+class Named(Settings, key="named"):
+    """A file, by name, and an axis."""
 
     name = text("a", label="name")
-    parts = set_of(word(None, ("x", "y"), label="parts"))
     size = count([1, 2], label="size")
-
-
-@stage(
-    Output("big", label="big", dtype="?"),
-    Output("word", label="word", dtype="U3"),
-    uses=(Odd,),
-    group="odd",
-)
-def odd(name, parts, size):
-    """A truth value and a word."""
-    CALLS["odd"] += 1
-    return {"big": size > 1, "word": f"{name}{len(parts or ())}"}
-
-
-@stage(Output("kind", ("letter",), label="kind", dtype="i2"), uses=(Odd,), group="odd")
-def kind(odd, size):
-    """What the next stage is given: of the same types from a pack and from a store."""
-    given = f"{odd['big'].dtype} {odd['word'].dtype}"
-    return np.array([ord(letter) for letter in given[: 7 + size]])
-
-
-def test_truth_values_and_words_come_back_as_they_were(tmp_path):
-    alone = Experiment("odd", "Odd", (Odd,), (odd,))
-    both = Experiment("odd", "Odd", (Odd,), (odd, replace(kind, outputs=(_padded(),))))
-    given = {"odd.parts": ["y", "x"]}
-    run(alone, read_choices(alone.declared, given), tmp_path / "s.zarr", tmp_path / "a")
-    CALLS.clear()
-    run(both, read_choices(both.declared, given), tmp_path / "s.zarr", tmp_path / "b")
-    assert not CALLS  # all taken over
-    run(both, read_choices(both.declared, given), tmp_path / "t.zarr", tmp_path / "c")
-    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
-    assert opened(tmp_path / "s.zarr", "odd").word.values.tolist() == ["a2", "a2"]
-
-
-def _padded():
-    return replace(kind.outputs[0], pad=0)
 
 
 CONTENT = {"digest": "one"}
 
 
-@plain(uses=(Odd,))
+@plain(uses=(Named,))
 def content(name):
     """What is in a file that a setting names."""
     return CONTENT["digest"]
 
 
-@stage(Output("read", label="read", dtype="U3"), uses=(Odd,), group="odd")
+@stage(Output("read", label="read", dtype="U3"), uses=(Named,), group="read")
 def reading(content, size):
     """A result of that file."""
     CALLS["reading"] += 1
     return content
 
 
-def test_a_file_that_has_changed_is_not_taken_over_from_the_store(tmp_path):
-    files_read = Experiment("files", "Files", (Odd,), (content, reading))
+def test_a_file_that_has_changed_is_read_again(tmp_path):
+    files_read = Experiment("files", "Files", (Named,), (content, reading))
     choices = read_choices(files_read.declared, {})
     run(files_read, choices, tmp_path / "s.zarr", tmp_path / "a")
     CONTENT["digest"] = "two"
     try:
-        run(files_read, choices, tmp_path / "s.zarr", tmp_path / "b")
+        run(files_read, choices, tmp_path / "s.zarr", tmp_path / "a")
     finally:
         CONTENT["digest"] = "one"
-    assert opened(tmp_path / "s.zarr", "odd").read.values.tolist() == ["two", "two"]
+    assert opened(tmp_path / "s.zarr", "read").read.values.tolist() == ["two", "two"]
 
 
 REFUSED = [
-    (
-        {"spring__mass": [1, 3]},
-        "spring.mass is 1, 3, but the store '{}' has 2: give spring.mass=[1,2,3] to have both, or "
-        "another store",
-    ),
-    (
-        {"measured__rule": "min"},
-        "measured.rule is min, but the store '{}' has max, mean: give measured.rule=[max,mean,min] "
-        "to have both, or another store",
-    ),
-    ({"measured__draw": 1}, "measured.draw is 0, but the store '{}' has 1: give another store"),
-    (
-        {"seed": 3},
-        "seed is 3, but the store '{}' has 0: give seed=[0,3] to have both, or another store",
-    ),
-    (
-        {"measured__doubled": True},
-        "measured.doubled is true, but the store '{}' has false: give "
-        "measured.doubled=[false,true] to have both, or another store",
-    ),
-    (
-        {"spring__reference": 4.0},
-        "spring.reference is 4, but the store '{}' has null: give spring.reference=[4,null] to "
-        "have both, or another store",
-    ),
+    ({"spring__mass": [1, 3]}, "spring.mass is 1, 3, ", " has 2: ", "spring.mass=[1,2,3]"),
+    ({"measured__rule": "min"}, "is min, ", " has max, mean: ", "measured.rule=[max,mean,min]"),
+    ({"measured__draw": 1}, "measured.draw is 0, ", " has 1: ", "give another store"),
+    ({"seed": 3}, "seed is 3, ", " has 0: ", "seed=[0,3]"),
+    ({"measured__doubled": True}, "is true, ", " has false: ", "measured.doubled=[false,true]"),
+    ({"spring__reference": 4.0}, "is 4, ", " has null: ", "spring.reference=[4,null]"),
 ]
 
 
-@pytest.mark.parametrize(("given", "sentence"), REFUSED, ids=[next(iter(g)) for g, _ in REFUSED])
-def test_another_configuration_is_refused_by_its_keys(grown, given, sentence):
+@pytest.mark.parametrize(("given", "asked", "stored", "advice"), REFUSED)
+def test_another_configuration_is_refused_by_its_keys(grown, given, asked, stored, advice):
     store = grown()
     before = files(store)
     with pytest.raises(ConfigurationError) as refused:
         go(store, store.with_suffix(".cache"), **given)
-    assert str(refused.value) == sentence.format(store)
+    assert all(word in str(refused.value) for word in (asked, repr(str(store)) + stored, advice))
     assert files(store) == before
 
 
 def test_other_code_is_refused(grown):
     store = grown()
-    changed = replace(SPRINGS.by_name["period"], also=("pyyaml",))  # another library behind it
+    changed = replace(SPRINGS.by_name["period"], function=SPRINGS.by_name["energy"].function)
     other = replace(SPRINGS, stages=(*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
     with pytest.raises(ConfigurationError, match="was made by another code of period; give"):
         run(other, read_choices(SPRINGS.declared, {}), store)
@@ -320,19 +229,3 @@ def test_settings_that_run_together_grow_by_whole_points(tmp_path):
         run(NOT_GATHERED, joined(crossed), store)
     attributes = read_attributes(store)
     assert choices_of(NOT_GATHERED, attributes).joint == joined(more).joint
-
-
-def test_settings_that_ran_together_may_be_crossed_later(tmp_path):
-    store = tmp_path / "s.zarr"
-    run(NOT_GATHERED, joined(((1.0, 9.0), (2.0, 8.0))), store)
-    given = {"spring.stiffness": [1, 2], "spring.limit": [8, 9], "measured.draw": 1}
-    CALLS.clear()
-    run(NOT_GATHERED, read_choices(SPRINGS.declared, given), store)
-    assert CALLS["period"] == 2  # of two rates at each limit, one is there
-    assert opened(store, "springs").period.dims == ("stiffness", "mass", "limit")
-
-
-def test_settings_that_run_together_cannot_be_gathered():
-    both = joined(((1.0, 9.0), (2.0, 8.0)))
-    with pytest.raises(ConfigurationError, match=r"spring\.stiffness runs together with other"):
-        run(SPRINGS, both, "never.zarr")

@@ -3,7 +3,6 @@
 import contextlib
 import os
 import signal
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,53 +50,6 @@ def test_a_signal_waits_until_it_is_heeded():
     heed()
     with stopping():
         heed()  # that of the earlier context is forgotten
-
-
-def test_a_signal_that_something_swallows_is_raised_again():
-    with stopping():
-        with pytest.raises(Stopped), interruptible():
-            swallowing()
-        with pytest.raises(Stopped):
-            heed()
-
-
-def test_one_that_cannot_be_raised_prints_nothing(capsys):
-    class Noisy:
-        def __del__(self):
-            arrive()
-
-    with stopping(), pytest.raises(Stopped), interruptible():
-        Noisy()
-    assert capsys.readouterr().err == ""
-
-
-def test_signals_that_are_ignored_stay_so():
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with stopping():
-        arrive(signal.SIGHUP)
-        heed()
-        with stopping():  # inside another, it does nothing
-            arrive()
-        with pytest.raises(Stopped):
-            heed()
-    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-
-
-def test_other_threads_are_not_interrupted():
-    with stopping():
-        arrive()
-        ended = []
-
-        def work():
-            with interruptible():
-                heed()
-            with stopping():
-                ended.append(True)
-
-        thread = threading.Thread(target=work)
-        thread.start()
-        thread.join()
-        assert ended
 
 
 def arriving(function):
@@ -168,12 +120,4 @@ def test_a_signal_at_any_moment_is_one_sentence_and_resumed(
     assert "Traceback" not in said.err and "Exception" not in said.err
     assert not [one for one in Path().iterdir() if one.name.startswith(".")]
     assert Command(SPRINGS).main(given) == 0
-    assert files(tmp_path / "s.zarr") == whole
-
-
-def test_a_signal_during_the_report_leaves_the_store(whole, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    given = ["cache=cache", "cluster=inline", "store=s.zarr", *TYPED]
-    assert Command(SPRINGS, swallowing).main(given) == 130
-    assert capsys.readouterr().err.endswith("interrupted; the same command resumes the sweep\n")
     assert files(tmp_path / "s.zarr") == whole

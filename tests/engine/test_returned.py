@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from small_stores import opened
 from toys import run
 
 from sweeps.engine.errors import DeclarationError
@@ -71,31 +70,10 @@ def test_what_a_dtype_holds_is_kept(dtype, value, expected):
     np.testing.assert_array_equal(found, np.array(expected, dtype=dtype))
 
 
-SHAPES = [
-    (np.zeros(3), 0, (), "one of 0 dimensions: 0 of its own"),
-    (0.0, 1, (), "one of 1 dimensions: 1 of its own"),
-    (np.zeros((2, 3)), 0, (2,), "one of 1 dimensions: 1 of the values computed together and 0"),
-    (np.zeros((3, 2)), 1, (2,), r"one that begins with \(2,\), the numbers of values computed"),
-    ([[1.0, 2.0], [3.0]], 2, (), "rows of different lengths as x, but must return an array"),
-]
-
-
-@pytest.mark.parametrize(("value", "dims", "along", "allowed"), SHAPES)
-def test_a_shape_that_is_not_declared_is_refused(value, dims, along, allowed):
-    with pytest.raises(TypeError, match=allowed):
-        returned("f8", value, dims, along)
-
-
 class Few(Settings, key="few"):
     """Of stages that return something odd."""
 
     size = count([1, 2, 3], label="size")
-
-
-@stage(Output("x", label="x", dtype="i4"), uses=(Few,), group="all")
-def halves(size):
-    """A half where an integer is declared, for some."""
-    return size / 2
 
 
 @stage(Output("x", ("place",), label="x"), uses=(Few,), group="all")
@@ -104,17 +82,6 @@ def growing(size):
     if size > 3:
         raise AssertionError("computed after the mistake was known")
     return np.zeros(size)
-
-
-def test_only_the_cells_that_lose_something_fail(tmp_path):
-    declared = Experiment("few", "Few", (Few,), (halves,))
-    finished = run(declared, read_choices(declared.declared, {}), tmp_path / "s.zarr")
-    sentence = "TypeError: halves returned {} as x, but must return values that the dtype i4 holds"
-    assert finished.failures == [
-        ("halves size=1", sentence.format(0.5)),
-        ("halves size=3", sentence.format(1.5)),
-    ]
-    assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [-1, 1, -1]
 
 
 def test_padding_that_is_not_declared_stops_the_sweep_at_once(tmp_path, monkeypatch):

@@ -5,16 +5,13 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import cloudpickle
 import pytest
 from small_stores import opened
 from toys import run
 
-from sweeps.engine.errors import DeclarationError
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Output, in_memory, plain, stage
-from sweeps.engine.tasks import Step, _kept_of, forget_all
+from sweeps.engine.stage import Experiment, Output, stage
 
 SCRIPT = """
 import sys
@@ -55,16 +52,6 @@ def test_a_script_that_changed_is_computed_again(tmp_path, kind):
         assert (Path(tmp_path) / "made.txt").read_text() == "made " * min(number + 1, 2)
 
 
-def test_objects_of_functions_that_come_with_a_task_are_kept():
-    """Each task brings another copy of such a function; the memory of a worker does not grow."""
-    declared = in_memory(name="one")(lambda: 1)
-    first, second = (cloudpickle.loads(cloudpickle.dumps(Step.of(declared))) for _ in range(2))
-    assert first.function is not second.function
-    forget_all()
-    assert _kept_of(first) is _kept_of(second)
-    forget_all()
-
-
 class Few(Settings, key="few"):
     """Of stages without a name of their own."""
 
@@ -102,19 +89,5 @@ def test_functions_of_one_name_do_not_share_results(tmp_path):
         assert opened(tmp_path / "s.zarr", name).x.values.tolist() == values
     assert finished.failures == []
     plan = Plan(experiment, choices)
-    keys = {name: plan.key(plan.bound[name], (0,)) for name in (*expected, "again")}
+    keys = {name: plan.key(plan.bound[name], 0) for name in (*expected, "again")}
     assert len(set(keys.values())) == 5
-
-
-def test_an_address_is_no_part_of_a_key():
-    """A plain result without a representation of its own would be another one in each process."""
-    odd = plain(uses=(Few,), name="odd")(lambda size: (size, object()))
-    kept = stage(Output("x", label="x"), group="all", name="kept")(lambda odd: 1.0)
-    experiment = Experiment("few", "Few", (Few,), (odd, kept))
-    plan = Plan(experiment, read_choices(experiment.declared, {}))
-    with pytest.raises(DeclarationError) as refused:
-        plan.key(plan.bound["kept"], (0,))
-    assert str(refused.value) == (
-        "stage odd returned 'object', but a plain stage must return a number, text, null or tuple "
-        "of them, or what has an identity"
-    )

@@ -1,33 +1,22 @@
 """Settings: what may be written, what is refused and how, and what is derived from them."""
 
 import math
-from dataclasses import dataclass, replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toys import SPRINGS, Measured, Spring
+from toys import SPRINGS
 
-from sweeps.engine.coordinates import value_array
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Vector, Word
+from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
 from sweeps.engine.provenance import written
 from sweeps.engine.settings import (
-    ENGINE_SETTINGS,
-    Run,
-    Setting,
     Settings,
     count,
-    draws,
-    flatten,
-    nested,
     number,
     read_choices,
-    read_entries,
     set_of,
-    settings_table,
     text,
-    vector,
     word,
 )
 
@@ -82,12 +71,11 @@ def test_steps_end_at_stop_where_they_land_on_it(start, step, steps):
         assert Number().values("a.b", short) == found[:-1]
 
 
-ABOVE, UNIT = Number(positive=True), Number(0, below=1)
+UNIT = Number(0, below=1)
 PAIRS = SetOf(Word(("x", "y")), spellings=(("both", ("x", "y")),))
 REFUSED = [
     (Number(0, 9), 10, "a.b has 10, but every value must be a finite number at least 0 and at"),
     (Number(0), [1, -1], "a.b has -1, but every value must be a finite number at least 0"),
-    (ABOVE, 0, "a.b has 0, but every value must be a finite number above 0"),
     (UNIT, 1, "a.b has 1, but every value must be a finite number at least 0 and below 1"),
     (Number(), math.nan, "a.b has nan, but"),
     (Number(), math.inf, "a.b has inf, but"),
@@ -100,11 +88,11 @@ REFUSED = [
     (Number(), [[1]], "but every value must be a finite number"),
     (Number(), {"start": 1, "stop": 2}, "a.b has the keys start, stop, but must have start"),
     (Number(), {"start": 2, "stop": 1, "step": 1}, "a.b runs from 2 to 1, but stop must not"),
-    (Number(), {"start": 0, "stop": 1, "step": 0}, "a.b.step has 0, but every value must be a"),
+    (Number(), {"start": 0, "stop": 1, "step": 0}, "a.b.step has 0, but must be above 0"),
     (Number(), {"start": 0, "stop": 1, "step": 1e-9}, "a.b.step is 1e-09, but must leave at most"),
     (Number(), {"start": 0, "stop": 90, "step": 1e-310}, "a.b.step is 1e-310, but must leave"),
     (Number(), {"start": 0, "stop": 1e300, "step": 5e-324}, "a.b.step is 4.94066e-324, but must"),
-    (Number(), {"start": "0", "stop": 1, "step": 1}, "a.b.start is '0', but must be a number"),
+    (Number(), {"start": "0", "stop": 1, "step": 1}, "a.b.start has '0', but"),
     (Count(), 1.5, "a.b has 1.5, but every value must be a whole number"),
     (Count(), 0, "a.b has 0, but every value must be a whole number at least 1"),
     (Word(("x", "y")), "z", "a.b has 'z', but every value must be one of x, y"),
@@ -131,25 +119,6 @@ def test_what_is_refused_is_named_with_what_is_allowed(kind, given, sentence):
     assert sentence in str(refused.value) and "\n" not in str(refused.value)
 
 
-READ = [
-    (Number(null=True), [3, None], (None, 3.0)),
-    (Count(null=True), None, (None,)),
-    (Word(("b", "a")), ["b", "a"], ("a", "b")),
-    (Switch(), [True, False], (False, True)),
-    (Draws(9), 3, (0, 1, 2)),
-    (PAIRS, "both", (("x", "y"),)),
-    (PAIRS, "y", (("y",),)),
-    (PAIRS, ["y", "x"], (("x", "y"),)),
-    (Groups(), [["a", "b"], ["c", "d"]], ((("a", "b"), ("c", "d")),)),
-    (Groups(), None, ((),)),
-]
-
-
-@pytest.mark.parametrize(("kind", "given", "values"), READ)
-def test_what_is_read(kind, given, values):
-    assert kind.values("a.b", given) == values
-
-
 class Apart(Settings, key="apart"):
     """Settings that stand for each other, and one that takes one value."""
 
@@ -160,40 +129,10 @@ class Apart(Settings, key="apart"):
     name = text(None, label="name", dimension="called")
 
 
-def test_null_stands_for_another_setting_of_the_same_group():
-    assert read_choices(Apart.declared, {})[Apart.near] == (1.0, 2.0)
-    assert read_choices(Apart.declared, {"apart.far": 5})[Apart.near] == (5.0,)
-    assert read_choices(Apart.declared, {"apart.near": 7})[Apart.near] == (7.0,)
-
-
 def test_a_setting_that_is_no_axis_says_why():
     with pytest.raises(ConfigurationError) as refused:
         read_choices(Apart.declared, {"apart.only": [1, 2]})
     assert str(refused.value) == "apart.only has 2 values, but must have one: it shapes arrays"
-
-
-def test_a_name_that_settings_need_themselves_is_no_setting():
-    with pytest.raises(TypeError, match="has a setting key, a name that is taken"):
-
-        class Bad(Settings, key="bad"):
-            key = text("a", label="key")
-
-
-def test_keys_names_and_attributes_follow_from_the_declaration():
-    assert [one.key for one in Apart.declared] == [
-        f"apart.{name}" for name in ("far", "near", "only", "many", "name")
-    ]
-    assert Apart.far.name == "far" and Apart.name.name == "called"
-    assert Spring.mass.attrs == {"units": "kg", "long_name": "mass"}
-    assert Measured.rule.attrs == {"long_name": "rule"}  # words have no unit
-
-
-def test_every_default_of_the_engine_is_allowed():
-    declared = tuple(one for group in ENGINE_SETTINGS for one in group.declared)
-    choices = read_choices(declared, {})
-    assert choices.one(Run.seed) == 0
-    assert all(one.fixed for one in declared if one is not Run.seed)
-    assert not any(one.identity for one in declared if one is not Run.seed)
 
 
 @settings(deadline=None)
@@ -211,84 +150,3 @@ def test_what_a_store_has_is_read_back_as_it_was(data):
     choices = read_choices(SPRINGS.declared, given)
     again = {one.key: written(one, choices[one]) for one in SPRINGS.declared}
     assert read_choices(SPRINGS.declared, again).values == choices.values
-
-
-def test_trees_of_settings():
-    tree = nested(SPRINGS.declared)
-    assert tree["spring"]["mass"] is Spring.mass and tree["seed"] is Run.seed
-    given = {"spring": {"mass": 3}, "seed": 1, "other": 2}
-    assert flatten(SPRINGS.declared, given) == {"spring.mass": 3, "seed": 1}
-
-
-def test_the_table_of_settings_has_each_of_them():
-    rows = settings_table(SPRINGS.declared).splitlines()
-    assert len(rows) == 2 + len(SPRINGS.declared)
-    assert rows[2] == (
-        "| `spring.stiffness` | [1, 2, 4] | N m-1 | a finite number at least 0 | stiffness |"
-    )
-    assert (
-        "| `dry_run` | false |  | one of true, false; one value: it sets where or how to run | "
-        "only print what would be computed |"
-    ) in rows
-
-
-def test_values_in_coordinates():
-    assert value_array([1.0, None]).tolist()[0] == 1 and math.isnan(value_array([1.0, None])[1])
-    assert value_array([2, 3]).dtype.kind == "i" and value_array([True]).dtype.kind == "b"
-    assert value_array(["a", "bb"]).dtype == "U2"
-
-
-def test_choices_with_other_values():
-    choices = read_choices(SPRINGS.declared, {})
-    assert choices.having(Spring.mass, (3.0,)).one(Spring.mass) == 3
-    assert choices[Spring.mass] == (1.0, 2.0)
-    assert draws(3, label="d").values(2) == (0, 1)
-    assert replace(Spring.mass, dimension="m").name == "m"
-
-
-class Bob(Settings, key="pendulum.bob"):
-    """A mapping that a setting may have for one of its values."""
-
-    file = replace(text("", label="file"), default=None)
-    mass = number(1.0, 0, 9, unit="kg", label="mass", fixed="it is of one bob")
-    place = vector([0, 0], 2, -5, 5, unit="m", label="place")
-
-
-def test_a_mapping_is_read_by_its_entries():
-    found = read_entries(Bob.declared, "pendulum.bob", {"file": "a", "place": [1, -0.0]})
-    assert found == {"file": "a", "mass": 1.0, "place": (1.0, 0.0)}
-    assert math.copysign(1, found["place"][1]) == 1
-
-
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        ({}, "pendulum.bob is {}, but must have file"),
-        ({"file": "a", "size": 1}, "pendulum.bob.size is not a key of the configuration; "),
-        ({"file": "a", "mass": 10}, "pendulum.bob.mass has 10, but every value must be a finite"),
-        ({"file": "a", "mass": [1, 2]}, "pendulum.bob.mass has 2 values, but must have one: it is"),
-        ({"file": "a", "place": 1}, "pendulum.bob.place is 1, but must be a list of 2, each a"),
-        ({"file": "a", "place": [0, 6]}, "pendulum.bob.place is [0, 6], but must be a list of 2"),
-        ({"file": "a", "place": ["0", 0]}, "pendulum.bob.place is ['0', 0], but must be a list"),
-        ({"file": ""}, "pendulum.bob.file is empty, but must be a text"),
-    ],
-)
-def test_a_wrong_entry_is_refused_by_its_whole_key(given, sentence):
-    with pytest.raises(ConfigurationError) as refused:
-        read_entries(Bob.declared, "pendulum.bob", given)
-    assert str(refused.value).startswith(sentence)
-
-
-def test_entries_stand_below_their_setting_in_the_table():
-    @dataclass(frozen=True)
-    class Bobs(Text):
-        entries: tuple = Bob.declared
-
-    class Pendulum(Settings, key="pendulum"):
-        bob = Setting(Bobs(), "a", "bob")
-        length = number(1.0, label="length")
-
-    rows = settings_table(Pendulum.declared).splitlines()[2:]
-    keys = [row.split("`")[1] for row in rows]
-    assert keys == ["pendulum.bob", *(one.key for one in Bob.declared), "pendulum.length"]
-    assert Vector(2).allowed == "a list of 2, each a finite number"

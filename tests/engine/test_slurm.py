@@ -4,14 +4,12 @@ import os
 import shlex
 import signal
 import stat
-import sys
 
 import pytest
 from executors import (
     IMPORTS,
     blas_threads,
     eventually,
-    fails_with,
     refuse_odd,
     result_of,
     started_with,
@@ -87,19 +85,3 @@ def test_slurm_jobs_run_tasks_and_are_replaced(slurm_machine):
     # Certificates and jobs are gone.
     assert not folder.exists()
     assert set((slurm_machine / "cancelled").read_text().split()) == set(submitted())
-
-
-def test_slurm_that_refuses_a_job_is_quoted(slurm_machine):
-    refusal = "sbatch: error: Invalid account"
-    (slurm_machine / "bin" / "sbatch").write_text(f"#!/bin/bash\necho {refusal!r} >&2\nexit 1\n")
-    fails_with(ON_SLURM, f"cluster.kind is slurm, but sbatch refuses the job: {refusal}")
-
-
-def test_slurm_that_is_not_there_is_told(tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    fails_with(ON_SLURM, "cluster.kind is slurm, but this machine has no sbatch command")
-    monkeypatch.setitem(sys.modules, "dask_jobqueue", None)
-    fails_with(
-        ON_SLURM,
-        "cluster.kind is slurm, but dask-jobqueue is not installed: pip install dask-jobqueue",
-    )

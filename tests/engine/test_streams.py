@@ -45,7 +45,7 @@ def test_the_names_of_streams_are_pinned():
     }
     experiment = replace(SPRINGS, stages=(*SPRINGS.stages[:3], *stages.values()), tables=())
     plan = Plan(experiment, read_choices(SPRINGS.declared, {"seed": 3}))
-    place = (2, 1, 0, 0)
+    cell = 20  # the first length and draw of the last of 3 stiffnesses and 2 masses
     values = {"stiffness": 4.0, "mass": 2.0}
     expected = {
         "named": {"stage": "noisy", **values, "draw": 0},
@@ -62,7 +62,7 @@ def test_the_names_of_streams_are_pinned():
         "optional": {"stage": "optional", **values},
     }
     for kind, one in stages.items():
-        assert plan.stream(plan.bound[one.name], place) == (3, expected[kind]), RAISE
+        assert plan.stream(plan.bound[one.name], cell) == (3, expected[kind]), RAISE
 
 
 def test_a_version_of_streams_changes_the_keys_of_what_draws(monkeypatch):

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from small_stores import files, opened
-from toys import SPRINGS, Told, run
+from toys import SPRINGS, run
 
-from sweeps.engine.command import Command
-from sweeps.engine.packs import list_files
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Table
 from sweeps.engine.store import read_attributes
@@ -63,35 +61,3 @@ def test_a_failing_table_costs_only_itself(tmp_path, make):
     assert again.failures == [] and sum(one.done for one in again.progress.values()) == 0
     run(SPRINGS, choices, tmp_path / "t.zarr", tmp_path / "s.cache")
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
-
-
-def test_the_command_names_it_and_exits_with_1(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    command = Command(experiment(spoilt))
-    assert command.main(["store=s.zarr", "cache=cache", "cluster=inline"]) == 1
-    said = capsys.readouterr().err
-    assert "2 tables failed: table tables/spoilt (KeyError" in said and "Traceback" not in said
-    assert (tmp_path / "s.zarr" / "zarr.json").exists()
-
-
-def test_cells_that_a_table_finds_damaged_are_computed_again(tmp_path):
-    """Damage of a cell is no failure of the table that is the first to read it."""
-    choices = read_choices(SPRINGS.declared, {})
-    run(SPRINGS, choices, tmp_path / "s.zarr", tmp_path / "cache")
-    for path in list_files(tmp_path / "cache")[0]:
-        whole = bytearray((tmp_path / "cache" / path).read_bytes())
-        whole[-9] ^= 1
-        (tmp_path / "cache" / path).write_bytes(whole)
-    told = Told()
-    finished = run(SPRINGS, choices, tmp_path / "t.zarr", tmp_path / "cache", watch=told.watch)
-    assert finished.failures == [] and any("damaged" in one for one in told.sentences)
-    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
-
-
-def test_a_configuration_without_the_group_has_no_table(tmp_path):
-    """Of a stage that is left out, there is no table, and nothing fails."""
-    whole = replace(
-        SPRINGS, tables=(Table("tables/ratio", ("references",), after), *SPRINGS.tables)
-    )
-    finished = run(whole, read_choices(SPRINGS.declared, {}), tmp_path / "s.zarr")
-    assert finished.failures == []

@@ -1,13 +1,12 @@
 """One thread for numerical libraries wherever tasks run, also in the process of the command."""
 
 import os
-from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
 from small_stores import opened
 from threadpoolctl import threadpool_info, threadpool_limits
-from toys import SPRINGS, run
+from toys import run
 
 from sweeps.engine.settings import Settings, count, read_choices
 from sweeps.engine.stage import Experiment, Output, stage
@@ -51,19 +50,3 @@ def test_an_inline_stage_has_one_thread(tmp_path, monkeypatch):
     np.testing.assert_array_equal(found.most, 1)
     np.testing.assert_array_equal(found.told, 1)
     assert os.environ["OMP_NUM_THREADS"] == "3"
-
-
-def test_variables_of_an_experiment_hold_during_its_sweep_only(tmp_path, monkeypatch):
-    seen = []
-
-    def looking(answers, choices):
-        seen.append(os.environ["SPRING_FOLDER"])
-
-    monkeypatch.setenv("SPRING_FOLDER", "before")
-    experiment = replace(
-        SPRINGS,
-        environment=lambda choices: {"SPRING_FOLDER": "meanwhile"},
-        tables=(replace(SPRINGS.tables[0], make=looking),),
-    )
-    run(experiment, read_choices(SPRINGS.declared, {}), tmp_path / "s.zarr")
-    assert seen == ["meanwhile"] and os.environ["SPRING_FOLDER"] == "before"

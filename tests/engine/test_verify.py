@@ -8,11 +8,8 @@ from small_stores import files, opened
 from toys import CALLS, SPRINGS, Told, run
 
 from sweeps.engine import run as running
-from sweeps.engine.command import Command
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Output, in_memory, stage
-
-ALL = {"verify": 1.0}
+from sweeps.engine.stage import Experiment, Output, stage
 
 
 class Few(Settings, key="few"):
@@ -35,26 +32,6 @@ def counting(size):
 def in_company(size):
     """A result that depends on the other values."""
     return np.array(size) - np.mean(size) * (np.array(size) == 2)
-
-
-@in_memory()
-def drawn():
-    """An object that differs whenever it is made."""
-    return np.random.default_rng().random()
-
-
-@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group="all")
-def of_drawn(drawn, size):
-    """A result of such an object."""
-    return drawn
-
-
-@stage(
-    Output("x", label="x", dtype="f8", measured=True), uses=(Few,), along=(Few.size,), group="all"
-)
-def measured(size):
-    """What is declared to differ."""
-    return np.random.default_rng().random(len(size))
 
 
 def swept(experiment, store, verify=1.0, **given):
@@ -114,15 +91,6 @@ def test_a_cell_that_depends_on_its_company_is_named(tmp_path):
     assert opened(tmp_path / "s.zarr", "all").x.dropna("size").values.tolist() == [1, 3, 4]
 
 
-def test_objects_in_memory_are_made_anew(tmp_path):
-    finished = swept(of(drawn, of_drawn), tmp_path / "s.zarr")
-    assert [name for name, _ in finished.failures] == [f"of_drawn size={n}" for n in (1, 2, 3, 4)]
-
-
-def test_what_is_measured_may_differ(tmp_path):
-    assert swept(of(measured), tmp_path / "s.zarr").failures == []
-
-
 def test_a_share_is_chosen_by_key(tmp_path):
     """Whatever the order and the number of workers: binomial, within five standard deviations."""
     experiment = of(replace(counting, function=lambda size: [size, 0.0]))
@@ -130,24 +98,10 @@ def test_a_share_is_chosen_by_key(tmp_path):
     from sweeps.engine.plan import Plan
     from sweeps.engine.schedule import Schedule
 
-    schedule = Schedule(Plan(experiment, many))
-    schedule.resolve(lambda bound, keys: {})
+    schedule = Schedule(Plan(experiment, many), verify=0.1)
+    schedule.resolve(lambda keys: {})
     chosen = 0
     while schedule.ready:
-        for job, call in zip(*schedule.batch(1), strict=True):
-            chosen += len(running._verified(schedule, job, call, 0.1).again)
+        _, calls = schedule.batch(1)
+        chosen += sum(len(call.again) for call in calls)
     assert abs(chosen - 200) < 5 * np.sqrt(2000 * 0.1 * 0.9)
-
-
-def test_the_command_names_it_and_exits_with_1(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    place = ["store=s.zarr", "cache=cache", "cluster=inline"]
-    assert Command(of(counting)).main([*place, "verify=1"]) == 1
-    assert "1 cell failed: counting size=3 (it differs when computed again" in (
-        capsys.readouterr().err
-    )
-    assert Command(of(counting)).main([*place, "verify=2"]) == 2
-    assert "verify has 2, but every value must be a finite number at least 0 and at most 1" in (
-        capsys.readouterr().err
-    )
-    assert Command(of(counting)).main(place) == 0

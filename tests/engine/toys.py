@@ -121,12 +121,12 @@ def trace(stiffness, length, draw, rng):
     group="answers",
     status="state:answers",
 )
-def answers(noisy, length, rule, doubled, there):
+def answers(noisy, length, rule, doubled, valid):
     """What is said of all springs that are there."""
     CALLS["answers"] += len(length) * len(rule)
     named = {"max": np.max, "mean": np.mean, "min": np.min}
-    values = [[named[one](noisy["noisy"][k][there]) for one in rule] for k in range(len(length))]
-    taken = np.broadcast_to(there.astype("i1"), (len(length), len(rule), len(there)))
+    values = [[named[one](noisy["noisy"][k][valid]) for one in rule] for k in range(len(length))]
+    taken = np.broadcast_to(valid.astype("i1"), (len(length), len(rule), len(valid)))
     return {"answer": np.array(values) * (2 if doubled else 1), "taken": taken}
 
 

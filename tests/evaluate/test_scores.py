@@ -24,23 +24,12 @@ def test_wilson_interval_is_scipys(trials, fraction, confidence):
     assert 0.0 <= low <= successes / trials <= high <= 1.0
 
 
-def test_wilson_interval_of_arrays_broadcasts():
-    successes = np.arange(11)
-    low, high = wilson_interval(successes[:, None], [10, 20])
-    assert low.shape == high.shape == (11, 2)
-    assert (low[3, 1], high[3, 1]) == wilson_interval(3, 20)
-
-
 def test_wilson_interval_is_symmetric_and_reaches_the_ends():
     successes = np.arange(41)
     low, high = wilson_interval(successes, 40)
     np.testing.assert_allclose(low, 1.0 - high[::-1], atol=1e-15)
     assert low[0] == 0.0
     assert high[-1] == 1.0
-
-
-def test_wilson_interval_without_trials_says_nothing():
-    assert wilson_interval(0, 0) == (0.0, 1.0)
 
 
 def test_wilson_interval_covers_the_truth_as_often_as_it_says():
@@ -52,12 +41,6 @@ def test_wilson_interval_covers_the_truth_as_often_as_it_says():
     assert np.mean(np.sum(covered * binom.pmf(successes, 40, p), axis=1)) == pytest.approx(
         0.95, abs=0.01
     )
-
-
-@pytest.mark.parametrize(("successes", "trials"), [(-1, 3), (4, 3), (np.nan, 3), (0, np.inf)])
-def test_counts_that_are_none_are_refused(successes, trials):
-    with pytest.raises(ValueError, match=r"^(successes|trials) is "):
-        wilson_interval(successes, trials)
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, np.nan])
@@ -90,20 +73,9 @@ def test_an_aspects_bin_does_not_depend_on_the_others(aspects, data):
     assert np.all(np.diff(index[order]) >= 0)
 
 
-def test_bins_are_named_after_the_aspects_they_hold():
-    assert aspect_bins([80.0, 10.0, 12.5])[0] == ("10-12.5", "80")
-    np.testing.assert_array_equal(aspect_bins([80.0, 10.0, 12.5])[1], [1, 0, 0])
-
-
 def test_an_edge_missed_by_rounding_is_the_edge():
     just_below, just_above = np.nextafter(30.0, 0.0), np.nextafter(90.0, 91.0)
     np.testing.assert_array_equal(aspect_bins([0.0, just_below, just_above])[1], [0, 1, 2])
-
-
-@pytest.mark.parametrize("aspects", [[], [[0.0]], [-1.0], [361.0], [np.nan]])
-def test_aspects_that_are_none_are_refused(aspects):
-    with pytest.raises(ValueError, match=r"^aspects (has|is nan)"):
-        aspect_bins(aspects)
 
 
 def test_accuracy_is_counted_bin_by_bin():

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from ncti.features import cyclic_similarity, log_polar, profile_vector, segment
+from ncti.features import log_polar, segment
 from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 
@@ -39,7 +39,7 @@ def views(draw):
     return stack, {"contrast": contrast, "target_sigma": sigmas[0], "sea_sigma": sigmas[1]}
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(view=views(), layout=layouts)
 @pytest.mark.parametrize("method", SEGMENTATION_METHODS)
 def test_images_are_segmented_one_by_one(method, view, layout):
@@ -63,7 +63,7 @@ cells = st.fixed_dictionaries(
 shares = arrays(float, shapes, elements=st.sampled_from([0.0, 0.0, 1 / 3, 1 / 7, 0.9, 1.0]))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(stack=arrays(bool, shapes) | shares, layout=layouts, parameters=cells)
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 def test_masks_are_mapped_one_by_one(interpolation, stack, layout, parameters):
@@ -71,31 +71,3 @@ def test_masks_are_mapped_one_by_one(interpolation, stack, layout, parameters):
     for place, mask in enumerate(stack):
         alone = log_polar(mask.copy(), interpolation=interpolation, **parameters)
         np.testing.assert_array_equal(together[place], alone)
-
-
-@settings(max_examples=30, deadline=None)
-@given(seed=seeds, layout=layouts)
-def test_silhouettes_of_a_ships_size_too(seed, layout):
-    stack = np.random.default_rng(seed).random((4, 30, 70))
-    together = log_polar(layout(stack))
-    for place, mask in enumerate(stack):
-        np.testing.assert_array_equal(together[place], log_polar(mask))
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=seeds, count=st.integers(2, 9), bins=st.integers(1, 300))
-def test_profiles_are_normalised_one_by_one(seed, count, bins):
-    profiles = np.random.default_rng(seed).random((count, bins))
-    together = profile_vector(profiles)
-    for place, profile in enumerate(profiles):
-        np.testing.assert_array_equal(together[place], profile_vector(profile))
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=seeds, count=st.integers(2, 9), angles=st.integers(1, 40), radii=st.integers(1, 9))
-def test_pairs_of_maps_are_compared_one_by_one(seed, count, angles, radii):
-    first, second = np.random.default_rng(seed).random((2, count, angles, radii))
-    together = cyclic_similarity(first, second)
-    for place in range(count):
-        alone = cyclic_similarity(first[place], second[place])
-        assert (together[0][place], together[1][place]) == alone

@@ -1,20 +1,17 @@
 """The log-polar map: what leaves it alone, what turns it, and how well, on real silhouettes."""
 
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
-from scipy.signal import resample
 from skimage.transform import warp_polar
 
 import ncti.ships
 from benchmarks.invariance import (
     FINE,
-    FINE_BINARY,
-    SENSOR,
     Change,
     cosine,
     coverage,
@@ -39,14 +36,13 @@ def blob(seed=0, shape=(20, 54)):
 
 
 masks = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=12))
-shares = arrays(float, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.floats(0, 1))
 parts = st.floats(0, 1, exclude_max=True)
 
 
 # On real silhouettes
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     name=st.sampled_from(ncti.ships.names()),
     aspect=st.floats(0, 360),
@@ -63,37 +59,6 @@ def test_any_change_of_a_fine_silhouette_leaves_0_97(name, aspect, shift, scale,
         assert cosine(after, before) >= 0.97
 
 
-@cache
-def fixed_set(pixels, interpolation):
-    """Similarity after random changes: 6 ships, 7 aspects, 3 changes of each."""
-    rng = np.random.default_rng(7)
-    found = []
-    for name in ncti.ships.names():
-        for aspect in range(0, 91, 15):
-            before = log_polar(seen(name, aspect, pixels), interpolation=interpolation)
-            for _ in range(3):
-                mask = seen(name, aspect, pixels, Change.drawn(rng))
-                after = log_polar(mask, interpolation=interpolation)
-                found.append(float(cyclic_similarity(after, before)[0]))
-    return np.array(found)
-
-
-def test_binary_silhouettes_keep_less():
-    # A mast half a pixel wide is there or not, as it happens to fall: no interpolation of the
-    # mask brings it back.
-    found = fixed_set(FINE_BINARY, "bilinear")
-    assert np.median(found) >= 0.98
-    assert found.min() >= 0.92
-
-
-def test_at_25_km_interpolation_gains_0_05_over_the_plain_map():
-    bilinear, nearest = fixed_set(SENSOR, "bilinear"), fixed_set(SENSOR, "nearest")
-    assert np.median(bilinear) >= np.median(nearest) + 0.05
-    assert bilinear.min() >= nearest.min() + 0.05
-    assert np.median(bilinear) >= 0.94
-    assert bilinear.min() >= 0.82
-
-
 @pytest.mark.parametrize("name", ncti.ships.names())
 @pytest.mark.parametrize("angle", [0.0, 17.0, 133.3, -61.0])
 def test_rotation_is_recovered(name, angle):
@@ -102,13 +67,6 @@ def test_rotation_is_recovered(name, angle):
     _, rotation = cyclic_similarity(after, before)
     # Shifts are 0.7 deg apart; an angle of the map is 5.6 deg.
     assert abs(rotation - angle) <= 0.75
-
-
-def test_the_inside_of_a_ship_is_left_out():
-    # Near their centroids all ships look alike, and would agree the better for it.
-    views = [seen(name, 60.0, FINE) for name in ("duncan", "texas")]
-    near = cosine(*(log_polar(view, inner_radius=0.3) for view in views))
-    assert cosine(*(log_polar(view) for view in views)) < near - 0.02
 
 
 # Symmetries
@@ -120,36 +78,6 @@ def test_whole_pixels_of_shift_change_nothing(mask, down, right, interpolation):
     np.testing.assert_array_equal(
         log_polar(moved, interpolation=interpolation), log_polar(mask, interpolation=interpolation)
     )
-
-
-@given(shares)
-def test_quarter_turns_roll_the_map(mask):
-    # np.rot90 with k = -1 takes increasing column to increasing row, as the angle grows.
-    plain = log_polar(mask)
-    for quarters in range(4):
-        turned = log_polar(np.rot90(mask, -quarters))
-        np.testing.assert_allclose(turned, np.roll(plain, 16 * quarters, axis=0), atol=1e-9)
-
-
-@given(shares)
-def test_a_mirror_reverses_the_angle(mask):
-    np.testing.assert_allclose(log_polar(mask[::-1]), log_polar(mask)[::-1], atol=1e-9)
-    np.testing.assert_allclose(
-        log_polar(mask[:, ::-1]), np.roll(log_polar(mask)[::-1], 32, axis=0), atol=1e-9
-    )
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_pixels_doubled_leave_the_plain_map_and_nearly_the_other(seed):
-    mask = blob(seed)
-    double = np.kron(mask, np.ones((2, 2), dtype=bool))
-    np.testing.assert_array_equal(
-        log_polar(double, interpolation="nearest"), log_polar(mask, interpolation="nearest")
-    )
-    # Between pixels the doubled mask has steeper edges: no sample changes by more than a half.
-    difference = np.abs(log_polar(double) - log_polar(mask))
-    assert difference.max() <= 0.5
-    assert cosine(log_polar(double), log_polar(mask)) > 0.98
 
 
 def test_angle_0_is_along_columns_and_grows_towards_rows():
@@ -245,16 +173,6 @@ def test_samples_are_those_of_scikit_image(interpolation, order, oversample, see
 # Any mask at all
 
 
-@given(masks | shares, st.sampled_from(["bilinear", "nearest"]))
-def test_any_mask_gives_shares(mask, interpolation):
-    found = log_polar(mask, interpolation=interpolation)
-    assert found.shape == (64, 32)
-    assert found.dtype == np.float64
-    assert np.isfinite(found).all()
-    assert found.min() >= 0
-    assert found.max() <= 1
-
-
 def test_fewer_than_two_pixels_have_no_shape():
     one = np.zeros((9, 9), dtype=bool)
     np.testing.assert_array_equal(log_polar(one), np.zeros((64, 32)))
@@ -264,71 +182,7 @@ def test_fewer_than_two_pixels_have_no_shape():
     assert log_polar(one).any()
 
 
-def test_a_line_lies_at_0_and_180_degrees():
-    line = np.zeros((5, 40), dtype=bool)
-    line[2, 4:34] = True
-    found = log_polar(line)
-    along = found.sum(axis=1)
-    # Beyond one pixel of the line is nothing: within 1/(0.5 unit), unit = sqrt(30 / pi).
-    far = np.abs(np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)) > 1 / (0.5 * 3.09) + 0.05
-    np.testing.assert_array_equal(along[far], 0.0)
-    assert along[0] == pytest.approx(along[31])
-    assert along[0] == pytest.approx(along.max())
-
-
-def test_a_bool_mask_is_coverage_of_zero_and_one():
-    np.testing.assert_array_equal(log_polar(blob()), log_polar(blob().astype(int)))
-
-
-def test_input_and_the_shared_grid_are_left_alone():
-    mask = blob().astype(float)
-    before = mask.copy()
-    first = log_polar(mask)
-    first[:] = 7.0
-    np.testing.assert_array_equal(mask, before)
-    assert log_polar(mask).max() <= 1
-
-
-@pytest.mark.parametrize(
-    ("given_", "named"),
-    [
-        ({"mask": np.ones(4)}, "mask has shape"),
-        ({"mask": np.ones((0, 4))}, "mask has shape"),
-        ({"mask": np.full((4, 4), np.nan)}, "mask is nan, but must be"),
-        ({"mask": np.full((4, 4), 1.5)}, "mask is 1.5, but must be"),
-        ({"inner_radius": 0.0}, "inner_radius is 0.0"),
-        ({"outer_radius": 0.5}, "outer_radius is 0.5"),
-        ({"radii": 0}, "radii is 0"),
-        ({"angles": 2.5}, "angles is 2.5"),
-        ({"oversample": 0}, "oversample is 0"),
-        ({"interpolation": "cubic"}, "interpolation is 'cubic'"),
-    ],
-)
-def test_bad_input_is_named(given_, named):
-    given_ = {"mask": blob()} | given_
-    with pytest.raises(ValueError, match=named):
-        log_polar(given_.pop("mask"), **given_)
-
-
 # Cyclic similarity
-
-maps = arrays(float, (16, 3), elements=st.floats(0, 1))
-
-
-@given(maps, maps)
-def test_similarity_is_the_best_over_shifts_an_eighth_apart(a, b):
-    similarity, rotation = cyclic_similarity(a, b)
-    assert 0 <= similarity <= 1 + 1e-15
-    assert -180 <= rotation < 180
-    if not (np.linalg.norm(a) > 1e-100 and np.linalg.norm(b) > 1e-100):
-        return
-    a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
-    finer = resample(b, 8 * 16, axis=0)  # an independent way between the angles
-    cosines = [np.vdot(a, np.roll(finer, shift, axis=0)[::8]) for shift in range(8 * 16)]
-    assert similarity == pytest.approx(min(max(cosines), 1.0), abs=1e-12)
-    assert similarity >= np.vdot(a, b) - 1e-12
-    # The reported rotation reaches it.
-    assert cosines[round(rotation / 360 * 8 * 16) % (8 * 16)] == pytest.approx(similarity, abs=1e-9)
 
 
 @pytest.mark.parametrize("eighths", [0, 3, 64, 100, -1, -127])
@@ -346,58 +200,8 @@ def test_a_band_limited_map_is_found_between_its_angles(angles, eighths):
     assert rotation == pytest.approx(angle, abs=1e-9)
 
 
-def test_leading_axes_are_pairs():
-    rng = np.random.default_rng(0)
-    a, b = rng.random((5, 1, 64, 32)), rng.random((3, 64, 32))
-    similarity, rotation = cyclic_similarity(a, b)
-    assert similarity.shape == rotation.shape == (5, 3)
-    for i in range(5):
-        for j in range(3):
-            one, angle = cyclic_similarity(a[i, 0], b[j])
-            assert one == pytest.approx(similarity[i, j], abs=1e-12)
-            assert angle == rotation[i, j]
-
-
 def test_a_map_is_itself_and_zero_is_like_nothing():
     full, empty = log_polar(blob()), np.zeros((64, 32))
     assert cyclic_similarity(full, full) == (pytest.approx(1.0, abs=1e-12), 0.0)
     for pair in ((full, empty), (empty, full), (empty, empty)):
         assert cyclic_similarity(*pair) == (0.0, 0.0)
-
-
-def test_bad_maps_are_named():
-    with pytest.raises(ValueError, match="b has shape"):
-        cyclic_similarity(np.ones((64, 32)), np.ones((64, 16)))
-    with pytest.raises(ValueError, match="a has shape"):
-        cyclic_similarity(np.ones(64), np.ones((64, 16)))
-    with pytest.raises(ValueError, match="b is inf, but must be"):
-        cyclic_similarity(np.ones((4, 2)), np.full((4, 2), np.inf))
-
-
-@settings(max_examples=60, deadline=None)
-@given(arrays(np.bool_, array_shapes(min_dims=3, max_dims=4, max_side=9)))
-@pytest.mark.parametrize("interpolation", ["bilinear", "nearest"])
-def test_a_stack_is_mapped_mask_by_mask(interpolation, masks):
-    together = log_polar(masks, interpolation=interpolation, radii=5, angles=8)
-    for place in np.ndindex(masks.shape[:-2]):
-        alone = log_polar(masks[place], interpolation=interpolation, radii=5, angles=8)
-        np.testing.assert_array_equal(together[place], alone)
-
-
-@pytest.mark.parametrize("mask", [np.zeros((3, 3), bool), np.ones((3, 3), bool)])
-def test_whole_numbers_may_be_floats(mask):
-    found = log_polar(mask, angles=8.0, radii=4.0, oversample=2.0)
-    np.testing.assert_array_equal(found, log_polar(mask, angles=8, radii=4))
-
-
-@pytest.mark.parametrize("scale", [1e-200, 1e200])
-def test_similarity_does_not_depend_on_the_size_of_numbers(scale):
-    maps = np.random.default_rng(0).random((8, 4))
-    similarity, rotation = cyclic_similarity(scale * maps, np.roll(scale * maps, -2, axis=0))
-    assert similarity == pytest.approx(1.0)
-    assert rotation == 90.0
-
-
-def test_maps_without_angles_are_refused():
-    with pytest.raises(ValueError, match=r"^a has shape \(0, 2\), but must have angles and radii$"):
-        cyclic_similarity(np.ones((0, 2)), np.ones((0, 2)))

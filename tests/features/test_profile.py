@@ -23,6 +23,11 @@ def test_floor_goes_and_the_peak_is_one():
     np.testing.assert_allclose(vector, profile_vector(bumps(), floor=4000), atol=1e-9)
 
 
+def test_the_floor_is_the_mean_of_both_ends():
+    ends = np.concatenate([np.full(50, 1.0), [9.0], np.full(50, 3.0)])
+    assert profile_vector(ends)[[0, 50, -1]] == pytest.approx([-1 / 7, 1, 1 / 7])
+
+
 @given(arrays(float, (3, 50), elements=values), st.floats(0.01, 100), st.floats(-1e5, 1e5))
 def test_neither_gain_nor_floor_matters(profile, gain, floor):
     plain, moved = profile_vector(profile), profile_vector(gain * profile + floor)
@@ -44,15 +49,3 @@ def test_edges_and_not_the_median_find_the_floor_of_a_long_ship():
     vector = profile_vector(profile)
     assert vector[:20].tolist() == [0.0] * 20
     assert vector[100] == 1.0
-
-
-def test_bad_input_is_named():
-    with pytest.raises(ValueError, match=r"profile is (nan|inf|-inf), but must be a finite number"):
-        profile_vector([1.0, np.nan, 2.0])
-
-
-def test_input_is_left_alone():
-    profile = bumps()
-    before = profile.copy()
-    profile_vector(profile)
-    np.testing.assert_array_equal(profile, before)

@@ -67,14 +67,6 @@ def test_both_gaussians(frame_count):
         assert z.max() < stats.norm.isf(LEVEL / 2 / 4)
 
 
-def test_pixels_are_independent():
-    (thermal,) = draw(5)
-    sea = thermal[:, 100:]
-    for ahead, behind in ((sea[1:], sea[:-1]), (sea[:, 1:], sea[:, :-1])):
-        correlation = np.corrcoef(ahead.ravel(), behind.ravel())[0, 1]
-        assert abs(correlation) < stats.norm.isf(LEVEL / 2 / 2) / np.sqrt(ahead.size)
-
-
 COUNTS = (1, 4, 5, 16)
 
 
@@ -106,59 +98,6 @@ def test_moments_of_prefix_averages(way):
     z_covariance = (deviation @ deviation.T / count - expected) / error
     z = np.concatenate([z_mean, z_covariance[np.triu_indices(len(COUNTS))]])
     assert np.abs(z).max() < stats.norm.isf(LEVEL / 2 / z.size)
-
-
-def test_walk_is_the_plain_average_in_distribution():
-    """Two-sample KS at 1e-3 of every average, and of how one average differs from another."""
-    walk = draw(10, frame_counts=COUNTS, nedt=0.4, target_spread=0.1, sea_spread=0.1)
-    plain = plain_average(11, HALF, COUNTS, nedt=0.4, spread=0.1)
-    statistics = [(w[HALF], p[HALF]) for w, p in zip(walk, plain, strict=True)]
-    statistics += [(w[~HALF], p[~HALF]) for w, p in zip(walk, plain, strict=True)]
-    statistics += [
-        ((walk[i] - walk[j]).ravel(), (plain[i] - plain[j]).ravel())
-        for i in range(len(COUNTS))
-        for j in range(i)
-    ]
-    for ours, theirs in statistics:
-        assert stats.ks_2samp(ours, theirs).pvalue > LEVEL / len(statistics)
-
-
-def test_sixteen_frames_have_a_quarter_of_the_noise():
-    """F-test at 1e-3 over 40,000 pixels, and KS of four times the noise against one frame's."""
-    noise = {"contrast": 0.0, "target_spread": 0.0, "sea_spread": 0.0}
-    (one,) = draw(3, frame_counts=(1,), **noise)
-    (sixteen,) = draw(4, frame_counts=(16,), **noise)
-    ratio = one.var() / (16 * sixteen.var())
-    low, high = stats.f(one.size - 1, one.size - 1).ppf([LEVEL / 2, 1 - LEVEL / 2])
-    assert low < ratio < high
-    assert stats.ks_2samp(one.ravel(), 4 * sixteen.ravel()).pvalue > LEVEL
-
-
-def test_frame_counts_in_any_order_and_twice():
-    straight = draw(6, frame_counts=(4, 16, 64))
-    shuffled = draw(6, frame_counts=np.array([64, 4, 16, 4]))
-    np.testing.assert_array_equal(shuffled, straight[[2, 0, 1, 0]])
-
-
-def test_many_frames_cost_nothing_and_leave_the_scene():
-    (thermal,) = draw(7, frame_counts=(10**12,), target_spread=0.0, sea_spread=0.0)
-    # 0.4 K / 10^6; the largest of 40,000 is within 6 sigma.
-    np.testing.assert_allclose(thermal, np.where(HALF, 0.7, 0.0), atol=6 * 0.4e-6)
-
-
-def test_own_spread_does_not_average_out():
-    few, many = draw(12, frame_counts=(1, 10**12), nedt=0.4)
-    assert abs(z_of_variance(many[~HALF], 0.1**2)) < stats.norm.isf(LEVEL / 2)
-    # One scene in both: what differs is the noise of the one frame.
-    assert abs(z_of_variance((few - many).ravel(), 0.4**2)) < stats.norm.isf(LEVEL / 2)
-
-
-def test_without_contrast_ship_and_sea_are_one():
-    """Two-sample KS over 20,000 each at 1e-3; with unequal spreads it tells them apart."""
-    (thermal,) = draw(13, contrast=0.0)
-    assert stats.ks_2samp(thermal[HALF], thermal[~HALF]).pvalue > LEVEL
-    (thermal,) = draw(13, contrast=0.0, target_spread=0.2)
-    assert stats.ks_2samp(thermal[HALF], thermal[~HALF]).pvalue < LEVEL
 
 
 WAYS = ("none", "perfect", "shifted")
@@ -195,17 +134,6 @@ def test_sigma_of_a_pixel_by_drawing(way):
             assert abs(z) < stats.norm.isf(LEVEL / 2 / (2 * len(mixes) * len(WAYS)))
 
 
-def test_sigma_of_a_pixel_by_hand():
-    assert pixel_sigma(0.3, frame_count=1) == pytest.approx(0.5, rel=1e-15)
-    assert pixel_sigma(0.3, frame_count=1, super_resolution="perfect") == pixel_sigma(
-        0.3, frame_count=1
-    )
-    # Shift-and-add: 3/4 of the spread, half of the noise.
-    ours = pixel_sigma(0.4, frame_count=4, nedt=1.6, super_resolution="shifted")
-    assert ours == pytest.approx(0.5, rel=1e-15) and type(ours) is float
-    assert pixel_sigma(0.0, frame_count=[[1, 4]], nedt=0.4).tolist() == [[0.4, 0.2]]
-
-
 @pytest.mark.parametrize(("spread", "nedt"), [(0.1, 0.4), (0.1, 0.0), (0.0, 0.4)])
 def test_neighbours_of_shift_and_add_correlate(spread, nedt):
     """Fisher's z at 1e-3 over all of 10,000 independent pairs, in a row and in a column."""
@@ -219,37 +147,3 @@ def test_neighbours_of_shift_and_add_correlate(spread, nedt):
         ours = np.corrcoef(first, second)[0, 1]
         z = (np.arctanh(ours) - np.arctanh(expected)) * np.sqrt(first.size - 3)
         assert abs(z) < stats.norm.isf(LEVEL / 2 / 6)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "named"),
-    [
-        ({"spread": -0.1}, "spread is -0.1"),
-        ({"frame_count": 0}, "frame_count is 0"),
-        ({"nedt": np.nan}, "nedt is nan"),
-        ({"super_resolution": "magic"}, "super_resolution is 'magic'"),
-    ],
-)
-def test_sigma_of_nonsense(parameters, named):
-    with pytest.raises(ValueError, match=named):
-        pixel_sigma(**{"spread": 0.1, "frame_count": 4} | parameters)
-
-
-def test_inputs_are_left_alone():
-    target = HALF.copy()
-    counts = np.array([16, 4])
-    draw(1, target=target, frame_counts=counts)
-    np.testing.assert_array_equal(target, HALF)
-    np.testing.assert_array_equal(counts, [16, 4])
-    (empty,) = draw(1, target=np.zeros((3, 4), bool))
-    assert empty.shape == (3, 4)
-
-
-def test_a_target_must_be_an_image():
-    with pytest.raises(ValueError, match="target has 3 axes"):
-        draw(target=np.zeros((2, 3, 4), bool))
-
-
-def test_thermal_images_need_a_generator():
-    with pytest.raises(ValueError, match="rng is None"):
-        thermal_images(HALF, contrast=1.0, frame_counts=(4,), rng=None)

@@ -1,6 +1,5 @@
 """Registration: where static points land, step by step and all at once, and what is left over."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -140,16 +139,6 @@ def test_points_land_where_the_snapshot_sees_them(flown, seed):
 
 
 @given(flights())
-def test_without_motion_only_the_mirror_is_left(flown):
-    """At time 0 every method leaves a sample where it is, but for those that follow the origin."""
-    time = np.zeros((1, SAMPLES))
-    ranges = np.full((1, SAMPLES), flown.slant_range - 20)
-    for method in ("pixel", "line", "constant"):
-        for part in motion_displacement(flown, time, ranges, method=method):
-            np.testing.assert_allclose(part, 0, atol=1e-9)
-
-
-@given(flights())
 def test_one_shift_is_the_derivative_of_the_exact_one(flown):
     """Of the ship's origin, by central differences over 2 ms in extended precision.
 
@@ -181,23 +170,6 @@ def test_one_shift_is_the_derivative_of_the_exact_one(flown):
     np.testing.assert_allclose(column, -found * flown.line_rate * 2.0, atol=rounding)
 
 
-@given(flights())
-def test_all_methods_move_the_origin_alike_at_first(flown):
-    """Rows, columns and ranges after a millisecond: of the origin, as far as it moves."""
-    flown = dataclasses.replace(flown, pointing=None, samples=3)
-    step = 1e-3
-    time = np.full((1, 3), step)
-    ranges = np.full((1, 3), np.linalg.norm(flown.position(np.array(step))))
-    moved = [
-        [part[0, 1] for part in motion_displacement(flown, time, ranges, method=method)]
-        for method in ("pixel", "line", "constant")
-    ]
-    size = (flown.aircraft_speed + flown.ship_speed) * step
-    scale = [size / flown.pixel, size / flown.pixel, size]
-    for other in moved[1:]:
-        assert (np.abs(np.subtract(other, moved[0])) < 2e-3 * np.array(scale)).all()
-
-
 @pytest.mark.parametrize("offset", [5.0, -5.0])
 def test_a_mast_is_straight_with_each_pixels_shift_only(offset):
     """Of a mast 30 m high and 45 m before the ship's origin: its lean against the truth.
@@ -223,14 +195,6 @@ def test_a_mast_is_straight_with_each_pixels_shift_only(offset):
     if offset == 5:
         assert leans["line"] == pytest.approx(-1, abs=0.3)
     assert abs(leans["pixel"]) < 1e-3
-
-
-def test_a_ship_straight_ahead_needs_no_shift():
-    """Without drift a mast stands whatever the method."""
-    flown = flight(175.0, 0.0, ship_speed=0.0)
-    for method in ("none", "constant", "line", "pixel"):
-        row, column, _ = registered(flown, POLE, azimuth=method)
-        assert tilt(row, column, upright=True) == pytest.approx(0, abs=0.01)
 
 
 @pytest.mark.parametrize("depression", [6.7, 15.0])
@@ -268,108 +232,6 @@ def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror
             assert found == pytest.approx(math.degrees(math.atan(slope)), abs=0.05), how
     if mirror_angle == 45:
         assert expected["printed"][1] == pytest.approx(0, abs=1e-12)
-
-
-def test_a_drifting_ship_is_not_levelled_by_a_rotation_either():
-    """5 deg off, the waterline stays within a degree of level and the mast leans by some 7."""
-    flown = flight(175.0, samples=400, pulse_rate=1e6)
-    leans = []
-    for points, upright in ((POLE, True), (level(flown), False)):
-        row, column, _ = registered(flown, points, mirror="none")
-        turned = rotated(row, column, clockwise=-mirror_rotation(flown.depression))
-        leans.append(tilt(*turned, upright=upright))
-    assert leans[0] == pytest.approx(flown.depression, abs=1)
-    assert abs(leans[1]) < 1
-
-
-def test_static_points_keep_their_place_and_range():
-    """A pole and a waterline seen over four seconds, each pixel corrected: 1e-3 pixel, 1 mm.
-
-    What is left is the interpolation between samples. Without any of the steps they are off by
-    pixels, the range by the 80 m a second at which the aircraft comes closer.
-    """
-    flown = flight(175.0, samples=400, pulse_rate=1e6)
-    for points in (POLE, level(flown)):
-        found = registered(flown, points)
-        for values, expected in zip(found, true_places(flown, points), strict=True):
-            np.testing.assert_allclose(values, expected, rtol=0, atol=1e-3)
-        plain = registered(flown, points, motion="none")[2]
-        assert np.abs(plain - true_places(flown, points)[2]).max() > 50
-
-
-def test_a_lines_range_correction_is_off_by_what_turns():
-    """`line` follows the origin: a point x to the right is off by x times the angle that the line
-    of sight turns through, the drift over the range, and by what the wavefront bends more as the
-    range falls. The constant rate is off by the change of the closing speed."""
-    flown = flight(175.0, samples=400, pulse_rate=1e6)
-    water = level(flown)
-    time = crossing(flown, water).astype(float)
-    line = registered(flown, water, motion="line")[2] - true_places(flown, water)[2]
-    reach = np.linalg.norm(flown.position(time), axis=-1)
-    bend = ABEAM**2 / 2 * (1 / reach - 1 / flown.slant_range)
-    expected = ABEAM * flown.drift * time / reach + bend
-    np.testing.assert_allclose(line, expected, rtol=0, atol=0.02)
-    assert np.abs(expected).max() > 0.05
-    constant = registered(flown, POLE, motion="constant")[2] - true_places(flown, POLE)[2]
-    assert 0.01 < np.abs(constant).max() < 3
-
-
-@given(st.floats(-80, 80), st.floats(-50, 50), st.floats(-50, 50))
-def test_a_rotation_turns_clockwise_and_back(angle, row, column):
-    places = np.array(row), np.array(column)
-    turned = rotated(*places, clockwise=angle)
-    assert np.hypot(*turned) == pytest.approx(math.hypot(row, column), abs=1e-12)
-    np.testing.assert_allclose(rotated(*turned, clockwise=-angle), places, atol=1e-12)
-    up, right = rotated(np.array(1.0), np.array(0.0), clockwise=10.0)
-    assert right == pytest.approx(math.sin(math.radians(10))) and up > 0
-
-
-def test_samples_without_a_range_are_placed_at_the_ships():
-    flown = flight(175.0)
-    time = np.full((1, SAMPLES), 1.0)
-    nominal = np.full((1, SAMPLES), np.linalg.norm(flown.position(np.array(1.0))))
-    known, unknown = (snapshot_places(flown, time, r) for r in (nominal, nominal * math.nan))
-    np.testing.assert_array_equal(known[:2], unknown[:2])
-    assert np.isnan(unknown[2]).all() and not np.isnan(known[2]).any()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("aircraft_speed", -1),
-        ("ship_speed", -0.1),
-        ("slant_range", 0),
-        ("ifov", 0),
-        ("rate", 0),
-        ("scans", 0),
-        ("rate", math.nan),
-        ("offset", math.nan),
-        ("aircraft_heading", math.inf),
-        ("ship_heading", "north"),
-    ],
-)
-def test_bad_parameters_of_a_shift_are_named(name, value):
-    given_ = {
-        "aircraft_speed": 90.0,
-        "aircraft_heading": 0.0,
-        "ship_speed": 8.0,
-        "ship_heading": 0.0,
-        "offset": 5.0,
-        "slant_range": 3900.0,
-        "ifov": 205e-6,
-        "rate": 119.0,
-    } | {name: value}
-    with pytest.raises(ValueError, match=f"{name} is {value!r}, but must be"):
-        azimuth_shift(**given_)
-
-
-def test_unknown_methods_are_named():
-    flown = flight()
-    time = np.zeros((1, SAMPLES))
-    with pytest.raises(ValueError, match="method is 'row', but must be one of pixel, line, con"):
-        motion_displacement(flown, time, time, method="row")
-    with pytest.raises(ValueError, match="form is 'turn', but must be one of exact, printed"):
-        mirror_displacement(flown, np.arange(3), form="turn")
 
 
 def test_a_track_beside_the_heading_is_what_moves_the_aircraft():

@@ -1,7 +1,6 @@
 """What the beam meets: each line the ship as it then stands, all of it, and no ray for nothing."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ from flown import crossing, flight, pole_on_box, scanned_at
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from ncti.irar import mirror_rotation
-from ncti.irar.scene import MOST_LINES, RAYS, ScanPlan, plan_scan, scan_scene
+from ncti.irar.scene import RAYS, ScanPlan, plan_scan, scan_scene
 from ncti.render import cast_rays
 
 BOX = trimesh.creation.box((60.0, 9.0, 5.0)).apply_translation((0, 0, 2.5))
@@ -104,7 +102,7 @@ def _frozen(plan):
     return ScanPlan(fast, 0, plan.lines)
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=40)
 @given(
     aspect=st.floats(0, 360),
     offset=st.floats(-25, 25),
@@ -151,83 +149,6 @@ def _samples_needed(mesh, flown):
     return int(str(refused.value).split("at least ")[1].split()[0])
 
 
-def test_coverage_adds_up_to_the_area_that_is_seen():
-    """Projected area of a box is the sum over its faces, each line a tenth of a pixel high.
-
-    Samples are an IFOV apart along the line, which the mirror tilts by L, and lines what climb and
-    drift come to across it: each stands for pixel (cos L climb + sin L drift) / line rate of area,
-    with the drift 6 % less than a pixel over the overscan. At 20 km a pass of 3 s comes 1 %
-    closer, which changes both and cancels about time 0; 20,000 rays sample to better than that.
-    """
-    flown = flight(150.0, slant_range=20_000.0, ifov=4e-5)
-    plan = plan_scan(BOX, flown)
-    found = scan_scene(BOX, plan)
-    a, d = math.radians(flown.aspect), math.radians(flown.depression)
-    towards = np.array([math.cos(d) * math.cos(a), math.cos(d) * math.sin(a), math.sin(d)])
-    length, beam, height = BOX.extents
-    area = np.abs(towards) @ [beam * height, length * height, length * beam]
-    lean = math.radians(mirror_rotation(flown.depression))
-    across = math.cos(lean) * flown.climb + math.sin(lean) * flown.drift
-    each = flown.pixel * across / flown.line_rate
-    assert found.coverage().sum() * each == pytest.approx(area, rel=0.01)
-    assert found.coverage().max() == 1.0
-    assert found.power.sum() == pytest.approx(found.coverage().sum(), rel=1e-12)
-
-
-def test_leading_columns_are_left_out_again():
-    plan = plan_scan(BOX, flight(140.0, line_rate=40))
-    long, plain = (scan_scene(BOX, plan, leading=n) for n in (11, 0))
-    cut = long.without_leading(11)
-    assert cut.shape == plain.shape
-    for name in ("place", "ray", "distance", "power"):
-        np.testing.assert_array_equal(getattr(cut, name), getattr(plain, name))
-    np.testing.assert_array_equal(cut.coverage(), long.coverage()[:, 11:])
-
-
-def test_power_follows_reflectivity_and_incidence():
-    plan = plan_scan(BOX, flight(140.0, line_rate=40))
-    rng = np.random.default_rng(5)
-    reflectivity = rng.uniform(0, 2, len(BOX.faces))
-    plain, painted, both = (
-        scan_scene(BOX, plan, **how)
-        for how in (
-            {},
-            {"reflectivity": reflectivity},
-            {"reflectivity": reflectivity, "lambertian": True},
-        )
-    )
-    hits, _, way = every_ray(BOX, plan)
-    cosine = -(BOX.face_normals[hits.facet] * way[hits.ray]).sum(axis=1)
-    np.testing.assert_allclose(painted.power * RAYS**2, reflectivity[hits.facet])
-    np.testing.assert_allclose(both.power, painted.power * cosine, atol=1e-12)
-    np.testing.assert_array_equal(plain.place, both.place)
-
-
-def test_a_scan_that_points_elsewhere_sees_nothing():
-    flown = flight(140.0, pointing=8.0)
-    plan = plan_scan(BOX, flown)
-    assert plan.flight == flown
-    found = scan_scene(BOX, plan)
-    assert len(found.place) == 0 and found.coverage().sum() == 0
-    assert found.shape == (plan.lines, flown.samples)
-
-
-def test_a_scan_meets_what_it_sees():
-    """Pointed further and further aside: what it is said to meet is what returns something."""
-    seen = []
-    for pointing in np.arange(5.0, 8.0, 0.1):
-        plan = plan_scan(BOX, flight(140.0, pointing=pointing))
-        seen.append(plan.meets(BOX))
-        there = len(scan_scene(BOX, plan).place) > 0
-        # Samples are a pixel wide, and corners at the very edge may lie between rays.
-        nearer, further = (
-            plan_scan(BOX, flight(140.0, pointing=pointing + aside)).meets(BOX)
-            for aside in (-0.02, 0.02)
-        )
-        assert further <= there <= nearer
-    assert seen == sorted(seen, reverse=True) and 0 < sum(seen) < len(seen)
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -246,14 +167,6 @@ def test_a_scan_meets_what_it_sees():
 def test_a_pass_that_cannot_see_the_ship_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         plan_scan(BOX, flight(**({"aspect": 140.0} | changes)))
-
-
-def test_just_enough_samples_and_gate_are_taken():
-    needed = _samples_needed(BOX, flight(140.0))
-    plan_scan(BOX, flight(140.0, samples=needed))
-    with pytest.raises(ValueError, match=f"samples is {needed - 1}"):
-        plan_scan(BOX, flight(140.0, samples=needed - 1))
-    assert plan_scan(BOX, flight(140.0)).lines < MOST_LINES
 
 
 @pytest.mark.parametrize(

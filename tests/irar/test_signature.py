@@ -5,7 +5,6 @@ import pytest
 from flown import CLEAN, flight
 
 from ncti import ships
-from ncti.checks import NothingSeenError
 from ncti.irar import (
     Snapshot,
     Window,
@@ -45,35 +44,6 @@ def test_a_plate_keeps_its_area_in_its_bin(spacing):
     filled = extent.fraction.any(axis=0)
     assert extent.down_range[filled] == pytest.approx([7.5])
     assert (extent.fraction <= 1).all()
-
-
-def test_cells_are_those_of_the_lattice_about_the_origin():
-    flown = flight()
-    image = plate(flown, rows=1, columns=1, distance=0, intensity=1, bottom=-25, left=30)
-    extent = measured_extent(image, flown, slant_range=100e3)
-    assert extent.cell.tolist() == [[30 * flown.pixel // 15, -25 * flown.pixel // 15]]
-
-
-def test_intensity_above_a_filled_beam_counts_as_filled():
-    flown = flight(cnr=100.0)
-    image = plate(flown, rows=4, columns=4, distance=0, intensity=1e6)
-    extent = measured_extent(image, flown, slant_range=100e3)
-    assert extent.fraction.sum() * 15.0**2 == pytest.approx(16 * flown.pixel**2)
-
-
-def test_pixels_without_range_or_outside_the_window_do_not_count():
-    flown = flight()
-    image = plate(flown, rows=2, columns=2, distance=0, intensity=1)
-    image.range[0, 0] = np.nan
-    image.range[0, 1] += 500
-    whole = plate(flown, rows=2, columns=2, distance=0, intensity=1)
-    part = measured_extent(image, flown, slant_range=100e3).fraction.sum()
-    assert part == pytest.approx(
-        measured_extent(whole, flown, slant_range=100e3).fraction.sum() / 2
-    )
-    image.range[:] = np.nan
-    with pytest.raises(NothingSeenError, match="window is 250 m, but must contain part"):
-        measured_extent(image, flown, slant_range=100e3)
 
 
 @pytest.mark.parametrize("aspect", [175, 90, 30])

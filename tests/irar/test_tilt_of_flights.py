@@ -3,13 +3,11 @@
 Connole at 3 km, Roberts at 3.9 km and Duncan at 4 km, at 6.7 deg, with the defaults of a flight.
 """
 
-import dataclasses
 from functools import cache, cached_property
 
 import numpy as np
 import pytest
 from flown import flight
-from scipy import stats
 
 from ncti import ships
 from ncti.irar import (
@@ -25,7 +23,6 @@ from ncti.irar.scene import RAYS
 
 SLANT_RANGE = {"connole": 3000.0, "roberts": 3900.0, "duncan": 4000.0}
 CELLS = 8
-SEEDS = 8
 
 
 class Flown:
@@ -116,45 +113,3 @@ def test_corrections_put_what_rays_meet_where_the_snapshot_shows_it(ship, aspect
     assert abs(mast) < 0.01
     assert abs(waterline) < 0.01
     assert scatter < 1 / 16
-
-
-@pytest.mark.parametrize(("ship", "aspect"), NEAR_STERN)
-def test_an_image_leans_as_its_places_do(ship, aspect):
-    """Without the mirror's correction, by 7 deg: the regression and the fit to the image agree."""
-    one = flown(ship, aspect)
-    mast, waterline, _ = leans(one.passed, Correction(mirror="none"))
-    assert abs(waterline) > 6
-    found = one.tilt(one.corrected(one.passed.noiseless(), mirror="none"), "infrared")
-    assert (found.mast, found.waterline) == pytest.approx((mast, waterline), abs=0.1)
-
-
-@pytest.mark.parametrize(("ship", "aspect"), [*NEAR_STERN, ("connole", 45), ("roberts", 66)])
-@pytest.mark.parametrize("channel", ["intensity", "infrared"])
-def test_noiseless_flights_are_upright_and_level(ship, aspect, channel):
-    """To 0.1 deg, by either image alone."""
-    one = flown(ship, aspect)
-    found = one.tilt(one.noiseless, channel)
-    assert abs(found.mast) < 0.1
-    assert abs(found.waterline) < 0.1
-
-
-@pytest.mark.parametrize(("ship", "aspect"), NEAR_STERN)
-def test_flights_at_20_db_are_upright_and_level(ship, aspect):
-    """Asked is 0.5 deg; each of 8 draws is within 0.15 and 0.3, three times its standard errors.
-
-    By the active image alone the waterline is as far off as speckle leaves it, 0.25 deg, each
-    draw within four of them. Squared errors over squared standard errors sum to less than what
-    chi-squared of 8 degrees exceeds once in 10,000 times.
-    """
-    one = flown(ship, aspect)
-    assert one.passed.plan.flight.cnr == 100
-    both, active = [], []
-    for seed in range(SEEDS):
-        seen = one.corrected(one.passed.record(np.random.default_rng((175, seed))))
-        both.append(dataclasses.astuple(one.tilt(seen, "intensity", "infrared"))[:4])
-        active.append(dataclasses.astuple(one.tilt(seen, "intensity"))[:4])
-    for found, mast, waterline in ((both, 0.15, 0.3), (active, 0.5, 1.0)):
-        tilt, error = np.split(np.array(found), 2, axis=1)
-        assert (np.abs(tilt).max(axis=0) < (mast, waterline)).all()
-        assert (((tilt / error) ** 2).sum(axis=0) < stats.chi2(SEEDS).isf(1e-4)).all()
-    assert np.sqrt(np.mean(np.square(active), axis=0)[1]) < 0.5

@@ -16,7 +16,7 @@ from ncti.ladar import (
     sample_frames,
 )
 from ncti.ladar.frames import GAUSSIAN_FROM
-from ncti.ladar.pulse import SPEED_OF_LIGHT
+from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance
 
 CNR = 10**3.2
 
@@ -48,6 +48,15 @@ def test_equation_c_for_one_bin():
         for f in extent.fraction[:, bin_index]
     )
     np.testing.assert_allclose(profile, by_hand, rtol=1e-12)
+
+
+def test_noise_is_white_noise_through_the_matched_filter():
+    """Its intensity falls to 1/e^2 at half the pulse width: the integral of h(x) h(x - l)."""
+    length = SPEED_OF_LIGHT * 30e-9 / 2
+    x, step = np.linspace(-60, 60, 24001, retstep=True)
+    filters = [np.exp(-4 * ((x - lag) / length) ** 2) / length**0.5 for lag in range(12)]
+    found = noise_covariance(pulse_width=30e-9, bin_width=1.0, bin_count=12)[0]
+    np.testing.assert_allclose(found, step * np.array(filters) @ filters[0], rtol=1e-9)
 
 
 def test_without_signal_only_the_floor_remains(stepped):
@@ -120,8 +129,7 @@ SAMPLES = 4000
 LEVEL = 1e-3  # of each test below, over all its bins or pairs of bins (Bonferroni)
 
 
-@pytest.mark.parametrize("bin_width", [0.5, 1.0])
-@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
+@pytest.mark.parametrize(("bin_width", "pulse_width"), [(0.5, 10e-9), (1.0, 30e-9), (1.0, 50e-9)])
 @pytest.mark.parametrize("target_free_ifovs", [0, 4000])
 def test_sampled_moments_are_the_closed_forms(stepped, bin_width, pulse_width, target_free_ifovs):
     """4,000 frames; z-tests of every mean, variance and three lags of covariance at 1e-3."""
@@ -158,14 +166,6 @@ def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, mon
         assert stats.ks_2samp(shortcut[:, bin_index], plain[:, bin_index]).pvalue > 1e-3 / 4
 
 
-def test_drawing_in_blocks_changes_nothing(stepped, monkeypatch):
-    parameters = {"pulse_width": 30e-9, "cnr": CNR, "frame_count": 9}
-    whole = sample_frames(stepped[1.0], rng=np.random.default_rng(1), **parameters)
-    monkeypatch.setattr("ncti.ladar.frames.NORMALS_AT_ONCE", 5000)
-    blocks = sample_frames(stepped[1.0], rng=np.random.default_rng(1), **parameters)
-    np.testing.assert_allclose(blocks, whole, rtol=1e-4)
-
-
 def test_cumulative_averages_are_prefixes():
     frames = np.random.default_rng(0).random((8, 5))
     averages = cumulative_average(frames, (1, 4, 8))
@@ -181,23 +181,3 @@ def test_carrier_to_noise_of_a_filled_beam():
     assert carrier_to_noise(50e3) == pytest.approx(4 * 10**3.2)
     # 0.1 dB/km one way over 50 km less, both ways: 10 dB
     assert carrier_to_noise(50e3, extinction=1e-4) == pytest.approx(40 * 10**3.2)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "named"),
-    [
-        ({"pulse_width": 0.0}, "pulse_width"),
-        ({"cnr": -1.0}, "cnr"),
-        ({"cnr": np.nan}, "cnr"),
-        ({"target_free_ifovs": -1}, "target_free_ifovs"),
-        ({"receiver": "ear"}, "receiver"),
-    ],
-)
-def test_bad_parameters_are_named(stepped, parameters, named):
-    good = {"pulse_width": 30e-9, "cnr": CNR}
-    with pytest.raises(ValueError, match=named):
-        expected_profile(stepped[1.0], **good | parameters)
-    with pytest.raises(ValueError, match=named):
-        sample_frames(
-            stepped[1.0], frame_count=2, rng=np.random.default_rng(0), **good | parameters
-        )

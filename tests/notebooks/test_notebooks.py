@@ -12,22 +12,27 @@ STORES = {"flights": "flight_store"}  # fixtures; of all others the smoke experi
 KEEP_FIGURES = "%matplotlib inline\n%config InlineBackend.close_figures = False"
 
 LOOK_AT_FIGURES = """
-import matplotlib.pyplot, numpy
+import matplotlib.collections, matplotlib.pyplot, numpy
 
 _figures = matplotlib.pyplot.get_fignums()
 assert _figures, "no figure"
 for _number in _figures:
     for _axes in matplotlib.pyplot.figure(_number).axes:
-        _curves = [numpy.asarray(_line.get_ydata(), dtype=float) for _line in _axes.lines]
+        # Points of lines and scatters, and values of pictures; error bars are not enough.
+        _bars = [_part for _shown in _axes.containers if hasattr(_shown, "has_yerr")
+                 for _part in (*_shown[1], *_shown[2])]
+        _drawn = [_line.get_xydata() for _line in _axes.lines
+                  if _line not in _bars and _line.get_transform() == _axes.transData]
+        _drawn += [_shown.get_offsets() for _shown in _axes.collections
+                   if isinstance(_shown, matplotlib.collections.PathCollection)]
         _pictures = [_shown.get_array() for _shown in (*_axes.images, *_axes.collections)]
-        _curves += [numpy.ma.filled(_picture, numpy.nan).ravel().astype(float)
-                    for _picture in _pictures if _picture is not None]
-        _bars = [_shown.get_segments() for _shown in _axes.collections
-                 if hasattr(_shown, "get_segments")]
-        _curves += [numpy.asarray(_segment)[:, 1] for _several in _bars for _segment in _several]
-        _drawn = [_curve[numpy.isfinite(_curve)] for _curve in _curves]
+        _drawn += [numpy.reshape(_picture, (-1, 1)) for _picture in _pictures
+                   if _picture is not None]
+        _drawn = [numpy.ma.filled(_one.astype(float), numpy.nan) for _one in _drawn]
+        _drawn = [_one[numpy.isfinite(_one).all(axis=1)] for _one in _drawn]
         _where = f"figure {_number}, {_axes.get_title()!r}"
-        assert any(len(set(_curve)) > 1 for _curve in _drawn), f"{_where}: nothing drawn"
+        assert any(len(numpy.unique(_one, axis=0)) > 1 for _one in _drawn), \
+            f"{_where}: nothing drawn"
         _label = _axes.get_xlabel() or (hasattr(_axes, "_colorbar") and _axes.get_ylabel())
         assert _label, f"{_where}: no label on its axis"
 """

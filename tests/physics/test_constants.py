@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from ncti.classify.back_propagation import Network
 from ncti.infrared import band_contrast
 from ncti.render import line_image
 
@@ -42,16 +41,3 @@ def test_plates_of_a_gentle_curve_keep_their_ranges():
     ranges = lines.piece[:, 2:]
     assert lines.area.sum() == pytest.approx(400.0, rel=0.01)
     assert np.ptp(ranges) == pytest.approx(bend * (plates / 2) ** 2 / 2, abs=2e-4)
-
-
-def test_momentum_makes_a_lasting_slope_ten_steps_long():
-    """Steps against one slope g add to a speed r g / (1 - 0.9): ten times that of a single one."""
-    network = Network.seed(3, 2, np.random.RandomState(0))
-    inputs, targets = np.ones((1, 3)), np.ones((1, 2))
-    _, slope = network.loss_and_gradient(inputs, targets, 1.0)
-    assert slope[1].offsets.all()
-    places = []
-    for _ in range(300):
-        network.step(slope, 1e-6)
-        places.append(network.output.offsets.copy())
-    np.testing.assert_allclose(places[-1] - places[-2], -1e-5 * slope[1].offsets, rtol=1e-9)

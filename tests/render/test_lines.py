@@ -1,13 +1,6 @@
 """Visible pieces along lines against closed forms, rays, and themselves."""
 
-import multiprocessing
-import os
-import subprocess
-import sys
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +11,6 @@ from manifold3d import CrossSection, FillRule
 
 import ncti.ships
 from ncti.render import cast_rays, line_image, refined
-from ncti.render.draw_lines import between
 from ncti.render.view import View
 
 ship = cache(ncti.ships.load)
@@ -28,13 +20,6 @@ LOW, HIGH = (-60.0, -7.0, -2.0), (70.0, 9.0, 12.0)
 
 def box(low=LOW, high=HIGH):
     return trimesh.creation.box(bounds=[low, high])
-
-
-def loose(mesh):
-    """The same facets, none of which shares a vertex."""
-    return trimesh.Trimesh(
-        mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3), process=False
-    )
 
 
 def same(a, b):
@@ -64,24 +49,6 @@ def test_a_box_has_its_projected_area(aspect, depression, roll):
     image = line_image(box(), aspect=aspect, depression=depression, roll=roll, spacing=0.05)
     breadth = 130 + 16 + 14  # no chord of the box's outline is longer
     assert image.area.sum() == pytest.approx(projected_area(aspect, depression), abs=0.05 * breadth)
-
-
-def test_the_area_of_a_box_converges_by_its_chords():
-    """Away from edges along lines, the rectangle rule errs by the square of the spacing."""
-    spacings = 2.0 ** -np.arange(1, 9)
-    truth = projected_area(37, 3.84)
-    errors = [
-        max(
-            abs(
-                line_image(box(), aspect=37, depression=3.84, spacing=s, phase=phase).area.sum()
-                - truth
-            )
-            for phase in np.arange(8) / 8
-        )
-        for s in spacings
-    ]
-    slope = np.polyfit(np.log(spacings), np.log(errors), 1)[0]
-    assert slope > 1.8
 
 
 @pytest.mark.parametrize("slant_range", [None, 300.0, 4e3, 100e3])
@@ -125,95 +92,6 @@ def test_ships_have_the_area_of_their_outline(name):
     for aspect, depression in zip(rng.uniform(0, 180, 2), rng.uniform(0.3, 12.7, 2), strict=True):
         image = line_image(hull, aspect=aspect, depression=depression)
         assert image.area.sum() == pytest.approx(outline(hull, View(aspect, depression)), rel=1e-3)
-
-
-def test_pieces_of_a_line_do_not_overlap():
-    image = line_image(ship("horne"), aspect=37, depression=3.84)
-    follows = np.diff(image.line) == 0
-    assert np.all(np.diff(image.line) >= 0)
-    assert np.all(image.piece[:, 1] > image.piece[:, 0])
-    assert np.all(image.piece[1:, 0][follows] >= image.piece[:-1, 1][follows])
-
-
-@pytest.mark.parametrize("roll", [0.0, 31.7])
-@pytest.mark.parametrize("aspect", [0, 90, 180])
-def test_vertices_on_lines_change_nothing(aspect, roll):
-    """Lines through the corners of boxes on a grid, and past them by a hair, see the same."""
-    parts = [box((i, -3, 0.5), (i + 1, 2, 1.5 + i % 3)) for i in range(-6, 6)]
-    mesh = trimesh.boolean.union(parts, engine="manifold")
-    on, beside = (
-        line_image(mesh, aspect=aspect, depression=0, roll=roll, spacing=1.0, phase=phase)
-        for phase in (0.0, 1e-9)
-    )
-    # upright sides are 1 m steps: lines that run along an edge belong to what lies above it
-    assert on.area.sum() == pytest.approx(beside.area.sum(), abs=1e-6)
-    assert on.area.sum() > 5
-
-
-def test_facets_need_not_share_vertices():
-    hull = ship("connole")
-    whole = line_image(hull, aspect=20, depression=3.84)
-    assert same(whole, line_image(loose(hull), aspect=20, depression=3.84))
-
-
-def test_facets_without_area_and_twice_change_nothing():
-    """Corners that coincide, three in a line, and a third of all facets once more."""
-    hull = ship("connole")
-    whole = line_image(hull, aspect=20, depression=3.84)
-    faces = np.asarray(hull.faces)
-    edges = hull.vertices[faces[::50, :2]]
-    count = len(hull.vertices)
-    needles = np.column_stack([faces[::50, :2], count + np.arange(len(edges))])
-    flat = faces[::70][:, [0, 1, 1]]
-    more = trimesh.Trimesh(
-        np.concatenate([hull.vertices, edges.mean(axis=1)]),
-        np.concatenate([faces, flat, needles, faces[::3]]),
-        process=False,
-    )
-    found = line_image(more, aspect=20, depression=3.84)
-    assert found.area.sum() == pytest.approx(whole.area.sum(), rel=1e-9)
-    far = dict(side=1e3, near=-125, bin_width=1.0, bin_count=250)
-    difference = np.abs(found.bin(**far).area.sum(0) - whole.bin(**far).area.sum(0))
-    assert difference.sum() < 1e-6 * whole.area.sum()
-
-
-def deck(seam):
-    """A level plate of 6 x 6 squares, with seams within it."""
-    x, y = np.meshgrid(np.linspace(-50, 50, 7), np.linspace(-10, 10, 7), indexing="ij")
-    corners = [*np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)]
-    faces = []
-    for i, j in np.ndindex(6, 6):
-        a, b, c, d = 7 * i + j, 7 * i + j + 7, 7 * i + j + 8, 7 * i + j + 1
-        inner = 0 < i < 5 and 0 < j < 5 and (i + j) % 2 == 0
-        faces += [[a, c, d]]
-        if not inner or seam in ("none", "coincident facets"):
-            faces += [[a, b, c]]
-        if inner and seam in ("split edges", "needles"):
-            middle = len(corners)
-            corners.append(corners[a] + 0.37 * (corners[c] - corners[a]))
-            faces += [[a, b, middle], [middle, b, c]]
-            faces += [[a, middle, c]] if seam == "needles" else []
-        if inner and seam == "coincident facets":
-            faces += [[a, b, d], [b, c, d]]
-    return trimesh.Trimesh(corners, faces, process=False)
-
-
-@pytest.mark.parametrize("seam", ["split edges", "needles", "coincident facets"])
-@pytest.mark.parametrize(("depression", "aspect"), [(90, 0), (20, 37), (5, 123)])
-def test_seams_within_a_surface_leave_no_gaps(seam, depression, aspect):
-    view = dict(depression=depression, aspect=aspect, spacing=0.25)
-    whole, found = line_image(deck("none"), **view), line_image(deck(seam), **view)
-    assert whole.area.sum() == pytest.approx(2000 * np.sin(np.radians(depression)), rel=0.01)
-    assert found.area.sum() == pytest.approx(whole.area.sum(), rel=1e-9)
-
-
-def test_missing_facets_leave_what_lies_behind():
-    """One facet in twenty is not there: what faces the sensor behind it is seen."""
-    hull = ship("duncan")
-    kept = np.random.default_rng(3).random(len(hull.faces)) > 0.05
-    torn = trimesh.Trimesh(hull.vertices, hull.faces[kept], process=False)
-    lines = line_image(torn, aspect=70, depression=5, spacing=0.125)
-    assert lines.area.sum() == pytest.approx(outline(torn, View(70, 5)), rel=1e-3)
 
 
 @pytest.mark.parametrize(("aspect", "depression"), [(0, 3.84), (70, 3.84), (140, 30), (20, 90)])
@@ -279,26 +157,17 @@ def test_finer_lines_keep_those_done():
 
 @pytest.mark.parametrize("factor", [2, 3, 5, 12])
 def test_lines_between_are_those_that_a_finer_view_has_more(factor):
-    """No line is drawn twice; spacings divided by three are rounded."""
+    """Spacings divided by three are rounded."""
     hull = ship("texas")
     view = dict(aspect=61, depression=3.84, slant_range=5e3)
     coarse = line_image(hull, spacing=1.5, **view)
-    new = between(hull, coarse, factor)
-    whole = line_image(hull, spacing=new.spacing, phase=new.phase, **view)
-    kept = factor * coarse.line + int(np.floor(factor * coarse.phase))
-    assert not set(kept) & set(new.line)
-    assert set(kept) | set(new.line) == set(whole.line)
     found = refined(hull, coarse, factor)
+    whole = line_image(hull, spacing=found.spacing, phase=found.phase, **view)
     assert found.line.tolist() == whole.line.tolist()
     np.testing.assert_allclose(found.piece, whole.piece, atol=1e-6)
     assert np.mean(found.surface != whole.surface) < 1e-3
-
-
-@pytest.mark.parametrize("factor", [1, 0, -2, 1.5, None])
-def test_what_does_not_divide_a_spacing_is_refused(factor):
-    lines = line_image(box(), aspect=10, depression=3, spacing=2.0)
-    with pytest.raises(ValueError, match="factor is"):
-        refined(box(), lines, factor)
+    kept = np.isin(found.line, factor * coarse.line + int(np.floor(factor * coarse.phase)))
+    np.testing.assert_array_equal(found.piece[kept], coarse.piece)
 
 
 @pytest.mark.parametrize("depression", [0.0, 90.0])
@@ -308,16 +177,6 @@ def test_a_face_on_the_edge_of_two_bins_is_in_the_bin_behind(depression):
     image = line_image(mesh, aspect=0, depression=depression)
     area = image.bin(side=1e3, near=-25.0, bin_width=1.0, bin_count=50).strands.sum(0)
     assert np.flatnonzero(area).tolist() == [25 - (20 if depression == 0 else 4)]
-
-
-@pytest.mark.parametrize("threads", ["2", "3", "7"])
-def test_threads_change_no_bit(threads, monkeypatch):
-    hull = ship("texas")
-    view = dict(aspect=61, depression=3.84, spacing=0.1)
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    alone = line_image(hull, **view)
-    monkeypatch.setenv("OMP_NUM_THREADS", threads)
-    assert same(alone, line_image(hull, **view))
 
 
 @pytest.mark.parametrize("side", [0.6, 3.0, 15.0, 1e3])
@@ -347,32 +206,6 @@ def test_cells_share_the_area_out(side, shift):
         abs(exact.get(cell, 0) - plain.get(cell, 0)) <= 2 * longest * len(some)
         for cell in {*exact, *plain}
     )
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    st.sampled_from([0.2, 0.3, 0.6, 0.75, 1.0]),
-    st.integers(1, 9),
-    st.sampled_from([0, 90, 180, 270]),
-)
-def test_ends_on_the_borders_of_cells_stay_within_them(side, half, aspect):
-    """Rounding must not put area into a neighbour's bins, or where no cell is."""
-    mesh = box((-half * side, -half * side, 0), (half * side, half * side, half * side))
-    image = line_image(mesh, aspect=aspect, depression=0, spacing=0.1)
-    parts = image.bin(side=side)
-    assert parts.area.sum() == pytest.approx(image.area.sum(), rel=1e-12)
-    assert np.all(parts.cell >= [-half, 0])
-    assert np.all(parts.cell < half)
-
-
-def test_threads_survive_a_fork(monkeypatch):
-    """A pool of threads is of the process that made it."""
-    monkeypatch.setenv("OMP_NUM_THREADS", "2")
-    hull = ship("connole")
-    here = line_image(hull, aspect=61, depression=3.84, spacing=0.1)
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as others:
-        there = others.submit(line_image, hull, aspect=61, depression=3.84, spacing=0.1)
-        assert same(here, there.result(timeout=60))
 
 
 @pytest.mark.parametrize("slant_range", [200.0, 4e3])
@@ -427,74 +260,3 @@ def test_perspective_spreads_a_deck_over_its_ranges(slant_range, depression):
     # Chords leave 1e-4 of a bin; lines and the strip's own width little more.
     per_bin = np.diff(exact, prepend=0.0).max()
     assert np.abs(found - exact).max() < per_bin / 1e4 + 2e-3 * exact[-1]
-
-
-@pytest.mark.parametrize(
-    ("argument", "value", "allowed"),
-    [
-        ("spacing", 0.0, "spacing"),
-        ("spacing", 1e-9, "at most 1048576 are allowed"),
-        ("spacing", float("nan"), "spacing"),
-        ("depression", 91.0, "depression"),
-        ("aspect", 1e3, "aspect"),
-        ("slant_range", 50.0, "beyond"),
-        ("slant_range", -1.0, "slant_range"),
-        ("phase", 1e10, "phase"),
-    ],
-)
-def test_nonsense_is_refused(argument, value, allowed):
-    given = dict(aspect=0.0, depression=3.0) | {argument: value}
-    with pytest.raises(ValueError, match=allowed):
-        line_image(box(), **given)
-
-
-def test_data_set_has_units():
-    image = line_image(box(), aspect=30, depression=3, spacing=1.0)
-    found = image.to_xarray()
-    assert float(found.area.sum()) == pytest.approx(image.area.sum())
-    assert all(found[name].attrs["units"] for name in found.variables if name != "piece")
-    inner = np.diff(found.horizontal, axis=1)[:, 0]
-    assert np.hypot(inner, np.diff(found.vertical, axis=1)[:, 0]) == pytest.approx(
-        image.piece[:, 1] - image.piece[:, 0]
-    )
-
-
-def test_machine_code_is_kept_outside_the_package(tmp_path):
-    """In the cache folder, and nowhere if that cannot be written."""
-    script = (
-        "from ncti.compiled import compiled\n"
-        "@compiled\n"
-        "def double(x):\n"
-        "    return 2 * x\n"
-        "assert double(21) == 42\n"
-    )
-    (tmp_path / "module.py").write_text(script)
-    root = Path(__file__).resolve().parents[2]
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    environment |= {"PYTHONPATH": f"{tmp_path}:{root}", "PYTHONDONTWRITEBYTECODE": "1"}
-    shared = tmp_path / "shared"
-    shared.mkdir()
-    shared.chmod(0o777)  # where others could put code of theirs
-    cases = [
-        ("XDG_CACHE_HOME", tmp_path / "a", True),
-        ("XDG_CACHE_HOME", Path("/dev/null/a"), False),
-    ]
-    cases += [("NUMBA_CACHE_DIR", tmp_path / "b", True), ("NUMBA_CACHE_DIR", shared, False)]
-    cases += [("NUMBA_CACHE_DIR", Path("/dev/null/b"), False)]
-    for variable, folder, kept in cases:
-        subprocess.run(
-            [sys.executable, "-c", "import module"],
-            env=environment | {"XDG_CACHE_HOME": "/dev/null/a", variable: str(folder)},
-            check=True,
-        )
-        assert any(folder.glob("**/*.nbi")) == kept
-    assert not list(tmp_path.glob("__pycache__"))
-
-
-@pytest.mark.parametrize("aspect", [0.0, 30.0, 90.0])
-def test_bounds_are_those_of_all_ends(aspect):
-    lines = line_image(box(), aspect=aspect, depression=3.84)
-    for bound, ends in zip(lines.bounds, lines.cross_range(), strict=True):
-        np.testing.assert_array_equal(bound, [ends.min(), ends.max()])
-    nothing = replace(lines, line=lines.line[:0], piece=lines.piece[:0], surface=lines.surface[:0])
-    assert [bound.size for bound in nothing.bounds] == [0, 0]

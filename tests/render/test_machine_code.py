@@ -1,8 +1,6 @@
 """Compiled once, loops are found by every process that starts later."""
 
-import errno
 import os
-import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -10,54 +8,6 @@ from pathlib import Path
 import pytest
 
 from ncti import machine_code
-from ncti.render import available_engines
-
-ENGINES = [*[one for one in available_engines() if one != "embree"][:1], "embree", "lines"]
-KEEP = """
-import sys
-from ncti.render.loops import of_engine
-loops = of_engine(sys.argv[1])
-assert loops.are_missing()
-assert "numba" not in sys.modules
-from ncti.compiled import keep
-keep(loops)
-assert not loops.are_missing()
-"""
-DRAW = """
-import sys
-import numpy as np
-import trimesh
-from ncti.ladar import range_extent
-from ncti.render import line_image, range_image
-from ncti.render.loops import of_engine
-[engine] = sys.argv[1:]
-assert not of_engine(engine).are_missing()
-assert "numba" not in sys.modules
-hull = trimesh.creation.icosphere(subdivisions=2, radius=9.0)
-for slant_range in (None, 2e4):
-    view = {"aspect": 40.0, "depression": 3.84, "slant_range": slant_range}
-    if engine == "lines":
-        seen = line_image(hull, **view)
-    else:
-        seen = range_image(hull, engine=engine, **view)
-    range_extent(seen, slant_range=2e4, ifov=1e-4, bin_width=1.0, window=100.0)
-"""
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_kept_loops_are_all_that_an_engine_runs(tmp_path, engine):
-    environment = {
-        **os.environ,
-        "NUMBA_CACHE_DIR": str(tmp_path),
-        "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
-    }
-    kept = []
-    for script in (KEEP, DRAW):
-        command = [sys.executable, "-c", script, engine]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-        assert done.stderr == ""  # nothing is told of what was asked for
-        kept.append({file.name for file in tmp_path.rglob("*.nbc")})
-    assert kept[0] and kept[0] == kept[1]  # nothing was compiled to draw
 
 
 @pytest.fixture
@@ -80,27 +30,6 @@ def compiled(tmp_path, monkeypatch):
     os.umask(before)
     for one in (machine_code.folder, machine_code.folder_of):
         one.cache_clear()
-
-
-def test_a_full_disk_costs_the_machine_code_and_no_result(compiled, monkeypatch, tmp_path):
-    caching = pytest.importorskip("numba.core.caching")
-
-    def full(*given, **others):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    for name in ("save", "load"):
-        monkeypatch.setattr(caching.IndexDataCacheFile, name, full)
-    assert compiled()(5.0) == 2.5
-    monkeypatch.setattr("tempfile.TemporaryFile", full)  # with which numba tries the folder
-    assert compiled()(7.0) == 3.5
-    assert not list(tmp_path.rglob("*.nbc"))
-
-
-def test_machine_code_is_of_this_user_alone(compiled, tmp_path):
-    assert compiled()(5.0) == 2.5
-    made = [one for one in tmp_path.rglob("*") if one.is_dir()]
-    assert len(made) == 3 and list(tmp_path.rglob("*.nbc"))
-    assert {stat.S_IMODE(one.stat().st_mode) for one in made} == {0o700}
 
 
 def test_machine_code_that_others_may_have_written_is_not_loaded(compiled, tmp_path):

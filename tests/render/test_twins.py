@@ -64,19 +64,3 @@ def test_extents_by_pixels_are_mirrored(reflectance):
     np.testing.assert_array_equal(port.cell, starboard.cell)
     wrong = np.abs(port.fraction - starboard.fraction).sum()
     assert wrong < 1e-3 * port.fraction.sum()
-
-
-def test_other_lattices_would_not_do():
-    """Lines rolled the same way from both sides are two samples of the view, not one."""
-    port = range_extent(line_image(ship("horne"), **PORT), **SIGHT).mirrored()
-    plain = {**STARBOARD, "roll": ROLL}
-    starboard = range_extent(line_image(swapped("horne"), **plain), **SIGHT)
-    assert np.abs(port.fraction - starboard.fraction).max() > 1e-5
-
-
-def test_mirrored_twice_is_unchanged():
-    seen = range_extent(line_image(ship("horne"), **PORT), **SIGHT)
-    again = seen.mirrored().mirrored()
-    np.testing.assert_array_equal(again.cell, seen.cell)
-    np.testing.assert_array_equal(again.fraction, seen.fraction)
-    assert not np.array_equal(seen.mirrored().fraction, seen.fraction)

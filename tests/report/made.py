@@ -1,46 +1,24 @@
-"""Tables made by hand, with what a store says of its axes."""
+"""Tables made by hand, with what a store says of their axes and how they are shown."""
 
 import numpy as np
 import xarray as xr
 
 from ncti import ships
+from sweeps.engine.attributes import plain
+from sweeps.engine.display import ATTRIBUTE
+from sweeps.stages.scores import category_display, score_displays
 
-ATTRIBUTES = {
-    "range": {"units": "km", "long_name": "slant range"},
-    "pulse_width": {"units": "ns", "long_name": "pulse width, full width at 1/e^2"},
-    "aspect": {"units": "degree", "long_name": "aspect, 0 bow-on, 90 port beam"},
-    "depression": {"units": "degree"},
-    "aircraft_speed": {"units": "m s-1"},
-    "aircraft_heading": {"units": "degree"},
-    "aircraft_track": {"units": "degree"},
-    "pointing": {"units": "degree"},
-    "mirror_angle": {"units": "degree"},
-    "ifov": {"units": "urad"},
-    "line_rate": {"units": "Hz"},
-    "pulse_rate": {"units": "Hz"},
-    "jitter_time": {"units": "s"},
-    "cnr": {"units": "dB", "long_name": "carrier-to-noise ratio"},
-    "extinction": {"units": "dB km-1", "long_name": "extinction of the air"},
-    "flown_pulse_width": {"units": "ns"},
-    "nedt": {"units": "K"},
-}
+UNITS = {"range": "km", "pulse_width": "ns", "aspect": "degree", "cnr": "dB", "ifov": "urad"}
 SHIPS = ("duncan", "horne", "spruance", "texas")
 SOURCE = {
     "configuration": {"grid": {"ship": list(SHIPS), "aspect": list(range(0, 91, 3))}},
     "mesh_digests": {name: ships.digest(name) for name in SHIPS},
 }
 """Attributes of a store of the article's own ships and aspects, all settings at their defaults."""
-FIGURES = ("accuracy", "ci_low", "ci_high", "n")
+BINS = ("0-27", "30-57", "overall")
 
 
-def with_units(dataset: xr.Dataset) -> xr.Dataset:
-    """The same with units and meanings of its axes."""
-    for name in set(ATTRIBUTES) & set(dataset.coords):
-        dataset[name].attrs = {"units": "1"} | ATTRIBUTES[name]
-    return dataset
-
-
-def scores(seed: int = 0, prefixes=("",), bins=("0-27", "30-57", "overall"), spread=False, **axes):
+def scores(seed=0, prefixes=("",), bins=BINS, **axes):
     """A group of tables: percentages by chance over some axes and aspect bins.
 
     An axis given as one value is a scalar coordinate; a dict makes a joint axis of its items.
@@ -56,33 +34,45 @@ def scores(seed: int = 0, prefixes=("",), bins=("0-27", "30-57", "overall"), spr
             coords[name] = (name, list(value))
         else:
             coords[name] = value
-    lowest = [float(label.partition("-")[0]) for label in bins[:-1]]
-    coords |= {"aspect_bin": list(bins), "aspect_low": ("aspect_bin", [*lowest, np.nan])}
+    coords["aspect_bin"] = list(bins)
     data = {}
     for prefix in prefixes:
         own = {
             name: size
             for name, size in dims.items()
-            if prefix != "training_" or name not in ("frame_count", "super_resolution", "range")
+            if prefix != "training_" or name != "frame_count"
         }
-        shape, over = (*own.values(), len(bins)), (*own, "aspect_bin")
-        share = rng.uniform(0.2, 0.8, shape)
+        over = (*own, "aspect_bin")
+        share = rng.uniform(0.2, 0.8, (*own.values(), len(bins)))
         data |= {
             f"{prefix}accuracy": (over, share),
             f"{prefix}ci_low": (over, share - 0.1),
             f"{prefix}ci_high": (over, share + 0.1),
-            f"{prefix}n": (over, np.full(shape, 40)),
+            f"{prefix}n": (over, np.full(share.shape, 40)),
         }
-        if spread:
-            data[f"{prefix}spread"] = (over, np.full(shape, 0.05))
-    return with_units(xr.Dataset(data, coords, {"receiver": "full_profile"}))
+    made = xr.Dataset(data, coords, {"receiver": "full_profile"})
+    for name in set(UNITS) & set(made.coords):
+        made[name].attrs = {"units": UNITS[name], "long_name": f"the {name}"}
+    return made
 
 
-def formed(tables: xr.Dataset, counts=7, views=14, over=("vigilance",)) -> xr.Dataset:
-    """Those tables with numbers of categories over some of their axes."""
-    sizes = [tables.sizes[name] for name in over]
-    return tables.assign(
-        category_count=(over, np.broadcast_to(counts, sizes)),
-        view_count=(over, np.broadcast_to(views, sizes)),
-        settled=(over, np.ones(sizes, dtype="i1")),
+def shown(tables, classifier="acn", **more):
+    """Those tables with the displays of a classifier's scores."""
+    labels = {"classifier": classifier, "channel": "range"}
+    displays = score_displays(labels, scored="ship", source=classifier, chance=(25.0, 25.0))
+    written = [one.written(None) for one in (*displays, *more.values())]
+    return tables.assign_attrs(plain({ATTRIBUTE: written}))
+
+
+def categories(counts, views=124, **axes):
+    """A group of numbers of categories over some axes, as shown."""
+    shape = [len(values) for values in axes.values()]
+    made = xr.Dataset(
+        {
+            "categories": (tuple(axes), np.broadcast_to(float(counts), shape)),
+            "views": (tuple(axes), np.broadcast_to(views, shape)),
+        },
+        {name: (name, values) for name, values in axes.items()},
     )
+    display = category_display({"classifier": "acn", "channel": "range"}, "acn").written(None)
+    return made.assign_attrs(plain({ATTRIBUTE: [display]}) | {"receiver": "full_profile"})

@@ -66,7 +66,7 @@ class _Reader(HTMLParser):
 
 @dataclass
 class Page:
-    """A page: its text as written, its root, and the axes and cubes of its script."""
+    """A page: its text as written, its root, and the frames of its script."""
 
     written: str
     root: Element
@@ -75,23 +75,6 @@ class Page:
     def data(self) -> dict:
         """What the script is given."""
         return json.loads(self.root.one("script", type="application/json").text)
-
-    def place(self, cell: Element) -> dict[str, int]:
-        """Return where a cell stands on every axis, at the selection that the page begins with."""
-        given = (one.rpartition(":") for one in cell.attrs["data-at"].split(";") if one)
-        own = {name: int(place) for name, _, place in given}
-        return {name: axis["d"] for name, axis in self.data["axes"].items()} | own
-
-    def code(self, cell: Element) -> str:
-        """Return the Python expression that gives the figure of a cell."""
-        cube, place = self.data["cubes"][int(cell.attrs["data-c"])], self.place(cell)
-        found = cube["k"]
-        for dim, there in zip(cube["d"], cube["a"], strict=True):
-            own = cube["o"].get(dim)
-            codes = self.data["axes"][dim]["c"]
-            code = own[there.index(place[dim])] if own else codes[place[dim]]
-            found = found.replace(f"\0{dim}\0", code)
-        return found
 
 
 def parsed(written: str) -> Page:
@@ -116,5 +99,5 @@ def stored(path, attributes=None, **groups):
 
 
 def page_of(path):
-    """The page of a store without figures."""
-    return write.page_of(path, lambda kind, store: None)
+    """The page of a store."""
+    return write.page_of(path)

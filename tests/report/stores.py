@@ -6,6 +6,7 @@ import warnings
 from contextlib import chdir
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import xarray as xr
 import zarr
@@ -13,8 +14,9 @@ from once import made_once
 from rich.console import Console
 
 from sweeps.app import command
-from sweeps.engine.folders import write_manifest
-from sweeps.report import rows
+from sweeps.engine.folders import MANIFEST
+from sweeps.engine.packs import seal
+from sweeps.report import stores as of_stores
 from sweeps.report.command import main, report
 from sweeps.report.places import tables_folder
 
@@ -66,7 +68,10 @@ def signed(path: Path) -> Path:
     """A store that xarray wrote, with the metadata and the manifest that a sweep gives its own."""
     with warnings.catch_warnings(action="ignore"):
         zarr.consolidate_metadata(path)
-    write_manifest(path, {})
+    (path / MANIFEST).unlink(missing_ok=True)
+    files = [file for file in path.rglob("*") if file.is_file()]
+    checksums = {str(file.relative_to(path)): crc32(file.read_bytes()) for file in files}
+    (path / MANIFEST).write_bytes(seal(checksums))
     return path
 
 
@@ -100,7 +105,7 @@ def opened(path: Path, group: str) -> xr.Dataset:
 
 def attributes_of(path: Path) -> dict[str, Any]:
     """Attributes of a store itself."""
-    return rows.attributes(zarr.open_group(path, mode="r"))
+    return of_stores.attributes(zarr.open_group(path, mode="r"))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

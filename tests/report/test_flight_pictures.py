@@ -12,7 +12,7 @@ from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, si
 
 import ncti.ships
 from ncti.irar import Correction, Flight, fly, ship_heading
-from sweeps.report.flight_figures import (
+from sweeps.report.flights import (
     BRIGHTEST,
     Place,
     Way,
@@ -26,7 +26,7 @@ from sweeps.report.flight_figures import (
 from sweeps.report.pictures import write_pictures
 from sweeps.report.places import tables_folder
 
-PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png", "validation.png"]
+PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png"]
 
 
 @pytest.fixture
@@ -91,7 +91,7 @@ def test_titles_say_which_of_several_flights_is_drawn(sisters):
     places = sorted(flights_of(flights), key=lambda place: place.ship)
     assert places == [Place("duncan", 175.0, 3.0), Place("roberts", 175.0, 3.0)]
     title = draw_flight(attributes_of(sisters), flights, places[1]).get_suptitle()
-    assert title == "Roberts at 3 km, aspect 175°, simulated, transom gain 1, first of 2 draws"
+    assert title == "roberts at 3 km, aspect 175°, simulated, transom gain 1.0, first of 2 draws"
 
 
 TOGETHER = "grid.zip=[[irar.azimuth,irar.mirror,irar.range_filter]]"

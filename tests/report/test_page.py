@@ -1,173 +1,71 @@
-"""The report page: its numbers are the store's, nothing of a store is markup, nothing is remote."""
+"""The report page: what it has at the head, that it is safe, and that tables need no script."""
 
 import base64
 import hashlib
 import re
-from contextlib import chdir
 from importlib.resources import files
-from itertools import product
 
 import numpy as np
 import pytest
 import xarray as xr
-from made import SOURCE, scores
+from made import scores
 from pages import page_of, parsed, read_page, stored
-from stores import opened
 
-from sweeps.report.page import confusion
-from sweeps.report.page.cells import Cells
-from sweeps.report.page.cubes import Axes, placed
-from sweeps.report.page.layout import Cell
+from sweeps.report.frames import read_frames
 from sweeps.report.places import page_file
 
-LARGEST = 10e6  # bytes
+LARGEST = 5_000_000  # bytes of the page of the smoke experiment, 0.9 MB of them for charts
 
 
 @pytest.fixture(scope="module")
 def smoke(smoke_store):
-    """The page that the smoke experiment ended with."""
     return read_page(page_file(smoke_store))
 
 
-def states(*values):
-    return xr.Dataset({"view": ("ship", np.array(values, dtype="i1"))})
+def states(*given):
+    """A group of states of some cells."""
+    return xr.Dataset({"extent": ("ship", np.array(given, dtype="i1"))})
 
 
-# numbers ------------------------------------------------------------------------------------------
+def test_every_table_is_there_with_the_figures_of_its_frame(smoke, smoke_store):
+    for name, frame in read_frames(smoke_store).items():
+        section = smoke.root.one("section", id=f"table-{name}")
+        cells = [one for one in section.all("td") if one.attrs.get("data-f") == frame.figures[0]]
+        assert cells, name
+        for cell in cells:
+            value = frame.rows.loc[int(cell.attrs["data-r"]), frame.figures[0]]
+            text = frame.columns[frame.figures[0]].text(value)
+            assert cell.text.split()[0] == text, name
 
 
-def test_code_beside_numbers_gives_them(smoke, smoke_store):
-    cells = [one for one in smoke.root.all("td") if "data-c" in one.attrs]
-    assert len(cells) > 300
-    rng = np.random.default_rng(0)
-    groups = set()
-    with chdir(smoke_store.parent):
-        for cell in rng.choice(np.array(cells, dtype=object), 40, replace=False):
-            shown = cell.all("span", **{"class": "ci" if "data-m" in cell.attrs else "v"})[0].text
-            if shown in ("–", ""):
-                continue
-            code = smoke.code(cell)
-            groups.add(re.search(r"group='([^']*)'", code)[1])
-            value = eval(code, {"xr": xr})
-            half = 0.5001 if code.startswith("100") else 0.0
-            assert abs(value - float(shown)) <= half + 5.1e-4 * abs(value), (code, shown)
-    assert {group.partition("/")[0] for group in groups} == {"tables", "classification"}
-
-
-def test_every_bin_of_every_classifier_is_there(smoke, smoke_store):
-    table = opened(smoke_store, "tables/correlation")
-    here = table.sel(pulse_width=30, frame_count=16).squeeze()
-    sheet = smoke.root.one("section", data_name="correlation").one("div", data_by="frame_count")
-    (row,) = [one for one in sheet.all("tr") if one.all("th")[0].text == "16"]
-    for cell, place in zip(row.all("td"), here.aspect_bin.values, strict=True):
-        one = here.sel(aspect_bin=place)
-        ends = [f"{100 * float(one[end]):.0f}" for end in ("ci_low", "ci_high")]
-        assert cell.text.split() == [f"{100 * float(one.accuracy):.0f}", "–".join(ends)]
-
-
-def of_the_source(**changed):
-    """The network's table with as many views as the source's, and these percentages."""
-    axes = {"pulse_width": [10.0, 30.0], "vigilance": [0.95], "frame_count": [8, 16]}
-    table = scores(**axes, range=[100.0], target_free_ifovs=4000, bins=("0-27", "30-57", "60-90"))
-    table["view_count"] = 124 + 0 * table.accuracy.isel(aspect_bin=0)
-    return table.assign(changed)
-
-
-def test_figures_of_the_source_stand_beside_ours_where_the_sweep_has_its_views(tmp_path):
-    table = of_the_source()
-    fixed = {"accuracy": 0.8, "ci_low": 0.65, "ci_high": 0.9}
-    for name, value in fixed.items():
-        table[name] = value + 0 * table[name]
-    page = parsed(page_of(stored(tmp_path / "s.zarr", SOURCE, tables__acn=table)))
-    row = page.root.one("section", id="scores").all("table")[0].all("tr")[1]
-    cells = row.all("td")[:2]  # 16 frames, 30 ns: 78 and 40, the article's Table 4
-    assert [cell.one("span", **{"class": "src"}).text for cell in cells] == ["78 +2", "40 +40"]
-    assert [cell.attrs["class"] for cell in cells] == ["same", "above strong"]
-    few = of_the_source(view_count=table.view_count - 1)
-    page = parsed(page_of(stored(tmp_path / "few.zarr", SOURCE, tables__acn=few)))
-    assert not any(one.text for one in page.root.all("span", **{"class": "src"}))
-    digests = SOURCE["mesh_digests"] | {"texas": "of another mesh"}
-    given = SOURCE | {"mesh_digests": digests}
-    page = parsed(page_of(stored(tmp_path / "own.zarr", given, tables__acn=table)))
-    assert not any(one.text for one in page.root.all("span", **{"class": "src"}))
-
-
-def test_confusion_counts_every_answer_once(smoke, smoke_store):
-    answers = opened(smoke_store, "classification/acn").predicted
-    here = answers.sel(pulse_width=30, vigilance=0.95, frame_count=16).squeeze()
-    for line, ship in zip(
-        smoke.root.one("div", **{"class": "matrix", "data_name": "acn"}).all("tr")[1:],
-        range(2),
-        strict=True,
-    ):
-        counts = [int(cell.text.split()[1]) for cell in line.all("td")]
-        named = here.isel(ship=ship).values
-        assert counts == [int((named == other).sum()) for other in range(2)]
-
-
-def test_code_beside_counts_holds_for_aspects_of_many_digits(tmp_path):
-    aspects = [0.1234567, 12.3456789, 45.0, 89.9999999]
-    named = xr.Dataset(
-        {"predicted": (("ship", "aspect"), np.array([[0, 0, 1, 0], [1, 0, 1, 1]], dtype="i2"))},
-        {"ship": ["duncan", "own"], "aspect": aspects},
-    )
-    path = stored(tmp_path / "s.zarr", classification__acn=named)
-    axes = Axes()
-    found = confusion.matrices_of(
-        opened(path, "classification/acn"), "classification/acn", str(path), axes
-    )
-    known = axes.finished()
-    (cube,) = (placed(one, known) for one in found)
-    cells = Cells([cube], known)
-    for place, expected in zip(product(*cube.at), cube.values, strict=True):
-        code = cells.code(Cell(0, dict(zip(cube.dims, place, strict=True))))
-        assert eval(code, {"xr": xr}) == expected, code
-    assert sum(cube.values) == 2 * named.predicted.size  # in a bin, and in all
-
-
-# axes ---------------------------------------------------------------------------------------------
-
-
-def test_an_axis_that_nobody_foresaw_has_its_curves(tmp_path):
-    table = scores(ripeness=[1.0, 2.0, 8.0], colour=["green", "red"])
-    grown = xr.Dataset(
-        {"height": (("ripeness", "weather"), [[1.0, 2.0], [4.0, 3.0], [5.0, np.nan]])},
-        {"ripeness": [1.0, 2.0, 8.0], "weather": ["sun", "rain"]},
-    )
-    path = stored(tmp_path / "s.zarr", tables__oracle=table, tables__grown=grown)
-    page = parsed(page_of(path))
-    curves = page.root.one("section", id="curves").all("svg", role="img")
-    assert {one.attrs["data-axis"] for one in curves} == {"ripeness", "colour", "aspect_bin"}
-    (curve,) = [one for one in curves if one.attrs["data-axis"] == "ripeness"]
-    points = re.findall(
-        r"[ML](\S+) (\S+?)(?=L|$)", curve.all("path", **{"class": "line"})[0].attrs["d"]
-    )
-    expected = table.accuracy.sel(colour="green", aspect_bin="overall").values
-    low, high = (186.0, 20.0)  # of 0 and 100 %
-    found = [(low - float(y)) / (low - high) for _, y in points]
-    np.testing.assert_allclose(found, np.round(expected, 3), atol=0.06 / 166)
-    others = page.root.one("section", id="others").all("svg", role="img")
-    assert {one.attrs["data-axis"] for one in others} == {"ripeness", "weather"}
-    names = {one.attrs["data-axis"] for one in page.root.all("select") if "data-axis" in one.attrs}
-    assert names == {"ripeness", "colour", "weather", "aspect_bin"}
-
-
-def test_settings_that_run_together_are_one_axis(tmp_path):
-    joint = {"error_parameter": ["none", "heading"], "error_value": [0.0, 2.0]}
-    path = stored(tmp_path / "s.zarr", tables__oracle=scores(error=joint))
-    page = parsed(page_of(path))
-    (select,) = [one for one in page.root.all("select") if one.attrs.get("data-axis") == "error"]
-    assert [one.text for one in select.all("option")] == [
-        "error parameter none, error value 0",
-        "error parameter heading, error value 2",
+def test_the_first_rows_are_at_one_setting_without_a_script(smoke, smoke_store):
+    frame = read_frames(smoke_store)["scores"]
+    section = smoke.root.one("section", id="table-scores")
+    shown_rows = [one for one in section.all("tr") if "hidden" not in one.attrs and one.all("td")]
+    labels = [
+        int(one.all("td")[-1].attrs["data-r"])
+        for one in shown_rows
+        if "data-r" in one.all("td")[-1].attrs
     ]
-    table = page.root.one("section", id="scores").all("table")[0]
-    with chdir(tmp_path):
-        value = eval(page.code(table.all("td")[0]), {"xr": xr})
-    assert f"{value:.0f}" == table.all("td")[0].all("span")[0].text
+    rows = frame.rows.loc[labels]
+    assert rows.vigilance.dropna().nunique() <= 2 and rows.kind.unique().tolist() == ["test"]
+    assert {"acn", "mnn", "correlation", "likelihood", "fusion"} <= set(rows.classifier)
 
 
-# what became of the sweep -------------------------------------------------------------------------
+def test_python_below_a_table_gives_its_figure(smoke, smoke_store, monkeypatch):
+    monkeypatch.chdir(smoke_store.parent)
+    for name, frame in read_frames(smoke_store).items():
+        section = smoke.root.one("section", id=f"table-{name}")
+        code = section.all("code")[0].text
+        first = next(one for one in section.all("tr") if one.all("td"))
+        value = frame.rows.loc[int(first.attrs["data-r"]), frame.figures[0]]
+        assert eval(code, {"xr": xr}) == pytest.approx(value, abs=0.051)
+
+
+def test_the_head_says_what_was_found_before_anything_else(smoke):
+    header = smoke.root.one("header", id="summary")
+    (said, *_) = [one.text for one in header.all("p") if one.attrs.get("class") == "headline"]
+    assert re.search(r"identifies \d+ % \[\d+–\d+\].* of two ships .*chance 50 %", said)
 
 
 @pytest.mark.parametrize(
@@ -202,6 +100,13 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
 def test_a_store_without_states_does_not_look_complete(tmp_path):
     page = parsed(page_of(stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))))
     assert page.root.one("head").one("title").text.startswith("UNKNOWN: ")
+
+
+def test_transforms_of_own_meshes_are_on_the_page(tmp_path):
+    attributes = {"mesh_digests": {"own": "ab12"}, "mesh_transforms": {"own": "up: y, scale: 0.01"}}
+    page = parsed(page_of(stored(tmp_path / "s.zarr", attributes, tables__o=scores(a=[1, 2]))))
+    told = page.root.one("section", id="configuration").text
+    assert "Transforms of the ships' meshes" in told and "up: y, scale: 0.01" in told
 
 
 # safety -------------------------------------------------------------------------------------------
@@ -244,13 +149,14 @@ def test_whatever_a_store_says_is_text(tmp_path):
     )
     (path.parent / "x").mkdir()
     page = parsed(page_of(path))
-    assert len(page.root.all("script")) == 2 and not page.root.all("img")
+    assert len(page.root.all("script")) == 3 and not page.root.all("img")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", page.written)
     assert not any(key.startswith("on") for one in all_of(page.root) for key in one.attrs)
     assert "49" not in page.root.one("head").one("title").text
     for word in HOSTILE:
         assert word.replace("\x1b", "\\x1b") in page.root.text
-    assert page.data["axes"]["word"]["t"] == [word.replace("\x1b", "\\x1b") for word in HOSTILE]
+    words = page.data["tables"]["x"]["rows"]["word"]
+    assert set(words) == {word.replace("\x1b", "\\x1b") for word in HOSTILE}
 
 
 def all_of(element):
@@ -268,9 +174,10 @@ def test_the_policy_allows_its_own_style_and_script_alone(smoke):
     assert rules.pop("base-uri") == rules.pop("form-action") == "'none'"
     code = [one.text for one in smoke.root.all("script") if "type" not in one.attrs]
     for kind, texts in (("script-src", code), ("style-src", [smoke.root.one("style").text])):
-        (text,) = texts
-        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-        assert rules.pop(kind) == f"'sha256-{digest}'"
+        digests = [
+            base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in texts
+        ]
+        assert rules.pop(kind) == " ".join(f"'sha256-{one}'" for one in digests)
     assert not rules
     assert not any("style" in one.attrs for one in all_of(smoke.root))
 
@@ -283,36 +190,6 @@ def test_nothing_of_the_page_is_elsewhere(smoke):
     style, script = smoke.root.one("style").text, smoke.root.all("script")[-1].text
     assert "http" not in style + script and "url(" not in style and "@import" not in style
     assert "innerHTML" not in script and "eval(" not in script and "Function(" not in script
-
-
-# provenance ---------------------------------------------------------------------------------------
-
-
-def test_transforms_of_own_meshes_are_on_the_page(tmp_path):
-    attributes = {"mesh_digests": {"own": "ab12"}, "mesh_transforms": {"own": "up: y, scale: 0.01"}}
-    page = parsed(page_of(stored(tmp_path / "s.zarr", attributes, tables__o=scores(a=[1, 2]))))
-    told = page.root.one("section", id="provenance").text
-    assert "Transforms of the ships' meshes" in told and "up: y, scale: 0.01" in told
-
-
-# form ---------------------------------------------------------------------------------------------
-
-
-def test_tables_and_figures_can_be_read_aloud(smoke):
-    tables = smoke.root.all("table")
-    assert tables and smoke.root.all("img")
-    for table in tables:
-        assert table.one("caption").text.strip()
-        assert all(one.attrs["scope"] in ("col", "row") for one in table.all("th"))
-    assert all(len(one.attrs["alt"]) > 40 for one in smoke.root.all("img"))
-    for one in smoke.root.all("svg"):
-        assert one.attrs.get("aria-hidden") == "true" or len(one.attrs["aria-label"]) > 20
-    for one in smoke.root.all("select"):
-        assert any(one in label.all("select") for label in smoke.root.all("label"))
-    ids = [one.attrs["id"] for one in all_of(smoke.root) if "id" in one.attrs]
-    assert len(ids) == len(set(ids))
-    links = [one.attrs["href"][1:] for one in smoke.root.one("nav").all("a")]
-    assert links and set(links) <= set(ids)
 
 
 def luminance(colour):
@@ -337,12 +214,8 @@ def test_text_and_curves_stand_out(scheme):
         name: [int(value[k : k + 2], 16) for k in (0, 2, 4)]
         for name, value in re.findall(r"--([\w-]+): #([0-9a-f]{6})", block)
     }
-    words = ("ink", "soft", "link", "above", "below", "same", "good", "bad", "focus")
+    words = ("ink", "soft", "link", "good", "bad", "focus")
     for ground in ("paper", "panel"):
         assert min(contrast(colour[name], colour[ground]) for name in words[:-1]) >= 4.5
     assert contrast(colour["focus"], colour["paper"]) >= 3
     assert min(contrast(colour[f"c{k}"], colour["paper"]) for k in range(8)) >= 3
-    shade = np.array([int(k) for k in re.search(r"--shade: ([\d, ]+)", block)[1].split(",")])
-    for level in re.findall(r"rgba\(var\(--shade\), (\.\d+)\)", style):
-        mixed = float(level) * shade + (1 - float(level)) * np.array(colour["paper"])
-        assert contrast(colour["ink"], mixed) >= 4.5

@@ -1,11 +1,10 @@
 """Figures of the report page, and its file: when it is written, and what if it cannot be."""
 
 import base64
+import errno
 import io
-import re
-import shlex
+import os
 import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -22,51 +21,18 @@ from sweeps.app import report_page
 from sweeps.engine.run import Finished
 from sweeps.engine.schedule import Progress
 from sweeps.report.page import write
-from sweeps.report.page.pictures import KINDS, pictures_of
+from sweeps.report.page.pictures import pictures_of
 from sweeps.report.page.ships import ships_of
 from sweeps.report.places import page_file
 from sweeps.report.work import read_work, write_work
 
-# figures ------------------------------------------------------------------------------------------
+# pictures -----------------------------------------------------------------------------------------
 
 
-def pictures_without_drawing(path):
-    """The figures of a store by kind, each of which fails."""
-
-    def fail(kind, store):
-        raise RuntimeError("no ink")
-
-    return {one.kind: one for one in pictures_of(path, zarr.open_group(path, mode="r"), fail)}
-
-
-def test_commands_of_figures_are_quoted_for_a_shell(tmp_path):
-    name = "a b$(id).zarr"
-    path = stored(tmp_path / name, range_profile=xr.Dataset({"expected": ("bin", [1.0])}))
-    command = pictures_without_drawing(path)["profiles"].command
-    words = shlex.split(command)
-    assert words == ["python", "-m", "sweeps.report.figures", "profiles", name, "profiles.png"]
-    written = subprocess.run(
-        ["sh", "-c", f"printf '%s\\n' {command}"], capture_output=True, text=True
-    )
-    assert written.stdout.splitlines() == words
-
-
-@pytest.mark.parametrize("errors", [1, 3])
-def test_only_flights_with_errors_have_a_figure_of_them(errors, tmp_path):
-    """A figure that should be there but fails says why."""
-    flights = xr.Dataset({"profile_correlation": ("error", np.ones(errors))})
-    found = pictures_without_drawing(stored(tmp_path / "s.zarr", validation=flights))
-    assert ("sensitivity" in found) == (errors > 1)
-    assert all(one.why == "RuntimeError: no ink" and not one.data for one in found.values())
-    assert {"flight", "validation"} <= set(found)
-
-
-def test_every_figure_of_the_sources_flights_has_ours_or_a_reason():
-    ends = re.findall(r"(\d+)(?: to (\d+))?", " ".join(one.source for one in KINDS.values()))
-    drawn = {number for low, high in ends for number in range(int(low), int(high or low) + 1)}
-    assert set(range(10, 17)) - drawn == {12}
-    text = Path(__file__).parents[2].joinpath("docs/report.md").read_text(encoding="utf-8")
-    assert "Figure 12, a sketch of the velocity vectors" in text
+def test_a_picture_that_fails_says_why(tmp_path):
+    path = stored(tmp_path / "s.zarr", validation=xr.Dataset({"looks": ("ship", np.ones(1))}))
+    (found,) = pictures_of(path, zarr.open_group(path, mode="r"))
+    assert not found.data and found.why
 
 
 # files --------------------------------------------------------------------------------------------
@@ -115,7 +81,7 @@ def test_a_page_is_written_again_when_the_store_changes(tmp_path, monkeypatch):
     assert pages == [path]
 
 
-@pytest.mark.parametrize("name", ["page/cells.py", "page/templates/page.js", "figures.py"])
+@pytest.mark.parametrize("name", ["page/ships.py", "page/templates/page.js", "frames.py"])
 def test_a_page_is_written_again_when_the_report_changes(name, tmp_path, monkeypatch):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
     copy = tmp_path / "report"
@@ -163,17 +129,29 @@ def test_a_damaged_store_has_no_page_but_a_sentence(what, tmp_path, monkeypatch,
     assert not page_file(path).exists()
 
 
+@pytest.mark.parametrize("name", ["manifest", "0", "zarr.json"])
+def test_a_store_that_cannot_be_read_now_is_still_a_store(name, tmp_path, monkeypatch, capsys):
+    path, read = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2])), Path.read_bytes
+
+    def short(file):
+        if file.name == name:
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(file))
+        return read(file)
+
+    monkeypatch.setattr(Path, "read_bytes", short)
+    assert reported(monkeypatch, path) == 2
+    sentence = f"ncti-report: store is '{path}', which cannot be read: Too many open files\n"
+    assert capsys.readouterr().err == sentence
+
+
 def test_work_is_kept_beside_the_tables_and_shown(tmp_path):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
-    assert read_work(path) == []
+    assert read_work(path) is None
     write_work(path, {"fast": Progress(total=3, reused=2, done=1, seconds=0.25), "=x": Progress(1)})
     kept = read_work(path)
-    first = kept[0]
-    assert (first.stage, first.done, first.reused, first.seconds) == ("fast", 1, 2, 0.25)
-    page = parsed(page_of(path))
-    rows = page.root.one("section", id="work").all("tr")[1:]
-    assert [row.all("th")[0].text for row in rows] == ["fast", kept[1].stage]
-    assert [cell.text for cell in rows[0].all("td")][:4] == ["1", "2", "0", "0.25"]
+    assert kept.rows.iloc[0].tolist() == ["fast", 1, 2, 0, 0.25]
+    text = parsed(page_of(path)).root.one("section", id="configuration").text
+    assert "Work of the last sweep" in text and "fast" in text
 
 
 def test_ships_have_their_measures_and_a_picture(tmp_path):
@@ -189,7 +167,7 @@ def test_ships_have_their_measures_and_a_picture(tmp_path):
         {"ship": ["duncan", "own"]},
     )
     table.length.attrs["units"] = "m"
-    path = stored(tmp_path / "s.zarr", ships=table)
+    path = stored(tmp_path / "s.zarr", ships=table, tables__o=scores(a=[1, 2]))
     one, other = ships_of(zarr.open_group(path))
     assert one.measures == [("length", "135.6 m"), ("facets", "43,672")]
     assert other.picture == "" and other.warning == "stands on its stern"

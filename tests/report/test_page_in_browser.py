@@ -1,17 +1,13 @@
 """The report page in a real browser: its selectors and width, and that it loads nothing else."""
 
 import os
-import re
 import shutil
-from contextlib import chdir
+from pathlib import Path
 
-import numpy as np
 import pytest
 import xarray as xr
-from pages import read_page
 
-from sweeps.report.page.cells import number
-from sweeps.report.page.write import write_page
+from sweeps.report.frames import read_frames
 from sweeps.report.places import page_file
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -63,7 +59,8 @@ def seen(browser, file):
     page.goto(file.as_uri())
     yield page
     assert page.wrong == []
-    assert [url for url in page.requests if not url.startswith("data:")] == [file.as_uri()]
+    asked = {url.partition("#")[0] for url in page.requests if not url.startswith("data:")}
+    assert asked <= {file.as_uri(), "about:blank"}
 
 
 @pytest.mark.parametrize(
@@ -82,74 +79,64 @@ def choose(page, axis, label):
     page.select_option(f'select[data-axis="{axis}"]', label=label)
 
 
-def test_the_script_begins_with_what_is_written(seen, file):
-    """It fills every cell and draws every curve anew: the same texts and paths as without it."""
-    written = read_page(file).root
-    cells = [" ".join(one.text.split()) for one in written.all("td") if "data-c" in one.attrs]
-    assert (
-        seen.eval_on_selector_all(
-            "td[data-c]", "all => all.map(one => one.textContent.trim().replace(/\\s+/g, ' '))"
-        )
-        == cells
+def shown_rows(page, table):
+    """The texts of the rows of a table that are shown, a list a row."""
+    rows = page.locator(f"#table-{table} tbody tr:visible")
+    return [[one for one in row.locator("th:visible, td").all_inner_texts()] for row in rows.all()]
+
+
+def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file):
+    frame = read_frames(smoke_store)["scores"]
+    for width, count in (("10", "4"), ("50", "16")):
+        choose(seen, "pulse_width_ns", width)
+        choose(seen, "frame_count", count)
+        seen.select_option("#against", "vigilance")
+        rows = frame.rows[
+            (frame.rows.classifier == "acn")
+            & (frame.rows.channel == "range")
+            & (frame.rows.kind == "test")
+            & (frame.rows.pulse_width_ns == float(width))
+            & (frame.rows.frame_count == int(count))
+            & (frame.rows.aspect_bin_deg == "overall")
+        ]
+        expected = [f"{one:.0f}" for one in rows.sort_values("vigilance").percent_correct]
+        lines = [
+            row for row in shown_rows(seen, "scores") if "ACN" in row and "range profile" in row
+        ]
+        assert [row[-1].split()[0] for row in lines] == expected
+        assert f"pulse_width_ns={width}" in seen.url or width == "30"
+    address = seen.url
+    seen.goto("about:blank")
+    seen.goto(address)
+    assert seen.locator('select[data-axis="pulse_width_ns"]').input_value() == "50.0"
+    assert seen.locator("#against").input_value() == "vigilance"
+
+
+def test_charts_are_drawn_of_the_selection_and_saved(seen, smoke_store):
+    seen.select_option("#against", "frame_count")
+    seen.wait_for_function("document.querySelectorAll('.draw svg').length > 2")
+    seen.wait_for_function(
+        "document.querySelector('#table-scores .chart').dataset.axis === 'frame_count'"
     )
-    looks = [one.attrs["class"] for one in written.all("td") if "data-c" in one.attrs]
-    assert seen.eval_on_selector_all("td[data-c]", "all => all.map(one => one.className)") == looks
-    paths = [
-        path.attrs["d"]
-        for chart in written.all("figure", **{"class": "chart"})
-        for curve in chart.all("g")
-        for path in curve.all("path")
-    ]
-    drawn = seen.eval_on_selector_all(
-        ".chart g path", "all => all.map(one => one.getAttribute('d'))"
-    )
-    number = re.compile(r"-?\d+\.\d")
-    assert [number.sub("#", path) for path in drawn] == [number.sub("#", path) for path in paths]
-    for one, other in zip(drawn, paths, strict=True):
-        ends = zip(number.findall(one), number.findall(other), strict=True)
-        assert all(abs(float(a) - float(b)) < 0.11 for a, b in ends)  # ties of the last digit
+    marks = seen.locator("#table-scores .draw svg [aria-roledescription='point']").count()
+    frame = read_frames(smoke_store)["scores"]
+    assert marks >= frame.rows.frame_count.nunique()
+    with seen.expect_download() as download:
+        seen.locator("#table-scores button.csv").click()
+    text = Path(download.value.path()).read_text(encoding="utf-8")
+    assert len(text.splitlines()) == len(frame.rows) + 1
+    with seen.expect_download() as download:
+        seen.locator("#table-scores button.svg").click()
+    assert Path(download.value.path()).read_text(encoding="utf-8").startswith("<svg")
 
 
-def test_selectors_change_what_is_shown(seen, smoke_store):
-    table = xr.open_zarr(smoke_store, group="tables/acn").load()
-    row = seen.locator("#scores .sheet").first.locator("tbody tr", has_text="ACN").first
-    for width, count in ((10, 4), (50, 16)):
-        choose(seen, "pulse_width", str(width))
-        choose(seen, "frame_count", str(count))
-        here = table.sel(pulse_width=width, frame_count=count, vigilance=0.95).squeeze()
-        expected = [f"{100 * float(one):.0f}" for one in here.accuracy]
-        assert row.locator(".v").all_inner_texts() == expected
-        (chart,) = seen.locator('#curves svg[data-axis="vigilance"]').all()
-        path = chart.locator("g .line").first.get_attribute("d")
-        overall = table.sel(pulse_width=width, frame_count=count, aspect_bin="overall").squeeze()
-        heights = [float(y) for y in re.findall(r" ([\d.]+)", path)]
-        expected = [186 - 166 * float(one) for one in overall.accuracy]
-        assert heights == pytest.approx(expected, abs=0.15)  # of pixels; shares to a thousandth
-        shown = seen.locator('[data-shown="pulse_width"]').inner_text()
-        assert shown == f"{width} ns"
-    assert seen.locator(".confusion td .ci").first.inner_text().isdigit()
-
-
-def test_one_classifier_can_be_chosen_and_the_rows_of_its_tables(seen):
-    seen.select_option("#who", "correlation")
-    assert seen.locator(".classifier:visible").count() == 1
-    assert seen.locator(".matrix:visible").count() == 1
-    assert seen.locator("#curves g:not(.faint)").count() > 0
-    seen.select_option("#by", "pulse_width")
-    heads = seen.locator(".classifier:visible .sheet:visible tbody th").all_inner_texts()
-    assert heads == ["10", "30", "50"]
-    seen.select_option("#by", "frame_count")
-    seen.select_option("#who", "")
-    assert seen.locator(".classifier:visible").count() > 3
-
-
-def test_cells_say_how_to_reproduce_them_by_keyboard(seen, smoke_store):
-    seen.locator("#scores table").first.locator("td").first.focus()
-    seen.keyboard.press("ArrowDown")
-    seen.keyboard.press("ArrowRight")
-    code = seen.locator("#where code").inner_text()
-    shown = seen.evaluate("document.activeElement.querySelector('.v').textContent")
-    with chdir(smoke_store.parent):
+def test_cells_say_how_to_reproduce_them_by_keyboard(seen, smoke_store, monkeypatch):
+    monkeypatch.chdir(smoke_store.parent)
+    seen.locator("#table-scores td[tabindex]").first.focus()
+    for key in ("ArrowRight", "ArrowDown"):
+        seen.keyboard.press(key)
+        code = seen.locator("#where code").inner_text()
+        shown = seen.evaluate("document.activeElement.firstChild.textContent").strip()
         assert f"{eval(code, {'xr': xr}):.0f}" == shown
     assert seen.locator("#where button").is_visible()
 
@@ -180,30 +167,6 @@ def test_it_reads_without_its_script(browser, file):
     page = context.new_page()
     page.goto(file.as_uri())
     assert page.locator(".bar").is_hidden() and page.locator("#where").is_hidden()
-    assert page.locator("#scores table:visible").count() > 5
-    assert page.locator("#scores .v").first.inner_text().isdigit()
+    assert page.locator("table.figures:visible").count() > 4
+    assert page.locator("#table-scores tbody tr:visible td").first.inner_text()[0].isdigit()
     context.close()
-
-
-# Ties of the fifth digit that floats have exactly, whole numbers, and both ends of exponents.
-FLOATS = (12345.0, 1234.5, 1233.5, 0.5, -1234.5, 43672.0, 9999.5, 99995.0, 1.0e-5, 2.5e-4, 1e7, 0.0)
-COUNTS = (43672, 9999, 10000, 1234567, -43672, 0, 1, 2, 3, 4, 5, 6)
-
-
-@pytest.mark.parametrize("values", [FLOATS, COUNTS], ids=["floats", "counts"])
-def test_numbers_keep_their_digits_when_a_selector_changes(values, browser, tmp_path):
-    """The script writes a number as the page begins with it, at every place of the axes."""
-    shaped = np.array(values).reshape(2, -1)
-    axes = {"colour": ["green", "red"], "size": np.arange(shaped.shape[1])}
-    table = xr.Dataset({"facets": (("colour", "size"), shaped)}, axes)
-    table.to_zarr(tmp_path / "s.zarr", group="tables/grown", consolidated=False)
-    assert not write_page(tmp_path / "s.zarr", lambda kind, store: None)
-    page = browser.new_page(viewport=DESK)
-    page.goto(page_file(tmp_path / "s.zarr").as_uri())
-    shown = []
-    for colour in axes["colour"]:
-        choose(page, "colour", colour)
-        rows = page.locator("#others table.figures").first.locator("td .v")
-        shown += rows.all_text_contents()
-    assert shown == [number(one, counted=values is COUNTS) for one in values]
-    page.close()

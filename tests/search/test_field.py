@@ -24,12 +24,6 @@ def test_the_sources_field_has_the_pixels_it_is_said_to_have():
     assert Field(width=math.radians(3), height=math.radians(2), ifov=IFOV).shape == (233, 350)
 
 
-def test_a_target_lies_where_it_is_put():
-    field = field_of(20, 40)
-    assert field.pixel(0.0, 0.0) == (20, 10)
-    assert field.pixel(3 * IFOV, -2 * IFOV) == (23, 8)
-
-
 @given(HOT, REACH)
 def test_every_hot_pixel_is_in_one_detection_and_no_other_is(hot, reach):
     found = detect(hot.astype(float), threshold=0.5, reach=reach)
@@ -76,11 +70,6 @@ def test_a_cue_holds_the_whole_ship_whatever_is_seen_of_it(ship, more, detector,
         assert least <= size < least + detector
 
 
-def test_a_chain_of_pixels_longer_than_a_ship_is_covered_whole():
-    visit = cue(Box(0, 0, 30, 1), reach=(5, 1), detector=2)
-    assert visit.holds(np.array([[0, 0], [29, 0]])).all()
-
-
 @pytest.mark.parametrize("false_alarm", [1e-2, 1e-3])
 def test_detections_and_false_alarms_are_as_probable_as_the_library_says(false_alarm):
     """Binomial z-tests at 4 sigma (6e-5): of 600 draws, and of their 600 x 288 pixels of sea."""
@@ -118,14 +107,6 @@ def test_equal_seeds_give_equal_fields_and_others_do_not():
     assert not np.array_equal(one, other)
 
 
-def test_what_lies_outside_the_field_is_not_seen():
-    own = {"nedt": 0.0, "target_spread": 0.0, "sea_spread": 0.0, "frame_count": 1}
-    ship = np.array([[-1, 0], [0, 0], [9, 7], [8, 7], [8, 8]])
-    image = thermal_field(field_of(8, 9), [ship], [2.0], rng=np.random.default_rng(0), **own)
-    assert np.argwhere(image == 2.0).tolist() == [[0, 0], [7, 8]]
-    assert image.sum() == 4.0
-
-
 def test_what_is_farther_on_a_flat_sea_is_higher():
     here = {"middle_range": 100e3, "depression": math.radians(3.84)}
     assert elevation(100e3, **here) == pytest.approx(0.0, abs=1e-15)
@@ -134,21 +115,3 @@ def test_what_is_farther_on_a_flat_sea_is_higher():
     assert elevation(95e3, **here) < 0
     with pytest.raises(ValueError, match="slant_range is 6000 m, but must be at least"):
         elevation(6000.0, **here)
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: Field(width=0.0, height=1.0, ifov=IFOV), "width is 0.0, but must be"),
-        (
-            lambda: Field(width=0.3, height=0.1, ifov=1e-7),
-            "ifov is 1e-07 rad, but must be at least",
-        ),
-        (lambda: detect(np.zeros((2, 2)), threshold=math.nan, reach=(1, 1)), "threshold is nan"),
-        (lambda: detect(np.zeros((2, 2)), threshold=1.0, reach=(1, -1)), "reach is -1"),
-        (lambda: cue(Box(0, 0, 1, 1), reach=(1, 1), detector=0), "detector is 0"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused_by_name(call, said):
-    with pytest.raises(ValueError, match=said):
-        call()

@@ -49,7 +49,7 @@ def test_parts_add_up_and_time_follows_frames_and_rate(visits, frame_count, puls
     assert one.dwelling == pytest.approx(sum(visits) * frame_count / pulse_rate)
     assert one.gain == pytest.approx(20475 * frame_count / pulse_rate / one.total)
     twice = schedule(visits, frame_count=2 * frame_count, pulse_rate=2 * pulse_rate, **fixed)
-    assert (twice.dwelling, twice.alone) == pytest.approx((one.dwelling, one.alone))
+    assert (twice.dwelling, twice.exhaustive) == pytest.approx((one.dwelling, one.exhaustive))
 
 
 def test_visiting_every_place_saves_nothing_but_moves():
@@ -61,22 +61,3 @@ def test_visiting_every_place_saves_nothing_but_moves():
 
 def test_a_pulse_is_back_before_the_next():
     assert most_pulses(100e3) == pytest.approx(1499, abs=0.5)
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: position_count(0.0, 1.0, element=1.0), "width is 0.0, but must be"),
-        (lambda: position_count(1.0, 1.0, element=1.0, detector=0), "detector is 0, but must be"),
-        (lambda: dwell(1, frame_count=0, pulse_rate=1.0), "frame_count is 0, but must be"),
-        (lambda: dwell(1, frame_count=1, pulse_rate=math.nan), "pulse_rate is nan, but must be"),
-        (lambda: most_pulses(-1.0), "slant_range is -1.0, but must be"),
-        (
-            lambda: imaging_time(**SOURCE, **{**IMAGER, "slew_time": -1.0}),
-            "slew_time is -1.0, but must be",
-        ),
-    ],
-)
-def test_what_cannot_be_meant_is_refused_by_name(call, said):
-    with pytest.raises(ValueError, match=said):
-        call()

@@ -16,7 +16,6 @@ from shipyard import barge
 
 from ncti import ships
 from ncti.ships import cache as store
-from ncti.ships import loading
 
 
 @pytest.fixture
@@ -26,38 +25,11 @@ def sheet(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def never_built(monkeypatch: pytest.MonkeyPatch):
-    """From now on, building fails."""
-
-    def forbid() -> None:
-        def build(sheet):
-            raise AssertionError("built again")
-
-        monkeypatch.setattr(loading, "build", build)
-
-    return forbid
-
-
 def assert_same(first, second) -> None:
     np.testing.assert_array_equal(first.vertices, second.vertices)
     np.testing.assert_array_equal(first.faces, second.faces)
     assert first.vertices.dtype == second.vertices.dtype == np.float64
     assert first.metadata == second.metadata
-
-
-def test_second_load_reads_the_first_one_back(sheet, tmp_path, never_built) -> None:
-    fresh = ships.load(sheet, cache=tmp_path / "kept")
-    never_built()
-    assert_same(ships.load(sheet, cache=str(tmp_path / "kept")), fresh)
-
-
-def test_default_folder_is_the_users_cache(sheet, tmp_path, never_built, monkeypatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
-    fresh = ships.load(sheet)
-    never_built()
-    assert_same(ships.load(sheet), fresh)
-    assert list((tmp_path / "home").rglob("*.npz"))
 
 
 @settings(
@@ -76,22 +48,6 @@ def test_damaged_file_is_built_again(sheet, tmp_path, data) -> None:
     path.write_bytes(whole[:at] + junk + (whole[at + len(junk) :] if keep_tail else b""))
     assert_same(ships.load(sheet, cache=tmp_path), fresh)
     assert_same(ships.load(sheet, cache=tmp_path), fresh)
-
-
-def test_file_of_another_kind_is_built_again(sheet, tmp_path) -> None:
-    fresh = ships.load(sheet, cache=tmp_path)
-    path = tmp_path / f"{ships.digest(sheet)}.npz"
-    np.savez(path, vertices=np.zeros(3), faces=np.zeros((1, 3)), loa="long", beam=1.0)
-    assert_same(ships.load(sheet, cache=tmp_path), fresh)
-    np.save(path.with_suffix(".npy"), np.zeros(3))
-    path.with_suffix(".npy").replace(path)
-    assert_same(ships.load(sheet, cache=tmp_path), fresh)
-
-
-def test_folder_that_cannot_be_written_is_no_obstacle(sheet, tmp_path) -> None:
-    (tmp_path / "file").write_text("not a folder")
-    assert ships.load(sheet, cache=tmp_path / "file").is_volume
-    assert ships.load(sheet, cache=tmp_path / "file" / "deeper").is_volume
 
 
 def test_files_of_another_user_are_not_read(sheet, tmp_path, monkeypatch) -> None:
@@ -130,22 +86,6 @@ def test_writers_at_once_leave_one_whole_file(sheet, tmp_path) -> None:
     assert store.read(kept) is not None
 
 
-def test_digest_follows_the_sheet_and_builds_nothing(sheet, never_built) -> None:
-    never_built()
-    before = ships.digest(sheet)
-    assert ships.digest(str(sheet)) == before
-    sheet.write_text(sheet.read_text() + "# another word\n")
-    assert ships.digest(sheet) != before
-
-
-def test_digest_follows_templates_and_builder(sheet, monkeypatch) -> None:
-    before = ships.digest(sheet)
-    monkeypatch.setattr(loading, "_templates", lambda: b"{}")
-    other_templates = ships.digest(sheet)
-    monkeypatch.setattr(loading, "_builder", lambda: b"another")
-    assert len({before, other_templates, ships.digest(sheet)}) == 3
-
-
 @pytest.mark.parametrize(
     ("value", "message"),
     [
@@ -170,9 +110,3 @@ def test_what_is_no_ship_is_refused(value, message) -> None:
         with pytest.raises(ships.ShipError, match=message) as caught:
             door(value)
         assert str(caught.value).endswith(".")
-
-
-def test_folder_is_no_ship(tmp_path) -> None:
-    (tmp_path / "fleet.stl").mkdir()
-    with pytest.raises(ships.ShipError, match="is no regular file, but must be one"):
-        ships.load(tmp_path / "fleet.stl")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,10 @@ import trimesh
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shipyard import barge, packaged_sheet, packaged_text
+from shipyard import barge
 
 from ncti import ships
-from ncti.ships import build, documents, fittings, sheets, vocabulary
+from ncti.ships import build, sheets
 from ncti.ships.errors import ShipError
 
 
@@ -47,32 +46,6 @@ def test_barge_is_a_solid_of_its_size() -> None:
     assert mesh.extents[2] == pytest.approx(8.5)
 
 
-def test_every_sheet_states_its_fit() -> None:
-    for name in ships.names():
-        fit = yaml.safe_load(packaged_text(name))["configuration"]
-        assert "azimuth" in fit
-        assert "helicopter" in fit or "SH-" in fit
-
-
-def test_component_left_ashore_is_not_built_and_fits_when_put_on_board() -> None:
-    document = yaml.safe_load(packaged_text("roberts"))
-    line = next(line for line in document["components"] if line.get("type") == "SH60B")
-    assert line["fitted"] is False
-    ashore = built(document, templates=packaged_text("templates"))
-    line["fitted"] = True
-    aboard = built(document, templates=packaged_text("templates"))
-    assert aboard.body_count == 1
-    assert aboard.volume > ashore.volume + 20  # the fuselage alone is 29 m3
-
-
-def test_sheet_may_bring_its_own_template_and_use_the_packaged_ones() -> None:
-    document, templates = barge(), packaged_text("templates")
-    component(document, "gun")["type"] = "MK45"
-    assert built(document, templates=templates).bounds[1, 0] == pytest.approx(20, abs=0.1)
-    document["templates"]["MK45"] = {"parts": [["box", 0, 0, 0, {"l": 2.0, "w": 2.0, "h": 9.0}]]}
-    assert built(document, templates=templates).bounds[1, 2] == pytest.approx(3.0 + 9.0)
-
-
 def test_azimuth_90_points_to_starboard() -> None:
     document = barge()
     document["templates"]["GUN"]["parts"].append(["barrel", 0, 0, 0.5, {"len": 5.0, "r": 0.1}])
@@ -80,28 +53,6 @@ def test_azimuth_90_points_to_starboard() -> None:
     mesh = built(document)
     assert mesh.bounds[0, 1] == pytest.approx(-5.0)  # starboard is -y in ship axes
     assert mesh.bounds[1, 1] == pytest.approx(4.0)
-
-
-def test_every_template_is_one_piece() -> None:
-    for name, parts in packaged_sheet("duncan").templates.items():
-        assert len(build.equipment(parts, azimuth=0).decompose()) == 1, name
-
-
-def test_every_primitive_has_a_maker_that_takes_its_keys() -> None:
-    """The vocabulary and the makers' signatures say the same."""
-    supplied = {"windows": {"plan", "house_height", "sill"}, "bulwark": {"hull"}}
-    renamed = {"windows": {"host"}, "rail": {"edge", "inset"}, "net": {"edge", "inset"}}
-    for prim, spec in vocabulary.PRIMITIVES.items():
-        maker = build.MAKERS.get(prim) or getattr(fittings, prim, build.equipment)
-        parameters = inspect.signature(maker).parameters
-        required = {n for n, p in parameters.items() if p.default is inspect.Parameter.empty}
-        needs = {vocabulary.KEYS[key].parameter for key in spec.needs}
-        known = needs | {vocabulary.KEYS[key].parameter for key in spec.may}
-        known -= renamed.get(prim, set())
-        if maker is build.equipment:
-            required, known = required - {"parts"}, known - {"template"}
-        assert required - supplied.get(prim, set()) <= known, prim
-        assert known <= set(parameters), prim
 
 
 BAD_LINES = {
@@ -200,25 +151,11 @@ def test_key_given_twice_is_refused(what) -> None:
     assert message in str(refused.value) and "\n" not in str(refused.value)
 
 
-def test_merged_keys_may_be_replaced() -> None:
-    text = "a: &one {x: 1, y: 2}\nb: {<<: *one, y: 3}\n"
-    assert documents.read("a text", text)["b"] == {"x": 1, "y": 3}
-
-
 @pytest.mark.parametrize("key", ["name", "principal", "stations", "components"])
 def test_missing_key_is_refused(key) -> None:
     document = barge()
     del document[key]
     assert f"'{key}' is missing" in refusal(document)
-
-
-@pytest.mark.parametrize("key", ["x", "z", "l", "src"])
-def test_missing_key_of_a_component_is_refused(key) -> None:
-    document = barge()
-    del component(document, "house")[key]
-    message = refusal(document)
-    assert f"'{key}' is missing" in message
-    assert "'house'" in message or key == "src"
 
 
 @pytest.mark.parametrize(
@@ -255,7 +192,7 @@ VALUES = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(path=st.sampled_from(PATHS), value=VALUES)
 def test_any_value_anywhere_gives_a_solid_or_one_sentence(path, value) -> None:
     document = copy.deepcopy(barge())
@@ -273,16 +210,6 @@ def test_any_value_anywhere_gives_a_solid_or_one_sentence(path, value) -> None:
     else:
         assert mesh.is_volume
         assert mesh.body_count == 1
-
-
-def test_sheet_by_path_is_read_and_kept(tmp_path: Path) -> None:
-    path = tmp_path / "barge.yml"
-    path.write_text(yaml.safe_dump(barge()))
-    mesh = ships.load(path, cache=tmp_path / "kept")
-    assert mesh.is_volume
-    assert mesh.metadata["name"] == "barge"
-    assert mesh.metadata["loa"] == pytest.approx(40)
-    assert [kept.stem for kept in (tmp_path / "kept").iterdir()] == [mesh.metadata["digest"]]
 
 
 def test_sheet_that_is_not_text_is_refused(tmp_path: Path) -> None:

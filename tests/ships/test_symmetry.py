@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from trimesh.creation import box, cylinder
 
 import ncti.ships
-from benchmarks.skips import symmetric
 from ncti.ships import symmetry
 from ncti.ships.symmetry import THINNEST
 
@@ -68,7 +67,3 @@ def test_a_plate_counts_from_a_thickness_on(exponent, length):
 def test_no_packaged_ship_is(name):
     """Launchers, funnels and torpedo tubes stand to one side."""
     assert not ncti.ships.is_symmetric(ncti.ships.load(name))
-
-
-def test_a_ship_of_two_port_halves_is():
-    assert ncti.ships.is_symmetric(symmetric(ncti.ships.load("duncan")))

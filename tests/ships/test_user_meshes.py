@@ -51,28 +51,6 @@ def test_closed_mesh_comes_in_as_it_is(kind, tmp_path) -> None:
     assert mesh.metadata["beam"] == pytest.approx(14)
 
 
-def test_path_may_be_text_and_its_suffix_upper_case(tmp_path) -> None:
-    path = saved(block(), tmp_path / "hulk.stl").rename(tmp_path / "HULK.STL")
-    assert ships.load(str(path)).is_volume
-
-
-@pytest.mark.parametrize("name", ["horne", "connole"])
-def test_packaged_ship_survives_a_round_trip(ship, name, kind, tmp_path) -> None:
-    """STL and GLB are single precision: 4 um at 70 m."""
-    mesh = ship(name)
-    again = ships.load(saved(mesh, tmp_path / f"{name}.{kind}"))
-    assert again.is_volume
-    np.testing.assert_allclose(again.bounds, mesh.bounds, atol=1e-5)
-    assert again.volume == pytest.approx(mesh.volume, rel=1e-5)
-
-
-def test_stl_may_be_text(tmp_path) -> None:
-    mesh = ships.load(saved(block(), tmp_path / "hulk.stl"))
-    path = tmp_path / "text.stl"
-    path.write_text(block().export(file_type="stl_ascii"))
-    np.testing.assert_allclose(ships.load(path).bounds, mesh.bounds)
-
-
 def test_what_is_below_the_waterline_is_cut_off_and_closed(kind, tmp_path) -> None:
     mesh = ships.load(saved(block(at=(0, 0, 4)), tmp_path / f"hulk.{kind}"))
     assert mesh.is_volume
@@ -86,21 +64,6 @@ def test_several_closed_geometries_are_united(tmp_path) -> None:
     assert mesh.is_volume
     assert mesh.body_count == 1
     assert mesh.volume == pytest.approx(100 * 14 * 20 + 20 * 10 * 9)
-
-
-def test_geometries_closed_only_together_are_joined(tmp_path) -> None:
-    whole = block()
-    halves = whole.submesh([np.arange(6), np.arange(6, 12)], append=False, repair=False)
-    mesh = ships.load(saved(trimesh.Scene(halves), tmp_path / "hulk.glb"))
-    assert mesh.is_volume
-    assert mesh.volume == pytest.approx(whole.volume)
-
-
-def test_scene_transforms_are_obeyed(tmp_path) -> None:
-    scene = trimesh.Scene()
-    scene.add_geometry(block(), transform=trimesh.transformations.translation_matrix((5, 0, 1)))
-    mesh = ships.load(saved(scene, tmp_path / "hulk.glb"))
-    np.testing.assert_allclose(mesh.bounds, [[-45, -7, 1], [55, 7, 21]])
 
 
 def test_open_mesh_is_refused(kind, tmp_path) -> None:
@@ -127,10 +90,6 @@ def test_millimetres_are_refused(kind, tmp_path) -> None:
     message = refusal(saved(block().apply_scale(1000), tmp_path / f"hulk.{kind}"))
     assert "must be in metres, 1 to 1000 m" in message
     assert "100000" in message
-
-
-def test_kilometres_are_refused(kind, tmp_path) -> None:
-    assert "in metres" in refusal(saved(block().apply_scale(0.001), tmp_path / f"hulk.{kind}"))
 
 
 def test_mesh_under_water_is_refused(kind, tmp_path) -> None:
@@ -177,19 +136,10 @@ def test_truncated_file_is_refused(kind, tmp_path) -> None:
 
 
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(content=st.binary(max_size=400), kind=st.sampled_from(KINDS))
 def test_any_bytes_are_refused_in_one_sentence(content, kind, tmp_path) -> None:
     path = tmp_path / f"noise.{kind}"
     path.write_bytes(content)
     refusal(path)
-
-
-def test_digest_is_that_of_the_content(tmp_path) -> None:
-    first = saved(block(), tmp_path / "a.stl")
-    same = tmp_path / "b.stl"
-    same.write_bytes(first.read_bytes())
-    other = saved(block(length=101), tmp_path / "c.stl")
-    assert ships.digest(first) == ships.digest(same) != ships.digest(other)
-    assert ships.load(first).metadata["digest"] == ships.digest(first)

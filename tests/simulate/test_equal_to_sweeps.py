@@ -10,7 +10,7 @@ from ncti import simulate
 from ncti.ladar import noise_floor
 from sweeps.engine.seeds import cell_rng
 from sweeps.stages.infrared import Infrared
-from sweeps.stages.irar import FLOWN, PASSIVE, RECORDED, Irar
+from sweeps.stages.irar import FLOWN, RECORDED, Irar, Passive
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import Grid, Scene
 
@@ -34,7 +34,7 @@ def store(tmp_path_factory, cache):
         *(f"grid.ship={SHIP}", f"grid.aspect={ASPECT}", f"grid.pulse_width={PULSE}"),
         *(f"grid.range={RANGE}", f"grid.frame_count={list(FRAMES)}", "sensor=both", "seed=5"),
         *(f"ladar.target_free_ifovs={FREE}", f"render.tolerance={ACCURACY}"),
-        *("infrared.phases=1", "infrared.orders=1", "classifier.name=acn"),
+        *("infrared.subpixel_offsets=1", "infrared.orders=1", "classifier.name=acn"),
     )
     return path
 
@@ -114,7 +114,7 @@ def test_flights_are_those_of_a_sweep(tmp_path, cache):
     kept = opened(tmp_path / "f.zarr", "validation").squeeze()
     # What names the stream of a flight: all that the raw images depend on but the passive band.
     choices = chosen(*given)
-    named = {one.name: choices.one(one) for one in {*FLOWN, *RECORDED} - {*PASSIVE}}
+    named = {one.name: choices.one(one) for one in {*FLOWN, *RECORDED} - {*Passive.declared}}
     found = simulate.flight(
         "roberts",
         aspect=175,

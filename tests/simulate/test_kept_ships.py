@@ -34,19 +34,6 @@ def loaded(monkeypatch):
     subject._loaded.cache_clear()
 
 
-def test_a_ship_is_read_once_while_its_file_is_the_same(tmp_path, loaded):
-    path = tmp_path / "barge.stl"
-    barge(40.0).export(path)
-    first, again = profile(path), profile(path)
-    np.testing.assert_array_equal(first, again)
-    assert loaded == [path]
-    barge(60.0).export(path)
-    longer = profile(path)
-    assert loaded == [path, path]
-    np.testing.assert_array_equal(longer, profile(barge(60.0)))
-    assert float(abs(longer.expected - first.expected).max()) > 1
-
-
 def test_no_mesh_of_a_caller_is_kept(tmp_path, loaded):
     """A mesh that is loaded, or given, and changed afterwards changes no later result."""
     path = tmp_path / "barge.stl"
@@ -59,11 +46,3 @@ def test_no_mesh_of_a_caller_is_kept(tmp_path, loaded):
     before = profile(given)
     given.apply_scale(1.5)
     assert not np.array_equal(profile(given), before)
-
-
-def test_a_file_that_changes_while_it_is_read_is_refused(tmp_path, loaded, monkeypatch):
-    path = tmp_path / "barge.stl"
-    barge(40.0).export(path)
-    monkeypatch.setattr(subject, "digest", lambda ship: "of what was there before")
-    with pytest.raises(ValueError, match=r"barge\.stl was changed while it was read"):
-        profile(path)

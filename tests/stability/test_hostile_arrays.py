@@ -7,8 +7,8 @@ import pytest
 
 from ncti import classify, evaluate, features
 from ncti.classify.between import cells
-from ncti.classify.calibration import fit_doubt, fit_sharpness_and_doubt
-from ncti.classify.fusion import doubted
+from ncti.classify.calibration import fit_outlier_fraction, fit_temperature_and_outliers
+from ncti.classify.fusion import with_outliers
 from ncti.features.profile import estimated_floor
 
 RNG = np.random.default_rng(0)
@@ -59,8 +59,8 @@ CALLS = {
     ),
     "averages": (TEMPLATES.posterior, {"X": PROFILES, "frame_count": np.full(VIEWS, 4)}),
     "without": (TEMPLATES.without, {"left_out": np.arange(VIEWS) < 2}),
-    "doubt": (
-        lambda **given: fit_doubt(TEMPLATES, rng=np.random.default_rng(0), **given),
+    "outlier_fraction": (
+        lambda **given: fit_outlier_fraction(TEMPLATES, rng=np.random.default_rng(0), **given),
         {"frame_count": 4},
     ),
     "lower band": (classify.lower_band, {"covariance": np.stack([np.eye(3)] * 2)}),
@@ -72,9 +72,14 @@ CALLS = {
         lambda **given: classify.label_posterior(**given)[1],
         {"scores": SCORES, "labels": NAMES},
     ),
-    "sharpness": (classify.fit_sharpness, PAIRS),
-    "sharpness and doubt": (fit_sharpness_and_doubt, PAIRS | {"weight": np.ones(VIEWS)}),
-    "doubted": (doubted, {"scores": SCORES, "labels": NAMES, "doubt": np.full(VIEWS, 0.1)}),
+    "temperature and outliers": (
+        fit_temperature_and_outliers,
+        PAIRS | {"weight": np.ones(VIEWS)},
+    ),
+    "with_outliers": (
+        with_outliers,
+        {"scores": SCORES, "labels": NAMES, "outlier_fraction": np.full(VIEWS, 0.1)},
+    ),
     "similarities": (classify.Similarities.of, {"training": PROFILES, "tests": PROFILES}),
     "clustering": (
         lambda **given: classify.cluster(LEARNED, vigilance=0.9, **given),
@@ -94,6 +99,10 @@ CALLS = {
     "open set": (
         evaluate.open_set_scores,
         {"similarity": PROFILES[:, 0], "correct": NAMES == "a", "known": NAMES != "c"},
+    ),
+    "rejection": (
+        evaluate.rejection_thresholds,
+        {"similarity": PROFILES[:, 0], "shares": np.array([0.0, 0.5])},
     ),
     "formation": (
         evaluate.category_formation,
@@ -162,19 +171,6 @@ def test_other_shapes_are_computed_or_refused(call):
         for change in SHAPES.values():
             if np.ndim(value):
                 refusal(function, good, name, change(value))
-
-
-def test_one_class_is_a_class():
-    """Nothing to choose between: the only name, with certainty."""
-    alone = classify.GaussianTemplates().fit(PROFILES, BAND, ["a"] * VIEWS, PROFILES[:, :1])
-    np.testing.assert_array_equal(alone.posterior(PROFILES, 4), np.ones((VIEWS, 1)))
-    assert classify.fit_sharpness(SCORES, ["a"] * VIEWS, ["a"] * VIEWS) == 0.0
-
-
-def test_the_floor_of_templates_is_asked_for():
-    """A floor taken as 0 would scale with the gain."""
-    with pytest.raises(TypeError, match="floor"):
-        classify.GaussianTemplates().fit(PROFILES, BAND, NAMES)
 
 
 def test_counts_beyond_integers_are_refused():

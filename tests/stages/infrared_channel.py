@@ -8,20 +8,19 @@ from ncti.render import RangeImage
 from sweeps.engine.settings import read_choices
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import infrared
-from sweeps.stages.infrared_look import Patches, pack_hits
+from sweeps.stages.infrared import Imager, Patches, pack_hits
 
 WAYS = ("none", "perfect", "shifted")
 LENGTH, HEIGHT = 130.0, 24.0
 BOXES = ((-65, 65, 0, 9), (-20, 10, 9, HEIGHT))  # left, right, bottom, top [m]
-SENSOR = {
-    "ifov": 150.0,
+DETECTOR = {"ifov": 150e-6, "seed": 3}
+IMAGER = {
     "coverage_rule": 0.25,
     "contrast_at_zero": 2.1585,
-    "extinction": 0.181,
+    "extinction": 0.181e-3,
     "nedt": 0.3,
     "target_spread": 0.15,
     "sea_spread": 0.08,
-    "seed": 3,
 }
 
 
@@ -51,5 +50,6 @@ PATCHES = Patches.of(HITS)
 
 def look_from(slant_range, **changed):
     """The boxes before the detector at a range [km]."""
-    view = {"ship": "boxes", "aspect": 60.0, "drawn_aspect": 60.0, "range": slant_range}
-    return infrared.look(HITS, **view, **{**SENSOR, **changed})
+    view = {"ship": "boxes", "aspect": 60.0, "drawn_aspect": 60.0, "range": slant_range * 1e3}
+    detector = {name: changed.pop(name, given) for name, given in DETECTOR.items()}
+    return infrared.look(HITS, Imager(**{**IMAGER, **changed}), **view, **detector)

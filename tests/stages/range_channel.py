@@ -32,7 +32,7 @@ def choose(**given):
 
 def learned(unknown=None, training_aspect=None):
     """(ship, aspect): views of the cells below that are learned."""
-    return classifier.training_views(NAMED, ASPECTS, unknown, training_aspect, None)
+    return classifier.training_views(NAMED, ASPECTS, unknown, training_aspect, None, ())
 
 
 @dataclass(frozen=True)
@@ -48,15 +48,15 @@ class Cell:
 
     expected: np.ndarray
     averaged: np.ndarray
-    there: np.ndarray
+    valid: np.ndarray
 
     def without(self, ship, aspect):
         """Some views lost: filled, as the engine fills them."""
-        there = self.there.copy()
-        there[ship, aspect] = False
+        valid = self.valid.copy()
+        valid[ship, aspect] = False
         expected, averaged = self.expected.copy(), self.averaged.copy()
-        expected[~there] = averaged[:, :, ~there] = np.nan
-        return Cell(expected, averaged, there)
+        expected[~valid] = averaged[:, :, ~valid] = np.nan
+        return Cell(expected, averaged, valid)
 
     def changed(self, **arrays):
         """The same with other arrays."""
@@ -86,8 +86,8 @@ def directions(profiles):
 
 def bands(cell, variance=0.1):
     """(ship, aspect, lag, bin): a covariance of one frame for every view."""
-    shape = cell.there.shape
-    scale = variance * (1 + 0.01 * np.arange(cell.there.size).reshape(shape))
+    shape = cell.valid.shape
+    scale = variance * (1 + 0.01 * np.arange(cell.valid.size).reshape(shape))
     whole = scale[..., None, None] * np.broadcast_to(BAND[:, None], (len(BAND), BINS))
     whole = whole.copy()
     for lag in range(1, len(BAND)):

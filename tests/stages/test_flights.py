@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flight_sweeps import SMALL, at, flown, in_window, opened, read
+from flight_sweeps import SMALL, at, flown, in_window, opened
 
 import ncti.ships
 from ncti.irar import (
@@ -34,7 +34,6 @@ from ncti.ladar import (
 )
 from ncti.render import range_image
 from sweeps.engine.seeds import cell_rng
-from sweeps.stages.irar import FLOWN, RECORDED, scan_again
 
 IMAGES = ("intensity", "range_image", "infrared_image")
 
@@ -83,11 +82,11 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     rng = cell_rng(7, stage="flight", ship="roberts", aspect=175.0, replicate=1, **values)
     passed = fly(mesh, flight, reflectivity=surface)
     scan = passed.record(rng)
-    belief = scan.flight
+    estimate = scan.flight
     if error[1]:
-        belief = replace(belief, aircraft_speed=90.9)
+        estimate = replace(estimate, aircraft_speed=90.9)
     if focus:
-        belief = autofocus(scan, belief)
+        estimate = autofocus(scan, estimate)
 
     narrow = ship_window(mesh, flight)
     window, more = narrow, (0, 0)
@@ -100,10 +99,10 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
             narrow.rows + 2 * above,
             narrow.columns + 2 * narrow.rows,
         )
-    whole = correct(scan, Correction(), belief=belief, window=window)
-    image = segmented(whole, belief)
-    fine = correct(scan, Correction(), belief=belief, window=window, overscanned=True)
-    fine = segmented(fine, belief)
+    whole = correct(scan, Correction(), estimate=estimate, window=window)
+    image = segmented(whole, estimate)
+    fine = correct(scan, Correction(), estimate=estimate, window=window, overscanned=True)
+    fine = segmented(fine, estimate)
     truth = true_snapshot(mesh, flight, narrow, cells=8, reflectivity=surface)
 
     pictures = (image.intensity, image.range - 3000.0, image.infrared)
@@ -111,21 +110,21 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
         stored = in_window(ours, name, window)
         np.testing.assert_array_equal(stored, values.astype(np.float32))
     assert ours.looks == np.float32(image.looks[image.looks > 0].mean())
-    speed = belief.closing_speed / scan.flight.closing_speed - 1
+    speed = estimate.closing_speed / scan.flight.closing_speed - 1
     assert float(ours.closing_speed_error) == pytest.approx(speed, abs=1e-7)
     assert (speed != 0) == bool(error[1])
 
     wide = [(n * 8, n * 8) for n in more]
     truths = [np.pad(values, wide) for values in (truth.intensity, truth.infrared)]
-    row, column, _ = places(scan, Correction(), belief=belief)
+    row, column, _ = places(scan, Correction(), estimate=estimate)
     spots = row - window.bottom, column - window.left
     lean = tilts([whole.intensity, whole.infrared], truths, places=spots)
     active, passive = (
         tilts(image, truth_, places=spots)
         for image, truth_ in zip((whole.intensity, whole.infrared), truths, strict=True)
     )
-    clean = correct(passed.noiseless(), Correction(), belief=belief, window=window).infrared
-    row, column, _ = places(passed.noiseless(), Correction(), belief=belief)
+    clean = correct(passed.noiseless(), Correction(), estimate=estimate, window=window).infrared
+    row, column, _ = places(passed.noiseless(), Correction(), estimate=estimate)
     noiseless = tilts(clean, truths[1], places=(row - window.bottom, column - window.left))
     for name, value in (
         ("mast_tilt", lean.mast),
@@ -144,7 +143,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     drawn = range_image(
         mesh, aspect=175.0, depression=6.7, pixel=1.5, roll=0.0, slant_range=3000.0, engine="embree"
     )
-    profiles = [profile(fine, belief), profile(truth, flight)]
+    profiles = [profile(fine, estimate), profile(truth, flight)]
     for spread in (1.0, 0.0):
         extent = range_extent(drawn, slant_range=3000.0, ifov=500.0001e-6, spread=spread)
         profiles.append(flight.cnr * extent.fraction.sum(axis=0))
@@ -180,7 +179,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
         ):
             assert float(ours[name][k]) == pytest.approx(value, rel=1e-4, nan_ok=True), name
 
-    seen = measured_extent(fine, belief, slant_range=100e3)
+    seen = measured_extent(fine, estimate, slant_range=100e3)
     cnr = carrier_to_noise(100e3, reference=10**3.2, reference_range=100e3)
     for width in (30, 50):
         expected = expected_profile(
@@ -214,21 +213,6 @@ def test_a_flight_is_the_same_in_another_grid(several, tmp_path):
     assert not np.array_equal(quieter.profile, ours.profile)
 
 
-def test_a_scan_again_is_the_scan_of_the_sweep(several):
-    values = {one.name: read(**SEVERAL)[one][0] for one in (*FLOWN, *RECORDED)}
-    values |= {"mast_gain": 3.0, "cnr": 15.0, "replicate": 1}
-    mesh = ncti.ships.load("roberts")
-    where = {"ship": "roberts", "aspect": 175.0, "reflectance": "projected_area"}
-    ours = at(several, mast_gain=3, cnr=15, replicate=1)
-    window = ship_window(mesh, scan_again(values, mesh, seed=7, **where).flight)
-    for seed in (7, 8):
-        scan = scan_again(values, mesh, seed=seed, **where)
-        image = segmented(correct(scan, window=window), scan.flight)
-        stored = in_window(ours, "intensity", window)
-        same = np.array_equal(stored, image.intensity.astype(np.float32))
-        assert same == (seed == 7)
-
-
 def test_flights_are_what_a_physicist_expects(several):
     """Bounds that a coarse image, 1.5 m a pixel, keeps; with and without an error of the speed."""
     right, wrong = (several.isel(error=k).sel(autofocus=False) for k in (0, 1))
@@ -242,25 +226,3 @@ def test_flights_are_what_a_physicist_expects(several):
     # A hundredth too fast, and tops come to lie 4 m nearer or further than the waterline.
     np.testing.assert_allclose(wrong.closing_speed_error, 90 / 82.2 * 0.01, rtol=0.1)
     assert (right.profile_correlation - wrong.profile_correlation).mean() > 0.05
-
-
-def test_glinting_masts_are_an_input(several):
-    """Three times the reflectivity of masts: more of them in the flight and its truth, as much
-    in the synthetic profiles, which know nothing of it."""
-    before, after = (at(several, mast_gain=gain, cnr=20).mast_energy for gain in (1, 3))
-    real, made = ["measured", "noiseless"], ["synthetic", "point"]
-    gain = (after / before).sel(source=real)
-    assert np.all((gain > 1.5) & (gain < 3.1))
-    np.testing.assert_array_equal(before.sel(source=made), after.sel(source=made))
-
-
-def test_words_of_a_flight_are_not_taken_by_the_laser_radar(folder, several):
-    """Both have an `ifov` and a `cnr`; several values of the one leave the other its name."""
-    assert several.ifov.item() == 500 and several.ifov.attrs["units"] == "urad"
-    assert several.cnr.values.tolist() == [15, 20]
-    assert several.samples.item() == 60 and several.mirror.item() == "exact"
-    assert several.error_parameter.values.tolist() == ["none", "aircraft_speed"]
-    found = opened(flown(folder, "both", ladar__cnr=[30, 32], render__samples=[100, 200]))
-    assert found.cnr.item() == 20 and found.ladar_cnr.values.tolist() == [30, 32]
-    assert set(found.signature.dims) > {"ladar_cnr", "render_samples"}
-    assert not {"ladar_cnr", "render_samples"} & set(found.profile.dims)

@@ -1,17 +1,14 @@
 """Aspects that nobody learns: drawn from the seed, tested apart from those that are learned."""
 
 import numpy as np
-import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 from range_channel import choose
 
-from sweeps.engine.errors import ConfigurationError
 from sweeps.stages import classifier
-from sweeps.stages.classifier import aspects_of, learned_of
-from sweeps.stages.fresh import drawn_aspects, fresh_aspects
-from sweeps.stages.scores import by_aspects, scored
+from sweeps.stages.classifier import aspects_of, drawn_aspects, learned_of, random_test_aspects
+from sweeps.stages.scores import scored
 from sweeps.stages.views import Grid
 
 SHIPS = {"grid__ship": ["duncan", "horne"]}
@@ -41,25 +38,9 @@ def test_every_thirty_degrees_have_as_many_within_the_ends(ends, number, more, s
     np.testing.assert_array_equal(longer[:, :number], found.reshape(bins.size, number))
 
 
-def test_they_are_uniform_and_other_ones_of_another_seed():
-    """Kolmogorov-Smirnov, 3,000 aspects, at a level of 1e-3 for this one seed."""
-    from scipy.stats import kstest
-
-    found = np.array(drawn_aspects(0.0, 90.0, 1000, 3))
-    assert kstest(found / 90, "uniform").pvalue > 1e-3
-    assert not set(found) & set(drawn_aspects(0.0, 90.0, 20, 4)[:5])
-
-
-def test_no_two_bins_draw_the_same_places():
-    """Of 20 aspects to a thousandth of 30 degrees, one in 30,000 pairs is equal by chance."""
-    places = np.array(drawn_aspects(0.0, 90.0, 20, 3)).reshape(3, 20) % 30
-    for first, second in ((0, 1), (0, 2), (1, 2)):
-        assert (np.abs(places[first] - places[second]) > 2e-3).sum() >= 18
-
-
 def test_they_come_into_the_grid_and_are_not_learned():
-    choices = chosen(grid__aspect=[0, 15, 30, 60], grid__fresh=2)
-    drawn = fresh_aspects(choices, (0, 15, 30, 60))
+    choices = chosen(grid__aspect=[0, 15, 30, 60], grid__random_aspects=2)
+    drawn = random_test_aspects(choices, (0, 15, 30, 60))
     assert len(drawn) == 4 and choices[Grid.aspect] == tuple(sorted({0, 15, 30, 60, *drawn}))
     kinds = aspects_of(choices)
     assert list(kinds) == ["learned", "random"]
@@ -70,15 +51,9 @@ def test_they_come_into_the_grid_and_are_not_learned():
     assert again.values == choices.values
 
 
-def test_nothing_changes_without_them():
-    choices = choose(**SHIPS, grid__aspect=[0, 15])
-    assert classifier.check(choices).values == choices.values
-    assert list(aspects_of(choices)) == ["learned"]
-
-
 def test_a_spacing_learns_its_multiples_and_is_an_axis():
     spaced = {"grid__aspect": {"start": 0, "stop": 6, "step": 0.5}}
-    choices = chosen(**spaced, grid__fresh=1, classifier__template_spacing=[1.5, 3])
+    choices = chosen(**spaced, grid__random_aspects=1, classifier__template_spacing=[1.5, 3])
     learned = learned_of(choices)
     assert learned.dims == ("template_spacing", "ship", "aspect")
     aspects = np.array(choices[Grid.aspect])
@@ -91,18 +66,6 @@ def test_a_spacing_learns_its_multiples_and_is_an_axis():
     assert (sum(kind.astype(int) for kind in kinds.values()) == 1).all()
 
 
-def test_one_aspect_has_nothing_to_draw_between():
-    said = r"^grid\.fresh is 3, but must be 0 where grid\.aspect has one value"
-    with pytest.raises(ConfigurationError, match=said):
-        chosen(grid__aspect=10, grid__fresh=3)
-
-
-def test_a_spacing_that_leaves_nothing_is_refused():
-    said = r"^classifier\.template_spacing has 7, but must have a multiple among the aspects"
-    with pytest.raises(ConfigurationError, match=said):
-        chosen(grid__aspect=[1, 2, 3], classifier__template_spacing=[1, 7])
-
-
 def test_answers_at_several_kinds_of_aspects_are_counted_apart():
     rng = np.random.default_rng(2)
     dims, coords = ("replicate", "ship", "aspect"), {"aspect": [0.0, 1.0, 30.0, 31.0, 62.0]}
@@ -113,8 +76,8 @@ def test_answers_at_several_kinds_of_aspects_are_counted_apart():
     kinds = {
         name: xr.DataArray(np.array(flags, bool), dims="aspect") for name, flags in where.items()
     }
-    found = by_aspects(correct, kinds, lambda part: scored(part, "", "tests"))
-    share, n = found["accuracy"][0], found["n"][0]
+    found = scored(correct, "", "tests", kinds)
+    share, n = found.accuracy, found.n
     assert share.aspects.values.tolist() == ["learned", "random"]
     for name, flags in where.items():
         asked = correct.values[..., np.array(flags, bool)]
@@ -123,4 +86,4 @@ def test_answers_at_several_kinds_of_aspects_are_counted_apart():
         np.testing.assert_allclose(share.sel(aspects=name, aspect_bin="overall"), wanted)
     assert np.isnan(share.sel(aspects="learned", aspect_bin="62"))
     # Of one kind there is no such dimension.
-    assert "aspects" not in by_aspects(correct, {}, lambda part: scored(part, "", "x"))["n"][0].dims
+    assert "aspects" not in scored(correct, "", "tests", {}).dims

@@ -4,7 +4,6 @@ A setting that is missing from the name of a stream leaves every result as proba
 for itself. It shows only where cells are averaged: their noise then does not average out.
 """
 
-from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,16 +13,14 @@ from commands import chosen, opened, swept
 from ncti.render import line_image
 from sweeps.engine.plan import Plan
 from sweeps.experiment import EXPERIMENT
-from sweeps.stages import categories, infrared_look, irar
-from sweeps.stages.infrared import look
-from sweeps.stages.infrared_look import pack_hits
+from sweeps.stages import infrared, irar
+from sweeps.stages.infrared import Imager, look, pack_hits
 
 RANGE = (
     *("sensor=range", "grid.ship=[duncan,texas]", "grid.aspect=[0,1]", "grid.pulse_width=[10,30]"),
     *("grid.range=[50,100]", "ladar.target_free_ifovs=[3000,4000]", "grid.replicate=2"),
     *("grid.frame_count=1", "render.engine=lines", "render.pixel=1", "render.samples=0"),
 )
-OF_RANGE = ("grid.ship", "grid.aspect", "grid.pulse_width", "grid.range", "grid.replicate")
 FLOWN = (
     *("sensor=irar", "grid.ship=[connole,roberts]", "grid.aspect=[175,176]", "grid.replicate=2"),
     *("grid.pulse_width=[10,30]", "irar.depression=[5,6.7]", "render.engine=embree"),
@@ -93,12 +90,12 @@ def test_no_two_images_have_one_stream(monkeypatch, box):
     """Of two ships, aspects, ranges, seeds and ways of super-resolution; places on the detector
     are drawn apart, and are the same whatever the way."""
     drawn = Recorded()
-    monkeypatch.setattr(infrared_look, "cell_rng", drawn)
+    monkeypatch.setattr(infrared, "cell_rng", drawn)
     seen = pack_hits(line_image(box, aspect=30, depression=4, spacing=0.5))
-    first = {"ship": "a", "aspect": 30.0, "range": 25.0, "seed": 0}
-    settings = {"drawn_aspect": 30.0, "ifov": 150.0, "coverage_rule": 0.25, "contrast_at_zero": 2.0}
-    settings |= {"extinction": 0.18, "nedt": 0.4, "target_spread": 0.1, "sea_spread": 0.1}
-    others = ({}, {"ship": "b"}, {"aspect": 31.0}, {"range": 50.0}, {"seed": 1})
+    first = {"ship": "a", "aspect": 30.0, "range": 25e3, "seed": 0}
+    imager = Imager(0.25, 2.0, 0.18e-3, 0.4, 0.1, 0.1)
+    settings = {"drawn_aspect": 30.0, "ifov": 150e-6, "imager": imager}
+    others = ({}, {"ship": "b"}, {"aspect": 31.0}, {"range": 50e3}, {"seed": 1})
     for other in others:
         found = look.function(hits=seen, **settings | first | other)
         for way in ("none", "perfect", "shifted"):
@@ -136,15 +133,3 @@ def test_no_two_scans_have_one_stream(monkeypatch):
     irar.recorded(None, course, receivers | {"cnr": 10.0}, **one)
     assert len(drawn.names) == len(set(drawn.names)) == 3 * len(others) + 3
     assert "replicate" in {one.name for one in irar.RECORDED}
-
-
-def test_orders_of_presentation_differ_and_are_of_all_views():
-    """Two of 12 views are equal by chance once in 12!, 5e8."""
-    orders = [
-        categories.presentation_order(12, number, seed) for number in range(4) for seed in (0, 1)
-    ]
-    for order in orders:
-        np.testing.assert_array_equal(np.sort(order), np.arange(12))
-    for first, second in combinations(orders[2:], 2):
-        assert (first != second).any()
-    np.testing.assert_array_equal(orders[0], orders[1])  # the grid's own, by no seed

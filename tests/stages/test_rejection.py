@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 import xarray as xr
-from range_channel import choose
 from sklearn.metrics import roc_auc_score
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
-from sweeps.stages.classifier import Naming, names_by
-from sweeps.stages.scores import LEAST, tabulate_rejection
+from sweeps.stages.scores import tabulate_rejection
 
 
 def tabulate(classified, learned, vigilances):
@@ -79,29 +77,11 @@ def test_the_characteristic_is_counted_by_hand():
         for unknown in similarity[2:].ravel()
     )
     assert table.oscr == pytest.approx(pairs / 64)
-    given = similarity.ravel(), np.repeat([1, 0], 8)
-    assert table.auroc == pytest.approx(roc_auc_score(given[1], given[0]))
+    assert table.auroc == pytest.approx(roc_auc_score(np.repeat([1, 0], 8), similarity.ravel()))
     nothing = tabulate(classified, learned, (0.5,)).sel(aspects="between")
     assert np.isnan(nothing.oscr)
     assert np.isnan(nothing.auroc)
     assert np.isnan(nothing.correct_where_rejected).all()
-
-
-@pytest.mark.parametrize("vigilances", [(0.0,), (0.9, 0.95), tuple(np.arange(0, 1.01, 0.01))])
-def test_the_characteristic_does_not_hang_on_the_list_of_vigilances(vigilances):
-    """And is that of every possible vigilance, tried one after the other."""
-    answers = answers_of("replicate", seed=3).assign_coords(frame_count=16)
-    table = tabulate(answers, LEARNED, vigilances).sel(aspects="learned")
-    similarity, right = answers.similarity.values, answers.correct.values[:, :3] == 1
-    known, unknown = similarity[:, :3], similarity[:, 3:]
-    through, named = [1.0], [right.mean()]
-    for threshold in np.sort(similarity.ravel()):
-        through.append((unknown > threshold).mean())
-        named.append((right & (known > threshold)).mean())
-    assert table.oscr == pytest.approx(-np.trapezoid(named, through), rel=1e-12)
-    for least, found in zip(LEAST, table.correct_where_rejected.values, strict=True):
-        best = max(n for t, n in zip(through, named, strict=True) if 1 - t >= least - 1e-12)
-        assert found == pytest.approx(best, rel=1e-12)
 
 
 FIGURES = ("rejected_unknown", "rejected_known", "correct_known")
@@ -115,28 +95,6 @@ def answers_of(*draws, seed=0):
     shape = (*(3 for _ in draws), 5, 20)
     right = rng.integers(0, 2, shape) * LEARNED.any(axis=1)[:, None]
     return xr.Dataset({"similarity": (dims, rng.random(shape)), "correct": (dims, right)})
-
-
-def assert_wilson(table, views):
-    """Each interval is that of its fraction of so many answers."""
-    for name in FIGURES:
-        n = views["unknown" if name.endswith("unknown") else "known"]
-        low, high = wilson_interval(np.rint(table[name] * n), n)
-        np.testing.assert_allclose(table[f"{name}_ci_low"], low, rtol=1e-12, atol=1e-15)
-        np.testing.assert_allclose(table[f"{name}_ci_high"], high, rtol=1e-12)
-
-
-def test_intervals_of_one_draw_are_wilson_s():
-    table = tabulate(answers_of(), LEARNED, (0.2, 0.5, 0.9)).sel(aspects="learned")
-    assert (table.n_known, table.n_unknown) == (60, 40)
-    assert_wilson(table, {"known": 60, "unknown": 40})
-
-
-def test_equal_draws_count_as_one():
-    same = xr.concat([answers_of()] * 3, "replicate")
-    table = tabulate(same, LEARNED, (0.2, 0.5, 0.9)).sel(aspects="learned")
-    assert (table.n_known, table.n_unknown) == (180, 120)
-    assert_wilson(table, {"known": 60, "unknown": 40})
 
 
 @pytest.mark.parametrize("draws", [("replicate",), ("phase", "order"), ("ifov_phase", "order")])
@@ -157,37 +115,3 @@ def test_draws_count_as_they_differ(draws):
     np.testing.assert_allclose(found.correct_known_ci_high, whole.ci_high[-1])
     for name in FIGURES:
         assert (table[f"{name}_ci_low"] <= table[name]).all()
-
-
-def test_nobody_unknown_is_nothing_to_reject():
-    dims = ("ship", "aspect")
-    classified = xr.Dataset(
-        {"similarity": (dims, np.ones((2, 3))), "correct": (dims, np.ones((2, 3), int))}
-    )
-    learned = np.array([[1, 0, 1], [1, 0, 1]], bool)
-    table = tabulate(classified, learned, (0.5,))
-    assert np.isnan(table.rejected_unknown).all()
-    np.testing.assert_array_equal(table.correct_known, 1.0)
-
-
-def test_the_table_is_there_where_a_ship_is_not_learned():
-    _, table = Naming("acn", names_by("acn", "range")).tables(rejecting=True)
-    assert (table.group, table.of) == ("tables/rejection_acn", ("classification/acn",))
-    assert not table.when(choose())
-    assert table.when(choose(classifier__unknown="texas"))
-    assert not table.when(choose(classifier__training_aspect=[0, 90]))
-    assert not table.when(choose(classifier__unknown="texas", classifier__name="mnn"))
-
-
-def test_the_table_takes_the_test_vigilances_of_the_sweep():
-    given = {"grid__ship": ["duncan", "horne"], "grid__aspect": [0, 15]}
-    choices = choose(**given, classifier__unknown="horne", classifier__test_vigilance=[0.3, 0.7])
-    dims = ("ship", "aspect")
-    similarity, correct = [[0.9, 0.5], [0.6, 0.1]], [[1, 1], [0, 0]]
-    classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
-    _, rejections = Naming("acn", names_by("acn", "range")).tables(rejecting=True)
-    table = rejections.make(classified, choices)
-    at = table.sel(aspects="learned")
-    np.testing.assert_array_equal(at.test_vigilance, [0.3, 0.7])
-    np.testing.assert_array_equal(at.rejected_unknown, [0.5, 1])
-    np.testing.assert_array_equal(at.correct_known, [1, 0.5])

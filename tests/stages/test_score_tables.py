@@ -3,66 +3,21 @@
 import numpy as np
 import pytest
 import xarray as xr
-from range_channel import EXPERIMENT, choose
+from range_channel import choose
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
-from sweeps.engine.errors import ConfigurationError
 from sweeps.stages import classifier
 from sweeps.stages.classifier import tabulate_answers, training_views
 
 GRID = {"grid__ship": ["duncan", "horne", "texas"], "grid__aspect": [0, 15, 45]}
 
 
-def test_everything_is_learned_unless_told_otherwise():
-    assert classifier.learned_of(choose(**GRID)).all()
-
-
 def test_unknown_ships_and_aspects_between_are_not_learned():
     choices = choose(**GRID, classifier__unknown="horne", classifier__training_aspect=[45, 0])
     wanted = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
     np.testing.assert_array_equal(classifier.learned_of(choices), wanted)
-    views = training_views(("a", "b"), (0.0, 1.5), ("b",), None, None)
+    views = training_views(("a", "b"), (0.0, 1.5), ("b",), None, None, ())
     np.testing.assert_array_equal(views, [[1, 1], [0, 0]])
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        (
-            {"classifier__unknown": "connole"},
-            r"^classifier\.unknown has 'connole', .* one of duncan, horne, texas, the values of "
-            r"grid\.ship$",
-        ),
-        ({"classifier__unknown": GRID["grid__ship"]}, r"^classifier\.unknown has every ship"),
-        (
-            {"classifier__unknown": ["duncan", "duncan"]},
-            r"^classifier\.unknown has 'duncan' more than once",
-        ),
-        ({"classifier__unknown": 3}, r"^classifier\.unknown is 3"),
-        (
-            {"classifier__training_aspect": 2},
-            r"^classifier\.training_aspect has 2, .* one of grid\.aspect$",
-        ),
-        ({"classifier__training_aspect": []}, r"^classifier\.training_aspect is empty"),
-        ({"classifier__training_aspect": float("nan")}, r"^classifier\.training_aspect has nan"),
-        ({"classifier__name": "nobody"}, r"^classifier\.name has 'nobody', .* acn, mnn, "),
-    ],
-)
-def test_invalid_choices_are_refused(given, said):
-    with pytest.raises(ConfigurationError, match=said):
-        classifier.check(choose(**GRID, **given))
-
-
-def test_what_is_known_by_its_key_is_a_setting():
-    (receiver,) = (one for one in EXPERIMENT.declared if one.key == classifier.RECEIVER)
-    assert receiver.default == classifier.FULL
-
-
-def test_a_classifier_is_there_if_it_is_chosen_and_the_sensor_looks():
-    there = classifier.names_by("mnn", "range")
-    assert there(choose(classifier__name=["acn", "mnn"], sensor="both"))
-    assert not there(choose(classifier__name="acn"))
-    assert not there(choose(classifier__name="mnn", sensor="infrared"))
 
 
 def answers(**arrays):
@@ -95,9 +50,39 @@ def test_fractions_are_counted_by_hand():
         assert array.attrs["units"] == "1" and array.attrs["long_name"], name
 
 
-def test_several_receivers_are_an_axis_and_no_attribute():
-    choices = choose(**GRID, ladar__receiver=["full_profile", "peak_pulse"])
-    assert tabulate_answers(answers(correct=np.ones((3, 3), int)), choices).attrs == {}
+@pytest.mark.parametrize("prefix", ["", "training_"])
+@pytest.mark.parametrize(
+    ("lost", "mean", "spread"),
+    [
+        (None, [5 / 8, 1 / 2, 7 / 12], [0.414578, 0.353553, 0.300463]),
+        (0, [1 / 2, 1 / 4, 5 / 12], [1 / 2, 1 / 4, 1 / 4]),
+        (1, [3 / 4] * 3, [1 / 4] * 3),
+    ],
+)
+def test_draws_are_means_with_a_spread(prefix, lost, mean, spread):
+    """Of silhouettes at two phases in two orders, 4/4, 2/4, 0/4, 4/4 and 2/2, 1/2, 1/2, 0/2."""
+    right = np.array(
+        [
+            [[[1, 1, 1], [1, 1, 1]], [[1, 0, 1], [1, 0, 0]]],
+            [[[0, 0, 0], [0, 0, 1]], [[1, 1, 0], [1, 1, 0]]],
+        ]
+    )
+    if lost is not None:
+        right[lost] = -1
+    dims, ships = ("phase", "order", "ship", "aspect"), ["duncan", "texas"]
+    given = xr.Dataset(
+        {f"{prefix}correct": (dims, right)}, {"ship": ships, "aspect": [0.0, 15.0, 45.0]}
+    )
+    choices = choose(grid__ship=ships, grid__aspect=[0, 15, 45])
+    table = tabulate_answers(given, choices, "silhouettes")
+    np.testing.assert_allclose(table[f"{prefix}accuracy"], mean, rtol=1e-12)
+    np.testing.assert_allclose(table[f"{prefix}spread"], spread, atol=1e-6)
+    np.testing.assert_array_equal(
+        table[f"{prefix}n"], np.array([16, 8, 24]) // (2 - (lost is None))
+    )
+    wanted = replicated_accuracy(right == 1, [0.0, 15.0, 45.0], draws=2, answered=right >= 0)
+    for name, values in (("ci_low", wanted.ci_low), ("ci_high", wanted.ci_high)):
+        np.testing.assert_array_equal(table[prefix + name], values)
 
 
 def test_replicates_are_pooled_as_they_differ():

@@ -9,8 +9,7 @@ import xarray as xr
 
 from sweeps.app import command, main
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.front import register, replaceable
-from sweeps.engine.multirun import crossed
+from sweeps.engine.overrides import read_jobs
 from sweeps.engine.run import Finished, Place, sweep
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Choices
@@ -18,18 +17,16 @@ from sweeps.engine.tasks import forget_all
 from sweeps.experiment import EXPERIMENT
 
 COMMAND = command()
-register(EXPERIMENT)
 
 FAST = ("render.pixel=1", "render.samples=0", "render.engine=embree")
 """Coarse images: what a test does not look at need not be exact."""
 
 
-def prepared(*arguments: str) -> list[tuple[Choices, str | None]]:
+def prepared(*arguments: str) -> list[tuple[Choices, Path]]:
     """Checked choices and stores of the sweeps of a command line, `-m` among it or not."""
     overrides = [one for one in arguments if one != "-m"]
-    several = len(overrides) < len(arguments)
-    given = crossed(EXPERIMENT, overrides) if several else overrides
-    return COMMAND.prepare(replaceable(EXPERIMENT, given), several=several)
+    jobs = read_jobs(EXPERIMENT, overrides, several=len(overrides) < len(arguments))
+    return [(plan.choices, store) for plan, store in COMMAND.prepare(jobs)]
 
 
 def chosen(*overrides: str) -> Choices:
@@ -50,7 +47,8 @@ def ran(*arguments: str, modules=()) -> int:
     """Exit status of the whole command in this process, inline."""
     forget_all()
     try:
-        main([*arguments, "cluster=inline"], *modules)
+        inline = [] if arguments[0].startswith("--") else ["cluster=inline"]
+        main([*arguments, *inline], *modules)
     except SystemExit as status:
         return int(status.code or 0)
     raise AssertionError("the command returned")

@@ -3,93 +3,117 @@
 import pytest
 import trimesh
 from commands import chosen, prepared
-from hydra.errors import HydraException
-from omegaconf.errors import OmegaConfBaseException
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.front import explain
-from sweeps.experiment import EXPERIMENT
-from sweeps.stages.classifier import Classifier
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.views import Grid
 
 FLOWN = "sensor=irar grid.ship=duncan grid.aspect=175"
+SCAN = "sensor=scan grid.range=50 render.engine=lines"
 BOTH = "sensor=both classifier=fusion grid.ship=duncan"
 
 
 def sentence(*overrides):
     """What is said of a wrong command line."""
-    wrong = (ConfigurationError, HydraException, OmegaConfBaseException)
-    with pytest.raises(wrong) as caught:
+    with pytest.raises(ConfigurationError) as caught:
         prepared(*overrides)
-    told = explain(EXPERIMENT, caught.value)
+    told = str(caught.value)
     assert "\n" not in told and "full_key" not in told
     return told
 
 
+# Overrides, and the words that their refusal must have: the key at fault, the value, the bound.
 WRONG = {
     # keys and groups
-    "grid.shp=duncan": "grid.shp is not a key of the configuration; grid has ship, aspect",
-    "+colour=red": "colour is not a key of the configuration; it has sensor, grid",
-    "irar.errors.luck=1": "irar.errors.luck is not a key of the configuration; irar.errors has "
-    "aircraft_speed, ",
-    "irar.errors=null": "irar.errors is null, but must hold aircraft_speed, ship_speed",
-    "irar.errors=5": "irar.errors is 5, but must hold aircraft_speed, ship_speed",
-    "grid.aspect=${grid.rage}": "grid.aspect is ${grid.rage}, but must refer to keys that have a "
-    "value (grid.rage is not a key of the configuration; grid has ship, aspect",
-    "grid.ship=null": "grid.ship is null, but must be a ship, or a list of ships",
-    "classifier.mnn=5": "classifier.mnn is 5, but must hold epochs, grow_every",
-    "grid=[1]": "grid is a list, but must hold ship, aspect",
-    "+experiment=nope": "experiment is 'nope', but must be one of",
-    "ladar=nope": "ladar is 'nope', but must be one of first_pulse, full_profile, peak_pulse",
-    "ladar=[full_profile,peak_pulse]": "but must be one choice",
-    "classifier=[acn,mnn]": "but must be one choice; classifier.name takes a list",
-    "sensor=radar": "sensor is 'radar', but must be one of range, infrared, irar, run_time, scan, "
-    "both",
+    "grid.shp=duncan": "grid.shp grid.ship",
+    "laddar.cnr=30": "laddar.cnr ladar.cnr?",
+    "+colour=red": "colour sensor, grid",
+    "irar.errors.luck=1": "irar.errors.luck irar.errors aircraft_speed, ship_heading",
+    "irar.errors=null": "irar.errors null aircraft_speed,",
+    "irar.errors=5": "irar.errors 5, aircraft_speed,",
+    "grid.aspect=${grid.rage}": "grid.aspect ${grid.rage}, grid.rage",
+    "grid.ship=null": "grid.ship null, ship",
+    "classifier.mnn=5": "classifier.mnn 5, epochs,",
+    "grid=[1]": "grid [1], ship, aspect",
+    "+experiment=nope": "experiment 'nope', one of",
+    "ladar=nope": "ladar 'nope', first_pulse, full_profile, peak_pulse",
+    "ladar=[full_profile,peak_pulse]": "ladar one choice",
+    "classifier=[acn,mnn]": "classifier one choice; classifier.name",
+    "sensor=radar": "sensor 'radar', range, infrared, irar, run_time, scan, both",
     # ships
-    "grid.ship=bismarck": "grid.ship has 'bismarck': ",
-    "grid.ship=[duncan,x/duncan.stl]": "'duncan' is the name of another ship of the grid",
-    "grid.ship=leak.stl": "leak.stl': ",
+    "grid.ship=bismarck": "grid.ship 'bismarck'",
+    "grid.ship=[duncan,x/duncan.stl]": "grid.ship 'x/duncan.stl', 'duncan'",
+    "grid.ship=[duncan,duncan]": "grid.ship 'duncan' once",
+    "grid.ship=[]": "grid.ship empty,",
+    "grid.ship=3": "grid.ship 3,",
+    "grid.ship=nowhere.stl": "grid.ship nowhere.stl",
+    "grid.ship=leak.stl": "grid.ship leak.stl",
     # the scene and the laser radar
-    "scene=altitude grid.range=5": "grid.range has 5: slant_range is 5000 m, but",
-    "scene=altitude grid.range=400": "horizon",
-    "grid.range=1": "ladar.ifov of 150 urad is 0.15 m wide, but must be at least render.pixel",
-    "ladar.bin_width=2 grid.pulse_width=10": "grid.pulse_width has 10, but must be at least 18.9 "
-    "for ladar.bin_width 2 m",
-    "ladar.window=150": "ladar.window is 150 m, but must be at least",
-    "ladar.window=20 ladar.bin_width=5": "must hold at least 10 bins of ladar.bin_width 5 m",
-    "ladar=peak_pulse ladar.target_free_ifovs=20000": "ladar.target_free_ifovs has 20000, but must "
-    "be at most 10000 with the peak_pulse receiver",
+    "scene=altitude grid.range=5": "grid.range 5: slant_range 5000",
+    "scene=altitude grid.range=400": "grid.range 400 horizon",
+    "grid.range=1": "grid.range 1, ladar.ifov render.pixel",
+    "ladar.ifov=[1,150]": "grid.range 100, ladar.ifov 1 render.pixel, 0.25",
+    "ladar.bin_width=2 grid.pulse_width=10": "grid.pulse_width 10, 18.9 ladar.bin_width",
+    "ladar.window=150": "ladar.window 150",
+    "ladar.window=20 ladar.bin_width=5": "ladar.window 20 10 ladar.bin_width 5",
+    "ladar=peak_pulse ladar.target_free_ifovs=20000": "ladar.target_free_ifovs 20000, 10000",
     # the imager
-    "sensor=infrared infrared.range=3": "infrared.range has 3, where half infrared.ifov",
-    "sensor=infrared infrared.training_range=3": "infrared.training_range has 3, where half",
-    "sensor=infrared infrared.window_length=50": "infrared.window_length is 50 m, but must be at "
-    "least 137 m to hold duncan",
+    "sensor=infrared infrared.range=3": "infrared.range 3, infrared.ifov",
+    "sensor=infrared infrared.training_range=3": "infrared.training_range 3, half",
+    "sensor=infrared infrared.window_length=50": "infrared.window_length 50 137 duncan",
+    "sensor=infrared infrared.window_height=5": "infrared.window_height 5 duncan",
+    "sensor=infrared infrared.nedt=0": "infrared.nedt 0,",
+    "sensor=infrared infrared.coverage_rule=[0.5,1]": "infrared.coverage_rule 1, 0.01 0.95",
+    "sensor=infrared infrared.super_resolution=magic": "infrared.super_resolution 'magic', none,",
+    "sensor=infrared infrared.subpixel_offsets=0": "infrared.subpixel_offsets 0,",
+    "sensor=infrared infrared.window_length=[100,200]": "infrared.window_length 2 one",
+    "sensor=infrared infrared.ifov=[150,4]": "grid.range 100, infrared.ifov 2",
+    "sensor=infrared scene=altitude infrared.range=400": "infrared.range 400:",
     # classifiers
-    "classifier.training=noisy classifier=correlation": "grid.replicate is 1, but must be at least "
-    "2 where classifier.training has noisy",
-    "classifier=fusion": "sensor is 'range', but must be both for the classifier fusion",
-    f"{BOTH} infrared.range=[25,50]": "grid.range has 100, but every value must be one of 25, 50",
-    f"{BOTH} infrared.phases=1": "infrared.phases is 1, but must be at least 2",
-    "classifier=likelihood ladar=peak_pulse": "ladar.receiver is 'peak_pulse', but must be "
-    "full_profile for the classifier likelihood",
-    "classifier.unknown=texas": "classifier.unknown has 'texas', but every value must be one of "
-    "duncan, the values of grid.ship",
-    "classifier.unknown=duncan": "has every ship of grid.ship, but must leave one",
-    "classifier.training_aspect=4": "classifier.training_aspect has 4, but every value must be one "
-    "of grid.aspect",
-    "classifier=likelihood classifier.left_out=true grid.aspect=0": "classifier.left_out has True",
+    "classifier=correlation classifier.training=noisy": "grid.replicate 1, 2 classifier.training",
+    "classifier=correlation classifier.left_out=true grid.aspect=3": "classifier.left_out True,",
+    "classifier=fusion": "sensor 'range', both fusion",
+    f"{BOTH} infrared.range=[25,50]": "grid.range 100, 25, 50",
+    f"{BOTH} infrared.subpixel_offsets=1": "infrared.subpixel_offsets 1, 2",
+    f"{BOTH} ladar.receiver=first_pulse": "ladar.receiver 'first_pulse', full_profile",
+    "classifier=likelihood ladar=peak_pulse": "ladar.receiver 'peak_pulse', full_profile",
+    "classifier.unknown=texas": "classifier.unknown 'texas', duncan, grid.ship",
+    "classifier.unknown=duncan": "classifier.unknown every one",
+    "classifier.unknown=[duncan,duncan]": "classifier.unknown 'duncan' once",
+    "classifier.unknown=3": "classifier.unknown 3",
+    "classifier.name=nobody": "classifier.name 'nobody', acn, mnn,",
+    "classifier.training_aspect=4": "classifier.training_aspect 4, grid.aspect",
+    "classifier.training_aspect=[]": "classifier.training_aspect empty",
+    "classifier.training_aspect=nan": "classifier.training_aspect nan",
+    "classifier=likelihood classifier.left_out=true grid.aspect=0": "classifier.left_out True",
     # flights
-    f"{FLOWN} irar.pulse_rate=19000": "irar.pulse_rate is 19000, but must be at least 19040",
-    f"{FLOWN} irar.aircraft_speed=[90,5]": "irar.aircraft_speed is 5",
-    f"{FLOWN} irar.errors.ship_speed=-9": "irar.errors.ship_speed has -9, with which ship_speed is",
-    f"{FLOWN} irar.pointing=20": "irar.pointing has 20, but must be nearer 5, irar.offset",
-    f"{FLOWN} irar.chain=[exact,printed] irar.mirror=[exact,none]": "irar.mirror is exact, none, "
-    "but must be exact where irar.chain has printed",
-    f"{FLOWN} irar.flown=roberts": "irar.flown has 'roberts', but every value must be one of",
-    f"{FLOWN} irar.samples=20": "irar.samples is 20, but must be at least",
-    f"{FLOWN} classifier.name=likelihood": "classifier.name is likelihood, but must have one of "
-    "acn, mnn, correlation where sensor is irar",
+    f"{FLOWN} irar.pulse_rate=19000": "irar.pulse_rate 19000, 19040",
+    f"{FLOWN} irar.line_rate=[119,126]": "irar.pulse_rate 20000, 20160",
+    f"{FLOWN} irar.aircraft_speed=[90,5]": "irar.aircraft_speed 5",
+    f"{FLOWN} irar.offset=[5,120]": "irar.aircraft_speed 90",
+    f"{FLOWN} irar.errors.ship_speed=-9": "irar.errors.ship_speed -9, ship_speed -1",
+    f"{FLOWN} irar.band_start=12": "irar.band_start 12, irar.band_stop",
+    f"{FLOWN} irar.pointing=20": "irar.pointing 20, 5, irar.offset",
+    f"{FLOWN} irar.chain=[exact,printed] irar.mirror=[exact,none]": "irar.mirror exact, irar.chain",
+    f"{FLOWN} irar.chain=printed irar.range_filter=mean": "irar.range_filter mean, cluster",
+    f"{FLOWN} irar.profile_range=[1,100]": "irar.profile_range 1, ladar.ifov render.pixel,",
+    f"{FLOWN} irar.flown=roberts": "irar.flown 'roberts', grid.ship",
+    f"{FLOWN} irar.flown=[]": "irar.flown empty",
+    f"{FLOWN} irar.samples=20": "irar.samples 20,",
+    f"{FLOWN} classifier.name=likelihood": "classifier.name likelihood, acn, mnn, correlation",
+    f"{FLOWN} classifier.training=noisy grid.replicate=2": "classifier.training noisy, expected",
+    # run times, and the scan of a field
+    "sensor=run_time render.engine=lines render.tolerance=0.01": "render.tolerance 0.01, null",
+    "sensor=run_time render.engine=lines run_time.bin_width=50": "run_time.bin_width 50, 250",
+    f"{SCAN} scan.pulse_rate=2000 grid.range=100": "scan.pulse_rate 2000, 1428",
+    f"{SCAN} grid.ship=[duncan,texas] grid.range=20": "grid.range 20, 22.9 3",
+    f"{SCAN} ladar.ifov=100": "infrared.ifov 150, ladar.ifov",
+    f"{SCAN} ladar.reflectance=lambertian": "ladar.reflectance lambertian, projected_area",
+    f"{SCAN} ladar.receiver=peak_pulse": "ladar.receiver 'peak_pulse', full_profile",
+    f"{SCAN} render.tolerance=0.01": "render.tolerance 0.01, null",
+    f"{SCAN} scan.decoy_length=300": "scan.decoy_length 300,",
+    f"{SCAN} scan.height=0.1": "scan.depth 0.05, 50",
+    f"{SCAN} infrared.window_length=100": "infrared.window_length 100",
 }
 
 
@@ -97,16 +121,11 @@ WRONG = {
 def test_a_wrong_combination_is_refused_in_one_sentence(overrides, folder):
     box = trimesh.creation.box((40, 8, 6))
     trimesh.Trimesh(box.vertices, box.faces[1:]).export(folder / "leak.stl")
-    given = overrides.split(" ")
     ship = [] if "grid.ship" in overrides else ["grid.ship=duncan"]
-    assert len(WRONG) <= 45
-    assert WRONG[overrides] in sentence(*ship, *given)
+    said = sentence(*ship, *overrides.split(" "))
+    missing = [word for word in WRONG[overrides].split(" ") if word not in said]
+    assert not missing, said
     assert [path.name for path in folder.iterdir()] == ["leak.stl"]
-
-
-def test_what_no_sensor_reads_stands_in_nobodys_way():
-    """Values that could not be flown, or seen, are only wrong where something looks at them."""
-    assert chosen("grid.ship=duncan", "irar.samples=2", "infrared.window_length=1")
 
 
 def test_the_imager_has_the_grids_axes_unless_it_has_its_own():
@@ -115,20 +134,6 @@ def test_the_imager_has_the_grids_axes_unless_it_has_its_own():
     assert choices[Infrared.vigilance] == choices[Grid.vigilance]
     told = sentence("sensor=infrared", "grid.ship=duncan", "grid.range=1")
     assert told.startswith("grid.range has 1, where half infrared.ifov")
-
-
-def test_flights_are_named_by_those_that_can():
-    """Where flights are alone, others are left out of a list of classifiers."""
-    names = "classifier.name=[likelihood,mnn]"
-    assert chosen(*FLOWN.split(" "), names)[Classifier.name] == ("mnn",)
-
-
-def test_classifiers_that_name_nothing_here_are_told():
-    told = EXPERIMENT.remarks(chosen("grid.ship=duncan", "classifier.name=[acn,fusion]"))
-    reason = "identifies nothing with these sensors and ranges"
-    assert told == [f"classifier.name has fusion, which {reason}"]
-    seen = chosen("grid.ship=duncan", "classifier.name=[acn,mnn]", "sensor=infrared")
-    assert [line.split(",")[0] for line in EXPERIMENT.remarks(seen)] == ["classifier.name has mnn"]
 
 
 def test_a_box_that_floats_is_a_ship(folder):

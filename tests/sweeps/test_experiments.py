@@ -1,12 +1,14 @@
 """Every configuration file composes, and every experiment runs, however little of it."""
 
 import io
-import re
+import runpy
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from commands import FAST, chosen, groups_of, ran
-from declared_values import ends
+from matplotlib import pyplot as plt
+from matplotlib.image import imread
 from rich.cells import cell_len
 from rich.console import Console
 
@@ -15,7 +17,7 @@ from ncti.render.choice import engines
 from sweeps.engine.kinds import Word
 from sweeps.experiment import EXPERIMENT, conf_folder
 from sweeps.report.command import report
-from sweeps.report.parts import parts_of
+from sweeps.report.summary import tables_of
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.irar import Irar
 from sweeps.stages.ladar import Ladar
@@ -29,66 +31,38 @@ GROUPS = sorted(
 EXPERIMENTS = sorted(path.stem for path in conf_folder().glob("experiment/*.yaml"))
 
 # What makes them small; `smoke` is run whole by the tests of its store.
-PROFILES = ("grid.aspect=[0,90]", "grid.pulse_width=[30,50]", "grid.frame_count=[2,4]")
-MNN = ("classifier.mnn.epochs=20",)
-SEEN = ("infrared.frame_count=4", "infrared.phases=2", "infrared.orders=1")
+TWO = "grid.ship=[duncan,texas]"
+PROFILES = "grid.aspect=[0,90] grid.pulse_width=[30,50] grid.frame_count=[2,4]"
+MNN = "classifier.mnn.epochs=20"
+SEEN = "infrared.frame_count=4 infrared.subpixel_offsets=2 infrared.orders=1"
+FAR = "infrared.range=[50,100]"
+NEAR = "grid.range=50 infrared.range=50 grid.random_aspects=1 grid.replicate=2"
 FLOWN = (
-    *("irar.ifov=1000", "irar.samples=40", "irar.line_rate=30", "irar.pulse_rate=2000"),
-    *("irar.detectors=2", "irar.range=3", "grid.replicate=1"),
+    "irar.ifov=1000 irar.samples=40 irar.line_rate=30 irar.pulse_rate=2000 irar.detectors=2 "
+    "irar.range=3 grid.replicate=1"
 )
 TINY = {
-    "corrections": (*FLOWN, "grid.ship=roberts"),
-    "draws": (
-        *(*PROFILES, *SEEN, *MNN, "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
-        *("ladar.phases=2", "classifier.orders=2", "grid.vigilance=0.95"),
-    ),
-    "fusion": (*PROFILES, *SEEN, "grid.ship=[duncan,texas]", "grid.range=50", "grid.replicate=2"),
-    "measured": (
-        *(*PROFILES, *MNN, "grid.aspect=175", "grid.ship=[duncan,roberts]", "irar.flown=roberts"),
-        *FLOWN,
-    ),
-    "paper": (*PROFILES, *SEEN, *MNN, "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
-    "runtime_vs_error": (
-        *("grid.ship=[duncan,texas]", "grid.aspect=90", "render.engine=embree"),
-        *("render.pixel=1", "render.roll=30", "run_time.repeats=1", "run_time.bin_width=1"),
-    ),
-    "scan": (
-        *("grid.ship=[duncan,texas]", "grid.aspect=[0,45,90]", "grid.frame_count=[2,4]"),
-        *("grid.range=50", "grid.replicate=1", "scan.known_views=4"),
-    ),
-    "sensitivity": (
-        *(*FLOWN, *(f"irar.errors.{name}=null" for name in ("ship_speed", "ship_heading"))),
-        *("irar.errors.aircraft_speed=5", "irar.errors.aircraft_heading=null"),
-        "irar.errors.pointing=0.2",
-    ),
-    "table2": (*PROFILES, *MNN, "grid.ship=[duncan,texas]", "grid.replicate=2"),
-    "table4": (*PROFILES, *MNN, "grid.ship=[duncan,texas]", "grid.replicate=2"),
-    "table5": (*SEEN, "grid.aspect=[0,90]", "grid.ship=[duncan,texas]", "infrared.range=[50,100]"),
-    "fresh": (
-        *(*PROFILES, "grid.aspect=[0,45,90]"),
-        *SEEN,
-        *MNN,
-        "grid.ship=[duncan,texas]",
-        "grid.range=50",
-        "infrared.range=50",
-        "grid.fresh=1",
-        "grid.replicate=2",
-    ),
-    "spacing": (
-        *PROFILES,
-        *SEEN,
-        "grid.ship=[duncan,texas]",
-        "grid.range=50",
-        "infrared.range=50",
-        "grid.fresh=1",
-        "grid.replicate=2",
-        "grid.aspect=[0,6,12]",
-        "classifier.template_spacing=12",
-    ),
-    "unknown": (*PROFILES, "grid.aspect=[0,1.5,3]", "classifier.training_aspect=[0,3]"),
-    "validation": (
-        *(*FLOWN, "grid.ship=[duncan,roberts]", "irar.mast_gain=3", "irar.pictures=false"),
-    ),
+    "corrections": f"{FLOWN} grid.ship=roberts",
+    "draws": f"{PROFILES} {SEEN} {MNN} {TWO} {FAR} ladar.subpixel_offsets=2 classifier.orders=2 "
+    "grid.vigilance=0.95",
+    "fusion": f"{PROFILES} {SEEN} {TWO} grid.range=50 grid.replicate=2",
+    "measured": f"{PROFILES} {MNN} grid.aspect=175 grid.ship=[duncan,roberts] irar.flown=roberts "
+    f"{FLOWN}",
+    "paper": f"{PROFILES} {SEEN} {MNN} {TWO} {FAR}",
+    "runtime_vs_error": f"{TWO} grid.aspect=90 render.engine=embree render.pixel=1 render.roll=30 "
+    "run_time.repeats=1 run_time.bin_width=1",
+    "scan": f"{TWO} grid.aspect=[0,45,90] grid.frame_count=[2,4] grid.range=50 grid.replicate=1 "
+    "scan.known_views=4",
+    "sensitivity": f"{FLOWN} irar.errors.ship_speed=null irar.errors.ship_heading=null "
+    "irar.errors.aircraft_speed=5 irar.errors.aircraft_heading=null irar.errors.pointing=0.2",
+    "table2": f"{PROFILES} {MNN} {TWO} grid.replicate=2",
+    "table4": f"{PROFILES} {MNN} {TWO} grid.replicate=2",
+    "table5": f"{SEEN} grid.aspect=[0,90] {TWO} {FAR}",
+    "fresh": f"{PROFILES} grid.aspect=[0,45,90] {SEEN} {MNN} {TWO} {NEAR}",
+    "spacing": f"{PROFILES} {SEEN} {TWO} {NEAR} grid.aspect=[0,6,12] "
+    "classifier.template_spacing=[6,12]",
+    "unknown": f"{PROFILES} grid.aspect=[0,1.5,3] classifier.training_aspect=[0,3]",
+    "validation": f"{FLOWN} grid.ship=[duncan,roberts] irar.mast_gain=3 irar.pictures=false",
 }
 
 
@@ -102,9 +76,9 @@ def test_every_classifier_is_a_choice():
     assert isinstance(Classifier.name.kind, Word)
     (name,) = (one for one in EXPERIMENT.declared if one.key == Classifier.name.key)
     choices = {file for group, file in GROUPS if group == "classifier"}
-    assert choices == {*ends(name.kind), "all"}
+    assert choices == {*name.kind.words, "all"}
     receivers = {file for group, file in GROUPS if group == "ladar"}
-    assert receivers == set(ends(Ladar.receiver.kind))
+    assert receivers == set(Ladar.receiver.kind.words)
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
@@ -136,12 +110,13 @@ def test_every_experiment_is_run():
 
 
 @pytest.mark.parametrize("name", TINY)
-def test_every_experiment_runs(name, folder, results, capsys):
+def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
     fast = [] if name == "runtime_vs_error" else FAST
-    arguments = [*fast, *TINY[name], "store=s.zarr", f"cache={results}"]
+    arguments = [*fast, *TINY[name].split(), "store=s.zarr", f"cache={results}"]
     assert ran(f"+experiment={name}", *arguments) == 0, capsys.readouterr().err
     assert_on_a_page(capsys.readouterr().out)
     assert_tables_fit(folder / "s.zarr")
+    draw_gallery(name, monkeypatch)
     groups = groups_of(folder / "s.zarr")
     flown = ["roberts"] if name == "measured" else None
     assert any(group.startswith("status") for group in groups)
@@ -149,29 +124,66 @@ def test_every_experiment_runs(name, folder, results, capsys):
         for variable, values in data.items():
             if group.startswith("status"):
                 assert np.isin(values, [1, NOT_ASKED.get((name, group), 1)]).all(), variable
+            if variable in SCORES and "n" in data:
+                values = values.where(data.n > 0, 0.0)  # no view is between templates of each one
             assert np.isfinite(asked(values, group, flown)).all(), (group, variable)
+
+
+GALLERY = {  # scripts of docs/gallery by experiment, with their arguments after the store
+    "paper": (("range_profiles",), ("categories", "acn"), ("classifiers",), ("silhouettes",)),
+    "draws": (("scores",),),
+    "table5": (("infrared_scores",), ("categories", "acn_infrared")),
+    "fresh": (("fusion",),),
+    "spacing": (("spacing",),),
+    "validation": (("near_stern",), ("flight",)),
+    "measured": (("measured",),),
+    "sensitivity": (("sensitivity",),),
+    "scan": (("field_scan",),),
+    "runtime_vs_error": (("run_time",),),
+}
+
+
+def draw_gallery(experiment, monkeypatch):
+    """Run the gallery's scripts for an experiment on its store."""
+    mpl.use("Agg")
+    for script, *more in GALLERY.get(experiment, ()):
+        path = conf_folder().parent / "docs" / "gallery" / f"{script}.py"
+        monkeypatch.setattr("sys.argv", [str(path), "s.zarr", *more, "picture.png"])
+        runpy.run_path(str(path), run_name="__main__")
+        picture = imread("picture.png")
+        assert min(picture.shape[:2]) > 200 and picture.std() > 0.05, script
+        plt.close("all")
+
+
+def test_every_script_of_the_gallery_is_short_and_run():
+    folder = conf_folder().parent / "docs" / "gallery"
+    run = {script for scripts in GALLERY.values() for script, *_ in scripts}
+    assert {path.stem for path in folder.glob("*.py")} == {*run, "ships"}
+    assert all(len(path.read_text().splitlines()) <= 40 for path in folder.glob("*.py"))
 
 
 def assert_on_a_page(text):
     """The end of a sweep is at most a page of 80 columns, and says where everything is."""
     lines = text.splitlines()
-    assert len(lines) <= 40 and max(map(cell_len, lines)) <= 80
-    assert "Swept" in text and "store   s.zarr" in lines and "next    ncti-report s.zarr" in lines
+    assert len(lines) <= 60 and max(map(cell_len, lines)) <= 80
+    assert (
+        "swept   " in text and "store   s.zarr" in lines and "next    ncti-report s.zarr" in lines
+    )
 
 
 def assert_tables_fit(store):
     """Every table is printed in 80 columns, alone or with all others, and none repeats rows."""
-    for table in (None, *(part.name for part in parts_of(store))):
+    for table in (None, *tables_of(store)):
         console = Console(file=io.StringIO(), width=80)
         report(store, console, table=table)
         lines = console.file.getvalue().splitlines()
         assert max(map(cell_len, lines)) <= 80, table
-        figures = [line for line in lines if re.search(r"\d", line) and not line.startswith("  ")]
-        assert max(map(figures.count, figures), default=0) < 24, table
 
 
 # Ships that are not flown past have no answers.
 NOT_ASKED = {("measured", "status_measured"): -1}
+SCORES = {"accuracy", "ci_low", "ci_high", "spread"}
+OF_FLIGHTS = {"validation", "tables/flights"}
 PIXELS = {"picture", "image", "infrared_image", "intensity", "range_image"}
 
 
@@ -179,10 +191,11 @@ def asked(values, group, flown):
     """The numbers of a variable that must all be there."""
     if values.dtype.kind in "OTU" or values.name in PIXELS:
         return np.zeros(0)
-    if values.name == "sharpness":  # sensors have one, both together have none
+    if values.name == "inverse_temperature":  # sensors have one, both together have none
         return values.sel(channel=["range", "infrared"])
     if str(values.name).endswith("_needed"):  # none, for an error that no pixel of these meets
         return np.zeros(0)
     if values.name == "rejected_up_to":  # none, to reject none
         return values.isel(least_rejected=slice(1, None))
-    return values.sel(ship=flown) if flown and group == "validation" else values
+    flights = flown and group in OF_FLIGHTS and "ship" in values.dims
+    return values.sel(ship=flown) if flights else values

@@ -2,12 +2,11 @@
 
 import pytest
 import trimesh
-from commands import FAST, chosen, opened, ran
+from commands import FAST, opened, ran
 
 import ncti.ships
 from ncti.ships import Transform
 from sweeps.engine.store import read_attributes
-from sweeps.stages.views import Grid, hull
 
 MILLIMETRES = "grid.ship={path: hull.stl, up: y, scale: 0.001}"
 BOTH = "grid.ship=[{path: hull.stl, up: y, scale: 0.001}, duncan]"
@@ -43,28 +42,3 @@ def test_one_store_has_it_before_and_beside_another(mesh, folder, results, capsy
     assert attributes["mesh_transforms"] == {"hull": "up: y, scale: 0.001"}
     digest = ncti.ships.digest(folder / "hull.stl", up="y", scale=0.001)
     assert attributes["mesh_digests"]["hull"] == digest
-
-
-def test_a_multirun_crosses_it(mesh):
-    found = chosen("-m", "grid.ship={path: hull.stl, up: y, scale: 0.001},duncan")
-    assert found[Grid.ship] == ("duncan", "hull")
-    assert hull(found[Grid.ship][1]).transform == Transform(up="y", scale=0.001)
-
-
-def test_a_value_replaces_one_of_another_form(mesh, capsys):
-    assert ran("--cfg", "job", "grid.ship=duncan", MILLIMETRES.replace("grid", "++grid")) == 0
-    printed = capsys.readouterr().out
-    assert "    path: hull.stl\n    up: 'y'\n    scale: 0.001\n" in printed
-
-
-def test_what_looks_wrong_is_told_and_stored(mesh, folder, results, capsys):
-    on_side = "grid.ship={path: hull.stl, scale: 0.001}"
-    fast = (*FAST, "grid.aspect=90", "grid.frame_count=4", "store=s.zarr", f"cache={results}")
-    assert ran(on_side, *fast) == 0
-    [line] = [one for one in capsys.readouterr().err.splitlines() if "warning" in one]
-    assert line.endswith(
-        "warning: hull lies on its side; if so, use "
-        "'grid.ship={path: hull.stl, up: y, scale: 0.001}'"
-    )
-    [warning] = opened(folder / "s.zarr", "ships").warning.values
-    assert warning == "lies on its side; if so, use {up: y, scale: 0.001}"

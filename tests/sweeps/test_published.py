@@ -14,11 +14,9 @@ from commands import chosen
 
 from ncti import infrared, ladar
 from ncti.classify import AdaptiveClusteringNetwork, GainAnnealedNetwork
-from ncti.features import log_polar
 from ncti.render.flight import depression_angle
 from sweeps.experiment import EXPERIMENT
-from sweeps.report.rows import source_figures
-from sweeps.stages import silhouettes
+from sweeps.report.beside import source_figures
 
 SOURCE = source_figures()
 PROFILES, SILHOUETTES = SOURCE["table4_percent_correct"], SOURCE["table5_percent_correct"]
@@ -35,7 +33,7 @@ PUBLISHED = {
     "grid.range": ((SOURCE["experiment"]["range"],), "source, Table 4"),
     "grid.vigilance": ((PROFILES["vigilance"],), "source, Table 4"),
     "grid.replicate": ((0,), OURS + "experiments with intervals over draws ask for more"),
-    "grid.fresh": ((0,), "source: tests are at the aspects learned"),
+    "grid.random_aspects": ((0,), "source: tests are at the aspects learned"),
     "scene.geometry": (("fixed",), "source: one set of renderings for every range"),
     "scene.depression": ((3.84,), "source: 22,000 ft at 100 km, over a flat sea"),
     "scene.altitude": ((ALTITUDE,), "source: 22,000 ft"),
@@ -66,7 +64,7 @@ PUBLISHED = {
     "infrared.inner_radius": ((0.5,), FITTED + "to Table 5, 25 km; the source states no radius"),
     "infrared.interpolation": (("nearest",), OURS + "11 to 18 categories, as of Table 5"),
     "infrared.training_range": ((RANGES[0],), "source, Table 5"),
-    "infrared.phases": (tuple(range(4)), OURS + "means over four places on the detector"),
+    "infrared.subpixel_offsets": (tuple(range(4)), OURS + "means over four places on the detector"),
     "infrared.orders": (tuple(range(4)), OURS + "means over four orders of presentation"),
     "classifier.template_spacing": ((None,), "source: all aspects are learned"),
     "classifier.learning_rate": (
@@ -92,9 +90,9 @@ PUBLISHED = {
     "classifier.template_error": ((None,), "calibrated on aspects left out"),
     "classifier.aspect_known": ((False,), "source: no track gives the heading"),
     "classifier.orders": ((0,), OURS + "the grid's own order"),
-    "ladar.phases": ((0,), OURS + "the ship's origin on a corner of IFOVs"),
+    "ladar.subpixel_offsets": ((0,), OURS + "the ship's origin on a corner of IFOVs"),
     "classifier.gain_sigma": ((1,), OURS + "a gain not known, as of a normalised profile"),
-    "classifier.nugget": ((1e-3,), OURS + "30 dB below a bin's own noise"),
+    "classifier.diagonal_loading": ((1e-3,), OURS + "30 dB below a bin's own noise"),
     "irar.range": ((3.9,), "source, Figure 15, the Roberts"),
     "irar.depression": ((6.7,), "source, Figure 16"),
     "irar.mirror_angle": ((45,), "source, 'Data Processing'"),
@@ -183,12 +181,3 @@ def test_the_library_s_own_defaults_are_the_same():
     assert AdaptiveClusteringNetwork().learning_rate == 0.1
     assert GainAnnealedNetwork().max_hidden == 25
     assert pytest.approx(infrared.EXTINCTION * 1e6) == 181
-
-
-def test_the_map_of_a_silhouette():
-    """Radii are fitted to Table 5 and the grid is ours: the source states neither."""
-    inner = inspect.signature(log_polar).parameters["inner_radius"].default
-    outer = inspect.signature(log_polar).parameters["outer_radius"].default
-    assert (inner, outer) == (0.5, 3.0)
-    assert (silhouettes.ANGLES, silhouettes.RADII) == (64, 32)
-    assert silhouettes.STEPS == 255

@@ -11,7 +11,7 @@ import ncti.ships
 from ncti.ladar import RangeExtent, range_extent
 from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import far_field_error, line_image
+from ncti.render import Sampling, far_field_error, line_image
 from ncti.render.far_field import reach_of
 from ncti.render.view import ROLL
 from sweeps.stages import ladar, views
@@ -28,12 +28,10 @@ EDGES = np.arange(-125.0, 126.0)
 def drawn_in_sweeps(slant_range: float, tolerance: float = TOLERANCE) -> RangeExtent:
     """Range extent of the texas at a range [km], by the stages of a sweep."""
     hull = views.hull(ship_name("texas"))
-    drawn = views.drawn_range(hull, slant_range, tolerance, "all")
-    how = (drawn, views.LINES, PIXEL, 0, ROLL, (tolerance, PULSE, 1.0))
+    drawn = views.drawn_range(hull, slant_range * 1e3, tolerance, "all")
+    how = (drawn, Sampling(views.LINES, PIXEL, 0, ROLL), (tolerance, PULSE * 1e-9, 1.0))
     image = views.image(views.mesh(hull), ASPECT, DEPRESSION, *how)
-    beam = (slant_range, 150.0, 1.0)
-    extent = ladar.extent(image, *beam, 250.0, 0.5, "projected_area", (0.0, 0.0))
-    return ladar.ifovs(extent, ASPECT, ASPECT, *beam, (0.0, 0.0))
+    return ladar.ifovs(ladar.extent(image, slant_range=slant_range * 1e3), ASPECT, ASPECT)
 
 
 def after_pulse(extent: np.ndarray) -> np.ndarray:
@@ -101,7 +99,7 @@ def test_the_error_that_a_sweep_states_covers_the_truth_at_any_range(stored, sla
 def test_a_shared_view_errs_by_no_more_than_its_share(slant_range):
     """One far-field view for all ranges from 1.5 reach / (tolerance / 10) on: 27 km at 5 %."""
     hull, tolerance = views.hull(ship_name("texas")), 0.05
-    assert views.drawn_range(hull, slant_range, tolerance, "all") is None
+    assert views.drawn_range(hull, slant_range * 1e3, tolerance, "all") is None
     shared, own = (
         range_extent(
             line_image(
@@ -120,21 +118,3 @@ def test_a_shared_view_errs_by_no_more_than_its_share(slant_range):
     assert own.far_field_error == 0.0
     reach = reach_of(views.mesh(hull).vertices)
     assert shared.far_field_error <= far_field_error(reach, slant_range * 1e3)
-
-
-def test_every_view_is_drawn_where_nothing_is_skipped(cache, tmp_path):
-    """The stored error says which are shared: theirs has the far field in it."""
-    swept(
-        tmp_path / "s.zarr",
-        cache,
-        *("grid.ship=texas", f"grid.aspect={ASPECT}", "grid.range=[4,100]", "grid.frame_count=1"),
-        *("render.skip=[all,none]", "render.tolerance=0.05", "classifier.name=acn"),
-        *("render.samples=0", "ladar.target_free_ifovs=10"),
-    )
-    found = opened(tmp_path / "s.zarr", "range_profile").squeeze()
-    every, shared = (found.sel(skip=word) for word in ("none", "all"))
-    assert every.sel(range=4).equals(shared.sel(range=4).assign_coords(skip="none"))
-    more = (shared.profile_error - every.profile_error).sel(range=100)
-    assert 0 < float(more) <= 0.005
-    moved = abs(shared.expected - every.expected).sel(range=100).sum()
-    assert 0 < float(moved / every.floor_removed.sel(range=100).sum()) < 0.005

@@ -58,12 +58,12 @@ def toy_depth(ship, echoes, scatter, rng):
     when=names_by(NAME, SENSOR),
     status="-",
 )
-def toy_namer(toy_depth, ship, there):
+def toy_namer(toy_depth, ship, valid):
     """The ship of the nearest draught."""
     known = np.array([DRAUGHT[one] for one in ship])
     named = np.abs(toy_depth[..., None] - known).argmin(axis=-1)
     right = named == np.arange(len(ship))[:, None]
-    return {"predicted": named, "correct": right, "cell": there}
+    return {"predicted": named, "correct": right, "cell": valid}
 
 
 def tabulate(answers, choices):
@@ -82,7 +82,6 @@ def check(choices):
 
 
 SETTINGS = (Toy,)
-STAGES = (toy_depth, toy_namer)
 TABLES = (Table("tables/toy", ("classification/toy",), tabulate, names_by(NAME, SENSOR)),)
 
 MODULES = (sys.modules[__name__],)
@@ -130,9 +129,9 @@ def test_its_table_is_reported(store, capsys):
 
 def test_its_axes_have_curves_and_selectors_on_the_page(store):
     text = store.with_name("s-report.html").read_text(encoding="utf-8")
-    charts = re.findall(r'<svg [^>]*aria-label="share against (\w+)[^>]*data-axis="(\w+)"', text)
-    assert charts == [("echoes", "echoes"), ("scatter", "scatter")]
-    assert set(re.findall(r'<select data-axis="(\w+)"', text)) >= {"echoes", "scatter"}
+    (against,) = re.findall(r'<select id="against">(.*?)</select>', text)
+    assert set(re.findall(r'<option value="(\w+)"', against)) >= {"echoes", "scatter_m"}
+    assert set(re.findall(r'<select data-axis="(\w+)"', text)) >= {"echoes", "scatter_m"}
     assert "xr.open_zarr(&#39;s.zarr&#39;, group=&#39;tables/toy&#39;)" in text
 
 
@@ -151,13 +150,14 @@ def test_it_stands_beside_the_others(folder, results, capsys):
 
 
 def test_it_is_described_and_checked_like_the_others(capsys):
-    assert ran("--settings", modules=MODULES) == 0
+    assert ran("--settings", "toy.scatter", modules=MODULES) == 0
     printed = capsys.readouterr().out
-    assert "| `toy.scatter` | 0.5 | m | a finite number at least 0 and at most 10 |" in printed
+    assert printed.startswith("toy.scatter=0.5 [m]\n") and "at most 10" in printed
     for overrides, said in {
         "toy.scatter=11": "toy.scatter has 11",
         "grid.ship=horne": "toy knows duncan",
-        "toy.depth=1": "toy.depth is not a key of the configuration; toy has echoes, scatter",
+        "toy.volume=1": "toy.volume is not a key of the configuration; toy has echoes, scatter",
+        "toy.cnr=1": "did you mean ladar.cnr",
     }.items():
         assert ran(*SWEEP, overrides, modules=MODULES) == 2
         assert said in capsys.readouterr().err

@@ -10,10 +10,14 @@ from sweeps.engine.plan import Plan
 from sweeps.experiment import EXPERIMENT
 
 BOXES = (((-50, -6, 0), (50, 6, 6)), ((-5, -4, 6), (15, 4, 12)), ((0, -0.5, 12), (1, 0.5, 25)))
-ODD = ((-40, 1, 6), (-30, 5, 10))
 SMALL = (
     *("grid.frame_count=4", "grid.range=50", "classifier.name=acn", "ladar.target_free_ifovs=10"),
-    *("sensor=both", "infrared.phases=2", "infrared.orders=1", "infrared.training_range=25"),
+    *(
+        "sensor=both",
+        "infrared.subpixel_offsets=2",
+        "infrared.orders=1",
+        "infrared.training_range=25",
+    ),
 )
 
 
@@ -36,7 +40,7 @@ def test_the_store_is_that_of_all_views_drawn(engine, folder, results):
     """Up to rounding, of numbers in float32: 1e-6; maps in 255ths and names exactly."""
     ship = barge(folder / "barge.stl")
     given = (*SMALL, *FAST, f"render.engine={engine}", "grid.aspect=[40,180,199.7,320]", ship)
-    given += ("ladar.phases=2",)
+    given += ("ladar.subpixel_offsets=2",)
     swept(folder / "both.zarr", results, *given, "render.skip=[all,none]")
     compared = set()
     for name, group in groups_of(folder / "both.zarr").items():
@@ -59,15 +63,3 @@ def test_one_view_is_drawn_for_both_sides(folder):
     keys = drawn(ship, sides)
     assert len(set(keys)) == 3 and keys[0] == keys[4] and keys[1] == keys[3]
     assert len(set(drawn(ship, sides, "render.skip=none"))) == 5
-
-
-def test_both_sides_of_other_ships_are_drawn(folder):
-    ship = barge(folder / "odd.stl", ODD)
-    assert len(set(drawn(ship, "grid.aspect=[30,330]"))) == 2
-
-
-def test_ships_are_not_compared_where_nothing_asks_for_it(folder, monkeypatch):
-    monkeypatch.setattr("ncti.ships.is_symmetric", lambda mesh: 1 / 0)
-    ship = barge(folder / "barge.stl")
-    assert len(set(drawn(ship, "grid.aspect=[0,90,180]"))) == 3
-    assert len(set(drawn(ship, "grid.aspect=[0,200]", "render.skip=none"))) == 2

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.report.axes import Column
-from sweeps.report.page.cubes import unit_of, with_unit
-from sweeps.report.rows import groups, read
+from sweeps.report.stores import groups, read
+from sweeps.report.words import unit_of
 
 GROUP = "ships"
 MEASURES = ("length", "beam", "height", "facets")
@@ -43,7 +42,8 @@ def ships_of(store: Any) -> list[Ship]:
             value = float(here[name]) if name in here else math.nan
             if math.isfinite(value):
                 text = f"{value:,.1f}" if name != "facets" else f"{value:,.0f}"
-                measures.append((name, with_unit(text, unit_of(Column(here[name])))))
+                unit = unit_of(str(here[name].attrs.get("units", "1")))
+                measures.append((name, f"{text} {unit}".strip()))
         picture = drawn(here.picture.values) if "picture" in here else ""
         warning = str(here.warning.item()) if "warning" in here else ""
         found.append(Ship(str(label), measures, picture, warning))

@@ -7,12 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import xarray as xr
 import zarr
 
-from sweeps.report.axes import Column, printable, shown
-from sweeps.report.page.cubes import unit_of, with_unit
-from sweeps.report.rows import attributes, groups, read
+from sweeps.report.stores import attributes, groups, read
+from sweeps.report.words import printable, shown, unit_of
 
 CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
 NAMED = 20  # failures that are listed; all are in the store
@@ -75,7 +73,7 @@ def units_of(store: Any) -> dict[str, str]:
     for path, array in store.members(max_depth=None):
         name = path.rpartition("/")[2]
         if isinstance(array, zarr.Array) and _dims(array) in ((name,), ()):
-            found.setdefault(name, unit_of(Column(xr.DataArray(0, name=name, attrs=array.attrs))))
+            found.setdefault(name, unit_of(str(array.attrs.get("units", "1"))))
     return found
 
 
@@ -110,10 +108,10 @@ def _several(values: list[Any], unit: str) -> str:
     numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
     if len(values) > 8 and len(numbers) == len(values):
         ends = f"{shown(min(numbers))} to {shown(max(numbers))}"
-        return with_unit(ends, unit) + f", {len(values)} values"
+        return f"{ends} {unit}".strip() + f", {len(values)} values"
     few = ", ".join(shown(value) for value in values[:12])
     more = f" and {len(values) - 12} more" if len(values) > 12 else ""
-    return with_unit(few, unit) + more
+    return f"{few} {unit}".strip() + more
 
 
 def written(value: Any) -> str:

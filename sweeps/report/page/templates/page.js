@@ -1,246 +1,251 @@
 "use strict";
 (() => {
-  const { axes, cubes, named } = JSON.parse(document.getElementById("data").textContent);
-  const state = {};
-  for (const [name, axis] of Object.entries(axes)) state[name] = axis.d;
+  const data = JSON.parse(document.getElementById("data").textContent);
   const all = (what, where = document) => [...where.querySelectorAll(what)];
+  const state = {};
+  const against = document.getElementById("against");
+  const selects = all("select[data-axis]");
+  const by = () => (against ? against.value : "");
 
-  // Where the value at a place stands in a cube; -1 where it has none.
-  const indexOf = (cube, place) => {
-    let found = 0;
-    for (let k = 0; k < cube.d.length; k++) {
-      const here = cube.a[k].indexOf(place[cube.d[k]]);
-      if (here < 0) return -1;
-      found = found * cube.a[k].length + here;
+  // The selection is kept in the address: #range_km=100&by=cnr_db.
+  const read = () => {
+    for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
+      const select = name === "by" ? against : selects.find((one) => one.dataset.axis === name);
+      const option = select && [...select.options].find((one) => one.value === text || one.text === text);
+      if (option) select.value = option.value;
+    }
+  };
+  const write = () => {
+    const changed = new URLSearchParams();
+    if (against && !against.selectedOptions[0].defaultSelected) changed.set("by", against.value);
+    for (const select of selects) {
+      const option = select.selectedOptions[0];
+      if (!option.defaultSelected) changed.set(select.dataset.axis, option.text);
+    }
+    const text = changed.toString();
+    history.replaceState(null, "", text ? "#" + text : location.pathname + location.search);
+  };
+
+  // The axis down and along the chart of a table: the chosen one, or its own first.
+  const axisOf = (table) => (by() in table.x ? by() : Object.keys(table.x).find((one) => one !== table.across) || "");
+
+  // Whether each row is at the selection. A part of a table that lacks a value keeps its nearest.
+  const selected = (table, free) => {
+    const count = table.labels.length;
+    const kept = new Array(count).fill(true);
+    for (const name of table.axes) {
+      if (!(name in state) || free.includes(name) || table.series.includes(name)) continue;
+      const column = table.rows[name], wanted = {};
+      for (let k = 0; k < count; k++) {
+        const part = table.rows.part[k], value = column[k];
+        if (value === null || !kept[k]) continue;
+        const best = wanted[part];
+        const near = (v) => (typeof v === "number" && typeof state[name] === "number" ? Math.abs(v - state[name]) : v === state[name] ? 0 : 1);
+        if (best === undefined || near(value) < near(best)) wanted[part] = value;
+      }
+      for (let k = 0; k < count; k++) {
+        const part = table.rows.part[k];
+        // What tells parts apart, such as tests from training, is not for them to keep.
+        const own = table.parts[part]?.labels.includes(name) ? state[name] : wanted[part];
+        if (column[k] !== null && column[k] !== own) kept[k] = false;
+      }
+    }
+    return kept;
+  };
+
+  const seriesOf = (table, k) => table.series
+    .map((name) => table.rows[name][k])
+    .map((value, place) => (value === null ? "" : table.words[table.series[place]][value] ?? String(value)))
+    .filter(Boolean).join(", ");
+
+  const fill = (section) => {
+    const table = data.tables[section.dataset.table];
+    const axis = axisOf(table);
+    const kept = selected(table, [axis, table.across]);
+    const place = new Map(table.labels.map((label, k) => [label, k]));
+    const rows = all("tbody tr", section);
+    for (const row of rows) {
+      const cells = [...row.querySelectorAll("td[data-r]")].map((cell) => place.get(Number(cell.dataset.r)));
+      row.hidden = !cells.some((k) => kept[k]);
+    }
+    all("td[tabindex]", section).forEach((cell) => cell.removeAttribute("tabindex"));
+    const first = section.querySelector("tbody tr:not([hidden]) td");
+    if (first) first.tabIndex = 0;
+    // Axes of one value in the rows shown are left out.
+    all("thead th[data-axis]", section).forEach((head, k) => {
+      const values = new Set(rows.filter((row) => !row.hidden).map((row) => row.children[k].textContent));
+      values.delete("");
+      head.hidden = values.size < 2;
+      for (const row of rows) row.children[k].hidden = head.hidden;
+    });
+  };
+
+  // Charts: one specification each, with the rows at the selection.
+  const tip = document.getElementById("tip");
+  const views = new Map();
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const theme = () => ({
+    background: "transparent",
+    axis: { labelColor: colour("--ink"), titleColor: colour("--ink"), gridColor: colour("--rule"), domainColor: colour("--rule"), tickColor: colour("--rule") },
+    legend: { orient: "bottom", columns: 2, labelColor: colour("--ink"), labelLimit: 300 },
+    view: { stroke: colour("--rule") },
+    rule: { color: colour("--soft") },
+  });
+  const hover = (handler, event, item, value) => {
+    tip.hidden = !value;
+    if (!value) return;
+    const lines = Object.entries(value).filter(([key]) => !["shift", "part"].includes(key));
+    tip.textContent = lines.map(([key, text]) => `${key}: ${text}`).join("\n");
+    tip.style.left = Math.min(event.pageX + 12, document.documentElement.clientWidth - 240) + "px";
+    tip.style.top = event.pageY + 12 + "px";
+  };
+  const valuesOf = (table, axis, figure) => {
+    const kept = selected(table, [axis]);
+    const found = [];
+    for (let k = 0; k < kept.length; k++) {
+      if (!kept[k] || table.rows[figure][k] === null || table.rows[axis]?.[k] === null) continue;
+      if (axis === table.across && table.rows[axis][k] === "overall") continue;
+      const row = { series: seriesOf(table, k) || table.headings[figure] };
+      for (const [name, column] of Object.entries(table.rows)) {
+        if (column[k] !== null && !table.series.includes(name)) row[name] = column[k];
+      }
+      found.push(row);
     }
     return found;
   };
-  const placeOf = (text) => {
-    const place = { ...state };
-    for (const one of text ? text.split(";") : []) {
-      const at = one.lastIndexOf(":");
-      place[one.slice(0, at)] = Number(one.slice(at + 1));
-    }
-    return place;
-  };
-  const codeOf = (cube, place) => {
-    let text = cube.k;
-    cube.d.forEach((dim, k) => {
-      const here = cube.a[k].indexOf(place[dim]);
-      const code = dim in cube.o ? cube.o[dim][here] : axes[dim].c[place[dim]];
-      text = text.split("\0" + dim + "\0").join(here < 0 ? "..." : code);
-    });
-    return text;
-  };
-
-  // Numbers as the page begins with them: ties to even, four digits; counts with all digits.
-  const whole = (v) => {
-    const low = Math.floor(v), rest = v - low;
-    return String(rest === 0.5 ? low + (low % 2) : Math.round(v));
-  };
-  const digits = (v, counted) => {
-    if (Number.isInteger(v) && (counted || Math.abs(v) < 1e4)) return String(v);
-    let [mantissa, power] = v.toExponential(3).split("e");
-    // toExponential rounds ties away from zero: from an odd last digit, one back is even.
-    const tie = /^-?\d\.\d{3}50{16}e/.test(v.toExponential(20));
-    if (tie && Number(mantissa.slice(-1)) % 2) mantissa = mantissa.slice(0, -1) + (mantissa.slice(-1) - 1);
-    const p = Number(power);
-    if (p >= -4 && p < 4) return String(Number(mantissa + "e" + power));
-    return Number(mantissa) + "e" + (p < 0 ? "-" : "+") + String(Math.abs(p)).padStart(2, "0");
-  };
-
-  const fill = (cell) => {
-    const cube = cubes[cell.dataset.c];
-    const at = indexOf(cube, placeOf(cell.dataset.at));
-    const value = at < 0 ? null : cube.v[at];
-    const said = (v) => (cube.p ? whole(v) : digits(v, cube.i));
-    const [text, interval, source] = cell.querySelectorAll(".v, .ci, .src");
-    text.textContent = value === null ? "–" : said(value);
-    interval.textContent = source.textContent = cell.className = "";
-    if (value === null) return;
-    const low = cube.l.length ? cube.l[at] : null, high = cube.h.length ? cube.h[at] : null;
-    if (low === null || high === null) return;
-    interval.textContent = said(low) + "–" + said(high);
-    const theirs = cube.s.length ? cube.s[at] : null;
-    if (theirs === null) return;
-    const points = Number(whole(Math.abs(value - theirs)));
-    const above = value > theirs;
-    const mark = document.createElement("b");
-    mark.textContent = points ? (above ? "+" : "−") + points : "±0";
-    source.append(String(theirs) + " ", mark);
-    cell.className = low <= theirs && theirs <= high ? "same"
-      : (above ? "above" : "below") + (points >= 15 ? " strong" : "");
-  };
-
-  const fillMatrix = (row) => {
-    const cells = all("td", row);
-    const counts = cells.map((cell) => {
-      const cube = cubes[cell.dataset.c];
-      const at = indexOf(cube, placeOf(cell.dataset.at));
-      return at < 0 ? null : cube.v[at];
-    });
-    const total = counts.reduce((sum, count) => sum + (count || 0), 0);
-    cells.forEach((cell, k) => {
-      const [text, count] = cell.querySelectorAll(".v, .ci");
-      const share = total && counts[k] !== null ? counts[k] / total : null;
-      text.textContent = share === null ? "–" : whole(100 * share);
-      count.textContent = share === null ? "" : String(counts[k]);
-      cell.className = "k" + (share === null ? 0 : Math.min(9, Math.trunc(share * 9 + 0.999)));
-    });
-  };
-
-  // Charts: the same paths as the page begins with.
-  const marks = [
-    (x, y) => `M${(x - 3).toFixed(1)} ${y.toFixed(1)}a3 3 0 1 0 6 0a3 3 0 1 0 -6 0z`,
-    (x, y) => `M${(x - 3).toFixed(1)} ${(y - 3).toFixed(1)}h6v6h-6z`,
-    (x, y) => `M${x.toFixed(1)} ${(y - 4).toFixed(1)}l4 4l-4 4l-4 -4z`,
-    (x, y) => `M${x.toFixed(1)} ${(y - 4).toFixed(1)}l4 7h-8z`,
-  ];
-  const draw = (chart) => {
-    const { axis, across, low, high, log } = chart.dataset;
-    const xs = JSON.parse(across);
-    const scale = (v) => (log === "1" ? (v > 0 ? Math.log10(v) : Math.log10(low)) : v);
-    const [bottom, top] = log === "1" ? [Math.log10(low), Math.log10(high)] : [Number(low), Number(high)];
-    const height = (v) => 186 - Math.min(1, Math.max(0, (scale(v) - bottom) / (top - bottom))) * 166;
-    let empty = true;
-    for (const series of all("g", chart)) {
-      const cube = cubes[series.dataset.c];
-      const points = [], bars = [], marked = [];
-      xs.forEach((x, here) => {
-        if (x === null) return;
-        const at = indexOf(cube, { ...state, [axis]: here });
-        if (at < 0 || cube.v[at] === null) return;
-        const y = height(cube.v[at]);
-        points.push(`${x.toFixed(1)} ${y.toFixed(1)}`);
-        marked.push(marks[series.dataset.shape](x, y));
-        if (cube.l.length && cube.l[at] !== null && cube.h[at] !== null) {
-          bars.push(`M${x.toFixed(1)} ${height(cube.l[at]).toFixed(1)}V${height(cube.h[at]).toFixed(1)}`);
+  const draw = async (section) => {
+    const table = data.tables[section.dataset.table], figure = section.querySelector(".chart");
+    if (!figure) return;
+    const axis = axisOf(table), which = section.querySelector("select.figure");
+    const name = which ? which.value : Object.keys(table.specs)[0];
+    const rows = axis && name ? valuesOf(table, axis, name) : [];
+    figure.hidden = !rows.length;
+    if (!rows.length) return;
+    const series = [...new Set(rows.map((row) => row.series))];
+    for (const row of rows) row.shift = series.length < 2 ? 0 : 7 * (series.indexOf(row.series) / (series.length - 1) - 0.5);
+    // A tip shows the axis, the figure and what belongs to it, and axes that differ.
+    const differing = table.axes.filter((one) => new Set(rows.map((row) => row[one])).size > 1);
+    const told = ["series", ...differing, ...Object.keys(rows[0]).filter((one) => !table.axes.includes(one) && one.length && (one === name || /ci_|^n$|source|chance|spread/.test(one)))];
+    const spec = structuredClone(table.specs[name]);
+    const number = (one) => Math.max(0, data.curves.indexOf(one));
+    const domain = { domain: series, range: series.map((one) => colour(`--c${number(one) % 8}`)) };
+    const dashes = { domain: series, range: series.map((one) => (number(one) < 8 ? [1, 0] : [5, 3])) };
+    for (const layer of spec.layer) {
+      if (layer.encoding.color) {
+        layer.encoding.x = table.x[axis];
+        layer.encoding.color.scale = domain;
+        if (layer.encoding.strokeDash) {
+          layer.encoding.strokeDash.scale = dashes;
+          if (series.length < 2) layer.encoding.strokeDash.legend = null;
         }
-      });
-      empty = empty && !points.length;
-      const [bar, line, mark] = all("path", series);
-      line.setAttribute("d", points.length ? "M" + points.join("L") : "");
-      bar.setAttribute("d", bars.join(""));
-      mark.setAttribute("d", marked.join(""));
+        if (series.length < 2) layer.encoding.color.legend = null;
+      }
+      if (layer.mark.tooltip) layer.encoding.tooltip = [...new Set(told)].map((field) => ({ field, title: table.headings[field] ?? field }));
     }
-    chart.querySelector(".none").toggleAttribute("hidden", !empty);
+    spec.data = { values: rows };
+    spec.width = Math.max(200, Math.min(620, figure.clientWidth - 70));
+    if (series.length < 2 || figure.clientWidth < 500) spec.config.legend.columns = 1;
+    const made = await vegaEmbed(figure.querySelector(".draw"), spec, {
+      ast: true, renderer: "svg", actions: false, defaultStyle: false, logLevel: 1, tooltip: hover, config: theme(),
+    });
+    views.get(section)?.finalize();
+    views.set(section, made);
+    figure.dataset.axis = axis;
+  };
+  const save = (name, text, type) => {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([text], { type }));
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  };
+  const csv = (section) => {
+    const table = data.tables[section.dataset.table];
+    const names = Object.keys(table.rows).filter((one) => one !== "part");
+    const cell = (value) => {
+      const text = value === null ? "" : String(value);
+      const safe = typeof value === "string" && /^[=+\-@\t\r]/.test(text) ? "'" + text : text;
+      return /[",\n\r]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+    };
+    const lines = table.labels.map((_, k) => names.map((one) => cell(table.rows[one][k])).join(","));
+    return [names.join(","), ...lines].join("\r\n");
   };
 
-  const update = () => {
-    all("td[data-c]:not([data-m])").forEach(fill);
-    all(".confusion tbody tr").forEach(fillMatrix);
-    all("svg[data-axis]").forEach(draw);
-    all("[data-shown]").forEach((one) => {
-      one.textContent = axes[one.dataset.shown].t[state[one.dataset.shown]];
-    });
-    all("[data-code]").forEach((one) => {
-      one.textContent = codeOf(cubes[one.dataset.code], placeOf(one.dataset.at));
-    });
-    all("[data-fixed]").forEach((one) => {
-      one.hidden = axes[one.dataset.fixed].t[state[one.dataset.fixed]] === one.dataset.text;
-    });
-    if (current) tell(current);
-  };
-
-  // Which variable and selection give a figure: of the cell under the pointer, or the keyboard.
+  // Which Python gives a figure: of the cell under the pointer, or the keyboard.
   const where = document.getElementById("where");
-  let current = null;
-  const tell = (cell) => {
-    current = cell;
-    where.hidden = false;
-    const cube = cubes[cell.dataset.c], place = placeOf(cell.dataset.at);
-    const at = indexOf(cube, place);
-    const count = at >= 0 && cube.n.length ? "  # n = " + cube.n[at] : "";
-    where.querySelector("code").textContent = at < 0 ? "no value here" : codeOf(cube, place) + count;
+  const code = (section, cell) => {
+    const table = data.tables[section.dataset.table], figure = cell.dataset.f;
+    const k = table.labels.indexOf(Number(cell.dataset.r)), part = table.parts[table.rows.part[k]];
+    if (!part || !(figure in part.variables)) return "counted from the group classification";
+    const quoted = (value) => (value === true ? "True" : value === false ? "False" : JSON.stringify(value));
+    const place = part.dims[figure].filter((dim) => dim in part.names && table.rows[part.names[dim]][k] !== null)
+      .map((dim) => `${dim}=${quoted(table.rows[part.names[dim]][k])}`).join(", ");
+    const factor = table.units[figure] === "%" ? "100 * " : "";
+    const group = `xr.open_zarr(${JSON.stringify(data.store)}, group="${part.group}")`;
+    return `${factor}float(${group}["${part.variables[figure]}"]${place ? `.sel(${place})` : ""})`;
   };
-  for (const table of all("table.figures")) {
-    const first = table.querySelector("td");
-    if (first) first.tabIndex = 0;
-    table.addEventListener("pointerover", (event) => {
-      const cell = event.target.closest("td");
-      if (cell) tell(cell);
-    });
-    table.addEventListener("focusin", (event) => {
-      const cell = event.target.closest("td");
-      if (cell) tell(cell);
-    });
+  for (const section of all("section.table")) {
+    const table = section.querySelector("table");
+    const say = (event) => {
+      const cell = event.target.closest("td[data-f]");
+      if (!cell) return;
+      where.hidden = false;
+      where.querySelector("code").textContent = code(section, cell);
+    };
+    table.addEventListener("pointerover", say);
+    table.addEventListener("focusin", say);
     table.addEventListener("keydown", (event) => {
       const cell = event.target.closest("td");
       const step = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] }[event.key];
       if (!cell || !step) return;
-      const rows = all("tbody tr", table), row = rows.indexOf(cell.parentElement) + step[0];
-      const next = rows[row] && rows[row].children[cell.cellIndex + step[1]];
+      const rows = all("tbody tr:not([hidden])", table);
+      const next = rows[rows.indexOf(cell.parentElement) + step[0]]?.children[cell.cellIndex + step[1]];
       if (!next || next.tagName !== "TD") return;
       event.preventDefault();
       cell.tabIndex = -1;
       next.tabIndex = 0;
       next.focus();
     });
+    section.querySelector("select.figure")?.addEventListener("change", () => draw(section));
+    section.querySelector("button.svg")?.addEventListener("click", async () =>
+      save(`${section.dataset.table}.svg`, await views.get(section).view.toSVG(), "image/svg+xml"));
+    section.querySelector("button.csv")?.addEventListener("click", () => save(`${section.dataset.table}.csv`, csv(section), "text/csv"));
   }
   const copy = where.querySelector("button");
   copy.addEventListener("click", () => {
     const range = document.createRange();
     range.selectNodeContents(where.querySelector("code"));
-    const chosen = getSelection();
-    chosen.removeAllRanges();
-    chosen.addRange(range);
-    const done = document.execCommand("copy");
-    copy.textContent = done ? "Copied" : "Press Ctrl+C";
+    getSelection().removeAllRanges();
+    getSelection().addRange(range);
+    copy.textContent = document.execCommand("copy") ? "Copied" : "Press Ctrl+C";
     setTimeout(() => { copy.textContent = "Copy"; }, 1500);
   });
 
-  // Selectors.
-  const bar = document.querySelector(".bar");
-  if (bar) {
-    bar.hidden = false;
-    bar.addEventListener("submit", (event) => event.preventDefault());
-    for (const select of all("select[data-axis]", bar)) {
-      state[select.dataset.axis] = Number(select.value);
-      select.addEventListener("change", () => {
-        state[select.dataset.axis] = Number(select.value);
-        update();
-      });
-    }
-  }
-  const who = document.getElementById("who");
-  const chosen = () => {
-    for (const one of all(".classifier, .matrix")) {
-      one.hidden = Boolean(who.value) && one.dataset.name !== who.value;
-    }
-    for (const series of all("#curves g[data-c]")) {
-      const name = cubes[series.dataset.c].g;
-      series.classList.toggle("faint", Boolean(who.value) && name !== who.value);
+  const update = () => {
+    for (const select of selects) state[select.dataset.axis] = JSON.parse(select.value);
+    for (const section of all("section.table")) {
+      fill(section);
+      draw(section);
     }
   };
-  if (who) {
-    who.addEventListener("change", chosen);
-    chosen();
-  }
-  // Tables of which there is a variant for each axis show the one asked for, if there is one.
-  const by = document.getElementById("by");
-  const vary = () => {
-    const parts = new Map();
-    for (const one of all(".classifier .sheet")) {
-      parts.set(one.dataset.part, [...(parts.get(one.dataset.part) || []), one]);
-    }
-    for (const sheets of parts.values()) {
-      const wanted = sheets.find((one) => one.dataset.by === by.value) || sheets[0];
-      for (const one of sheets) one.hidden = one !== wanted;
-    }
-  };
-  if (by && by.options.length > 1) {
-    by.parentElement.hidden = false;
-    by.addEventListener("change", vary);
-    vary();
-  }
-  // On paper nothing can be opened: what is closed is printed, too.
+  // What is closed is printed.
   let closed = [];
   addEventListener("beforeprint", () => {
     closed = all("details:not([open], .code)");
     for (const one of closed) one.open = true;
   });
-  addEventListener("afterprint", () => {
-    for (const one of closed) one.open = false;
-  });
+  addEventListener("afterprint", () => { for (const one of closed) one.open = false; });
+
+  const bar = document.querySelector(".bar");
+  if (selects.length || against) {
+    bar.hidden = false;
+    bar.addEventListener("submit", (event) => event.preventDefault());
+    bar.addEventListener("change", () => { write(); update(); });
+  }
+  addEventListener("hashchange", () => { read(); update(); });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", update);
+  let wide = innerWidth;
+  addEventListener("resize", () => { if (innerWidth !== wide) { wide = innerWidth; update(); } });
+  read();
   update();
 })();

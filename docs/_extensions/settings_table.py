@@ -1,0 +1,29 @@
+"""The page of all settings, made of their declarations; as a script, it is written."""
+
+from pathlib import Path
+
+from sweeps.engine.settings import written_default
+from sweeps.experiment import EXPERIMENT
+
+PAGE = Path(__file__).resolve().parents[1] / "settings.md"
+
+
+def page() -> str:
+    """Return the page: a table of key, default, unit, allowed values and meaning.
+
+    Keys of a mapping that may be a value of a setting follow that setting.
+    """
+    rows = [("key", "default", "unit", "allowed", "meaning"), ("---",) * 5]
+    for one in (entry for setting in EXPERIMENT.declared for entry in (setting, *setting.entries)):
+        unit = "" if one.unit == "1" else one.unit
+        about = "; ".join(filter(None, (one.label, one.help)))
+        axis = f"one value: {one.fixed}" if one.fixed else ""
+        null = "null or " if one.fallback is not None else ""
+        allowed = "; ".join(filter(None, (f"{null}{one.kind.allowed}", axis)))
+        rows.append((f"`{one.key}`", written_default(one.default), unit, allowed, about))
+    lines = (f"| {' | '.join(row)} |" for row in rows)
+    return "\n".join(("# Settings", "", *lines, ""))
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

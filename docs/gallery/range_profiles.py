@@ -1,0 +1,38 @@
+"""Profiles by aspect, by ship and by number of frames: range_profiles.py STORE PICTURE."""
+
+import sys
+
+import matplotlib.pyplot as plt
+import xarray as xr
+
+store, picture = sys.argv[1:]
+profiles = xr.open_zarr(store, group="range_profile")[["expected", "averaged"]]
+nearest = {"range": 100, "pulse_width": 30}
+profiles = profiles.sel({k: v for k, v in nearest.items() if k in profiles.dims}, method="nearest")
+others = set(profiles.dims) - {"ship", "aspect", "frame_count", "down_range"}
+profiles = profiles.isel(dict.fromkeys(others, 0)).load()
+quarter = profiles.sel(aspect=30, method="nearest")
+ship = str(profiles.ship[0].item())
+
+
+def stack(axes, lines, title):
+    """Draw lines above one another, each above its noise floor and relative to its peak."""
+    for place, (label, line) in enumerate(lines):
+        line = (line - line.quantile(0.2)) / (line.max() - line.quantile(0.2))
+        axes.plot(line.down_range, line.values - 1.2 * place, label=label)
+        axes.text(line.down_range[-1], 0.15 - 1.2 * place, label, ha="right")
+    axes.set(title=title, yticks=[], xlabel="down-range from the ship origin [m]")
+    axes.spines[["left", "right", "top"]].set_visible(False)
+
+
+size = {"figsize": (11, 4.6), "layout": "constrained"}
+figure, (by_aspect, by_ship, by_frames) = plt.subplots(1, 3, **size)
+turned = [profiles.expected.sel(ship=ship).sel(aspect=a, method="nearest") for a in (0, 30, 60, 90)]
+stack(by_aspect, [(f"{float(one.aspect):g}°", one) for one in turned], f"{ship}, bow to beam")
+each = [quarter.expected.sel(ship=one) for one in profiles.ship.values]
+stack(by_ship, [(str(one.ship.item()), one) for one in each], f"at {float(quarter.aspect):g}°")
+counts = [quarter.averaged.sel(ship=ship, frame_count=n) for n in profiles.frame_count.values]
+stack(by_frames, [(f"{int(one.frame_count)} frames", one) for one in counts], f"{ship}, averaged")
+place = f"{float(profiles.range):g} km, {float(profiles.pulse_width):g} ns"
+figure.suptitle(f"Range profiles at {place}")
+figure.savefig(picture, dpi=150)

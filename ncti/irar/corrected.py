@@ -1,0 +1,326 @@
+"""Corrected images and profiles of a flight, measured and compared with the truth."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import NothingSeenError
+from ncti.irar.chain import Correction, correct, places, profile
+from ncti.irar.flight import Flight
+from ncti.irar.landmarks import Landmarks, landmarks, profile_correlation
+from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
+from ncti.irar.printed import correct_as_printed
+from ncti.irar.scan import Scan
+from ncti.irar.snapshot import Snapshot, Window, ship_window
+from ncti.irar.tilt import Tilt, tilts
+from ncti.ladar import range_extent
+from ncti.render import range_image
+
+if TYPE_CHECKING:
+    import trimesh
+
+EXACT = "exact"
+RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
+"""Meaning of f in the source's printed corrections: the line rate, or the pulse-repetition
+frequency, as the source states."""
+
+CELLS = 8
+"""Of the truth along a pixel; 4 or 10 move tilts of noiseless ships by 0.1 deg."""
+
+NO_ERROR = ("none", 0.0)
+LEAST_SEEN = 20
+"""Number of pixels above the threshold from which they are a ship, not false alarms."""
+
+SOURCES = ("measured", "noiseless", "synthetic", "point")
+STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are measured within this of it
+HANGAR = 4.0  # m either side of its spike, without which profiles are correlated, too
+HANGAR_REACH = 8.0  # m either side of where a spike must be to be the hangar's
+
+HANGARS = {"connole": (-40.0, -20.0)}
+"""Down-range [m] of the hangar in near-stern profiles where it is not the highest peak: the stack
+returns more."""
+
+PERRY = ("duncan", "roberts")
+"""Ships with masts and a bridge at the places of the landmarks; others have none."""
+
+ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
+"""Share of the highest peak at which a ship begins. A bare deck, all that returns where the transom
+is dark, reaches 0.02; pixels of a level lattice spread as much beyond a sloping stern."""
+
+MEASURED = (
+    *("stern_to_hangar", "stern_to_bridge", "transom_ratio", "mast_position", "mast_ratio"),
+    *("forward_position", "forward_ratio", "transom_energy", "mast_energy", "forward_energy"),
+    "deck_spikes",
+)
+"""Names of the landmarks of a profile that are compared."""
+
+Floats = NDArray[np.float64]
+Arrays = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A chain of corrections.
+
+    Attributes
+    ----------
+    chain : str
+        `exact`, or as printed by the source, `printed` or `printed_pulse_rate`.
+    azimuth, mirror, range_filter : str
+        As of `ncti.irar.Correction`, for the exact chain.
+    segmentation_threshold : float or None
+        As of `ncti.irar.segmented`, in noise powers.
+
+    See Also
+    --------
+    correct, correct_as_printed : The corrections.
+
+    Examples
+    --------
+    >>> from ncti.irar import Chain
+    >>> Chain("exact", "pixel", "exact", "cluster", None).correction.azimuth
+    'pixel'
+    """
+
+    chain: str
+    azimuth: str
+    mirror: str
+    range_filter: str
+    segmentation_threshold: float | None
+
+    @property
+    def correction(self) -> Correction:
+        """The exact corrections."""
+        return Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
+
+    def correct(
+        self, scan: Scan, estimate: Flight, window: Window, *, overscanned: bool = False
+    ) -> Snapshot:
+        """Return the corrected images of a scan in a window; printed rows are a pixel apart."""
+        where: dict[str, Any] = {"estimate": estimate, "window": window}
+        if self.chain != EXACT:
+            return correct_as_printed(scan, rate=RATES[self.chain], **where)
+        return correct(scan, self.correction, overscanned=overscanned, **where)
+
+    def tilt(self, scan: Scan, images: Any, truths: Any, estimate: Flight, window: Window) -> Tilt:
+        """Return the tilt of corrected images; without places as printed, which averages before."""
+        if self.chain != EXACT:
+            return tilts(images, truths)
+        row, column, _ = places(scan, self.correction, estimate=estimate)
+        return tilts(images, truths, places=(row - window.bottom, column - window.left))
+
+    def window(self, mesh: trimesh.Trimesh, flight: Flight, error: tuple[str, float]) -> Window:
+        """Return the pixels of a corrected image: about the ship, wider where it may lean.
+
+        With an error of the pointing, named and in degrees, they are where the ship appears.
+        """
+        window = ship_window(mesh, flight)
+        upright = self.azimuth == "pixel" and self.mirror in MIRROR_FORMS
+        if error != NO_ERROR or self.chain != EXACT or not upright:
+            # Uncorrected lines rise by the mirror's angle; rows follow one another with the drift.
+            turn = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle)
+            drift, steep = abs(flight.drift / flight.climb), math.tan(abs(math.radians(turn)))
+            # As printed, rows that such lines climb more slowly, or faster, keep their distance.
+            tall = 1.0 if self.chain == EXACT else 1.0 / max(1.0 - drift * steep, 0.1)
+            longest = max(window.rows, window.columns)
+            above = math.ceil(longest * max(1 / 8, 1.1 * steep) + window.rows * 0.6 * (tall - 1.0))
+            aside = math.ceil(window.rows * max(1.0, drift + steep) * tall)
+            window = Window(
+                bottom=window.bottom - above,
+                left=window.left - aside,
+                rows=window.rows + 2 * above,
+                columns=window.columns + 2 * aside,
+            )
+        if error[0] == "pointing":
+            moved = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
+            window = replace(window, left=window.left + round(moved))
+        return window
+
+
+def measure_tilts(
+    chain: Chain,
+    scan: Scan,
+    clean: Scan,
+    whole: Snapshot,
+    truth: Snapshot,
+    estimate: Flight,
+    *,
+    shown: bool,
+) -> Arrays:
+    """Return the tilts of corrected images, of both sensors, of each, and without noise [deg].
+
+    Parameters
+    ----------
+    chain : Chain
+        The corrections.
+    scan, clean : Scan
+        Raw images with and without noise.
+    whole, truth : Snapshot
+        Corrected images that no threshold cut, and the true ones on the ship's own window.
+    estimate : Flight
+        The flight as navigation has it.
+    shown : bool
+        Whether the intensity shows a ship.
+
+    Returns
+    -------
+    dict of str to () float64 ndarray
+        mast_tilt, waterline_tilt, each with `_error`, and each with the prefixes `intensity_`,
+        `infrared_` and `noiseless_`.
+
+    See Also
+    --------
+    tilts : Tilt of images.
+    """
+    pixels = whole.window
+    # Tilts are of the uncut image if it shows a ship: a threshold eats into dim edges.
+    truths = [_widened(truth, values, pixels) for values in (truth.intensity, truth.infrared)]
+    images = [whole.intensity * shown, whole.infrared]
+    tilt = partial(chain.tilt, estimate=estimate, window=pixels)
+    noiseless = chain.correct(clean, estimate, pixels).infrared
+    lean = tilt(scan, images, truths)
+    several = {
+        "": lean,
+        "intensity_": tilt(scan, images[0], truths[0]),
+        "infrared_": tilt(scan, images[1], truths[1]),
+        "noiseless_": tilt(clean, noiseless, truths[1]),
+    }
+    found = {f"{name}mast_tilt": np.array(one.mast) for name, one in several.items()}
+    found |= {f"{name}waterline_tilt": np.array(one.waterline) for name, one in several.items()}
+    return found | {
+        "mast_tilt_error": np.array(lean.mast_error),
+        "waterline_tilt_error": np.array(lean.waterline_error),
+    }
+
+
+def model_profiles(
+    mesh: trimesh.Trimesh,
+    truth: Snapshot,
+    flight: Flight,
+    *,
+    aspect: float,
+    engine: str,
+    bin_width: float,
+    window: float,
+    reflectance: str,
+) -> Floats:
+    """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1.
+
+    The last two are of the whole view's range image at the sensor's pixel, of even reflectivity:
+    each pixel's area spread over its range extent, or sampled at its middle. Rows of pixels that
+    are level see a deck at distances far apart, so that only the whole extent closes the gaps
+    between them.
+    """
+    sight: dict[str, Any] = {"slant_range": flight.slant_range}
+    view = {"aspect": aspect, "depression": flight.depression, "roll": 0.0, **sight}
+    image = range_image(mesh, pixel=flight.pixel, engine=engine, **view)
+    # at least the pixel, in spite of rounding
+    sight |= {"ifov": flight.ifov * (1 + 1e-9), "bin_width": bin_width, "window": window}
+    drawn = [
+        range_extent(image, **sight, spread=spread, reflectance=reflectance).fraction.sum(axis=0)
+        for spread in (1.0, 0.0)
+    ]
+    noiseless = profile(truth, flight, bins=len(drawn[0]), bin_width=bin_width)
+    return np.stack([noiseless, *drawn])
+
+
+def ship_pixels(fine: Snapshot) -> Arrays:
+    """Return the pixels of a segmented image that show the ship, as arrays; see `image_of`."""
+    valid = np.isfinite(fine.range) & (fine.intensity > 0)
+    return {
+        "fine_row": fine.row,
+        "fine_column": fine.column,
+        "ship_pixel": np.argwhere(valid),
+        "ship_value": np.stack([fine.intensity[valid], fine.range[valid]], axis=-1),
+    }
+
+
+def image_of(arrays: Arrays) -> Snapshot:
+    """Return the overscanned image of a flight from its `ship_pixels` and its window.
+
+    Intensity and range where it shows the ship; nothing elsewhere, and no infrared.
+    """
+    row, column = arrays["fine_row"], arrays["fine_column"]
+    intensity, ranges = np.zeros((2, row.size, column.size))
+    at = tuple(arrays["ship_pixel"].T)
+    ranges[:] = np.nan
+    intensity[at], ranges[at] = arrays["ship_value"].T
+    pixels = Window(int(arrays["window_bottom"]), int(arrays["window_left"]), 0, column.size)
+    nothing = np.zeros(intensity.shape)
+    return Snapshot(pixels, row, column, intensity, ranges, nothing, nothing.astype(np.intp))
+
+
+def _widened(truth: Snapshot, values: Floats, window: Window) -> Floats:
+    """Return values of a truth on its own window, on a larger one whose middle pixels they are."""
+    above = (window.rows - truth.window.rows) // 2 * CELLS
+    aside = (window.columns - truth.window.columns) // 2 * CELLS
+    return np.pad(values, ((above, above), (aside, aside)))
+
+
+def compare_profiles(
+    profiles: Floats, down_range: Floats, *, aspect: float, ship: str = ""
+) -> Arrays:
+    """Return correlations of (source, bin) profiles at an aspect [deg], and their landmarks.
+
+    Returns
+    -------
+    dict of str to ndarray
+        profile_correlation, profile_correlation_without_hangar, hangar_spike_offset : ();
+        landmarks : (source,), NaN where the view is not near the stern or has none.
+
+    Notes
+    -----
+    The hangar's spike is the highest of the synthetic profile, in which nothing glints, or the
+    highest where `HANGARS` has it, and in the others what is highest close to it. Masts and bridge
+    are searched where the Perry class has them, and reported for its ships only.
+    """
+    measured, noiseless, synthetic = profiles[:3]
+    astern = abs(aspect - STERN) <= NEAR_STERN
+    if astern and ship in HANGARS:
+        first, last = HANGARS[ship]
+        synthetic = np.where((down_range >= first) & (down_range <= last), synthetic, 0)
+    spike = float(down_range[synthetic.argmax()])
+    marks: list[Landmarks | None] = [None] * len(SOURCES)
+    if astern:
+        near = (spike - HANGAR_REACH, spike + HANGAR_REACH)
+        for k, line in enumerate(profiles):
+            with suppress(NothingSeenError):
+                end = ENDS[SOURCES[k]]
+                marks[k] = landmarks(line, down_range, hangar=near, end=end)
+    figures = [_figures(one, ship in PERRY) for one in marks]
+    alike = partial(profile_correlation, measured, noiseless)
+    near_spike = np.abs(down_range - spike) <= HANGAR
+    return {
+        "profile_correlation": np.array(alike()),
+        "profile_correlation_without_hangar": np.array(alike(exclude=near_spike)),
+        "hangar_spike_offset": np.array(
+            figures[0].get("hangar", math.nan) - figures[1].get("hangar", math.nan)
+        ),
+        **{name: np.array([one.get(name, math.nan) for one in figures]) for name in MEASURED},
+    }
+
+
+def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
+    """Return the landmarks of one profile by name, and its hangar."""
+    if marks is None:
+        return {}
+    figures = {
+        "hangar": marks.hangar,
+        "stern_to_hangar": marks.stern,
+        "stern_to_bridge": marks.stern_to_bridge,
+        "deck_spikes": float(len(marks.deck_spikes)),
+    }
+    peaks = {"transom": marks.transom}
+    peaks |= {"mast": marks.mast, "forward": marks.forward} if perry else {}
+    for name, peak in peaks.items():
+        figures[f"{name}_position"] = peak.offset
+        figures[f"{name}_ratio"] = peak.height
+        figures[f"{name}_energy"] = peak.energy
+    return figures

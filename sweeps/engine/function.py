@@ -1,0 +1,114 @@
+"""Sweep of one function over a grid of values, without declarations."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from platformdirs import user_cache_path
+
+from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.declarations import RNG
+from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
+from sweeps.engine.kinds import Count, Kind, Number, Switch, Text
+from sweeps.engine.run import Place
+from sweeps.engine.run import sweep as run
+from sweeps.engine.schedule import Watch
+from sweeps.engine.settings import Run, Setting, read_choices
+from sweeps.engine.stage import Experiment, Output, Stage
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def sweep(
+    function: Callable[..., Any],
+    values: Mapping[str, Iterable[Any]],
+    *,
+    store: str | Path,
+    dims: tuple[str, ...] = (),
+    dtype: str = "f8",
+    seed: int = 0,
+    cluster: str = "inline",
+    cache: str | Path | None = None,
+) -> xr.Dataset:
+    """Return the results of a function for all combinations of some values, as in its store.
+
+    What was computed before, in this or another process, is not computed again: a sweep that was
+    interrupted is resumed, and one of more values extends its store.
+
+    Parameters
+    ----------
+    function : callable
+        Its arguments are those named in `values`, further ones with a default, and `rng`, a
+        generator of random numbers of its own for each combination. It is defined in a file.
+    values : mapping of str to iterable
+        Values of each argument: numbers, whole numbers, texts, or truth values.
+    store : path
+        Folder of the store, in zarr's format.
+    dims : tuple of str
+        Names of the dimensions of an array that the function returns; none for a number.
+    dtype : str
+        Of the result.
+    seed : int
+        Of all random numbers.
+    cluster : str
+        `inline`, this process, or `local`, a process on every core; a script that uses these
+        begins its work under ``if __name__ == "__main__":``.
+    cache : path, optional
+        Folder of finished results; the user's cache folder when not given. A store grows by what
+        this has.
+
+    Returns
+    -------
+    Dataset
+        In memory: one variable, named after the function, with a dimension for each argument.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value, an argument or the store cannot be used.
+    SweepIncomplete
+        If some calls failed. All others are in the store, and these are tried again next time.
+    """
+    name = getattr(function, "__name__", "")
+    if not inspect.isfunction(inspect.unwrap(function)) or not name.isidentifier():
+        raise ConfigurationError(f"function is {name or function}, but must be defined by def")
+    settings = {one: _setting(f"{name}.{one}", given) for one, given in values.items()}
+    known = inspect.signature(function).parameters
+    if unknown := [one for one in settings if one not in known]:
+        raise ConfigurationError(f"values has {unknown[0]!r}, but {name} takes {', '.join(known)}")
+    result = Output(name, dims, dtype, label=name)
+    stage = Stage(name, function, (result,), reads=settings, group=name)
+    if lacking := [one for one in stage.arguments if one not in (*settings, RNG)]:
+        raise ConfigurationError(f"values lacks {lacking[0]!r}, which {name} takes")
+    package = function.__module__.partition(".")[0]
+    try:
+        experiment = Experiment(name, name, tuple(settings.values()), (stage,), code=(package,))
+    except DeclarationError as error:
+        raise ConfigurationError(str(error)) from None
+    choices = read_choices(experiment.declared, {Run.seed.key: seed})
+    place = Place(Path(store), Path(cache or user_cache_path("sweeps")), ClusterChoice(cluster))
+    finished = run(experiment, choices, place, Watch(lambda sentence: None))
+    if finished.failures:
+        what, why = finished.failures[0]
+        raise SweepIncomplete(f"{len(finished.failures)} calls failed; {what}: {why}")
+    import xarray as xr  # slow to import
+
+    return xr.open_zarr(store, group=name, chunks=None).load()
+
+
+def _setting(key: str, given: Iterable[Any]) -> Setting:
+    """Return the setting of an argument, whose default are its values."""
+    listed = [one.item() if hasattr(one, "item") else one for one in given]
+    kind: Kind = Number()
+    if all(isinstance(one, bool) for one in listed):
+        kind = Switch()
+    elif all(isinstance(one, int) for one in listed):
+        kind = Count(low=-math.inf)
+    elif all(isinstance(one, str) for one in listed):
+        kind = Text()
+    return Setting(kind, listed, key.rpartition(".")[2], shown=True, key=key)

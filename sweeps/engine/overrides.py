@@ -1,0 +1,185 @@
+"""The overrides of a command line: checked before Hydra composes them, and expanded into jobs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice, product
+from typing import Any
+
+from hydra.core.config_loader import ConfigLoader
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override, Transformer
+from hydra.errors import HydraException
+from omegaconf import DictConfig
+
+from sweeps.engine.configuration import (
+    composed,
+    composing,
+    members,
+    not_members,
+    read_configuration,
+    unknown,
+)
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.kinds import MOST_VALUES
+from sweeps.engine.settings import Choices, Run, nested
+from sweeps.engine.stage import Experiment
+
+STORE = "sweep.zarr"
+STEPS = ("start", "stop", "step")  # keys of a setting whose values are given by them
+MOST_JOBS = 1_000  # each is composed by itself; more values of a setting are an axis
+
+
+@dataclass(frozen=True)
+class Job:
+    """One job of a command line: its overrides by key, its choices, and the path of its store."""
+
+    overrides: dict[str, str]
+    choices: Choices
+    store: str
+
+
+def read_jobs(experiment: Experiment, arguments: Sequence[str], *, several: bool) -> list[Job]:
+    """Return the jobs of a command line, with choices that are checked setting by setting.
+
+    With `several`, values that are swept make a job each, unless they are an axis.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first invalid key, its value and what is allowed.
+    """
+    with composing(experiment):
+        overrides = _parsed(experiment, arguments, several=several)
+        return [
+            job_of(experiment, composed(experiment, lines), lines, STORE)
+            for lines in _expanded(experiment, overrides)
+        ]
+
+
+def job_of(
+    experiment: Experiment, configuration: DictConfig, lines: Iterable[str], store: str
+) -> Job:
+    """Return a job of a composed configuration; `store` is where it goes if that names none."""
+    choices = read_configuration(experiment, configuration)
+    by_key = dict(line.partition("=")[::2] for line in lines)
+    return Job(by_key, choices, choices.one(Run.store) or store)
+
+
+# checks -------------------------------------------------------------------------------------------
+
+
+def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) -> list[Override]:
+    """Return the overrides of some arguments, whose keys and choices of groups exist."""
+    loader = GlobalHydra.instance().config_loader()
+    parser = OverridesParser.create(loader)
+    overrides = []
+    for place, argument in enumerate(arguments):
+        key, _, value = argument.partition("=")
+        if not key.lstrip("+~"):
+            raise ConfigurationError(f"{argument} has no key, but must be KEY=VALUE")
+        try:
+            [override] = parser.parse_overrides([argument])
+        except (HydraException, TypeError, ValueError) as error:
+            if whole := _split_at_spaces(arguments[place:]):
+                hint = f"which the shell has split at a space: quote it, '{whole}'"
+            else:
+                hint = (
+                    f"but must be KEY=VALUE in Hydra's syntax: {str(error).partition(chr(10))[0]}"
+                )
+            raise ConfigurationError(f"{argument} cannot be read, {hint}") from error
+        if override.is_sweep_override() and not several:
+            raise ConfigurationError(
+                f"{key} is {value}, but must be one value or a list: quote it, '{key}=[{value}]', "
+                f"or as a text, \"{key}='{value}'\"; or sweep over it, -m {argument}"
+            )
+        _check_key(experiment, loader, override)
+        overrides.append(override)
+    return overrides
+
+
+def _split_at_spaces(arguments: Sequence[str]) -> str:
+    """Return the list or mapping of which a shell made the first arguments; empty if it is none."""
+    for end in range(2, len(arguments) + 1):
+        text = " ".join(arguments[:end])
+        if all(text.count(left) == text.count(right) for left, right in ("[]", "{}")):
+            return text
+    return ""
+
+
+def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override) -> None:
+    """Refuse a key that is not in the configuration, or a value that a group does not have."""
+    key = override.key_or_group
+    value: Any = override.value()
+    declared = {one.key for one in experiment.declared}
+    if options := loader.get_group_options(key):
+        for one in override.sweep_iterator() if override.is_sweep_override() else [value]:
+            if isinstance(one, list):
+                hint = f"; {key}.name takes a list" if f"{key}.name" in declared else ""
+                given = str(override.input_line).partition("=")[2]
+                raise ConfigurationError(f"{key} is {given}, but must be one choice{hint}")
+            if one is not None and one not in options:
+                listed = ", ".join(options)
+                raise ConfigurationError(f"{key} is {one!r}, but must be one of {listed}")
+        return
+    tree: Mapping[str, Any] = nested(experiment.declared)
+    words = key.split(".")
+    for depth, word in enumerate(words):
+        if word not in tree:
+            raise unknown(experiment, tree, ".".join(words[:depth]), key)
+        is_last = depth == len(words) - 1
+        tree = members(tree[word]) or ({} if is_last else dict.fromkeys(STEPS))
+    if tree and not override.is_delete() and not isinstance(value, dict):
+        raise not_members(tree, key, value)
+
+
+# jobs ---------------------------------------------------------------------------------------------
+
+
+def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator[tuple[str, ...]]:
+    """Return the overrides of every job.
+
+    Swept settings are axes of one job, `a=1,2` as `a=[1,2]`, so that a grid of thousands of points
+    is one. A key that another override refers to, as the store's path may, stays swept, as do
+    groups, and settings of one value.
+
+    Raises
+    ------
+    ConfigurationError
+        If an axis, or the jobs, would be too many.
+    """
+    lines = [str(one.input_line) for one in overrides]
+    axes = {one.key for one in experiment.declared if not one.fixed}
+    options: dict[str, list[str]] = {}  # the last of a key counts
+    for override, line in zip(overrides, lines, strict=True):
+        key, name = override.get_key_element(), override.key_or_group
+        options[key] = [line]
+        if not override.is_sweep_override():
+            continue
+        values = _values(override, MOST_VALUES)
+        refers = any(f"{{{name}}}" in other for other in lines)
+        if name in axes and not refers and not any(one.startswith(("[", "{")) for one in values):
+            options[key] = [f"{key}=[{','.join(values)}]"]
+        else:
+            options[key] = [f"{key}={value}" for value in values]
+    if math.prod(map(len, options.values())) > MOST_JOBS:
+        longest = max(options, key=lambda key: len(options[key]))
+        raise ConfigurationError(
+            f"{longest} has {len(options[longest]):,} values of all that make jobs, but there may "
+            f"be at most {MOST_JOBS:,} jobs"
+        )
+    return product(*options.values())
+
+
+def _values(override: Override, most: int) -> list[str]:
+    """Return values of a swept override as they are written; too many are refused, not made."""
+    values = override.sweep_iterator(transformer=Transformer.encode)
+    found = [str(one) for one in islice(values, most + 1)]
+    if len(found) > most:
+        raise ConfigurationError(
+            f"{override.input_line} has too many values; there may be at most {most:,}"
+        )
+    return found

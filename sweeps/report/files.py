@@ -1,0 +1,66 @@
+"""Tables of a store as CSV files beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from sweeps.report.frames import PART, Frame
+from sweeps.report.own import OwnFiles
+from sweeps.report.places import tables_folder
+from sweeps.report.words import missing
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
+
+
+def write_tables(store: Path, frames: Iterable[Frame]) -> tuple[list[Path], OSError | None]:
+    """Write the tables of a store as CSV files beside it; remove those of an earlier run.
+
+    Files that were changed since a report wrote them stay. Returns the paths at which other files
+    are in the way, and the error if it fails.
+    """
+    contents = {f"{one.name}.csv": csv_of(one) for one in frames}
+    try:
+        files = OwnFiles(tables_folder(store))
+        for name, content in contents.items():
+            files.put(name, content)
+        for name in files.names:
+            if name.endswith(".csv") and name not in contents:
+                files.remove(name)
+    except OSError as error:
+        return [], error
+    return files.kept, None
+
+
+def csv_of(frame: Frame) -> bytes:
+    """Return a frame as CSV with its columns as header; an absent value is an empty field."""
+    rows = frame.rows.drop(columns=PART, errors="ignore")
+    texts: dict[str, Any] = {
+        name: rows[name].map(neutral) for name in rows if rows[name].dtype.kind not in "fiub"
+    }
+    for name in rows:
+        digits = frame.columns[name].digits
+        if digits is not None and rows[name].dtype.kind == "f":
+            texts[name] = rows[name].map(partial(rounded, digits=digits))
+    rows = rows.assign(**texts).rename(columns=neutral)
+    text = rows.to_csv(index=False, lineterminator="\r\n")
+    return text.encode("utf-8", "backslashreplace")
+
+
+def rounded(value: float, digits: int) -> float:
+    """Return a number rounded to some decimals; an infinite one as it is missing."""
+    return round(value, digits) if math.isfinite(value) else math.nan
+
+
+def neutral(value: Any) -> Any:
+    """Return a cell that no spreadsheet reads as a formula, with an apostrophe if needed."""
+    if not isinstance(value, str) or missing(value) or not value.startswith(FORMULA):
+        return value
+    with suppress(ValueError):
+        float(value)
+        return value
+    return f"'{value}"

@@ -1,0 +1,325 @@
+"""Tables of a store as tidy pandas frames: a row per cell, a column per axis and figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from sweeps.engine.display import ATTRIBUTE, Display, Figure, read_display
+from sweeps.report.beside import with_comparisons
+from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, refusal
+from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of
+
+# Dimensions of draws.
+DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
+HIDDEN = ("aspect_low", "learned", "known")  # coordinates that are no axes
+ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
+BESIDE = ("_spread", "_n", "_of")
+TENTHS = 1  # decimals of percentages in files
+PART = "part"  # column with the number of the part of a frame, not in files
+FIRST = (
+    *("scores", "flights", "landmarks", "scan", "categories", "rejection_curve", "rejection"),
+    *("infrared_sensor", "infrared_detection", "infrared_super_resolution"),
+)
+"""The tables in the order in which they are shown; others follow."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """Column of a frame: its words, unit and meaning, from the labels of outputs and settings."""
+
+    name: str
+    axis: str  # name of the axis, or of the column of the figure that it belongs to
+    words: str
+    unit: str = ""
+    meaning: str = ""
+    role: str = "axis"  # or figure, low, high, beside, source, chance
+    format: str = ".4g"
+    listed: bool = True
+    digits: int | None = None  # decimals in files; None: all
+
+    @property
+    def heading(self) -> str:
+        """The words, and the unit in brackets."""
+        return f"{self.words} [{self.unit}]" if self.unit else self.words
+
+    def text(self, value: Any) -> str:
+        """Return a value as printed, without its unit."""
+        if self.axis in WORDED and value in WORDS:
+            return WORDS[value]
+        return shown(value, self.format if self.role != "axis" else "g")
+
+
+@dataclass(frozen=True)
+class Part:
+    """The rows of a frame that are of one group: variable and dimensions of each column."""
+
+    group: str
+    display: Display
+    variables: Mapping[str, str]
+    dims: Mapping[str, tuple[str, ...]]
+    names: Mapping[str, str]  # of the columns of dimensions
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A table: its tidy rows, and what its columns are."""
+
+    name: str
+    title: str
+    rows: pd.DataFrame
+    columns: Mapping[str, Column]
+    parts: tuple[Part, ...] = ()
+    down: tuple[str, ...] = ()  # columns of axes down, before others
+    across: str = ""  # column of the axis across, if any
+    notes: tuple[str, ...] = ()
+
+    def of_role(self, role: str, figure: str = "") -> list[str]:
+        """Return names of the columns of a role, of one figure if given."""
+        return [
+            name
+            for name, column in self.columns.items()
+            if column.role == role and (not figure or column.axis == figure)
+        ]
+
+    @property
+    def figures(self) -> list[str]:
+        """Return names of the columns of figures that are listed, the main one first."""
+        return [name for name in self.of_role("figure") if self.columns[name].listed]
+
+    @cached_property
+    def _several(self) -> tuple[str, ...]:
+        return tuple(name for name in self.of_role("axis") if self.rows[name].nunique() > 1)
+
+    def several(self) -> list[str]:
+        """Return names of the axes along which rows differ."""
+        return list(self._several)
+
+    @cached_property
+    def records(self) -> dict[Any, dict[str, Any]]:
+        """Values of every row by column, by the row's label; quicker than looking rows up."""
+        columns = [self.rows[name].tolist() for name in self.rows]
+        return {
+            label: dict(zip(self.rows, row, strict=True))
+            for label, row in zip(self.rows.index, zip(*columns, strict=True), strict=True)
+        }
+
+    def where(self, rows: Any) -> Frame:
+        """Return the frame with some of its rows."""
+        return replace(self, rows=self.rows.loc[rows])
+
+    def at(self, place: Mapping[str, Any]) -> Frame:
+        """Return the frame at some values of axes; rows without a value there stay."""
+        kept = pd.Series(True, index=self.rows.index)
+        for name, value in place.items():
+            column = self.rows[name]
+            kept &= column.isna() | (column == value).fillna(False).astype(bool)
+        return self.where(kept)
+
+
+def frame(path: str | Path, name: str) -> pd.DataFrame:
+    """Return a table of a store as a tidy frame, with a row per cell.
+
+    Parameters
+    ----------
+    path : path
+        A store of a sweep.
+    name : str
+        Name of the table, which is that of its CSV file.
+
+    Returns
+    -------
+    DataFrame
+        A column per axis and figure. `attrs["columns"]` has label and unit of each.
+
+    Raises
+    ------
+    ConfigurationError
+        If the store has no such table.
+    """
+    found = chosen(read_frames(Path(path)), name)
+    rows = found.rows.drop(columns=PART, errors="ignore")
+    rows.attrs["columns"] = {
+        key: {"label": one.meaning or one.words, "unit": one.unit}
+        for key, one in found.columns.items()
+    }
+    return rows
+
+
+def chosen(frames: Mapping[str, Frame], name: str) -> Frame:
+    """Return the table of a name. Raises ConfigurationError, which lists the names."""
+    from sweeps.engine.errors import ConfigurationError
+
+    if name not in frames:
+        raise ConfigurationError(f"table is {name!r}, but must be one of {', '.join(frames)}")
+    return frames[name]
+
+
+def read_frames(path: Path) -> dict[str, Frame]:
+    """Return the tables of a store by name. Raises ConfigurationError if it has none."""
+    try:
+        store = opened(path)
+        parts: dict[str, list[tuple[Frame, Part]]] = {}
+        for name in groups(store, "tables"):
+            table = read(store, f"tables/{name}")
+            for display in displays_of(table, name):
+                made = tidy(table, display, f"tables/{name}")
+                if made is not None:
+                    parts.setdefault(display.name, []).append(made)
+        given = attributes(store)
+        frames = {name: stacked(found) for name, found in parts.items()}
+        frames = {name: with_comparisons(one, given) for name, one in frames.items()}
+    # zarr and xarray raise various errors for damaged or other files.
+    except Exception as error:
+        raise refusal(path, error) from error
+    if not frames:
+        raise refusal(path)
+    order = {name: number for number, name in enumerate(FIRST)}
+    return {name: frames[name] for name in sorted(frames, key=lambda one: order.get(one, 99))}
+
+
+def displays_of(table: xr.Dataset, name: str) -> list[Display]:
+    """Return the displays of a group: those it was stored with, or one of all its variables."""
+    written = attributes(table).get(ATTRIBUTE)
+    if written:
+        return [read_display(one) for one in written]
+    return [Display(name, str(table.attrs.get("title", name.replace("_", " ").capitalize())))]
+
+
+def tidy(table: xr.Dataset, display: Display, group: str) -> tuple[Frame, Part] | None:
+    """Return the frame of one display of a group; None if the group lacks its main figure."""
+    figures = [one for one in display.figures or _all_figures(table) if one.variable in table]
+    if not figures or (display.figures and figures[0] != display.figures[0]):
+        return None
+    bounded = sum(bool(one.low) for one in figures)
+    wanted: dict[str, tuple[str, Figure, str]] = {}  # variable, figure and role by column
+    for one in figures:
+        wanted[one.column] = one.variable, one, "figure"
+        prefix = "" if bounded == 1 else f"{one.column}_"
+        for role, variable in (("low", one.low), ("high", one.high)):
+            if variable in table:
+                wanted[f"{prefix}ci_{role}"] = variable, one, role
+        for name, variable in one.beside.items():
+            if variable in table:
+                wanted[name] = variable, one, "beside"
+    data = table[list(dict.fromkeys(variable for variable, _, _ in wanted.values()))]
+    data = data.drop_vars([name for name in (*HIDDEN, *DRAWS) if _is_extra(data, name)])
+    data = data.load()
+    whole = data.expand_dims("row_number") if not data.dims else data
+    flat = whole.to_dataframe().reset_index().drop(columns="row_number", errors="ignore")
+    columns, rows = dict[str, Column](), dict[str, Any]()
+    for name, text in display.labels.items():
+        columns[name] = Column(name, name, name)
+        rows[name] = pd.Series(text, index=flat.index, dtype=object)
+    axes = [name for name in flat if name not in data.data_vars]
+    axes.sort(key=lambda name: name == display.columns)
+    for axis in axes:
+        column = column_of_axis(data, str(axis))
+        columns[column.name], rows[column.name] = column, _plain(flat[axis])
+    for name, (variable, one, role) in wanted.items():
+        about = data[variable].attrs
+        is_percent = one.percent and (role != "beside" or name == "spread")
+        columns[name] = Column(
+            name,
+            one.column,
+            printable(name.replace("_", " ")),
+            "%" if is_percent else unit_of(str(about.get("units", "1"))),
+            printable(str(about.get("long_name", ""))),
+            role,
+            one.format,
+            one.listed,
+            TENTHS if is_percent else one.digits,
+        )
+        values = _plain(flat[variable])
+        rows[name] = 100 * values if is_percent else values
+    main = figures[0].column
+    if display.chance is not None:
+        name = f"{main}_by_chance"
+        columns[name] = Column(name, main, "chance", columns[main].unit, "", "chance", ".0f")
+        rows[name] = pd.Series(float(display.chance), index=flat.index)  # type: ignore[arg-type]
+    named = {column.axis: name for name, column in columns.items() if column.role == "axis"}
+    views = {"views": int(table.view_count.max())} if "view_count" in table else {}
+    variables = {name: variable for name, (variable, _, _) in wanted.items()}
+    dims = {name: tuple(map(str, table[one].dims)) for name, one in variables.items()}
+    part = Part(group, display, variables, dims, named, attributes(table) | views)
+    rows[PART] = pd.Series(0, index=flat.index)
+    down = tuple(named[name] for name in display.rows if name in named)
+    across = named.get(display.columns, "")
+    data_frame = pd.DataFrame(rows)
+    notes = display.notes
+    return Frame(
+        display.name, display.title, data_frame, columns, (part,), down, across, notes
+    ), part
+
+
+def column_of_axis(data: xr.Dataset, name: str) -> Column:
+    """Return the column of an axis, with the label and unit of its setting."""
+    about = data[name].attrs
+    units = str(about.get("units", UNITS.get(name, "1")))
+    meaning = printable(str(about.get("long_name", "")))
+    words = printable(name.replace("_", " "))
+    return Column(file_name(name, units), name, words, unit_of(units), meaning)
+
+
+def _is_extra(data: xr.Dataset, name: str) -> bool:
+    """Return whether a coordinate is neither an axis of its own nor a setting."""
+    return name in data.coords and (name in HIDDEN or name not in data.dims)
+
+
+def _all_figures(table: xr.Dataset) -> Iterator[Figure]:
+    """Yield a figure for every variable of a table that is not shown beside another."""
+    names = [str(name) for name in table if not set(table[name].dims) & set(OF_ARRAYS)]
+    ends = [end for pair in ENDS for end in pair]
+    for name in names:
+        if any(name.endswith(end) and name.removesuffix(end) in names for end in (*ends, *BESIDE)):
+            continue
+        pairs = [(name + low, name + high) for low, high in ENDS]
+        low, high = next((pair for pair in pairs if set(pair) <= set(names)), ("", ""))
+        beside = {name + end: name + end for end in BESIDE if name + end in names}
+        yield Figure(name, low=low, high=high, beside=beside)
+
+
+def _plain(values: pd.Series) -> pd.Series:
+    """Return values as floats, or as integers and truth values that may be missing."""
+    kind = values.dtype.kind
+    types = {"f": "float64", "i": "Int64", "u": "Int64", "b": "boolean"}
+    return values.astype(types[kind]) if kind in types else values.astype(object)
+
+
+def stacked(parts: Sequence[tuple[Frame, Part]]) -> Frame:
+    """Return one frame of several: labels first, then axes, the one across last, then figures."""
+    found = [one for one, _ in parts]
+    columns = {name: column for one in found for name, column in one.columns.items()}
+    down = tuple(dict.fromkeys(name for one in found for name in one.down))
+    across = next((one.across for one in found if one.across), "")
+    names = [name for name in columns if columns[name].role == "axis" and name != across]
+    labels = [name for one in found for name in one.parts[0].display.labels]
+    names = [*dict.fromkeys(name for name in (*labels, *names)), *[across] * bool(across)]
+    names += [name for name in columns if columns[name].role != "axis"]
+    stacked = [one.rows.assign(**{PART: number}) for number, one in enumerate(found)]
+    rows = pd.concat(stacked, ignore_index=True) if len(stacked) > 1 else stacked[0]
+    notes = tuple(dict.fromkeys(note for one in found for note in one.notes))
+    return replace(
+        found[0],
+        rows=rows[[*names, PART]],
+        columns={name: columns[name] for name in names},
+        parts=tuple(part for _, part in parts),
+        down=down,
+        across=across,
+        notes=notes,
+    )
+
+
+def values_of(rows: pd.DataFrame, name: str) -> list[Any]:
+    """Return the values of an axis in some rows, numbers in ascending order."""
+    values = rows[name].dropna().unique().tolist()
+    if all(isinstance(one, int | float) and not isinstance(one, bool) for one in values):
+        values.sort()
+    return values

@@ -1,0 +1,91 @@
+"""Finished stores: their groups, attributes and damage."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+import zarr
+
+from sweeps.engine.attributes import nested
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.folders import verify
+from sweeps.report.words import MAIN, preferred
+
+READ = ("tables",)  # groups that the report prints
+# Dimensions of profiles and images.
+OF_ARRAYS = (
+    *("down_range", "lag", "row", "column", "col", "angle", "radius"),
+    *("horizontal", "vertical"),
+)
+
+
+def opened(path: Path) -> Any:
+    """Return a store with its metadata. Raises OSError if there is none."""
+    return zarr.open_group(path, mode="r")
+
+
+def attributes(store: Any) -> dict[str, Any]:
+    """Return the attributes of a store, or of a group, with mappings and lists as such."""
+    return nested(store.attrs)
+
+
+def groups(store: Any, under: str = "") -> list[str]:
+    """Return the names of groups of a store, or of subgroups of one."""
+    inside = store.get(under) if under else store
+    return sorted(inside.group_keys()) if inside is not None else []
+
+
+def read(store: Any, group: str) -> xr.Dataset:
+    """Return a group of a store, each variable read lazily. Raises KeyError without it."""
+    return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
+
+
+def check_whole(path: Path, *, groups: Iterable[str] | None = READ) -> None:
+    """Refuse a store of which files are damaged, missing or of something else.
+
+    By default, in the groups that the report prints; with None, everywhere. Raises
+    ConfigurationError.
+    """
+    try:
+        bad = verify(path, groups)
+    except (OSError, ConfigurationError) as error:
+        raise refusal(path, error) from error
+    if bad:
+        many = f"{len(bad):,} of its files are" if len(bad) > 1 else "one of its files is"
+        raise refusal(path, f"{many} damaged, missing or of something else: {bad[0]}")
+
+
+def refusal(path: Path, why: str | Exception = "") -> ConfigurationError:
+    """Return the error that a store is not one of a sweep with tables, or cannot be read now."""
+    if isinstance(why, OSError) and why.errno not in {None, errno.ENOENT, errno.ENOTDIR}:
+        return ConfigurationError(f"store is {str(path)!r}, which cannot be read: {why.strerror}")
+    if isinstance(why, Exception) and not isinstance(why, ConfigurationError):
+        why = f"{type(why).__name__}: {why}".split("\n")[0]
+    sentence = f"store is {str(path)!r}, but must be the zarr store of a sweep with tables"
+    return ConfigurationError(sentence + (f" ({why})" if why else ""))
+
+
+def failed_cells(store: Any) -> dict[str, str]:
+    """Return the names of cells that failed, with the reason of each, as a store has them."""
+    return dict(attributes(store).get("failures", {}))
+
+
+def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> xr.Dataset:
+    """Return a data set at the wanted or preferred value of every axis, or else the first.
+
+    Dimensions in `keep`, and those of profiles and images, stay.
+    """
+    place = {}
+    for dim in set(map(str, dataset.dims)) - {*keep, *OF_ARRAYS}:
+        names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
+        names.sort(key=lambda name: (name not in wanted, name not in MAIN))
+        value = names and dataset[names[0]].values.tolist()
+        chosen = wanted.get(names[0]) if names else None
+        place[dim] = 0
+        if value:
+            place[dim] = value.index(chosen if chosen in value else preferred(names[0], value))
+    return dataset.isel(place)

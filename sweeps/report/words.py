@@ -1,0 +1,96 @@
+"""Names, units and values as people read them, and the values that are shown first."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+NOTHING = "–"  # for a missing figure
+IN_FILES = {"degree": "deg", "m s-1": "m_s", "1": "", "pixel": "", "%": "percent"}
+WRITTEN = {"degree": "°", "urad": "µrad", "1": ""}
+UNITS = {"aspect_bin": "degree"}  # of pooled aspects, whose values are words
+
+# Words of classifiers and sensors, which the configuration names shortly.
+WORDS = {
+    **{"acn": "ACN", "mnn": "MNN", "likelihood": "maximum likelihood", "fusion": "fusion"},
+    **{"range": "range profile", "infrared": "silhouette", "both": "both sensors"},
+}
+WORDED = ("classifier", "channel")
+
+# Value of an axis that is shown first: the article's, or the nominal one; else the first.
+MAIN: dict[str, Any] = {
+    **{"range": 100.0, "pulse_width": 30.0, "vigilance": 0.95, "frame_count": 16},
+    **{"infrared_frame_count": 16, "super_resolution": "none", "gain_sigma": 1.0, "cnr": 32.0},
+    **{"label_rule": "majority", "score_rule": "ship", "training": "expected", "left_out": False},
+    **{"aspects": "random", "learn_in_test": False, "inputs": "standardised", "annealing": True},
+    **{"coverage_rule": 0.25, "inner_radius": 0.5, "segmentation": "matched"},
+    **{"interpolation": "nearest", "learning_rate": 0.1, "target_free_ifovs": 4000},
+    **{"transom_gain": 1.0, "mast_gain": 1.0, "error_parameter": "none", "autofocus": False},
+    **{"chain": "exact", "azimuth": "pixel", "mirror": "exact", "range_filter": "cluster"},
+    "kind": ("measured", "test"),
+    **{"aspect_bin": "overall", "channel": "both", "aspect": 175.0, "source": "measured"},
+}
+
+
+def printable(text: str) -> str:
+    """Return a text with its control and other invisible characters escaped."""
+    if text.isprintable():
+        return text
+    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+
+
+def file_name(name: str, units: str) -> str:
+    """Return the name of a column with its unit, such as `range_km`."""
+    unit = IN_FILES.get(units)
+    if unit is None:
+        unit = re.sub(r"[^a-z0-9]+", "_", re.sub(r" (\w+)-1\b", r"_per_\1", units.lower()))
+    return f"{name}_{unit.strip('_')}" if unit.strip("_") else name
+
+
+def unit_of(units: str) -> str:
+    """Return a unit as printed; empty if there is none."""
+    return WRITTEN.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable(units)))
+
+
+def missing(value: Any) -> bool:
+    """Return whether a value of a frame is absent."""
+    return value is None or value is pd.NA or bool(value != value)
+
+
+def shown(value: Any, format: str = "g") -> str:
+    """Return a value as printed; numbers that are not whole, by a format."""
+    if missing(value):
+        return NOTHING
+    if isinstance(value, bool) or type(value).__name__ == "bool":
+        return "yes" if value else "no"
+    if isinstance(value, float) and math.isfinite(value):
+        return format_number(value, format)
+    return printable(str(value)).replace("_", " ")
+
+
+def format_number(value: float, format: str) -> str:
+    """Return a number by a format, a small whole one as it is, and none as minus zero."""
+    if format == ".4g" and value.is_integer() and abs(value) < 10_000:
+        return str(int(value))
+    text = f"{value:{format}}"
+    return text.lstrip("-") if not text.strip("-0.%") else text
+
+
+def preferred(name: str, values: Sequence[Any]) -> Any:
+    """Return the value of an axis that is shown first: of numbers the nearest, else the first."""
+    wanted = MAIN.get(name)
+    for one in wanted if isinstance(wanted, tuple) else (wanted,):
+        if one in values:
+            return one
+    if all(isinstance(one, int | float) and not isinstance(one, bool) for one in (wanted, *values)):
+        return min(values, key=lambda value: (abs(value - wanted), value))
+    return values[0]
+
+
+def place_in_words(place: Mapping[str, str], *, but: Iterable[str] = ()) -> str:
+    """Return values of axes, by words of the axes, in one line."""
+    return ", ".join(f"{name} {text}" for name, text in place.items() if name not in but)

@@ -1,0 +1,127 @@
+"""A sweep of one function, without declarations."""
+
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sweeps
+from sweeps.engine.errors import ConfigurationError, SweepIncomplete
+
+ROOT = Path(__file__).parents[2]
+CALLS: list[tuple[float, float]] = []
+
+
+def product(x, y, scale=2.0):
+    """Twice the product."""
+    CALLS.append((x, y))
+    return scale * x * y
+
+
+def powers(base):
+    """Powers from 0 to 3."""
+    if base < 0:
+        raise ValueError("negative")
+    return base ** np.arange(4)
+
+
+def noise(sigma, rng):
+    """A random number."""
+    return sigma * rng.normal()
+
+
+def mixed(word, flag, size):
+    """A number from values of three types."""
+    assert isinstance(size, int)
+    return len(word) * size if flag else 0
+
+
+def own(own):
+    return own
+
+
+def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
+    def run(**values):
+        CALLS.clear()
+        return sweeps.sweep(product, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
+
+    found = run(x=[2, 1], y=np.array([0.5, 1.5]))
+    assert found["product"].dims == ("x", "y") and len(CALLS) == 4
+    assert found["product"].sel(x=2, y=1.5) == 6 and found.x.values.tolist() == [1, 2]
+    assert run(x=[1, 2], y=[0.5, 1.5]).equals(found) and not CALLS
+    more = run(x=[1, 2, 3], y=[0.5, 1.5])
+    assert CALLS == [(3, 0.5), (3, 1.5)] and more.sel(x=[1, 2]).equals(found)
+
+
+def test_arrays_noise_and_values_of_other_types(tmp_path):
+    def run(function, values, **how):
+        store, cache = tmp_path / f"{function.__name__}.zarr", tmp_path / "c"
+        return sweeps.sweep(function, values, store=store, cache=cache, **how)
+
+    assert run(powers, {"base": [2.0]}, dims=("power",)).powers.values.tolist() == [[1, 2, 4, 8]]
+    first = run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise
+    assert first.equals(run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise)
+    assert first[0] != first[1] / 2  # each has a stream of its own
+    found = run(
+        mixed, {"word": ["bow", "stern"], "flag": [False, True], "size": [1, 2]}, dtype="i4"
+    )
+    assert found.mixed.sel(word="stern", flag=True, size=2) == 10
+
+
+def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
+    given = {"base": [-1.0, 2.0]}
+    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "dims": ("power",)}
+    with pytest.raises(SweepIncomplete, match="1 calls failed; powers base=-1: ValueError: neg"):
+        sweeps.sweep(powers, given, **how)
+    assert (tmp_path / "s.zarr").is_dir()
+
+
+@pytest.mark.parametrize(
+    ("function", "values", "sentence"),
+    [
+        (product, {"x": [1], "z": [1]}, "values has 'z', but product takes x, y, scale"),
+        (product, {"x": [], "y": [1]}, "product.x is empty"),
+        (product, {"x": [1, 1], "y": [1]}, "more than once"),
+        (product, {"x": [1, "a"], "y": [1]}, "product.x has 'a'"),
+        (product, {"x": [1]}, "values lacks 'y', which product takes"),
+        (product, {"product": [1]}, "values has 'product', but product takes x, y, scale"),
+        (own, {"own": [1]}, "own is named like the setting own.own; rename one of them"),
+        (lambda x: x, {"x": [1]}, "function is <lambda>, but must be defined by def"),
+        (np.sin, {"x": [1]}, "function is sin, but must be defined by def"),
+        (partial(product, 1), {"y": [1]}, "functools.partial.* must be defined by def"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, function, values, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        sweeps.sweep(function, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
+    assert not (tmp_path / "s.zarr").exists()
+
+
+SCRIPT = """
+import sweeps
+
+SHIFT = 1
+
+def shifted(x):
+    return x + SHIFT
+
+if __name__ == "__main__":
+    how = {"store": "s.zarr", "cache": "c", "cluster": "local"}
+    print(sweeps.sweep(shifted, {"x": [1, 2, 3]}, **how).shifted.values)
+"""
+
+
+def test_a_script_uses_all_cores_in_five_lines(tmp_path):
+    (tmp_path / "script.py").write_text(SCRIPT)
+    done = subprocess.run(
+        [sys.executable, "script.py"],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT), "HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == "[2. 3. 4.]\n", done.stderr

@@ -1,0 +1,76 @@
+"""Masks of ships: the hits of range images, and every centre tried on its own."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ncti import ships
+from ncti.render import available_engines, mask, range_image
+
+VIEWS = [(0, None, 0.11), (33.3, 4e3, 0.6), (71, 25e3, 0.25), (200, 50e3, 0.25), (90, 100e3, 0.25)]
+
+
+@pytest.mark.skipif("osmesa" not in available_engines(), reason="no osmesa library here")
+@pytest.mark.parametrize("name", ships.names())
+def test_masks_are_the_hits_of_range_images(name):
+    """Bit for bit: OpenGL's matrix, its grid of vertices and its rule for centres on a border.
+
+    In 672 views of the six ships one pixel differs, where float32 rounds otherwise than here: of
+    these five views one may have one.
+    """
+    mesh, differing = ships.load(name), 0
+    for aspect, slant_range, pixel in VIEWS:
+        view = {"aspect": aspect, "depression": 3.84, "slant_range": slant_range, "pixel": pixel}
+        found, drawn = mask.ship_mask(mesh, **view), range_image(mesh, engine="osmesa", **view)
+        assert (found.pixel, found.origin, found.roll) == (drawn.pixel, drawn.origin, drawn.roll)
+        assert found.hit.shape == drawn.hit.shape and found.hit.sum() > 500
+        differing += np.count_nonzero(found.hit != drawn.hit)
+    assert differing <= 1
+
+
+@given(st.integers(0, 2**32), st.sampled_from([1, 4, 256]))
+def test_a_centre_on_a_border_belongs_to_one_side(seed, steps):
+    """Facets with corners in steps of a pixel, a quarter and 1/256, in whole numbers."""
+    rng = np.random.default_rng(seed)
+    corners = rng.integers(-2 * steps, 18 * steps, (30, 2))
+    faces = rng.integers(0, 30, (12, 3)).astype(np.int32)
+    hit = np.zeros((15, 17), np.bool_)
+    mask.fill(corners / steps, faces, np.arange(12, dtype=np.int32), hit)
+
+    row, column = (steps * place for place in np.indices(hit.shape))
+    expected = np.zeros_like(hit)
+    for a, b, c in corners[faces]:
+        inside = np.full(hit.shape, (b - a)[0] * (c - a)[1] > (b - a)[1] * (c - a)[0])
+        for (x, y), (u, v) in ((a, b), (b, c), (c, a)):
+            left = (u - x) * (row - y) - (v - y) * (column - x)
+            # On a border that falls, or is level below the facet, a centre is inside.
+            inside &= (left > 0) | ((left == 0) & (v < y or (v == y and u > x)))
+        expected |= inside
+    assert np.array_equal(hit, expected)
+
+
+def test_two_halves_fill_a_rectangle_once():
+    """A level lattice with its centres on the diagonal: facets that share a side share no pixel."""
+    corners = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]])
+    halves = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    filled = np.zeros((2, 9, 9), np.bool_)
+    for half, hit in enumerate(filled):
+        mask.fill(corners, halves, np.array([half], np.int32), hit)
+    assert not filled.all(axis=0).any()
+    assert filled.any(axis=0)[:8, :8].all() and filled.sum() == 64
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"pixel": 0.0}, "pixel"),
+        ({"depression": 91.0}, "depression"),
+        ({"slant_range": 5.0}, "slant_range"),
+    ],
+)
+def test_invalid_arguments_are_refused(given, message):
+    box = trimesh.creation.box((40.0, 8.0, 6.0))
+    with pytest.raises(ValueError, match=message):
+        mask.ship_mask(box, **{"aspect": 0.0, "depression": 0.0, "pixel": 0.5} | given)

@@ -1,0 +1,99 @@
+"""The article's figures stand beside ours where views and settings are the article's only."""
+
+import copy
+
+import numpy as np
+import pytest
+from made import SOURCE, categories, scores, shown
+from pages import stored
+
+from sweeps.report.beside import source_figures
+from sweeps.report.frames import read_frames
+
+AXES = {"pulse_width": [10.0, 30.0], "range": 100.0, "vigilance": [0.9, 0.95]}
+BINS = ("0-27", "30-57", "60-90", "overall")
+
+
+def found(tmp_path, attributes=SOURCE, **more):
+    table = scores(prefixes=("", "training_"), bins=BINS, **AXES, frame_count=[4, 16], **more)
+    path = stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))
+    return read_frames(path)["scores"].rows
+
+
+def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
+    rows = found(tmp_path)
+    theirs = rows[rows.source_percent_correct.notna()]
+    assert set(theirs.pulse_width_ns) == {30.0} and set(theirs.vigilance) == {0.95}
+    printed = source_figures()["table4_percent_correct"]
+    for frames, kind in ((4, "test"), (16, "test"), (None, "training")):
+        here = theirs[theirs.kind == kind]
+        here = here[here.frame_count == frames] if frames else here
+        wanted = printed["frames"][frames] if frames else printed["training"]
+        assert here.sort_values("aspect_bin_deg").source_percent_correct.tolist() == wanted
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"grid": {"aspect": [0, 90]}},
+        {"ladar": {"cnr": 20.0}},
+        {"classifier": {"unknown": ["texas"]}},
+        {"digests": {"duncan": "0"}},
+        {"range": 50.0},
+        {"aspects": ["between"]},
+    ],
+    ids=str,
+)
+def test_nothing_stands_beside_other_views_or_settings(changed, tmp_path):
+    given, more = copy.deepcopy(SOURCE), {}
+    for key, value in changed.items():
+        if key == "digests":
+            given["mesh_digests"] |= value
+        elif key in ("range", "aspects"):
+            more[key] = value
+        else:
+            given["configuration"].setdefault(key, {}).update(value)
+    if "range" in more:
+        table = scores(prefixes=("",), bins=BINS, **(AXES | more), frame_count=[4, 16])
+        path = stored(tmp_path / "s.zarr", given, tables__acn=shown(table))
+        rows = read_frames(path)["scores"].rows
+    else:
+        rows = found(tmp_path, given, **more)
+    assert "source_percent_correct" not in rows
+
+
+def test_of_a_setting_that_is_swept_only_rows_at_its_default_are_compared(tmp_path):
+    given = copy.deepcopy(SOURCE)
+    given["configuration"]["ladar"] = {"cnr": [29.0, 32.0]}
+    rows = found(tmp_path, given, cnr=[29.0, 32.0])
+    cnr = next(name for name in rows if name.startswith("cnr"))
+    assert set(rows[rows.source_percent_correct.notna()][cnr]) == {32.0}
+
+
+def test_table_3_stands_beside_categories(tmp_path):
+    table = categories(20, pulse_width=[10.0, 30.0], vigilance=[0.9, 0.95], range=[100.0])
+    path = stored(tmp_path / "s.zarr", SOURCE, tables__categories_acn=table)
+    rows = read_frames(path)["categories"].rows
+    theirs = rows[rows.source_categories.notna()]
+    assert theirs.source_categories.tolist() == [26, 18] and set(theirs.vigilance) == {0.95}
+
+
+def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
+    axes = {"range": [50.0, 100.0], "frame_count": [4, 16]}
+    bound = scores(1, bins=BINS, **axes, gain_sigma=[0.0, 1.0])
+    ours = scores(2, bins=BINS, **axes)
+    path = stored(
+        tmp_path / "s.zarr",
+        tables__likelihood=shown(bound, "likelihood"),
+        tables__acn=shown(ours),
+    )
+    rows = read_frames(path)["scores"].rows
+    here = rows[rows.classifier == "acn"]
+    assert (here.bound_gain_sigma == 1.0).all()
+    places = ["range_km", "frame_count", "aspect_bin_deg"]
+    best = rows[(rows.classifier == "likelihood") & (rows.gain_sigma == 1.0)].set_index(places)
+    for row in here.itertuples():
+        wanted = best.percent_correct[row.range_km, row.frame_count, row.aspect_bin_deg]
+        assert row.points_below_bound == pytest.approx(wanted - row.percent_correct, abs=0.11)
+    unknown = rows[(rows.classifier == "likelihood") & (rows.gain_sigma == 0.0)]
+    assert np.isfinite(unknown.points_below_bound).all()  # knows more: may lie above

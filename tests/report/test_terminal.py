@@ -1,0 +1,62 @@
+"""Tables on a screen: no line too wide, no word broken, no figure lost."""
+
+import io
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made import scores, shown
+from pages import stored
+from rich.cells import cell_len
+from rich.console import Console
+
+from sweeps.report.frames import read_frames
+from sweeps.report.pivot import laid_out
+from sweeps.report.summary import tables_of
+from sweeps.report.terminal import print_table
+
+
+def printed(frame, width, swept=()):
+    console = Console(file=io.StringIO(), width=width)
+    print_table(laid_out(frame, swept), console, most=None)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("name", ["smoke_store", "classified", "misled"])
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_no_line_is_wider_and_no_word_is_broken(name, width, request):
+    for frame in tables_of(request.getfixturevalue(name)).values():
+        laid, text = laid_out(frame), printed(frame, width)
+        assert max(map(cell_len, text.splitlines())) <= width, frame.name
+        words = set(text.split())
+        assert {word for head in laid.heads for word in head.split()} <= words, frame.name
+        for line in laid.lines:
+            assert {one.text for one in line.cells if one.text} <= words
+
+
+@given(
+    words=st.lists(
+        st.text("abc é漢", min_size=1, max_size=30), min_size=1, max_size=4, unique=True
+    ),
+    width=st.integers(40, 120),
+)
+def test_any_words_fit(words, width, tmp_path_factory):
+    path = tmp_path_factory.mktemp("s") / "s.zarr"
+    table = shown(scores(word=[f"{k} {one}" for k, one in enumerate(words)], size=[1.0, 2.0]))
+    frame = read_frames(stored(path, tables__acn=table))["scores"]
+    assert max(map(cell_len, printed(frame, width).splitlines())) <= width
+
+
+def test_the_swept_axis_comes_first(tmp_path):
+    table = shown(scores(cnr=[20.0, 30.0], frame_count=[4, 16]))
+    frame = read_frames(stored(tmp_path / "s.zarr", tables__acn=table))["scores"]
+    for swept, first, second in (("cnr", "cnr", "count"), ("frame_count", "count", "cnr")):
+        heading = printed(frame, 120, [swept]).partition("─")[0].splitlines()[-1]
+        assert heading.index(first) < heading.index(second)
+
+
+def test_the_article_stands_below_and_nothing_is_read_as_markup(tmp_path):
+    table = shown(scores(word=["[red]x", "\x1b[31my"]))
+    frame = read_frames(stored(tmp_path / "s.zarr", tables__acn=table))["scores"]
+    text = printed(frame, 80)
+    assert "[red]x" in text and "\\x1b[31my" in text and "\x1b" not in text

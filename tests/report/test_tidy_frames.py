@@ -1,0 +1,150 @@
+"""Frames: every figure of every table is the number of the store at its place, and labelled."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from made import scores, shown
+from pages import stored
+
+from sweeps.engine.attributes import nested
+from sweeps.engine.errors import ConfigurationError
+from sweeps.report.files import csv_of
+from sweeps.report.frames import PART, frame, read_frames
+from sweeps.report.words import missing
+
+
+@cache
+def group_of(path, name):
+    """A group of a store, read by xarray alone."""
+    return xr.open_zarr(path, group=name).load()
+
+
+def number_at(path, part, column, row):
+    """The number of the store that a column of a row shows."""
+    array = group_of(path, part.group)[part.variables[column]]
+    place = {dim: row[part.names[dim]] for dim in part.dims[column] if dim in part.names}
+    absent = {dim for dim, value in place.items() if missing(value)}
+    array = array.sel({dim: value for dim, value in place.items() if dim not in absent})
+    return array.values
+
+
+@pytest.mark.parametrize("name", ["smoke_store", "misled"])
+def test_every_figure_is_the_number_of_the_store_at_its_place(name, request):
+    path = request.getfixturevalue(name)
+    frames, rng = read_frames(path), np.random.default_rng(0)
+    assert {"scores"} <= set(frames)
+    for found in frames.values():
+        for label in rng.choice(found.rows.index, min(25, len(found.rows)), replace=False):
+            row = found.rows.loc[label]
+            part = found.parts[int(row[PART])]
+            figures = {one.column: one for one in part.display.figures}
+            for column in part.variables:
+                value = number_at(path, part, column, row)
+                about = found.columns[column]
+                figure = figures[about.axis]
+                expected = float(value)
+                if figure.percent and (about.role != "beside" or column == "spread"):
+                    expected = 100 * expected
+                shown_value = row[column]
+                if math.isnan(expected):
+                    assert missing(shown_value), (found.name, column)
+                else:
+                    assert float(shown_value) == expected, (found.name, column)
+
+
+def test_every_cell_of_a_store_is_a_row(smoke_store):
+    """None is lost, none is repeated: a row per place on the axes of the main figure."""
+    for found in read_frames(smoke_store).values():
+        for k, part in enumerate(found.parts):
+            rows = found.rows[found.rows[PART] == k]
+            axes = [name for name in found.of_role("axis") if rows[name].notna().any()]
+            assert not rows.duplicated(axes).any(), found.name
+            table = xr.open_zarr(smoke_store, group=part.group)
+            variables = {part.variables[name] for name in part.variables}
+            sizes = table[sorted(variables)].sizes
+            assert len(rows) == math.prod(sizes.values()), found.name
+
+
+def test_files_have_what_frames_have(smoke_store, tmp_path):
+    for found in read_frames(smoke_store).values():
+        (tmp_path / "t.csv").write_bytes(csv_of(found))
+        again = pd.read_csv(tmp_path / "t.csv", dtype={"aspect_bin_deg": str}, na_values=[""])
+        assert list(again) == [name for name in found.rows if name != PART]
+        for name in again:
+            for ours, theirs in zip(found.rows[name], again[name], strict=True):
+                digits = found.columns[name].digits
+                if missing(ours):
+                    assert missing(theirs)
+                elif digits is not None:
+                    assert theirs == round(ours, digits)
+                else:
+                    assert ours == theirs or float(ours) == float(theirs), name
+
+
+def test_columns_have_the_labels_and_units_of_outputs_and_settings(smoke_store):
+    rows = frame(smoke_store, "scores")
+    columns = rows.attrs["columns"]
+    assert columns["range_km"] == {"label": "slant range", "unit": "km"}
+    assert columns["pulse_width_ns"]["unit"] == "ns" and columns["percent_correct"]["unit"] == "%"
+    assert set(columns) == set(rows) and PART not in rows
+    of_fusion = rows[rows.classifier == "fusion"]
+    assert set(of_fusion.channel) == {"range", "infrared", "both"}
+
+
+def test_groups_of_one_table_are_stacked_and_chance_stands_in_every_row(tmp_path):
+    one, other = scores(1, frame_count=[4, 16]), scores(2, cnr=[20.0, 30.0])
+    path = stored(
+        tmp_path / "s.zarr", tables__acn=shown(one), tables__oracle=shown(other, "oracle")
+    )
+    found = read_frames(path)["scores"]
+    assert set(found.rows.classifier) == {"acn", "oracle"}
+    assert found.rows.cnr_dB.isna().sum() == 6 if "cnr_dB" in found.rows else True
+    assert (found.rows.percent_correct_by_chance == 25).all()
+    assert found.rows.frame_count.dropna().unique().tolist() == [4, 16]
+
+
+def test_a_table_of_anyone_needs_no_display(tmp_path):
+    table = xr.Dataset(
+        {
+            "height": (("ripeness", "weather"), [[1.0, 2.0], [4.0, np.nan]]),
+            "height_ci_low": (("ripeness", "weather"), np.zeros((2, 2))),
+            "height_ci_high": (("ripeness", "weather"), np.full((2, 2), 9.0)),
+            "image": (("row", "column"), np.zeros((2, 2))),
+        },
+        {"ripeness": [1, 2], "weather": ["sun", "=rain"]},
+        {"title": "Apples"},
+    )
+    table.height.attrs = {"units": "m", "long_name": "height of a tree"}
+    found = read_frames(stored(tmp_path / "s.zarr", tables__apples=table))["apples"]
+    assert found.title == "Apples" and found.figures == ["height"]
+    assert found.of_role("low", "height") == ["ci_low"] and "image" not in found.rows
+    assert len(found.rows) == 4 and found.columns["height"].unit == "m"
+    assert b"'=rain" in csv_of(found)
+
+
+def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
+    path = stored(tmp_path / "s.zarr", tables__acn=shown(scores(frame_count=[4])))
+    with pytest.raises(ConfigurationError, match=r"'speed', but must be one of scores"):
+        frame(path, "speed")
+    with pytest.raises(ConfigurationError, match=r"must be the zarr store"):
+        frame(tmp_path / "absent.zarr", "scores")
+
+
+def test_displays_are_read_as_they_were_declared(smoke_store):
+    import zarr
+
+    from sweeps.engine.display import read_display
+    from sweeps.experiment import EXPERIMENT
+
+    store = zarr.open_group(smoke_store, mode="r")
+    for table in EXPERIMENT.tables:
+        if table.group in store and table.displays:
+            written = nested(store[table.group].attrs)["displays"]
+            for one, declared in zip(written, table.displays, strict=True):
+                again = read_display(one)
+                assert (again.name, again.figures) == (declared.name, declared.figures)
+                assert again.rows == declared.rows and again.labels == dict(declared.labels)
