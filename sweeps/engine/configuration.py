@@ -28,8 +28,7 @@ from sweeps.engine.settings import (
 from sweeps.engine.stage import Experiment
 
 SCHEMA = "sweep_schema"
-ALIKE = 0.75  # least similarity of a key of another group that may have been meant
-NEAR = 0.6  # the same, of its name in its own group
+ALIKE = 0.75  # least similarity of a key that may have been meant
 
 
 # composing ----------------------------------------------------------------------------------------
@@ -184,7 +183,7 @@ def unknown(
     elsewhere = [one.key for one in experiment.declared if one.key.endswith(f".{last}")]
     meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=ALIKE) or elsewhere
     if not meant:
-        near = difflib.get_close_matches(last, tree, n=1, cutoff=NEAR)
+        near = difflib.get_close_matches(last, tree, n=1, cutoff=ALIKE)
         meant = [f"{group}.{name}".lstrip(".") for name in near]
     if meant:
         return ConfigurationError(f"{wrong}; did you mean {' or '.join(meant)}?")
