@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sweeps.engine.command import Command
 from sweeps.engine.settings import Choices, Settings, count, number, read_choices, word
-from sweeps.engine.stage import Experiment, Output, stage
+from sweeps.engine.stage import Experiment, Group, Output, stage
 
 LENGTH = 1000  # floats of a profile
 
@@ -26,7 +26,7 @@ class Grid(Settings, key="grid"):
     vigilance = number(0.95, label="vigilance")
 
 
-@stage(Output("nothing", label="zero"), uses=(Grid,), group="toy")
+@stage(Output("nothing", label="zero"), uses=(Grid,), group=Group("toy"))
 def nothing(
     ship: str,
     aspect: float,
@@ -39,7 +39,7 @@ def nothing(
     return 0.0
 
 
-@stage(Output("profile", ("bin",), label="aspect in every bin"), uses=(Grid,), group="toy")
+@stage(Output("profile", ("bin",), label="aspect in every bin"), uses=(Grid,), group=Group("toy"))
 def profile(aspect: float) -> NDArray[np.float32]:
     """Return the aspect, many times."""
     return np.full(LENGTH, aspect, dtype=np.float32)

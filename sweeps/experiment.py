@@ -1,6 +1,6 @@
 """The experiment, assembled from the declarations of the modules of `sweeps.stages`.
 
-A module declares stages, by themselves or in tuples, and any of SETTINGS, TABLES and STATUSES;
+A module declares stages, by themselves or in tuples, and any of SETTINGS and TABLES;
 SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses inconsistent choices, and
 `remarks` on them. To add one, pass it to `assemble` with `MODULES`.
 """
@@ -140,7 +140,6 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         settings,
         stages,
         tables=declared("TABLES"),
-        statuses=declared("STATUSES"),
         environment=_variables,
         check=check,
         checking="checking the configuration and loading the ships (built on first use)",
@@ -181,7 +180,7 @@ def _is_swept(setting: Setting, choices: Choices) -> bool:
 
 def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
     """Return the classifiers of a sweep that add no groups to its store."""
-    asked = [stage for stage in stages if stage.group is not None and stage.when(choices)]
+    asked = {stage.group for stage in stages if stage.group.path and stage.group.when(choices)}
     names = choices[Classifier.name]
 
     def without(name: str) -> Choices:

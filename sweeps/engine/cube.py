@@ -16,12 +16,12 @@ from sweeps.engine.coordinates import axis_coordinates, setting_coordinates
 from sweeps.engine.packs import Spot
 from sweeps.engine.plan import Plan
 from sweeps.engine.returned import Arrays, uneven
-from sweeps.engine.stage import Bound, Output
+from sweeps.engine.stage import COORDINATE, MEASURED, STATE, Bound, Output
 from sweeps.engine.tasks import Damaged
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
-STATE = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
+FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
 
 REMEMBERED = 2**28  # bytes of cells that stay in memory between variables
 AT_ONCE = 512  # cells whose shapes are looked at
@@ -29,7 +29,7 @@ AT_ONCE = 512  # cells whose shapes are looked at
 Reader = Callable[[Sequence[Spot]], list[Arrays | None]]
 
 
-MEASURED = "measured while the cell was computed; differs if computed again"
+ANEW = "measured while the cell was computed; differs if computed again"
 
 
 @dataclass(frozen=True)
@@ -50,17 +50,19 @@ class Layout:
 
 def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
     """Return the layouts of a stage's stored outputs."""
-    order = {name: place for place, name in enumerate(bound.stage.dims)}
+    of = bound.stage.group
+    order = {name: place for place, name in enumerate(of.dims)}
 
     def rank(number: int) -> int:
         axis = plan.axes[number]
-        renamed = bound.stage.names.get(axis.settings[0], "")
+        renamed = of.names.get(axis.settings[0], "")
         words = [renamed, axis.name, *(one.name for one in axis.settings)]
         return min((order[word] for word in words if word in order), default=-1)
 
     layouts = []
     for output in bound.stage.outputs:
-        if not output.stored:
+        group = bound.stage.place_of(output)
+        if not group:
             continue
         left_out = set(output.without)
         axes = [
@@ -70,7 +72,6 @@ def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
         ]
         ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
         places = tuple(np.argsort(ranks, kind="stable").tolist())
-        group = output.group or str(bound.stage.group)
         layouts.append(Layout(bound, output, group, tuple(axes), places))
     return layouts
 
@@ -141,7 +142,7 @@ class Cube:
         bounds = {number_of(key): one.bound for one in reversed(layouts) for key in one.bound.needs}
         for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
             setting = axes[number].settings[0]
-            name = bounds[number].stage.names.get(setting) or axes[number].name
+            name = bounds[number].stage.group.names.get(setting) or axes[number].name
             taken = name in names.values()
             names.setdefault(number, setting.key.replace(".", "_") if taken else name)
         return names
@@ -157,11 +158,13 @@ class Cube:
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if words else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
-        if output.measured:
-            attrs["comment"] = MEASURED
+        if output.role == MEASURED:
+            attrs["comment"] = ANEW
+        if output.role == STATE:
+            attrs |= FLAGS
         given: Any = (tuple(one[k] for k in layout.order) for one in (dims, shape, chunks))
         named, sizes, parts = given
-        read, coordinate = partial(self._region, layout), layout.bound.stage.coordinates
+        read, coordinate = partial(self._region, layout), output.role == COORDINATE
         if words:  # few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
             return Array.of(named, texts, attrs, coordinate=coordinate)
@@ -214,8 +217,8 @@ class Cube:
         for number, key in enumerate(self._keys(layout, ranges)):
             if key in self.spots:
                 wanted[number] = self.spots[key]
-            elif key in self.failed and output.failed is not None:
-                flat[number] = output.failed
+            elif key in self.failed and output.role == STATE:
+                flat[number] = FAILED
         for number, arrays in zip(wanted, self._cells(list(wanted.values())), strict=True):
             array = arrays[output.name]
             if output.even and array.shape != own:
@@ -266,17 +269,18 @@ class Cube:
 
     def _statuses(self) -> Iterator[tuple[str, dict[str, Array]]]:
         """Yield group and arrays of the states of stages."""
-        shared = {one.name: one for one in self.plan.experiment.statuses}
         members: dict[tuple[str, str, tuple[int, ...]], list[Bound]] = defaultdict(list)
         for bound in self.plan.targets:
-            stage = bound.stage
-            if status := shared.get(stage.status):
-                over = tuple(self.plan.axis_number(one.key) for one in status.over)
-                members[status.name, status.label, over].append(bound)
-            elif not stage.status and not stage.coordinates:
-                name = f"status_{stage.group}".replace("/", "_") + f":{bound.name}"
+            of = bound.stage.group
+            if all(one.role == COORDINATE for one in bound.stage.outputs):
+                continue
+            if of.status is None:
+                name = f"status_{of.path}".replace("/", "_") + f":{bound.name}"
                 over = tuple(_dimensions(self.plan, bound))
                 members[name, f"state of {bound.name}", over].append(bound)
+            elif of.status.over:
+                over = tuple(self.plan.axis_number(one.key) for one in of.status.over)
+                members[of.status.name, of.status.label, over].append(bound)
         for (name, label, over), bounds in members.items():
             group, _, variable = name.partition(":")
             yield group, self._status(variable, label, bounds, over)
@@ -305,5 +309,5 @@ class Cube:
         found: dict[str, Array] = {}
         for axis, axis_name in zip(axes, names, strict=True):
             found |= axis_coordinates(axis, axis_name)
-        attrs = {"units": "1", "long_name": label, **STATE}
+        attrs = {"units": "1", "long_name": label, **FLAGS}
         return found | {name: Array.of(tuple(names), worst, attrs, MISSING)}

@@ -11,42 +11,34 @@ import numpy as np
 from sweeps.engine.errors import DeclarationError
 
 RNG, VALID = "rng", "valid"
-NO_STATUS = "-"
 
 Stages = Iterable[Any]  # of `sweeps.engine.stage`, which imports this module
 
 
-def check_declarations(
-    settings: Iterable[Any], stages: Stages, tables: Iterable[Any], statuses: Iterable[Any]
-) -> None:
+def check_declarations(settings: Iterable[Any], stages: Stages, tables: Iterable[Any]) -> None:
     """Raise DeclarationError for the first mistake in the declarations of an experiment.
 
     Parameters
     ----------
     settings : iterable of Setting
         All of the experiment's, including those of the engine.
-    stages, tables, statuses : iterables
+    stages, tables : iterables
         Those of the experiment.
     """
-    stages, statuses = tuple(stages), tuple(statuses)
+    stages = tuple(stages)
     keys = _once((one.key for one in settings), "settings")
     _once((one.name for one in stages), "stages")
     outputs = [
-        f"{one.group or stage.group}/{one.name}"
+        f"{stage.place_of(one)}/{one.name}"
         for stage in stages
         for one in stage.outputs
-        if stage.group is not None and one.stored
+        if stage.place_of(one)
     ]
     _once(outputs, "outputs of a group of the store")
     for setting in settings:
         _check_name(f"setting {setting.key}", setting.name)
     for stage in stages:
         _check_stage(stage, keys)
-        if stage.status and stage.status != NO_STATUS:
-            _check_known(f"stage {stage.name}: status", stage.status, [s.name for s in statuses])
-    for status in statuses:
-        for one in status.over:
-            _check_known(f"status {status.name}: setting", one.key, keys)
     groups = {name.rpartition("/")[0] for name in outputs}
     for table in tables:
         _check_group(f"table {table.group}", table.group)
@@ -69,15 +61,15 @@ def check_names(settings: Iterable[Any], stages: Iterable[Any]) -> None:
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
     dims: set[tuple[str, str]] = set()
     stored = [
-        (bound, output, output.group or bound.stage.group)
+        (bound, output, bound.stage.place_of(output))
         for bound in stages
         for output in bound.stage.outputs
-        if bound.stage.group is not None and output.stored
+        if bound.stage.place_of(output)
     ]
     for bound, output, group in stored:
         dims |= {(group, dim) for dim in output.dims}
         for setting in (in_stores[key] for key in bound.needs if key in in_stores):
-            axes[group, bound.stage.names.get(setting) or setting.name] = setting.key
+            axes[group, bound.stage.group.names.get(setting) or setting.name] = setting.key
     for bound, output, group in stored:
         what = f"stage {bound.name}: {output.name}"
         if (key := axes.get((group, output.name))) is not None:
@@ -97,25 +89,22 @@ def _check_stage(stage: Any, keys: set[str]) -> None:
     what = f"stage {stage.name}"
     _check_name(what, stage.name)
     _once((one.name for one in stage.outputs), f"outputs of {what}")
-    if stage.group is not None:
-        _check_group(what, stage.group)
+    named = (*stage.along, *stage.gather, *chain.from_iterable(stage.at.items()))
+    if stage.group.path:
+        _check_group(what, stage.group.path)
+    named += (*stage.group.names, *(stage.group.status.over if stage.group.status else ()))
     for output in stage.outputs:
         for name in (output.name, *output.dims):
             _check_name(what, name)
-        if output.group is not None:
-            _check_group(what, output.group)
         for dim, begin in output.origin.items():
             _check_known(f"{what}: dimension of an origin", dim, output.dims)
             _check_known(f"{what}: output of an origin", begin, [o.name for o in stage.outputs])
-        _check_dtype(f"{what}: {output.name}", output.dtype, stage.group and output.stored)
-    named = (*stage.along, *stage.gather, *(stage.stream or ()), *stage.optional, *stage.names)
-    taken = chain.from_iterable(stage.at.items())
-    for setting in (*named, *taken):
+        _check_dtype(f"{what}: {output.name}", output.dtype, stage.place_of(output))
+    if stage.stream is not None:
+        named += (*stage.stream.settings, *stage.stream.optional)
+    for setting in named:
         _check_known(f"{what}: setting", setting.key, keys)
-    if stage.optional and not {*stage.optional} <= {*(stage.stream or ())}:
-        raise DeclarationError(f"{what} has optional settings that its stream does not have")
-    drawn = stage.stream is not None or stage.noise or stage.optional
-    if drawn and RNG not in stage.arguments:
+    if stage.stream is not None and RNG not in stage.arguments:
         raise DeclarationError(f"{what} has a stream, but its function does not take {RNG}")
     if VALID in stage.arguments and not stage.gather:
         raise DeclarationError(f"{what} takes {VALID}, but gathers nothing")

@@ -18,7 +18,7 @@ from sweeps.engine.run import Place
 from sweeps.engine.run import sweep as run
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Run, Setting, read_choices
-from sweeps.engine.stage import Experiment, Output, Stage
+from sweeps.engine.stage import Experiment, Group, Output, Stage
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,7 +82,7 @@ def sweep(
     if unknown := [one for one in settings if one not in known]:
         raise ConfigurationError(f"values has {unknown[0]!r}, but {name} takes {', '.join(known)}")
     result = Output(name, dims, dtype, label=name)
-    stage = Stage(name, function, (result,), reads=settings, group=name)
+    stage = Stage(name, function, (result,), reads=settings, group=Group(name))
     if lacking := [one for one in stage.arguments if one not in (*settings, RNG)]:
         raise ConfigurationError(f"values lacks {lacking[0]!r}, which {name} takes")
     package = function.__module__.partition(".")[0]

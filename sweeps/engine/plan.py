@@ -97,7 +97,7 @@ class Plan:
         self.targets = tuple(
             bound
             for bound in self._every.values()
-            if bound.stage.group is not None and bound.stage.when(choices)
+            if bound.stage.group.path and bound.stage.group.when(choices)
         )
         wanted = set(self.targets)
         for bound in reversed(self._every.values()):  # each comes after those that it needs
@@ -120,8 +120,8 @@ class Plan:
         """Return which of some keys the experiment's stages read, but none of this plan does."""
         read, known = _read_by(self.bound.values()), _read_by(self._every.values())
         noting = Noting(self.choices.values, self.choices.joint)
-        for bound in self._every.values():
-            bound.stage.when(noting)
+        for group in {bound.stage.group for bound in self._every.values()}:
+            group.when(noting)
         read |= noting.asked
         read |= {
             setting.fallback.key
@@ -298,14 +298,17 @@ class Plan:
 
     def stream(self, bound: Bound, cell: int) -> tuple[int, dict[str, Any]]:
         """Return the seed and the names of a cell's noise stream; see `sweeps.engine.seeds`."""
-        name: dict[str, Any] = {"stage": bound.stage.noise or bound.name}
-        if bound.stage.stream is None:
+        stream = bound.stage.stream
+        name: dict[str, Any] = {"stage": bound.name}
+        if stream is None:
             keys = [key for key in bound.needs if key != Run.seed.key]
             name |= {key: self.value(bound, key, cell) for key in keys}
-        for setting in bound.stage.stream or ():
-            value = self.value(bound, setting.key, cell)
-            if value or setting not in bound.stage.optional:
-                name[setting.name] = value
+        else:
+            name["stage"] = stream.name or bound.name
+            for setting in (*stream.settings, *stream.optional):
+                value = self.value(bound, setting.key, cell)
+                if value or setting not in stream.optional:
+                    name[setting.name] = value
         return self.value(bound, Run.seed.key, cell), name
 
     # keys -----------------------------------------------------------------------------------

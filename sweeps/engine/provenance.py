@@ -76,8 +76,9 @@ def _shown_digest(plan: Plan) -> str:
         (one.group, one.of, _code_of(one.make, plan), *map(repr, one.displays))
         for one in experiment.tables
     ]
-    statuses = [(one.name, one.label) for one in experiment.statuses]
-    return digest(repr([settings, outputs, tables, statuses]))
+    statuses = [one.stage.group.status for one in plan.targets]
+    labels = [(one.name, one.label) for one in statuses if one is not None]
+    return digest(repr([settings, outputs, tables, labels]))
 
 
 def _code_of(function: Callable[..., Any], plan: Plan) -> str:

@@ -13,9 +13,10 @@ on, and so its cells, its key, its dimensions and its progress line, is derived 
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,10 +34,15 @@ if TYPE_CHECKING:
 Condition = Callable[[Choices], bool]
 Say = Callable[[str], None]
 
+EVERY = math.inf
+
 
 def always(choices: Choices) -> bool:
     """Return True: the stage belongs to every configuration."""
     return True
+
+
+RESULT, COORDINATE, INNER, STATE, MEASURED = "result", "coordinate", "inner", "state", "measured"
 
 
 @dataclass(frozen=True)
@@ -52,18 +58,20 @@ class Output:
     label: str = ""
     unit: str = "1"
     fill: float | None = None  # value of missing results; None: NaN, -1 of integers, no text
-    failed: float | None = None  # value of failed cells; None: as `fill`
     pad: float | None = None  # padding up to the largest cell's array; None: as `fill`
     # Own dimension: the output, a whole number, at which a cell's array begins on it. Its
     # label and unit are the dimension's.
     origin: Mapping[str, str] = field(default_factory=dict)
     without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
-    group: str | None = None  # of the store; None: as of the stage
-    stored: bool = True  # else it is only an input of other stages
-    # Whether it is measured by the machine, such as a run time: computed again, it differs. It is
-    # kept like any other result, and marked in the store.
-    measured: bool = False
+    # RESULT; COORDINATE of its group; INNER: of other stages only; STATE of cells that a group
+    # gathers; MEASURED by the machine, such as a run time: computed again, it differs.
+    role: str = RESULT
     attrs: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def stored(self) -> bool:
+        """Whether it is a variable of the store, if its stage has a group."""
+        return self.role != INNER
 
     @property
     def even(self) -> bool:
@@ -78,6 +86,54 @@ class Output:
         if self.fill is not None:
             return self.fill
         return np.nan if np.dtype(self.dtype).kind == "f" else -1
+
+
+coordinate = partial(Output, role=COORDINATE)
+inner = partial(Output, role=INNER)
+
+
+@dataclass(frozen=True)
+class Status:
+    """State of the cells of a group, in another one; -1 missing, 0 failed, 1 done.
+
+    Over some axes it is that of all stages of the groups that have it: failed if anything there
+    failed, else missing if anything is. Without axes, stages return it themselves, as an output.
+    """
+
+    name: str  # group and variable, as in `status:view`
+    label: str = ""
+    over: tuple[Setting, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """A group of the store, and what its stages have in common."""
+
+    path: str
+    when: Condition = always  # whether a configuration has it at all
+    uses: tuple[type[Settings], ...] = ()  # of stages that do not say what they use
+    dims: tuple[str, ...] = ()  # their order; those not named come first
+    status: Status | None = None  # None: every stage has a status of its own
+    names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in it
+
+    def stage(self, *outputs: Output, **how: Any) -> Declare:
+        """Declare a function as a stage of the group; see `Stage`."""
+        return stage(*outputs, **{"group": self, "uses": self.uses, **how})
+
+
+NOWHERE = Group("")
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Settings whose values key a stream of random numbers, besides `seed` and a name.
+
+    Cells that differ only in others share their noise.
+    """
+
+    settings: tuple[Setting, ...]
+    name: str = ""  # by default the stage's
+    optional: tuple[Setting, ...] = ()  # further ones, which do not count at their first value
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,24 +154,14 @@ class Stage:
     # Axes gathered: it gets a tuple of all values, and inputs with these as leading axes,
     # behind those of `along`. Failed inputs are filled; `valid` flags the others.
     gather: tuple[Setting, ...] = ()
-    # Settings whose values key the stream of `rng`, besides `seed` and the stage's name, or
-    # `noise`; cells that differ only in others share their noise. None: all it depends on.
-    stream: tuple[Setting, ...] | None = None
-    noise: str = ""
-    optional: tuple[Setting, ...] = ()  # of these, not in the stream's key at their first value
-    group: str | None = None  # of the store; None: its results only serve other stages
-    dims: tuple[str, ...] = ()  # order in the store; those not named come first
-    when: Condition = always  # whether a configuration has it at all
-    # Number of results, any objects, kept in memory, never on disk. 0: arrays, on disk.
-    memory: int = 0
-    # Whether it is called while planning: a quick function of settings, whose result, a number,
-    # text or tuple of them, counts as a value, whatever its inputs.
-    plain: bool = False
-    status: str = ""  # group and variable of its state, such as `status:view`
-    coordinates: bool = False  # whether its outputs are coordinates of their group
+    stream: Stream | None = None  # of `rng`; None: keyed by all that it depends on
+    group: Group = NOWHERE  # of the store; by default its results only serve other stages
+    # Number of results that are kept: all (EVERY), arrays on disk; some, any objects, in memory;
+    # or none (0), because it is called while planning: a quick function of settings, whose
+    # result, a number, text or tuple of them, counts as a value, whatever its inputs.
+    keep: float = EVERY
     # Inputs are of the other's value; settings that run together with it are as they are there.
     at: Mapping[Setting, Setting] = field(default_factory=dict)
-    names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in its group
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
@@ -137,10 +183,27 @@ class Stage:
         )
         return named + tuple(name for name in self.reads if takes_any and name not in named)
 
+    def place_of(self, output: Output) -> str:
+        """Return the group of the store that has one of its outputs; empty if none has."""
+        status = self.group.status
+        if output.role == STATE and status is not None:
+            return status.name.partition(":")[0]
+        return self.group.path if output.stored else ""
+
     @property
     def kept(self) -> bool:
         """Return whether results are kept on disk."""
-        return not (self.memory or self.plain)
+        return self.keep == EVERY
+
+    @property
+    def plain(self) -> bool:
+        """Return whether it is called while planning."""
+        return self.keep == 0
+
+    @property
+    def memory(self) -> int:
+        """Return the number of results kept in memory."""
+        return 0 if self.kept else int(self.keep)
 
     def checked_value(self, value: Value) -> Value:
         """Return the result of a plain stage; raise DeclarationError if it cannot be in a key."""
@@ -169,12 +232,12 @@ def stage(*outputs: Output, name: str = "", **how: Any) -> Declare:
 
 def plain(**how: Any) -> Declare:
     """Declare a quick function of settings, whose result counts as a value; see `Stage`."""
-    return stage(plain=True, **how)
+    return stage(keep=0, **how)
 
 
 def in_memory(*, keep: int = 2, **how: Any) -> Declare:
     """Declare a function of whose results the last `keep` stay in memory only; see `Stage`."""
-    return stage(memory=keep, **how)
+    return stage(keep=keep, **how)
 
 
 @dataclass(frozen=True)
@@ -187,18 +250,6 @@ class Table:
     make: Callable[..., xr.Dataset | None]
     when: Condition = always
     displays: tuple[Display, ...] = ()  # tables shown of it; none: one of all its variables
-
-
-@dataclass(frozen=True)
-class Status:
-    """State of some stages over some axes; -1 missing, 0 failed, 1 done.
-
-    A place is failed if anything there failed, else missing if anything is.
-    """
-
-    name: str  # group and variable, as in `status:view`, by which stages refer to it
-    over: tuple[Setting, ...]
-    label: str
 
 
 def nothing_to_check(choices: Choices) -> Choices:
@@ -218,7 +269,6 @@ class Experiment:
     settings: tuple[type[Settings] | Setting, ...]
     stages: tuple[Stage, ...]
     tables: tuple[Table, ...] = ()  # computed in this order
-    statuses: tuple[Status, ...] = ()
     # Environment variables that hold while anything of a sweep is called, also on workers.
     environment: Callable[[Choices], Mapping[str, str]] = lambda choices: {}
     # Refuses inconsistent choices (`ConfigurationError`), and drops values that
@@ -241,7 +291,7 @@ class Experiment:
     main: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check_declarations(self.declared, self.stages, self.tables, self.statuses)
+        check_declarations(self.declared, self.stages, self.tables)
         check_names(self.declared, bind(self).values())
 
     @cached_property
@@ -353,7 +403,8 @@ def _bound(
         needs.update(taken, (at[key] for key in at.keys() & source.needs))
     if RNG in declared.arguments:
         needs.add(Run.seed.key)
-        needs.update(one.key for one in declared.stream or ())
+        stream = declared.stream or Stream(())
+        needs.update(one.key for one in (*stream.settings, *stream.optional))
     along = tuple(one.key for one in declared.along)
     gather = tuple(one.key for one in declared.gather)
     whole = {*along, *gather}

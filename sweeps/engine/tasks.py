@@ -25,7 +25,7 @@ from sweeps.engine.failures import described, reason, traceback_of
 from sweeps.engine.packs import Pack, Spot, read_cells, write_pack
 from sweeps.engine.returned import Arrays, Slot, arrays_of
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.stage import Stage
+from sweeps.engine.stage import MEASURED, Stage
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
@@ -45,11 +45,15 @@ class Step:
     @cache
     def of(cls, stage: Stage) -> Step:
         """Return the description of a stage."""
-        function, stored = stage.function, stage.group is not None
+        function = stage.function
         place = f"{function.__module__}:{function.__qualname__}"
         imported = "<" not in place and not place.startswith("__main__:")
         outputs = tuple(
-            Slot(one.name, one.dtype, one.empty, len(one.dims), stored and one.even, one.measured)
+            Slot(
+                *(one.name, one.dtype, one.empty, len(one.dims)),
+                even=bool(stage.place_of(one)) and one.even,
+                measured=one.role == MEASURED,
+            )
             for one in stage.outputs
         )
         return cls(stage.name, place, None if imported else function, outputs, stage.memory)

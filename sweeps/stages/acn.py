@@ -20,7 +20,7 @@ from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Run, Setting, Settings, count, draws, number, switch, word
-from sweeps.engine.stage import Output, Stage, in_memory, plain
+from sweeps.engine.stage import Output, Stage, in_memory, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import (
     GATHERED,
@@ -282,8 +282,6 @@ def network(
     tests: str,
     *along: Setting,
     uses: tuple[type[Settings], ...],
-    trained: tuple[str, ...],
-    tested: tuple[str, ...],
     labels: tuple[str, str],
 ) -> tuple[Stage, ...]:
     """Declare training and tests of one sensor's network.
@@ -291,7 +289,7 @@ def network(
     What is `seen` names its training set and order of presentation. Axes of trainings and tests are
     computed together, and have some dimensions each; labels are of what is learned and tested.
     """
-    trained, rules = (*trained, "order", "learning_rate", "vigilance"), ("label_rule", "score_rule")
+    rules = ("label_rule", "score_rule")
     reads = {"training_set": f"{seen}_training_set", "presentation": f"{seen}_order"}
     learned, shown = labels
     confused = "1 where views of another ship share that category"
@@ -302,14 +300,13 @@ def network(
         Output("training_confused", VIEW, "i1", confused, without=rules[:1]),
         Output("passes", (), "i4", settled, fill=0, without=rules[:1]),
         Output("training_correct", VIEW, "i1", right),
-        Output("names", ("category",), "i2", stored=False),
-        Output("weights", ("category", "view"), "f8", stored=False),
-        Output("turn", ("view",), "i8", stored=False),
-        Output("taught_by", ("setting",), "f8", stored=False),
+        inner("names", ("category",), "i2"),
+        inner("weights", ("category", "view"), "f8"),
+        inner("turn", ("view",), "i8"),
+        inner("taught_by", ("setting",), "f8"),
         uses=uses,
         reads=reads,
         along=(Network.label_rule,),
-        dims=(*trained, "label_rule"),
         name=f"{group.name}_training",
     )
     fallen = f"category that the {shown} falls into"
@@ -320,17 +317,22 @@ def network(
         uses=uses,
         reads={**reads, "training": f"{group.name}_training", "tests": tests},
         along=(*along, Network.label_rule, Network.score_rule),
-        dims=(*trained, *rules, "learn_in_test", *tested),
         name=group.name,
     )
     return training(form_categories), answers(answer_tests)
 
 
-OF_RANGE = ClassifierGroup(NAME, classifier.names_by(NAME, RANGE), of="the grid", states="status")
-OF_INFRARED = ClassifierGroup(
+LEARNED = ("order", "learning_rate", "vigilance", "label_rule", "score_rule", "learn_in_test")
+OF_RANGE = ClassifierGroup.of(
+    NAME,
+    classifier.names_by(NAME, RANGE),
+    (*classifier.OF_PROFILES, *LEARNED, *classifier.TESTED),
+    states="status",
+)
+OF_INFRARED = ClassifierGroup.of(
     "acn_infrared",
     classifier.names_by(NAME, INFRARED),
-    of="the infrared channel",
+    (*OF_SILHOUETTES, "phase", *LEARNED, *LOOK),
     states="status_infrared",
 )
 RANGE_STAGES = network(
@@ -339,8 +341,6 @@ RANGE_STAGES = network(
     "averaged",
     *(Network.orders, Grid.vigilance, Grid.frame_count),
     uses=(Grid, Network),
-    trained=classifier.OF_PROFILES,
-    tested=classifier.TESTED,
     labels=("expected profile", "averaged profile"),
 )
 INFRARED_STAGES = network(
@@ -349,8 +349,6 @@ INFRARED_STAGES = network(
     "log_polar",
     *(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
     uses=(Infrared, Network),
-    trained=(*OF_SILHOUETTES, "phase"),
-    tested=LOOK,
     labels=("noiseless silhouette", "silhouette"),
 )
 

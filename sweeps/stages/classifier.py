@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +15,19 @@ from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
-from sweeps.engine.stage import Condition, Declare, Output, Stage, Table, in_memory, stage
+from sweeps.engine.stage import (
+    STATE,
+    Condition,
+    Declare,
+    Group,
+    Output,
+    Stage,
+    Status,
+    Table,
+    coordinate,
+    in_memory,
+    plain,
+)
 from sweeps.stages import scores
 from sweeps.stages.scores import VIEW
 from sweeps.stages.views import INFRARED, RANGE, Grid, looks, ships
@@ -31,7 +42,6 @@ Floats = NDArray[np.float64]
 Profiles = NDArray[np.float32]
 
 NONE = -1  # of a category, a ship, or an answer: the view is not there
-STATE = {"flag_values": [-1, 0, 1], "flag_meanings": "missing failed done"}
 GATHERED = (Grid.ship, Grid.aspect)
 OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
 PROFILES = "profiles"  # what is shown to most classifiers
@@ -42,11 +52,6 @@ LEFT_ALONE = (
     "classifier.left_out has True, but must be false where {} learned: nothing would be left"
 )
 DIGITS = 3  # of a drawn aspect [deg]: 2 mm at the end of a ship
-
-
-def of_profiles(*own: str) -> tuple[str, ...]:
-    """Return the order of dimensions of answers about profiles, with those of a classifier."""
-    return (*OF_PROFILES, *own, *TESTED)
 
 
 class RandomAspects(Settings, key="grid"):
@@ -137,7 +142,7 @@ def names_by(name: str, sensor: str) -> Condition:
 # Training views
 
 
-@stage(uses=(Grid, RandomAspects, Run), gather=(Grid.aspect,), plain=True)
+@plain(uses=(Grid, RandomAspects, Run), gather=(Grid.aspect,))
 def test_aspects(aspect: tuple[float, ...], random_aspects: int, seed: int) -> tuple[float, ...]:
     """Return the aspects drawn at random, which are absent from training by default."""
     return drawn_aspects(aspect[0], aspect[-1], random_aspects, seed)
@@ -179,16 +184,14 @@ def training_aspects(
 
 def training_marks(sensor: str, group: str) -> tuple[Stage, Stage]:
     """Declare the coordinates `learned` and `known` of a group that classifiers read."""
-    mark = partial(
-        stage, uses=(Grid, Classifier), group=group, when=looks(sensor), coordinates=True
-    )
+    of = Group(group, looks(sensor), (Grid, Classifier))
     learned = "in the training set, at ships that are known; others are tests only"
     known = "in the training set; others are unknown to classifiers"
-    aspects = Output("learned", ("aspect",), "?", learned, fill=0, without=(Run.seed.name,))
-    ships = Output("known", ("ship",), "?", known, fill=0)
+    aspects = coordinate("learned", ("aspect",), "?", learned, fill=0, without=(Run.seed.name,))
+    ships = coordinate("known", ("ship",), "?", known, fill=0)
     return (
-        mark(aspects, gather=GATHERED[1:], name=f"{group}_learned")(training_aspects),
-        mark(ships, gather=GATHERED[:1], name=f"{group}_known")(training_ships),
+        of.stage(aspects, gather=GATHERED[1:], name=f"{group}_learned")(training_aspects),
+        of.stage(ships, gather=GATHERED[:1], name=f"{group}_known")(training_ships),
     )
 
 
@@ -344,60 +347,50 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROF
     return table.assign_attrs({"receiver": receivers[0]} if one else {})
 
 
-@dataclass(frozen=True)
-class ClassifierGroup:
-    """A group of answers, with the declarations of its stages and tables.
+@dataclass(frozen=True, eq=False)
+class ClassifierGroup(Group):
+    """A group of answers, with the declarations of its stages and tables."""
 
-    Its name, and those of its tables; when a configuration has it; whose cells there are states
-    of, and their group, by the name when empty; and the dimensions of an answer.
-    """
+    answer: tuple[str, ...] = VIEW  # dimensions of an answer
 
-    name: str
-    when: Condition
-    of: str = ""
-    states: str = ""
-    dims: tuple[str, ...] = VIEW
+    @classmethod
+    def of(
+        cls, name: str, when: Condition, dims: tuple[str, ...], *, states: str = "", **how: Any
+    ) -> ClassifierGroup:
+        """Return the group of a classifier; `states` is that of the states of its cells."""
+        status = Status(states or f"status_{name}")
+        return cls(f"classification/{name}", when, dims=dims, status=status, **how)
 
     @property
-    def groups(self) -> tuple[str, str]:
-        """Groups of the answers, and of the states of their cells."""
-        return f"classification/{self.name}", self.states or f"status_{self.name}"
-
-    def stage(self, *outputs: Output, **how: Any) -> Declare:
-        """Declare a stage of the group; see `sweeps.engine.stage.stage`."""
-        return stage(*outputs, group=self.groups[0], when=self.when, status="-", **how)
+    def name(self) -> str:
+        """Name of the classifier, and of its tables."""
+        return self.path.rpartition("/")[2]
 
     def answers(
-        self,
-        *outputs: Output,
-        without: tuple[str, ...] = (),
-        right: str = "",
-        gather: tuple[Any, ...] = GATHERED,
-        **how: Any,
+        self, *outputs: Output, without: tuple[str, ...] = (), right: str = "", **how: Any
     ) -> Declare:
         """Declare the stage that names ships, which may have more outputs.
 
         The ship named does not depend on some settings, and more than it may have to be right.
         """
         named = "ship named, as an index into the ship axis"
-        state = f"state of a cell of {self.of or self.name}"
         return self.stage(
-            Output("predicted", self.dims, "i2", label=named, without=without),
-            Output("correct", self.dims, "i1", label=f"1 where the answer is right{right}"),
+            Output("predicted", self.answer, "i2", label=named, without=without),
+            Output("correct", self.answer, "i1", label=f"1 where the answer is right{right}"),
             *outputs,
-            Output("cell", self.dims, "i1", state, failed=0, group=self.groups[1], attrs=STATE),
-            gather=gather,
-            **how,
+            Output("cell", self.answer, "i1", "state of the cell", role=STATE),
+            **{"gather": GATHERED, **how},
         )
 
     def coordinates(
         self, *outputs: Output, **how: Any
     ) -> Callable[[Callable[..., Any]], tuple[Stage, ...]]:
         """Declare coordinates of both groups, of answers and of states of their cells."""
-        how |= {"when": self.when, "coordinates": True}
+        assert self.status is not None
+        groups = self, replace(self, path=self.status.name)
         return lambda function: tuple(
-            stage(*outputs, group=group, name=f"{function.__name__}_{k}", **how)(function)
-            for k, group in enumerate(self.groups)
+            group.stage(*outputs, name=f"{function.__name__}_{k}", **how)(function)
+            for k, group in enumerate(groups)
         )
 
     def tables(
@@ -433,7 +426,7 @@ class ClassifierGroup:
         def asked(choices: Choices) -> bool:
             return self.when(choices) and not bool(known_of(choices).all())
 
-        group, chance = self.groups[:1], (of_answers, of_ships)
+        group, chance = (self.path,), (of_answers, of_ships)
         shown = scores.score_displays(labels, scored=scored, source=self.name, chance=chance)
         tables = [Table(f"tables/{self.name}", group, make, self.when, shown)]
         if forming:
@@ -443,6 +436,11 @@ class ClassifierGroup:
             displays = scores.rejection_displays(labels)
             tables.append(Table(f"tables/rejection_{self.name}", group, reject, asked, displays))
         return tuple(tables)
+
+
+def of_profiles(name: str, *own: str) -> ClassifierGroup:
+    """Return the group of a classifier of range profiles, with dimensions of its own."""
+    return ClassifierGroup.of(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
 
 
 SETTINGS: tuple[type[Settings], ...] = (RandomAspects, Classifier)

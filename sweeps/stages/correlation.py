@@ -9,11 +9,11 @@ from sweeps.engine.settings import Choices, Settings, word
 from sweeps.engine.stage import Output, in_memory
 from sweeps.stages import classifier
 from sweeps.stages.classifier import NONE, Arrays, Classifier, Floats, Profiles, Views
-from sweeps.stages.views import RANGE, Grid
+from sweeps.stages.views import Grid
 
 IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
 NAME = "correlation"
-ANSWERS = classifier.ClassifierGroup(NAME, classifier.names_by(NAME, RANGE))
+ANSWERS = classifier.of_profiles(NAME, "training", "left_out")
 EXPECTED, NOISY = "expected", "noisy"
 
 
@@ -41,7 +41,6 @@ def profile_draws(averaged: Profiles) -> Floats:
     ),
     uses=(Grid, Classifier, Correlation),
     along=(Classifier.left_out,),
-    dims=classifier.of_profiles("training", "left_out"),
 )
 def correlation(
     profile_draws: Floats,

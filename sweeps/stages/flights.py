@@ -32,15 +32,14 @@ from sweeps.engine.display import Display, Figure
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Value
 from sweeps.engine.settings import Choices, Run, Setting
-from sweeps.engine.stage import Output, Table, in_memory, plain, stage
+from sweeps.engine.stage import Output, Table, coordinate, in_memory, inner, plain
 from sweeps.stages import irar
-from sweeps.stages.irar import DIMS, FLOWN, RECORDED, Arrays, Error, Irar, flight_of
+from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Arrays, Error, Irar, flight_of
 from sweeps.stages.ladar import BEAM, Ladar, profile_bins
 from sweeps.stages.ships import ShipName
 from sweeps.stages.views import (
     IRAR,
     LINES,
-    STATUS,
     Grid,
     Keywords,
     check_beam,
@@ -216,15 +215,15 @@ IMAGES = {  # unit and label
 }
 ORIGIN = {"row": "window_bottom", "column": "window_left"}
 
-_place = partial(Output, dtype="i4", unit="pixel", fill=0, stored=False)
+_place = partial(inner, dtype="i4", unit="pixel", fill=0)
 # Parts of the overscanned image that show the ship.
-_part = partial(Output, dtype="f8", stored=False)
+_part = partial(inner, dtype="f8")
 
 
 flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
 
 
-@stage(
+@FLIGHTS.stage(
     Output(
         "profile",
         ("source", "down_range"),
@@ -253,10 +252,6 @@ flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
     _part("ship_value", ("pixel", "value")),
     uses=(Grid, Irar, Ladar),
     reads={"error": Irar.errors},
-    group=irar.GROUP,
-    dims=DIMS,
-    when=looks(IRAR),
-    status=STATUS,
 )
 def corrected(
     scan: Scan | None,
@@ -309,20 +304,15 @@ def _nothing(bins: int) -> Arrays:
     }
 
 
-@stage(
-    Output(
-        "source", ("source",), "U9", label="source of a profile; measured: in a simulated flight"
-    ),
-    group=irar.GROUP,
-    when=looks(IRAR),
-    coordinates=True,
+@FLIGHTS.stage(
+    coordinate("source", ("source",), "U9", "source of a profile; measured: in a simulated flight")
 )
 def profile_sources() -> NDArray[np.str_]:
     """Return the sources of the profiles of a flight."""
     return np.array(SOURCES)
 
 
-flight_bins = replace(profile_bins, name="flight_bins", group=irar.GROUP, when=looks(IRAR))
+flight_bins = replace(profile_bins, name="flight_bins", group=FLIGHTS)
 
 
 # Checks
@@ -472,7 +462,7 @@ LISTED = {
 TABLES = (
     Table(
         "tables/flights",
-        (irar.GROUP,),
+        (FLIGHTS.path,),
         tabulate,
         looks(IRAR),
         (

@@ -14,9 +14,17 @@ from numpy.typing import NDArray
 from ncti.classify.fusion import fuse, label_posterior, similarity_between_phases, with_outliers
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, stage
+from sweeps.engine.stage import Output, Stream, coordinate, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Arrays, Classifier, Floats, Views
+from sweeps.stages.classifier import (
+    GATHERED,
+    NONE,
+    Arrays,
+    Classifier,
+    ClassifierGroup,
+    Floats,
+    Views,
+)
 from sweeps.stages.images import OF_SILHOUETTES
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar
@@ -78,9 +86,9 @@ def silhouette_constants(silhouette_scores: NDArray[np.float32], training_views:
 @stage(
     Output("profile_outlier_fraction", ("view",), "f8"),
     uses=(Grid, Likelihood),
-    noise="profile_doubt",  # the name of its stream, which draws as it always did
     along=(Likelihood.gain_sigma, Grid.frame_count),
-    stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
+    # Of its first name, so that it draws as it always did.
+    stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs), "profile_doubt"),
 )
 def profile_outlier_fraction(
     profile_templates: tuple[GaussianTemplates, Views],
@@ -106,11 +114,20 @@ def profile_outlier_fraction(
     return found
 
 
-ANSWERS = classifier.ClassifierGroup(NAME, names_by_both, dims=(*OF_DRAWS, *classifier.VIEW))
+ANSWERS = ClassifierGroup.of(
+    NAME,
+    names_by_both,
+    (
+        *(*classifier.OF_PROFILES, "channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution"),
+        *("infrared_frame_count", "ifov_phase", "draw", "frame_count"),
+    ),
+    names={Infrared.frame_count: "infrared_frame_count"},
+    answer=(*OF_DRAWS, *classifier.VIEW),
+)
 
 
 @ANSWERS.answers(
-    Output("probability", ANSWERS.dims, label="posterior probability of the true ship"),
+    Output("probability", ANSWERS.answer, label="posterior probability of the true ship"),
     Output(
         *("inverse_temperature", OF_DRAWS),
         label="log-probability of a unit of a sensor's score; of both: that of silhouettes",
@@ -123,11 +140,6 @@ ANSWERS = classifier.ClassifierGroup(NAME, names_by_both, dims=(*OF_DRAWS, *clas
     uses=(Grid,),
     gather=(Grid.replicate, *GATHERED),
     at={Infrared.range: Grid.range},
-    names={Infrared.frame_count: "infrared_frame_count"},
-    dims=(
-        *(*classifier.OF_PROFILES, "channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution"),
-        *("infrared_frame_count", "ifov_phase", "draw", "frame_count"),
-    ),
 )
 def fusion(
     profile_scores: Floats,
@@ -183,8 +195,8 @@ def draws_of(replicate: tuple[int, ...], subpixel_offsets: tuple[int, ...]) -> A
 
 
 fusion_draws = ANSWERS.coordinates(
-    Output("channel", ("channel",), "U8", label="sensor that identifies the ship"),
-    Output("draw", ("draw",), "i8", label="number of the pair of a replicate and a phase"),
+    coordinate("channel", ("channel",), "U8", label="sensor that identifies the ship"),
+    coordinate("draw", ("draw",), "i8", label="number of the pair of a replicate and a phase"),
     uses=(Grid, Infrared),
     gather=(Grid.replicate, Infrared.subpixel_offsets),
 )(draws_of)

@@ -14,7 +14,7 @@ from ncti.evaluate import aspect_bins
 from ncti.infrared.super_resolution import enlarge
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Table, stage
+from sweeps.engine.stage import Group, Output, Table, coordinate, inner, stage
 from sweeps.stages.infrared import (
     HALVES,
     IMAGES,
@@ -43,7 +43,6 @@ ANGLES, RADII = 64, 32  # cells of the log-polar map
 IMPORTS = ("skimage.filters",)  # by its stages, when they are called; takes long
 STEPS = 255  # of a cell between empty and full
 
-TEMPLATE = ("coverage_rule", "inner_radius", "interpolation", "phase")
 OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
 
 Bytes = NDArray[np.uint8]
@@ -52,8 +51,9 @@ Floats = NDArray[np.float64]
 _shares = {"scale_factor": 1 / STEPS}  # of which xarray makes numbers from 0 to 1
 _map = partial(Output, dims=("angle", "radius"), dtype="u1", fill=0, attrs=_shares)
 
-_of_images = partial(stage, uses=(Infrared,), group=IMAGES, when=looks_infrared)
-_of_views = partial(_of_images, dims=(*VIEW, *OF_SILHOUETTES, "phase", *LOOK), status=STATUS)
+OF_VIEWS = Group(
+    IMAGES, looks_infrared, (Infrared,), (*VIEW, *OF_SILHOUETTES, "phase", *LOOK), STATUS
+)
 WINDOW = {  # keywords of `whole_window`
     "slant_range": Infrared.range,
     "depression": "infrared_depression",
@@ -63,7 +63,7 @@ WINDOW = {  # keywords of `whole_window`
 }
 
 
-@_of_views(
+@OF_VIEWS.stage(
     Output(
         "image",
         ("row", "col"),
@@ -72,8 +72,8 @@ WINDOW = {  # keywords of `whole_window`
         pad=np.nan,
         origin={"row": "first_row", "col": "first_col"},
     ),
-    Output("first_row", dtype="i8", label="row of pixels, from the lowest", stored=False),
-    Output("first_col", dtype="i8", label="column of pixels, from the left", stored=False),
+    inner("first_row", dtype="i8", label="row of pixels, from the lowest"),
+    inner("first_col", dtype="i8", label="column of pixels, from the left"),
     along=(Infrared.frame_count,),
     reads=WINDOW,
 )
@@ -104,12 +104,10 @@ def thermal_image(
     return {"image": placed, "first_row": begin, "first_col": begin}
 
 
-@_of_images(
-    Output("vertical", ("row",), "f8", PLACE.format("vertical"), "m", pad=np.nan),
-    Output("horizontal", ("col",), "f8", PLACE.format("horizontal"), "m", pad=np.nan),
-    dims=("range", "super_resolution"),
+@OF_VIEWS.stage(
+    coordinate("vertical", ("row",), "f8", PLACE.format("vertical"), "m", pad=np.nan),
+    coordinate("horizontal", ("col",), "f8", PLACE.format("horizontal"), "m", pad=np.nan),
     reads=WINDOW,
-    coordinates=True,
 )
 def image_window(super_resolution: str, **window: float) -> dict[str, NDArray[Any]]:
     """Return where the rows and columns of images lie on the target [m]."""
@@ -121,7 +119,7 @@ def image_window(super_resolution: str, **window: float) -> dict[str, NDArray[An
     return found
 
 
-@_of_views(
+@OF_VIEWS.stage(
     Output(
         "detection_probability",
         label="probability that a pixel of the ship passes the detector's threshold",
@@ -146,7 +144,7 @@ def detection_probability(
     )
 
 
-@_of_views(
+@OF_VIEWS.stage(
     Output(
         "reconstruction_error",
         label="rms difference from the noiseless image of half the pixel, over the contrast",
@@ -175,10 +173,11 @@ def reconstruction_error(
 # Silhouettes
 
 
-@_of_images(
-    Output("angle", ("angle",), "f8", "angle about the centroid, from the right upwards", "degree"),
-    Output("radius", ("radius",), "f8", "place between inner (0) and outer (1) log radius"),
-    coordinates=True,
+@OF_VIEWS.stage(
+    coordinate(
+        "angle", ("angle",), "f8", "angle about the centroid, from the right upwards", "degree"
+    ),
+    coordinate("radius", ("radius",), "f8", "place between inner (0) and outer (1) log radius"),
 )
 def map_cells() -> dict[str, NDArray[Any]]:
     """Return the angles and radii of the cells of log-polar maps."""
@@ -210,7 +209,7 @@ def silhouettes(
     return np.packbits(masks, axis=-1)
 
 
-@_of_views(
+@OF_VIEWS.stage(
     _map("log_polar", label="log-polar map of the segmented silhouette"),
     along=(
         *(Infrared.segmentation, Infrared.inner_radius, Infrared.interpolation),
@@ -235,7 +234,7 @@ def log_polar(
     return np.moveaxis(maps_of(masks, inner_radius, interpolation), 2, 0)
 
 
-@_of_images(
+@OF_VIEWS.stage(
     _map(
         "template_log_polar",
         label="log-polar map of the noiseless silhouette at the training range",
@@ -243,8 +242,6 @@ def log_polar(
     uses=(Infrared, Grid),
     reads={"hits": "training_hits"},
     along=(Infrared.inner_radius, Infrared.interpolation, Infrared.subpixel_offsets),
-    dims=(*VIEW, *TEMPLATE),
-    status=STATUS,
 )
 def template_log_polar(
     hits: Bits,

@@ -19,8 +19,10 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Kind, Number, Value
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Setting, Settings, count, number, set_of, switch, word
+from sweeps.engine.stage import Group
+from sweeps.stages.ladar import Ladar
 from sweeps.stages.ships import ships
-from sweeps.stages.views import IRAR, MOST_FRAMES, SI, Grid, quantity
+from sweeps.stages.views import IRAR, MOST_FRAMES, SI, STATUS, Grid, Render, looks, quantity
 
 if TYPE_CHECKING:
     import trimesh
@@ -29,7 +31,6 @@ Arrays = dict[str, NDArray[Any]]
 Values = Mapping[str, Any]  # by dimension
 
 SENSOR = IRAR
-GROUP = "validation"
 
 Error = tuple[str, float]
 MOST_WRONG = {  # percent, m/s, degrees
@@ -254,7 +255,17 @@ FLIGHT: tuple[str, ...] = tuple(  # dimensions of a flight in the store, in thei
         *(*CORRECTED, Grid.replicate),
     )
 )
-DIMS = ("ship", "aspect", *FLIGHT)
+FLIGHTS = Group(
+    "validation",
+    looks(IRAR),
+    dims=("ship", "aspect", *FLIGHT, "pulse_width"),
+    status=STATUS,
+    names={  # a flight has settings of the same words
+        Ladar.ifov: "ladar_ifov",
+        Ladar.cnr: "ladar_cnr",
+        Render.samples: "render_samples",
+    },
+)
 
 
 def parameters(values: Values) -> dict[str, Any]:

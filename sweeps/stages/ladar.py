@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from typing import Any
 
@@ -18,7 +17,7 @@ from ncti.ladar.pulse import SPEED_OF_LIGHT, shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
-from sweeps.engine.stage import Output, in_memory, plain, stage
+from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.views import (
     INFRARED,
@@ -99,15 +98,14 @@ def by_lines(choices: Choices) -> bool:
     return looks(RANGE)(choices) and along
 
 
-_profile = partial(
-    stage,
-    uses=(Grid, Ladar),
-    group=PROFILES,
-    when=looks(RANGE),
-    status=STATUS,
-    dims=(*VIEW, "replicate", "ifov_phase", "frame_count", "range", "target_free_ifovs"),
+PROFILE = Group(
+    PROFILES,
+    looks(RANGE),
+    (Grid, Ladar),
+    (*VIEW, "replicate", "ifov_phase", "frame_count", "range", "target_free_ifovs"),
+    STATUS,
 )
-_bins = partial(stage, uses=(Grid, Ladar), group=PROFILES, coordinates=True)
+MOMENTS = replace(PROFILE, when=stores_moments)
 
 # Keywords of functions of `ncti.ladar`: settings, or names of stages.
 BEAM = {
@@ -176,7 +174,7 @@ def seen_shift(subpixel_offsets: int, aspect: float, drawn_aspect: float) -> Shi
     return (right if aspect == drawn_aspect else -right % 1), up
 
 
-@stage(*EXTENT, reads={"image": "image", "shift": "shift", **BEAM}, status=STATUS)
+@stage(*EXTENT, reads={"image": "image", "shift": "shift", **BEAM})
 def extent(image: RangeImage | LineImage, **beam: Any) -> Arrays:
     """Return the fractions of the IFOVs that see the ship, bin by range bin."""
     return vars(library.range_extent(image, **beam))
@@ -194,7 +192,7 @@ seen_extent = replace(extent, name="seen_extent", reads={**extent.reads, "shift"
 seen_ifovs = replace(ifovs, name="seen_ifovs", reads={"extent": "seen_extent"})
 
 
-@stage(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width), plain=True)
+@plain(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width))
 def fineness(
     pulse_width: tuple[float, ...], bin_width: tuple[float, ...], tolerance: float | None
 ) -> tuple[float, ...]:
@@ -202,13 +200,12 @@ def fineness(
     return () if tolerance is None else (tolerance, min(pulse_width), min(bin_width))
 
 
-@_profile(
+@replace(PROFILE, when=by_lines).stage(
     Output(
         "profile_error",
         label="estimated error of the range extent after the pulse, sum |p - q| over sum q",
     ),
     Output("within_tolerance", dtype="i1", label="1 where the error is within render.tolerance"),
-    when=by_lines,
 )
 def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float, ...]) -> Arrays:
     """Return the error estimated from lines: NaN for other engines, -1 without a tolerance."""
@@ -220,14 +217,14 @@ def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float,
 
 
 # Equation C of the article for the full profile: the sum of the receiver's reports over IFOVs.
-expected = _profile(
+expected = PROFILE.stage(
     Output("expected", ("down_range",), label="expected range profile, noise floor included"),
     reads={"extent": "ifovs", **RECEIVED},
     name="expected",
 )(library.expected_profile)
 
 
-@_profile(
+@PROFILE.stage(
     Output("noise_floor", label="noise floor of range profiles"),
     Output("floor_removed", ("down_range",), label="expected range profile above the noise floor"),
 )
@@ -237,17 +234,16 @@ def above_floor(expected: Profiles) -> Arrays:
     return {"noise_floor": floor[0], "floor_removed": expected - floor}
 
 
-@_profile(
+@PROFILE.stage(
     Output("averaged", ("down_range",), label="frame-averaged range profile, noise floor included"),
     reads={"ifovs": "seen_ifovs", **RECEIVED},
     along=(Grid.frame_count,),
-    noise=PROFILES,
-    stream=(
-        *(Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range),
-        *(Ladar.target_free_ifovs, Grid.replicate, Ladar.subpixel_offsets),
+    stream=Stream(
+        (Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
+        PROFILES,
+        # A sweep without these settings draws the first value of each.
+        (Grid.replicate, Ladar.subpixel_offsets),
     ),
-    # A sweep without these settings draws the first value of each.
-    optional=(Grid.replicate, Ladar.subpixel_offsets),
 )
 def averaged(
     ifovs: RangeExtent,
@@ -263,19 +259,17 @@ def averaged(
     return library.cumulative_average(frames, frame_count)
 
 
-@_profile(
+@MOMENTS.stage(
     Output("covariance", ("lag", "down_range"), pad=0, label="covariance of a frame, by lag"),
     reads=SIGNAL,
-    when=stores_moments,
 )
 def covariance(ifovs: RangeExtent, **signal: Any) -> Floats:
     """Return the covariance of one frame, as a lower band, of the full profile."""
     return library.banded_frame_moments(ifovs, **signal)[1]
 
 
-profile_bins = _bins(
-    Output("down_range", ("down_range",), "f8", label="down-range from the ship origin", unit="m"),
-    when=looks(RANGE),
+profile_bins = PROFILE.stage(
+    coordinate("down_range", ("down_range",), "f8", "down-range from the ship origin", "m"),
     name="profile_bins",
 )(library.bin_centres)
 
@@ -285,9 +279,8 @@ _SIGHT = {
 }
 
 
-@_bins(
-    Output("lag", ("lag",), "f8", label="lag of a covariance, down-range", unit="m"),
-    when=stores_moments,
+@MOMENTS.stage(
+    coordinate("lag", ("lag",), "f8", label="lag of a covariance, down-range", unit="m"),
     reads=_SIGHT,
     gather=(Grid.pulse_width, *_SIGHT.values()),
 )

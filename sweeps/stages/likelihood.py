@@ -11,18 +11,18 @@ from ncti.classify.fusion import label_posterior
 from ncti.features.profile import estimated_floor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, number, switch
-from sweeps.engine.stage import Output, in_memory, plain, stage
+from sweeps.engine.stage import Output, Stream, in_memory, plain, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Arrays, Classifier, Floats, Profiles, Views
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import RANGE, Grid
+from sweeps.stages.views import Grid
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
-ANSWERS = classifier.ClassifierGroup(NAME, classifier.names_by(NAME, RANGE))
+ANSWERS = classifier.of_profiles(NAME, "gain_sigma", "left_out")
 
 
 KNOWN = "classifier.aspect_known has True, but must be false where {}"
@@ -129,7 +129,7 @@ def profile_moments(
 @stage(
     Output("calibrated_error", dtype="f8"),
     uses=(Likelihood,),
-    stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
+    stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs)),
 )
 def calibrated_error(
     profile_moments: Moments,
@@ -189,7 +189,6 @@ def profile_scores(
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
     along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
-    dims=classifier.of_profiles("gain_sigma", "left_out"),
 )
 def likelihood(
     profile_templates: tuple[GaussianTemplates, Views],

@@ -13,16 +13,16 @@ import numpy as np
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, in_memory, plain
+from sweeps.engine.stage import Output, Stream, in_memory, plain
 from sweeps.stages import acn, classifier
 from sweeps.stages.acn import Network, TrainingSet
 from sweeps.stages.classifier import NONE, Arrays, Classifier, ClassifierGroup, Profiles, Views
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flights import flown
-from sweeps.stages.irar import FLIGHT, Irar
+from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar
 from sweeps.stages.mnn import Training, mnn, mnn_training
 from sweeps.stages.scores import tabulate_scores
-from sweeps.stages.signatures import KINDS, NAMES, signature_kinds
+from sweeps.stages.signatures import KINDS, signature_kinds
 from sweeps.stages.views import IRAR, RANGE, Grid, Sweep, looks
 
 if TYPE_CHECKING:
@@ -32,8 +32,15 @@ Namer = Callable[[Profiles, Views], Arrays]
 """Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that
 returns `predicted` and `correct`, (kind, ship, aspect)."""
 
-ANSWERS = ClassifierGroup(
-    "measured", looks(IRAR), of="profiles of simulated flights", dims=("kind", "ship", "aspect")
+ANSWERS = ClassifierGroup.of(
+    "measured",
+    looks(IRAR),
+    (
+        *("pulse_width", "depression", "classifier", "vigilance"),
+        *(name for name in FLIGHT if name != "depression"),
+    ),
+    names=FLIGHTS.names,
+    answer=("kind", "ship", "aspect"),
 )
 
 
@@ -98,8 +105,7 @@ def lesson(name: str, acn_settings: AcnSettings, mnn_settings: Training) -> Less
 
 @in_memory(
     gather=classifier.GATHERED,
-    noise="mnn",
-    stream=(Grid.pulse_width, Irar.depression),
+    stream=Stream((Grid.pulse_width, Irar.depression), "mnn"),
     keep=4,
     uses=(Grid,),
 )
@@ -126,14 +132,9 @@ def namer(
 
 
 @ANSWERS.answers(
-    Output("ship_correct", ANSWERS.dims, "i1", label="1 where the ship is right"),
+    Output("ship_correct", ANSWERS.answer, "i1", label="1 where the ship is right"),
     right=": the ship, of the multilayered network its aspect bin, too",
     uses=(Grid,),
-    dims=(
-        *("pulse_width", "depression", "classifier", "vigilance"),
-        *(name for name in FLIGHT if name != "depression"),
-    ),
-    names=NAMES,
 )
 def measured(namer: Namer, signature: Profiles, valid: Views) -> Arrays:
     """Return the ships predicted for signatures of every kind.

@@ -12,22 +12,21 @@ from numpy.typing import NDArray
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.engine.stage import Output, plain
+from sweeps.engine.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Arrays, ClassifierGroup, Profiles, Views
+from sweeps.stages.classifier import GATHERED, NONE, Arrays, Profiles, Views
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import RANGE, Grid
+from sweeps.stages.views import Grid
 
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
 IMPORTS = ("ncti.classify.gain_annealed",)  # by its stages, when they are called; takes long
 NAME = "mnn"
-ANSWERS = ClassifierGroup(NAME, classifier.names_by(NAME, RANGE))
-RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
-DIMS = classifier.of_profiles(
-    *("epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing")
+ANSWERS = classifier.of_profiles(
+    NAME, "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing"
 )
+RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
 
 # Arrays of a fitted network: its attributes, those of both layers, and their dimensions.
 WHOLE = {"classes_": "class", "centre_": "feature", "scale_": "feature"}
@@ -109,21 +108,16 @@ mnn_settings = plain(uses=(Mnn,), name="mnn_settings")(Training)
     Output("presentations", dtype="i4", fill=0, label="epochs trained"),
     Output("hidden", dtype="i2", fill=0, label="hidden nodes"),
     Output("loss", label="mean square error of the outputs at the end"),
+    *(inner(name, (dim,), "i8" if name == "classes_" else "f8") for name, dim in WHOLE.items()),
     *(
-        Output(name, (dim,), "i8" if name == "classes_" else "f8", stored=False)
-        for name, dim in WHOLE.items()
-    ),
-    *(
-        Output(f"{name}{layer}", dims, "f8", stored=False)
+        inner(f"{name}{layer}", dims, "f8")
         for name, both in LAYERS.items()
         for layer, dims in enumerate(both)
     ),
     uses=(Grid,),
     gather=GATHERED,
-    dims=DIMS,
-    noise="mnn",
     # The same initial weights in every setting, so that only the settings differ.
-    stream=(Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
+    stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs), NAME),
 )
 def mnn_training(
     expected: Profiles,
@@ -166,7 +160,6 @@ def mnn_training(
     ),
     uses=(Grid, Mnn),
     along=(Grid.frame_count,),
-    dims=DIMS,
 )
 def mnn(
     mnn_training: Arrays, averaged: Profiles, valid: Views, aspect: tuple[float, ...], inputs: str

@@ -17,7 +17,7 @@ from ncti.render import cast_rays
 from ncti.render.view import View
 from ncti.ships.errors import printable
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, stage
+from sweeps.engine.stage import Group, Output, stage
 from sweeps.stages.ships import ShipName, ship_name
 from sweeps.stages.views import Grid, description, hull
 
@@ -53,7 +53,7 @@ MOST_LINES = 12  # of ships, on the screen
         dtype=f"U{LONGEST_WARNING}",
         label="what looks wrong with the axes or origin of the mesh; empty: nothing",
     ),
-    group=GROUP,
+    group=Group(GROUP),
 )
 def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
     """Return a ship's measures, its picture, and what looks wrong with its mesh."""

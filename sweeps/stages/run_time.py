@@ -7,7 +7,6 @@ from the slant range, so that errors are of the sampling alone.
 from __future__ import annotations
 
 import time
-from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +18,17 @@ from ncti.render import Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
 from sweeps.engine.settings import Choices, Settings, count
-from sweeps.engine.stage import Output, Table, in_memory, plain, stage
+from sweeps.engine.stage import (
+    MEASURED,
+    Group,
+    Output,
+    Stream,
+    Table,
+    in_memory,
+    inner,
+    plain,
+    stage,
+)
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
 from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Arrays, Floats, Ladar, check_pulses
@@ -57,9 +66,9 @@ class RunTime(Settings, key="run_time"):
     draws = count(16, 1, 1000, label="noisy profiles of a view that are classified", fixed=SHAPES)
 
 
-_stage = partial(stage, uses=(Grid, Render, Ladar, RunTime), when=looks(RUN_TIME), status=STATUS)
-_tabulated = partial(_stage, group=GROUP)
-_signature = Output("signature", ("down_range",), "f8", stored=False)
+USED = (Grid, Render, Ladar, RunTime)
+TIMED = Group(GROUP, looks(RUN_TIME), USED, status=STATUS)
+_signature = inner("signature", ("down_range",), "f8")
 VIEW = {"aspect": Grid.aspect, "depression": "depression"}
 BINNED = {name: BEAM[name] for name in ("slant_range", "ifov", "window")}
 BINNED["bin_width"] = RunTime.bin_width
@@ -68,7 +77,7 @@ BINNED["bin_width"] = RunTime.bin_width
 # Exact results
 
 
-@_stage(*EXTENT, reads=VIEW | BINNED)
+@stage(*EXTENT, uses=USED, reads=VIEW | BINNED)
 def exact_extent(mesh: trimesh.Trimesh, **view: Any) -> Arrays:
     """Return the visible areas of the sampling-free reference, bin by range bin."""
     from ncti.ladar.accuracy import exact_extent
@@ -82,15 +91,16 @@ def exact_ifovs(exact_extent: Arrays) -> RangeExtent:
     return RangeExtent.of(exact_extent)
 
 
-exact_signature = _stage(
-    _signature, reads=SIGNAL | {"extent": "exact_ifovs"}, uses=(), name="exact_signature"
+exact_signature = stage(
+    _signature, reads=SIGNAL | {"extent": "exact_ifovs"}, name="exact_signature"
 )(expected_profile)
 
 
-@_stage(
+@stage(
     Output("noise", ("draw", "down_range"), "f8"),
+    uses=USED,
     reads=SIGNAL | {"frame_count": Grid.frame_count},
-    stream=(Grid.ship, Grid.aspect, Grid.pulse_width, RunTime.bin_width),
+    stream=Stream((Grid.ship, Grid.aspect, Grid.pulse_width, RunTime.bin_width)),
 )
 def profile_noise(
     exact_ifovs: RangeExtent, draws: int, rng: np.random.Generator, **signal: Any
@@ -108,7 +118,7 @@ timed_view = plain(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view
 timed_beam = plain(reads=BINNED, name="timed_beam")(keywords)
 
 
-@_tabulated(
+@TIMED.stage(
     Output(
         "extent_error",
         label="error of the range extent of the whole ship",
@@ -168,19 +178,19 @@ def _extents(
 # Run times
 
 
-@_tabulated(
+@TIMED.stage(
     Output(
         "run_time",
         dtype="f8",
         unit="s",
         label="run time of a view, from mesh to range extent, median of repeats",
-        measured=True,
+        role=MEASURED,
     ),
     Output(
         "ratio",
         dtype="f8",
         label="run time relative to a view by embree at 0.25 m, timed alongside",
-        measured=True,
+        role=MEASURED,
     ),
     reads={"engine": "drawing_engine"},
     along=(Render.pixel, Render.roll, Ladar.spread),
@@ -243,7 +253,7 @@ def _times(
 # Decisions
 
 
-@_tabulated(
+@TIMED.stage(
     Output(
         "changed",
         VIEWS,

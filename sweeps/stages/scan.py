@@ -21,7 +21,7 @@ from ncti.search import Box, Field, Imager, Laser, Rates, Survey, Target
 from ncti.search.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.settings import Choices, Settings, count, number, word
-from sweeps.engine.stage import Output, Table, in_memory, plain, stage
+from sweeps.engine.stage import Group, Output, Stream, Table, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.classifier import check_receiver
 from sweeps.stages.infrared import Infrared, check_window
@@ -72,26 +72,20 @@ class Scan(Settings, key="scan"):
     lost = number(0.05, 0, 0.99, label="share of known ships that the rejection threshold rejects")
 
 
-of_scan = partial(stage, uses=(Scan, Grid, Render, Ladar), when=looks(SCAN), status=STATUS)
+USED = (Scan, Grid, Render, Ladar)
+FIELD = Group(GROUP, looks(SCAN), USED, status=STATUS)
 
 
-@of_scan(
-    Output("target", ("target",), "U64", label="target in the field"),
-    group=GROUP,
-    gather=(Grid.ship,),
-    coordinates=True,
-    status="",
+@FIELD.stage(
+    coordinate("target", ("target",), "U64", label="target in the field"), gather=(Grid.ship,)
 )
 def scan_names(ship: tuple[str, ...], decoy: str) -> NDArray[np.str_]:
     """Return the names of all targets."""
     return np.array([*map(str, ship), *([DECOY] if decoy != NO_DECOY else [])])
 
 
-@of_scan(
-    Output("edge", ("edge",), "U8", label="side of a box of pixels, the last two behind it"),
-    group=GROUP,
-    coordinates=True,
-    status="",
+@FIELD.stage(
+    coordinate("edge", ("edge",), "U8", label="side of a box of pixels, the last two behind it")
 )
 def scan_edges() -> NDArray[np.str_]:
     """Return the names of a box's edges."""
@@ -119,7 +113,7 @@ TARGET = (
 )
 
 
-@of_scan(*TARGET, gather=(Grid.aspect,), stream=(Grid.ship, Grid.replicate))
+@stage(*TARGET, uses=USED, gather=(Grid.aspect,), stream=Stream((Grid.ship, Grid.replicate)))
 def scan_target(
     mesh: trimesh.Trimesh, scan_survey: Survey, aspect: tuple[float, ...], rng: np.random.Generator
 ) -> Arrays:
@@ -130,7 +124,13 @@ def scan_target(
 BARGE_SIDES = {"length": Scan.decoy_length, "beam": Scan.decoy_beam, "height": Scan.decoy_height}
 
 
-@of_scan(*TARGET, reads=BARGE_SIDES, gather=(Grid.aspect,), stream=(Grid.replicate,))
+@stage(
+    *TARGET,
+    uses=USED,
+    reads=BARGE_SIDES,
+    gather=(Grid.aspect,),
+    stream=Stream((Grid.replicate,)),
+)
 def scan_decoy(
     scan_survey: Survey,
     decoy: str,
@@ -143,7 +143,7 @@ def scan_decoy(
     return arrays if decoy != NO_DECOY else {**arrays, "fraction": 0 * arrays["fraction"]}
 
 
-@stage(uses=(Scan,), memory=2, gather=(Grid.ship,))
+@in_memory(uses=(Scan,), gather=(Grid.ship,))
 def scan_targets(scan_survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Target]:
     """Return the ships of the field, and the decoy behind them if there is one."""
     ships = len(scan_target["fraction"])
@@ -162,7 +162,7 @@ _of_target = partial(Output, dims=("target",), dtype="i4")
 _of_detection = partial(Output, dims=("detection", "edge"), dtype="i4", pad=-1)
 _ship = partial(Output, dims=("detection",), dtype="i4", pad=-2, fill=-2)
 
-scan_detected = of_scan(
+scan_detected = FIELD.stage(
     _of_target("column", label="column of a target's origin in the field"),
     _of_target("row", label="row of a target's origin in the field"),
     _of_target("true_aspect", dtype="f4", label="aspect of a target", unit="degree"),
@@ -184,8 +184,7 @@ scan_detected = of_scan(
         "survey": "scan_survey",
         "imager": "scan_imager",
     },
-    group=GROUP,
-    stream=(Grid.range, Grid.replicate),
+    stream=Stream((Grid.range, Grid.replicate)),
     name="scan_detected",
 )(search.observe)
 
@@ -202,10 +201,11 @@ scan_rates = plain(uses=(Scan,), name="scan_rates")(Rates)
 # Templates of known ships
 
 
-@of_scan(
+@stage(
     Output("mean", ("down_range",), "f8"),
     Output("band", ("lag", "down_range"), "f8", pad=0),
     Output("ifovs", dtype="i8"),
+    uses=USED,
 )
 def scan_moments(ifovs: RangeExtent, pulse_width: float, cnr_at_range: float) -> Arrays:
     """Return mean and covariance of one frame of the IFOVs that see a ship, and their number."""
@@ -222,24 +222,24 @@ scan_templates = in_memory(
     name="scan_templates",
 )(visit_templates)
 
-scan_known = of_scan(
+scan_known = stage(
     Output("similarity", ("view",), "f8"),
+    uses=USED,
     reads=VISITS,
     along=(Grid.frame_count,),
     gather=(Grid.aspect,),
-    stream=(Grid.ship, Grid.range),
+    stream=Stream((Grid.ship, Grid.range)),
     name="scan_known",
 )(known_similarity)
 
-scan_visited = of_scan(
+scan_visited = FIELD.stage(
     _ship("named", label="ship predicted by a visit"),
     Output(
         "similarity", ("detection",), pad=np.nan, label="cosine similarity to the nearest profile"
     ),
     reads=VISITS | {"detected": "scan_detected", "targets": "scan_targets"},
-    group=GROUP,
     along=(Grid.frame_count,),
-    stream=(Grid.range, Grid.replicate),
+    stream=Stream((Grid.range, Grid.replicate)),
     name="scan_visited",
 )(identify_visits)
 
@@ -262,7 +262,7 @@ TIMES = {
     "exhaustive": "time of the laser radar over the whole field",
 }
 
-scan_outcome = of_scan(
+scan_outcome = FIELD.stage(
     Output("least", label="rejection threshold of the similarity"),
     Output("accepted", ("detection",), "i1", pad=-1, label="1 where a visit is accepted as a ship"),
     *(Output(name, dtype="i4", label=label) for name, label in COUNTS.items()),
@@ -274,7 +274,6 @@ scan_outcome = of_scan(
         "field": "scan_field",
         "rates": "scan_rates",
     },
-    group=GROUP,
     gather=(Grid.ship,),
     name="scan_outcome",
 )(search_outcome)

@@ -16,20 +16,13 @@ from ncti.checks import NothingSeenError
 from ncti.irar import measured_extent
 from ncti.irar.corrected import image_of
 from ncti.ladar import expected_profile, no_return
-from sweeps.engine.stage import Output, stage
+from sweeps.engine.stage import NOWHERE, Output, Stream, coordinate
 from sweeps.stages import ladar, views
-from sweeps.stages.irar import DIMS, GROUP, Arrays, Irar, flight_of
+from sweeps.stages.irar import FLIGHTS, Arrays, Irar, flight_of
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import IRAR, STATUS, Grid, Keywords, Render, looks
+from sweeps.stages.views import Grid, Keywords
 
 KINDS = ("learned", "test", "measured")
-NAMES = {  # a flight has settings of the same words
-    Ladar.ifov: "ladar_ifov",
-    Ladar.cnr: "ladar_cnr",
-    Render.samples: "render_samples",
-}
-
-UNSTORED: dict[str, Any] = {"group": None, "dims": ()}
 
 flight_images = views.image_stages(
     "flight_image", range=Irar.profile_range, depression=Irar.depression
@@ -45,7 +38,7 @@ learned_signature = replace(
     ladar.expected,
     name="learned_signature",
     reads={"extent": "flight_ifovs", **FLIGHT_SIGNAL},
-    **UNSTORED,
+    group=NOWHERE,
 )
 test_signature = replace(
     ladar.averaged,
@@ -56,14 +49,15 @@ test_signature = replace(
         **FLIGHT_SIGNAL,
     },
     along=(Irar.profile_frames,),
-    noise="flight_signature",
-    stream=(Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate),
-    optional=(),
-    **UNSTORED,
+    stream=Stream(
+        (Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate),
+        "flight_signature",
+    ),
+    group=NOWHERE,
 )
 
 
-@stage(
+@FLIGHTS.stage(
     Output(
         "signature",
         ("kind", "down_range"),
@@ -72,11 +66,6 @@ test_signature = replace(
     uses=(Grid, Irar, Ladar),
     reads={"ladar_ifov": Ladar.ifov, **FLIGHT_SIGNAL},
     along=(Grid.pulse_width,),
-    group=GROUP,
-    dims=(*DIMS, "pulse_width"),
-    names=NAMES,
-    when=looks(IRAR),
-    status=STATUS,
 )
 def signature(
     corrected: Arrays,
@@ -116,17 +105,14 @@ def signature(
     return np.stack([learned_signature, test_signature, measured], axis=1)
 
 
-@stage(
-    Output(
+@FLIGHTS.stage(
+    coordinate(
         "kind",
         ("kind",),
         "U8",
         label="kind of profile: synthetic for training, synthetic for the test, or of a simulated "
         "flight (measured)",
     ),
-    group=GROUP,
-    when=looks(IRAR),
-    coordinates=True,
 )
 def signature_kinds() -> NDArray[np.str_]:
     """Return the kinds of signatures."""

@@ -392,5 +392,4 @@ def refuse(setting: Setting, value: Any, allowed: str) -> NoReturn:
 
 
 SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
-STATUS = "status:view"
-STATUSES = (Status(STATUS, (Grid.ship, Grid.aspect), "state of the sensors' results for a view"),)
+STATUS = Status("status:view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))

@@ -64,7 +64,7 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
                         [done] = run_calls((call,), folder, alone).calls
                     assert not done.traceback, f"{what}: {done.traceback}"
                     there, again = read_cells(folder, [schedule.spots[key], done.cells[0]])
-                    measured = {one.name for one in bound.stage.outputs if one.measured}
+                    measured = {one.name for one in bound.stage.outputs if one.role == "measured"}
                     _compare(what, there, again, measured)
                     compared[bound.name] = compared.get(bound.name, 0) + 1
     return compared

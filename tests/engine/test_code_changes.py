@@ -17,13 +17,13 @@ from fleet import rope
 from fleet.hull import Hull, keel
 from fleet.paint import scaled
 from sweeps.engine.settings import Settings, number
-from sweeps.engine.stage import Experiment, Output, Table, stage
+from sweeps.engine.stage import Experiment, Group, Output, Table, stage
 
 GAIN = 3
 SHIFT = {"bow": 1.0, "stern": -1.0}
 PLANKS = {}
 ROOM = "ships"
-_stage = partial(stage, group=ROOM)
+_stage = partial(stage, group=Group(ROOM))
 
 
 class Wood(Settings, key="wood"):
@@ -243,11 +243,11 @@ def test_all_that_a_module_and_its_imports_do_counts(tmp_path, digest_in, late, 
 # The file of an experiment, of which statements count: a change of 2 is another computation.
 DECLARED = """from functools import partial, wraps
 import numba
-from sweeps.engine.stage import Output, stage
+from sweeps.engine.stage import Group, Output, stage
 _stage = partial(stage, Output("late"))
 {}
 """
-BENT = "from sweeps.engine.stage import stage\ndef pulled(x):\n    return 2 * x\n"
+BENT = "from sweeps.engine.stage import Group, stage\ndef pulled(x):\n    return 2 * x\n"
 LOOPS = (
     "def make(by):\n    return lambda x: by * x\n"
     "def scaled(f, by):\n    return lambda x: by * f(x)\n"
@@ -336,7 +336,7 @@ from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Settings, number, read_choices
-from sweeps.engine.stage import Experiment, Output, Table, stage
+from sweeps.engine.stage import Experiment, Group, Output, Table, stage
 
 RUNS = Path("runs")
 
@@ -347,7 +347,7 @@ class Wood(Settings, key="wood"):
     load = number([1, 2], unit="kg", label="load", shown=True)
 
 
-@stage(Output("length", label="length", unit="m"), uses=(Wood,), group="ships")
+@stage(Output("length", label="length", unit="m"), uses=(Wood,), group=Group("ships"))
 def length(load):
     RUNS.write_text(RUNS.read_text() + "x")
     return 2 * load

@@ -12,7 +12,7 @@ from toys import CALLS, SPRINGS, go, run
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.provenance import choices_of
 from sweeps.engine.settings import Joint, Settings, count, read_choices, text
-from sweeps.engine.stage import Experiment, Output, plain, stage
+from sweeps.engine.stage import Experiment, Group, Output, plain, stage
 from sweeps.engine.store import read_attributes
 
 CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
@@ -87,12 +87,11 @@ class Cut(Settings, key="cut"):
 @stage(
     Output("piece", ("bin",), label="piece", dtype="f4", origin={"bin": "first"}),
     Output("same", ("bin",), label="same", dtype="i2", pad=7, origin={"bin": "first"}),
-    Output("first", label="bin", dtype="i8", stored=False),
+    Output("first", label="bin", dtype="i8", role="inner"),
     Output("tail", ("k", "j"), label="tail", pad=0),
     Output("none", ("nothing",), label="nothing"),
     uses=(Cut,),
-    group="pieces",
-    dims=("bin", "begin"),
+    group=Group("pieces", dims=("bin", "begin")),
 )
 def piece(begin, size):
     """A piece that looks like its padding, and one that is empty where it is short."""
@@ -105,7 +104,7 @@ def piece(begin, size):
     return found | {"none": np.zeros(0)}
 
 
-@stage(Output("hash", label="hash", dtype="i8"), uses=(Cut,), group="hashes")
+@stage(Output("hash", label="hash", dtype="i8"), uses=(Cut,), group=Group("hashes"))
 def hashed(piece):
     """What the next stage is given: a number for the bytes and the types of all."""
     given = [(name, piece[name].dtype.str, piece[name].tolist()) for name in sorted(piece)]
@@ -140,7 +139,7 @@ def content(name):
     return CONTENT["digest"]
 
 
-@stage(Output("read", label="read", dtype="U3"), uses=(Named,), group="read")
+@stage(Output("read", label="read", dtype="U3"), uses=(Named,), group=Group("read"))
 def reading(content, size):
     """A result of that file."""
     CALLS["reading"] += 1
@@ -209,7 +208,7 @@ def joined(points, labels=None):
     )
 
 
-NOT_GATHERED = replace(SPRINGS, stages=SPRINGS.stages[:4], tables=(), statuses=())
+NOT_GATHERED = replace(SPRINGS, stages=SPRINGS.stages[:4], tables=())
 
 
 def test_settings_that_run_together_grow_by_whole_points(tmp_path):

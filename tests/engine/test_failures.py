@@ -13,7 +13,7 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import MANIFEST
 from sweeps.engine.packs import files_of
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Output, in_memory, stage
+from sweeps.engine.stage import Experiment, Group, Output, in_memory, stage
 from sweeps.engine.store import read_attributes
 
 STIFF = "ValueError: too [stiff]"
@@ -39,9 +39,9 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
         assert np.isfinite(springs[variable]).sum() == (status[variable] == 1).sum()
     assert (status.energy == 1).all() and (status.trace == 1).all()
     # What gathers them goes on without those that failed.
-    noisy, answers = springs.noisy, opened(store, "answers")
-    assert (answers.taken.sel(mass=1, stiffness=4) == 0).all()
-    assert answers.taken.sum() == 2 * 2 * 2 * (3 * 2 - 1)
+    noisy, answers, taken = springs.noisy, opened(store, "answers"), opened(store, "state").taken
+    assert (taken.sel(mass=1, stiffness=4) == 0).all()
+    assert taken.sum() == 2 * 2 * 2 * (3 * 2 - 1)
     np.testing.assert_array_equal(
         answers.answer.sel(rule="max"), noisy.max("stiffness").transpose("mass", "length", "draw")
     )
@@ -56,7 +56,12 @@ class Flaky(Settings, key="flaky"):
 BROKEN = {"values": frozenset()}
 
 
-@stage(Output("first", label="first", dtype="f8"), uses=(Flaky,), along=(Flaky.size,), group="all")
+@stage(
+    Output("first", label="first", dtype="f8"),
+    uses=(Flaky,),
+    along=(Flaky.size,),
+    group=Group("all"),
+)
 def first(size):
     """Computed together; some values may fail."""
     CALLS["first"] += len(size)
@@ -73,13 +78,18 @@ def made(size):
     return size
 
 
-@stage(Output("second", label="second", dtype="f8"), uses=(Flaky,), group="all")
+@stage(Output("second", label="second", dtype="f8"), uses=(Flaky,), group=Group("all"))
 def second(first, made):
     """What needs both."""
     return first + made
 
 
-@stage(Output("total", label="total", dtype="f8"), uses=(Flaky,), gather=(Flaky.size,), group="all")
+@stage(
+    Output("total", label="total", dtype="f8"),
+    uses=(Flaky,),
+    gather=(Flaky.size,),
+    group=Group("all"),
+)
 def total(second, valid):
     """A sum of what is there; in vain where nothing is."""
     return second[valid].sum()

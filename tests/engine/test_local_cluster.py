@@ -16,7 +16,7 @@ from toys import run
 
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Output, stage
+from sweeps.engine.stage import Experiment, Group, Output, stage
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -101,7 +101,7 @@ class Few(Settings, key="few"):
     size = count([1, 2, 3, 4, 5, 6], label="size")
 
 
-@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group="all")
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def deadly(size):
     """What a worker dies of, for one size."""
     if size == 3:

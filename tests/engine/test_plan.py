@@ -7,7 +7,7 @@ from toys import SPRINGS
 
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import Settings, number, read_choices
-from sweeps.engine.stage import Experiment, Output, bind, stage
+from sweeps.engine.stage import Experiment, Group, Output, bind, stage
 
 
 def planned(**given):
@@ -89,7 +89,7 @@ def test_the_order_of_axes_given_to_a_function_counts():
         return state * swell
 
     def key(*axes):
-        @stage(Output("first", label="first"), uses=(Sea,), group="sea", gather=axes)
+        @stage(Output("first", label="first"), uses=(Sea,), group=Group("sea"), gather=axes)
         def first(height):
             return height.mean(axis=0)[0]
 

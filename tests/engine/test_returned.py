@@ -7,7 +7,7 @@ from toys import run
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.returned import Slot, arrays_of
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Output, stage
+from sweeps.engine.stage import Experiment, Group, Output, stage
 
 
 def returned(dtype, value, dims=0, along=()):
@@ -76,7 +76,7 @@ class Few(Settings, key="few"):
     size = count([1, 2, 3], label="size")
 
 
-@stage(Output("x", ("place",), label="x"), uses=(Few,), group="all")
+@stage(Output("x", ("place",), label="x"), uses=(Few,), group=Group("all"))
 def growing(size):
     """An array that is longer for larger sizes, without padding."""
     if size > 3:

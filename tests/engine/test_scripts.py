@@ -11,14 +11,14 @@ from toys import run
 
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Output, stage
+from sweeps.engine.stage import Experiment, Group, Output, stage
 
 SCRIPT = """
 import sys
 from pathlib import Path
 from sweeps.engine.command import Command
 from sweeps.engine.settings import Settings, count
-from sweeps.engine.stage import Experiment, Output, in_memory, stage
+from sweeps.engine.stage import Experiment, Group, Output, in_memory, stage
 
 class Few(Settings, key="few"):
     "Sizes."
@@ -30,7 +30,7 @@ def made():
         file.write("made ")
     return {factor}
 
-@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group="all")
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def times(made, size):
     return made * size
 
@@ -70,12 +70,12 @@ def power(exponent):
 def test_functions_of_one_name_do_not_share_results(tmp_path):
     value = Output("x", label="x", dtype="f8")
     stages = [
-        stage(value, uses=(Few,), group="double", name="double")(lambda size: 2.0 * size),
-        stage(value, uses=(Few,), group="triple", name="triple")(lambda size: 3.0 * size),
-        stage(value, uses=(Few,), group="square", name="square")(power(2)),
-        stage(value, uses=(Few,), group="cube", name="cube")(power(3)),
+        stage(value, uses=(Few,), group=Group("double"), name="double")(lambda size: 2.0 * size),
+        stage(value, uses=(Few,), group=Group("triple"), name="triple")(lambda size: 3.0 * size),
+        stage(value, uses=(Few,), group=Group("square"), name="square")(power(2)),
+        stage(value, uses=(Few,), group=Group("cube"), name="cube")(power(3)),
     ]
-    stages.append(replace(stages[0], name="again", group="again"))  # the same function
+    stages.append(replace(stages[0], name="again", group=Group("again")))  # the same function
     experiment = Experiment("few", "Few", (Few,), tuple(stages))
     choices = read_choices(experiment.declared, {})
     finished = run(experiment, choices, tmp_path / "s.zarr")

@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 import pytest
-from toys import SPRINGS, Measured, noisy
+from toys import SPRINGS, noisy
 
 from sweeps.engine import plan as planning
 from sweeps.engine.plan import Plan
 from sweeps.engine.seeds import STREAM_VERSION, cell_rng
 from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Group, Stream
 
 RAISE = "streams draw other numbers: raise STREAM_VERSION of sweeps.engine.seeds, and pin these"
 
@@ -37,11 +38,19 @@ def test_the_names_of_streams_are_pinned():
     """Named settings, all settings, another stage's noise, and settings that may be left out."""
     # Without the output that it puts into another's group.
     own = replace(noisy, outputs=noisy.outputs[:1])
+    stream = noisy.stream
     stages = {
         "named": own,
-        "every": replace(own, name="every", group="a", stream=None),
-        "shared": replace(own, name="shared", group="b", noise="noisy"),
-        "optional": replace(own, name="optional", group="c", optional=(Measured.draw,)),
+        "every": replace(own, name="every", group=Group("a"), stream=None),
+        "shared": replace(
+            own, name="shared", group=Group("b"), stream=replace(stream, name="noisy")
+        ),
+        "optional": replace(
+            own,
+            name="optional",
+            group=Group("c"),
+            stream=Stream(stream.settings[:2], optional=stream.settings[2:]),
+        ),
     }
     experiment = replace(SPRINGS, stages=(*SPRINGS.stages[:3], *stages.values()), tables=())
     plan = Plan(experiment, read_choices(SPRINGS.declared, {"seed": 3}))

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from toys import run
 
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Output, stage
+from sweeps.engine.stage import Experiment, Group, Output, stage
 
 
 class Few(Settings, key="few"):
@@ -22,7 +22,7 @@ class Few(Settings, key="few"):
     Output("most", label="largest limit of a library"),
     Output("told", label="what libraries loaded now are told"),
     uses=(Few,),
-    group="all",
+    group=Group("all"),
 )
 def threads(size):
     """The threads of the libraries of this process, as seen by what computes."""

@@ -9,7 +9,7 @@ from toys import CALLS, SPRINGS, Told, run
 
 from sweeps.engine import run as running
 from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Output, stage
+from sweeps.engine.stage import Experiment, Group, Output, stage
 
 
 class Few(Settings, key="few"):
@@ -21,14 +21,14 @@ class Few(Settings, key="few"):
 COUNTED = {"calls": 0}
 
 
-@stage(Output("x", ("place",), label="x", dtype="f8"), uses=(Few,), group="all")
+@stage(Output("x", ("place",), label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def counting(size):
     """A result that depends on how often something was computed, for one size."""
     COUNTED["calls"] += size == 3
     return np.array([size, float(COUNTED["calls"])]) if size == 3 else np.array([size, np.nan])
 
 
-@stage(Output("x", label="x", dtype="f8"), uses=(Few,), along=(Few.size,), group="all")
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), along=(Few.size,), group=Group("all"))
 def in_company(size):
     """A result that depends on the other values."""
     return np.array(size) - np.mean(size) * (np.array(size) == 2)

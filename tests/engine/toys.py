@@ -16,7 +16,17 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Settings, count, draws, number, read_choices, switch, word
-from sweeps.engine.stage import Experiment, Output, Status, Table, in_memory, plain, stage
+from sweeps.engine.stage import (
+    Experiment,
+    Group,
+    Output,
+    Status,
+    Stream,
+    Table,
+    in_memory,
+    plain,
+    stage,
+)
 from sweeps.engine.tasks import forget_all
 
 CALLS: Counter[str] = Counter()
@@ -42,6 +52,9 @@ class Measured(Settings, key="measured"):
     pause = number(0.0, 0, 10, unit="s", label="time that a period takes")
 
 
+STATE = Status("state:answers", "state of the answers", (Spring.mass, Measured.length))
+
+
 @plain(uses=(Spring,))
 def rate(stiffness, mass):
     """Angular frequency [rad/s]; equal for some pairs of stiffness and mass."""
@@ -56,7 +69,9 @@ def solver(rate):
 
 
 @stage(
-    Output("period", unit="s", label="period", dtype="f8"), uses=(Spring, Measured), group="springs"
+    Output("period", unit="s", label="period", dtype="f8"),
+    uses=(Spring, Measured),
+    group=Group("springs"),
 )
 def period(solver, limit, pause):
     """Period [s], refused where the spring is too stiff."""
@@ -70,9 +85,9 @@ def period(solver, limit, pause):
 @stage(
     Output("energy", unit="J", label="energy", dtype="f8"),
     Output("shape", ("bin",), label="shape", origin={"bin": "begin"}, fill=0),
-    Output("begin", unit="m", label="bin", dtype="i4", stored=False),
+    Output("begin", unit="m", label="bin", dtype="i4", role="inner"),
     uses=(Spring,),
-    group="springs",
+    group=Group("springs"),
 )
 def energy(solver, mass):
     """Energy [J], and a shape that begins somewhere and is as long as the mass is heavy."""
@@ -84,12 +99,11 @@ def energy(solver, mass):
 
 @stage(
     Output("noisy", unit="s", label="measured period", dtype="f8"),
-    Output("drawn", label="noise without the period", group="noise", without=("limit", "pause")),
+    Output("drawn", label="noise without the period", without=("limit", "pause")),
     uses=(Spring, Measured),
     along=(Measured.length,),
-    group="springs",
-    dims=("draw", "stiffness"),
-    stream=(Spring.stiffness, Spring.mass, Measured.draw),
+    group=Group("springs", dims=("draw", "stiffness")),
+    stream=Stream((Spring.stiffness, Spring.mass, Measured.draw)),
 )
 def noisy(period, length, draw, rng):
     """A measured period for every length; the longer ones go on where the shorter ones end."""
@@ -102,9 +116,8 @@ def noisy(period, length, draw, rng):
 @stage(
     Output("trace", ("time",), pad=np.nan, label="trace"),
     uses=(Spring, Measured),
-    group="springs",
-    stream=(Spring.stiffness, Spring.mass, Measured.draw),
-    noise="noisy",
+    group=Group("springs"),
+    stream=Stream((Spring.stiffness, Spring.mass, Measured.draw), "noisy"),
 )
 def trace(stiffness, length, draw, rng):
     """The noise itself, as long as it is measured."""
@@ -114,12 +127,11 @@ def trace(stiffness, length, draw, rng):
 
 @stage(
     Output("answer", unit="s", label="answer", dtype="f8"),
-    Output("taken", ("stiffness",), label="whether it counted", dtype="i1", failed=2),
+    Output("taken", ("stiffness",), label="whether it counted", dtype="i1", role="state"),
     uses=(Spring, Measured),
     gather=(Spring.stiffness,),
     along=(Measured.length, Measured.rule),
-    group="answers",
-    status="state:answers",
+    group=Group("answers", status=STATE),
 )
 def answers(noisy, length, rule, doubled, valid):
     """What is said of all springs that are there."""
@@ -134,9 +146,11 @@ def answers(noisy, length, rule, doubled, valid):
     Output("ratio", label="period by that of the reference", dtype="f8"),
     uses=(Spring,),
     at={Spring.stiffness: Spring.reference},
-    names={Spring.reference: "stiffness_there"},
-    group="references",
-    when=lambda choices: choices[Spring.reference] != (None,),
+    group=Group(
+        "references",
+        lambda choices: choices[Spring.reference] != (None,),
+        names={Spring.reference: "stiffness_there"},
+    ),
     name="compared",
 )
 def compared(period, reference):
@@ -170,7 +184,6 @@ SPRINGS = Experiment(
     (Spring, Measured),
     (rate, solver, period, energy, noisy, trace, answers, compared),
     tables=(Table("tables/best", ("answers",), tabulated),),
-    statuses=(Status("state:answers", (Spring.mass, Measured.length), "state of the answers"),),
     check=checked,
     code=("toys",),
 )
@@ -208,6 +221,6 @@ class Told:
 def without(experiment, name):
     """An experiment without one of its stages, and without the tables of its group."""
     stages = tuple(one for one in experiment.stages if one.name != name)
-    groups = {one.group for one in stages}
+    groups = {one.group.path for one in stages}
     tables = tuple(one for one in experiment.tables if groups.issuperset(one.of))
     return replace(experiment, stages=stages, tables=tables)

@@ -6,7 +6,7 @@ import trimesh
 from ncti.render import Sampling, range_image, sampled
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Experiment, Output, plain, stage, value_token
+from sweeps.engine.stage import Experiment, Group, Output, plain, stage, value_token
 from sweeps.experiment import stages_of
 from sweeps.stages import ladar, views
 from sweeps.stages.ships import ship_name
@@ -86,7 +86,7 @@ def images_of(**given):
     def own_depression():
         return 3.84
 
-    @stage(Output("size"), group="sizes", reads={"other": "own_image"})
+    @stage(Output("size"), group=Group("sizes"), reads={"other": "own_image"})
     def size(image, other):
         return image.hit.size - other.hit.size
 

@@ -15,10 +15,10 @@ from commands import opened, ran
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Settings, count, number
-from sweeps.engine.stage import Output, Table, stage
+from sweeps.engine.stage import STATE, Group, Output, Status, Stream, Table
 from sweeps.engine.store import read_attributes
-from sweeps.stages.classifier import STATE, names_by
-from sweeps.stages.views import Grid, looks
+from sweeps.stages.classifier import names_by
+from sweeps.stages.views import STATUS, Grid, looks
 
 SENSOR = NAME = "toy"
 DRAUGHT = {"duncan": 4.5, "spruance": 6.3, "texas": 8.0}
@@ -31,14 +31,14 @@ class Toy(Settings, key="toy"):
     scatter = number(0.5, 0, 10, unit="m", label="scatter of one echo", noted=True)
 
 
-@stage(
+KEELS = Group("toy", looks(SENSOR), (Grid, Toy), status=STATUS)
+ANSWERS = Group("classification/toy", names_by(NAME, SENSOR), (Grid,), status=Status("status_toy"))
+
+
+@KEELS.stage(
     Output("depth", label="depth of the keel", unit="m"),
-    uses=(Grid, Toy),
     along=(Toy.echoes,),
-    group="toy",
-    when=looks(SENSOR),
-    stream=(Grid.ship, Grid.aspect, Toy.scatter),
-    status="status:view",
+    stream=Stream((Grid.ship, Grid.aspect, Toy.scatter)),
 )
 def toy_depth(ship, echoes, scatter, rng):
     """(echoes,): mean depth of the first echoes."""
@@ -46,17 +46,11 @@ def toy_depth(ship, echoes, scatter, rng):
     return np.array([found[:number].mean() for number in echoes])
 
 
-@stage(
+@ANSWERS.stage(
     Output("predicted", ("ship", "aspect"), "i2", label="ship named, as an index"),
     Output("correct", ("ship", "aspect"), "i1", label="1 where the answer is right"),
-    Output(
-        "cell", ("ship", "aspect"), "i1", label="state", failed=0, group="status_toy", attrs=STATE
-    ),
-    uses=(Grid,),
+    Output("cell", ("ship", "aspect"), "i1", label="state", role=STATE),
     gather=(Grid.ship, Grid.aspect),
-    group="classification/toy",
-    when=names_by(NAME, SENSOR),
-    status="-",
 )
 def toy_namer(toy_depth, ship, valid):
     """The ship of the nearest draught."""
@@ -82,7 +76,7 @@ def check(choices):
 
 
 SETTINGS = (Toy,)
-TABLES = (Table("tables/toy", ("classification/toy",), tabulate, names_by(NAME, SENSOR)),)
+TABLES = (Table("tables/toy", (ANSWERS.path,), tabulate, ANSWERS.when),)
 
 MODULES = (sys.modules[__name__],)
 SWEEP = (
