@@ -7,8 +7,8 @@ a second, and an interrupt meanwhile is reported as one.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -45,8 +45,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         try:
             if all(word in MULTIRUN for word in given if word.startswith("-")):
                 _say("reading the configuration")
-            with _workers_ahead(given):
-                status = command(*modules, given=given).main(given)
+            status = command(*modules, given=given).main(given)
         except Stopped as stopped:
             _say(stopped.words)
             status = stopped.status
@@ -77,29 +76,6 @@ def command(*modules: Any, given: Sequence[str] = ()) -> Command:
     packages = tuple(one.__name__ for one in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
     return Command(experiment, partial(report, given=given), beside)
-
-
-@contextmanager
-def _workers_ahead(arguments: Sequence[str]) -> Iterator[None]:
-    """Start importing what workers need, if a complete sweep is clearly requested.
-
-    That takes longer than reading the configuration. If some results are cached, there may be
-    nothing to do, and the importing process would only take time.
-    """
-    from platformdirs import user_cache_path
-
-    from sweeps.engine.packs import ROOM
-
-    given = dict(one.partition("=")[::2] for one in arguments)
-    asked = not any(key.lstrip("+").startswith(("-", "dry_run", "cluster")) for key in given)
-    cache, store = Path(given.get("cache") or user_cache_path(NAME)), given.get("store")
-    if not asked or (cache / ROOM).exists() or (store and Path(store).exists()):
-        yield
-        return
-    from sweeps.engine.forking import fork_server
-
-    with fork_server(["sweeps.ahead"], ahead=True):
-        yield
 
 
 def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence[str] = ()) -> None:

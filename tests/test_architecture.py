@@ -45,7 +45,6 @@ ROOMS = {
     "sweeps.engine": {"sweeps.engine"},
     "sweeps.stages": {"sweeps.engine", "sweeps.stages", "ncti"},
     "sweeps.experiment": {"sweeps.engine", "sweeps.stages"},
-    "sweeps.ahead": {"sweeps.engine", "sweeps.experiment"},
     "sweeps.report": {"sweeps.engine", "sweeps.stages", "sweeps.report", "ncti"},
     "sweeps.app": {"sweeps.engine", "sweeps.stages", "sweeps.report", "sweeps.experiment"},
 }

@@ -40,16 +40,15 @@ def worth_importing(modules: Iterable[str]) -> list[str]:
 
 
 @contextmanager
-def fork_server(modules: Iterable[str], *, ahead: bool = False) -> Iterator[str]:
+def fork_server(modules: Iterable[str]) -> Iterator[str]:
     """Start the process that imports some modules; it ends with this context.
 
-    Yields the start method of `multiprocessing` to use meanwhile. If a server was started `ahead`,
-    before it was known whether any workers are needed, it is used, whatever it imports. If this
-    process has another one, which may have older code, or none can be started, as where the path of
-    the temporary folder is too long for a socket, they are spawned instead.
+    Yields the start method of `multiprocessing` to use meanwhile. If this process has another
+    server, which may have older code, or none can be started, as where the path of the temporary
+    folder is too long for a socket, workers are spawned instead.
     """
-    if server := running_server():
-        yield "forkserver" if server.pid in _ahead else "spawn"
+    if running_server():
+        yield "spawn"
         return
     multiprocessing.set_forkserver_preload(["distributed", *modules])
     try:
@@ -59,16 +58,9 @@ def fork_server(modules: Iterable[str], *, ahead: bool = False) -> Iterator[str]
         yield "spawn"
         return
     _wait(running_server)  # until it runs its own command, it looks like a copy of this process
-    server = running_server()
-    if server is None:
-        yield "spawn"
-        return
-    if ahead:
-        _ahead.add(server.pid)
     try:
         yield "forkserver"
     finally:
-        _ahead.discard(server.pid)
         # This one, or its replacement; `forkserver` reaps it when it starts the next.
         _wait(_server_ended)
 
@@ -96,9 +88,6 @@ def running_server() -> Any:
             if is_server and child.status() != psutil.STATUS_ZOMBIE:
                 return child
     return None
-
-
-_ahead: set[int] = set()  # process ids
 
 
 @contextmanager

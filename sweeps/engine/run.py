@@ -6,7 +6,7 @@ import errno
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -118,23 +118,20 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         if old is not None and is_whole(plan, place.store, old, watch.say):
             finished = _unchanged(plan, index, watch)
         else:
-            finished = _until_undamaged(plan, place, index, watch, is_new=old is None)
+            finished = _until_undamaged(plan, place, index, watch)
         index.shrink(place.cache_limit, keep_since=begun)
     finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
     return finished
 
 
-def _until_undamaged(
-    plan: Plan, place: Place, index: CellIndex, watch: Watch, *, is_new: bool
-) -> Finished:
+def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -> Finished:
     """Compute and write all cells, and again those that are damaged when they are read back."""
     # The thread starts and ends workers while this one plans and writes.
     with _spill(place.store) as spill, ThreadPoolExecutor(1, "cluster") as thread:
         for _ in range(ROUNDS):
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule = Schedule(plan, costs, place.verify)
-            ahead = is_new and not index.summary()  # so there is certainly work
-            damaged, failures = _compute(schedule, place, index, spill, watch, thread, ahead=ahead)
+            damaged, failures = _compute(schedule, place, index, spill, watch, thread)
             if not damaged:
                 try:
                     failures += _write(schedule, place, watch)
@@ -166,32 +163,11 @@ def _compute(
     spill: Path,
     watch: Watch,
     thread: ThreadPoolExecutor,
-    *,
-    ahead: bool,
 ) -> Outcome:
-    """Compute missing cells on workers, started `ahead` of the planning if asked to.
-
-    Returns the outcome of `execute`.
-    """
+    """Compute missing cells on workers; return the outcome of `execute`."""
     plan, choice = schedule.plan, place.cluster
     stack = ExitStack()
-
-    def start(choice: ClusterChoice, tasks: int) -> Future[Executor]:
-        entered = executor(
-            choice,
-            tasks=tasks,
-            packages=plan.experiment.code,
-            modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
-            folders=(place.cache, spill),
-            say=watch.say,
-        )
-        return thread.submit(stack.enter_context, entered)
-
-    starting: Future[Executor] | None = None
     try:
-        if ahead and choice.kind == "local":
-            every = sum(plan.count(bound) for bound in plan.bound.values() if bound.stage.kept)
-            starting = start(choice, every)
         with interruptible():
             schedule.resolve(index.find)
             missing = schedule.missing_cells()
@@ -201,11 +177,18 @@ def _compute(
         watch.step(schedule)
         if not missing:
             return set(), []
-        if starting is None:
-            measured = all(bound.name in schedule.costs for bound, _ in missing)
-            quick = choice.kind == "local" and measured and schedule.work_left() < QUICK
-            choice = ClusterChoice("inline") if quick else choice
-            starting = start(choice, len(missing))
+        measured = all(bound.name in schedule.costs for bound, _ in missing)
+        if choice.kind == "local" and measured and schedule.work_left() < QUICK:
+            choice = ClusterChoice("inline")
+        entered = executor(
+            choice,
+            tasks=len(missing),
+            packages=plan.experiment.code,
+            modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
+            folders=(place.cache, spill),
+            say=watch.say,
+        )
+        starting = thread.submit(stack.enter_context, entered)
         if place.cluster.kind in ("inline", "local"):
             functions = functions_of(bound for bound, _ in missing)
             plan.experiment.prepare(plan.choices, functions, heeding(watch.say))
