@@ -141,7 +141,7 @@ def executor(
     tasks: int = sys.maxsize,
     packages: Sequence[str] = (),
     modules: Sequence[str] = (),
-    folders: Sequence[Path] = (),
+    folder: Path | None = None,
     say: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Start the chosen workers, or connect to them; stop or release them afterwards.
@@ -156,8 +156,8 @@ def executor(
         Packages, besides the engine, whose code must be the same on remote workers.
     modules : sequence of str
         Modules of the functions that tasks call: imported once for all workers of this machine.
-    folders : sequence of Path
-        Folders of this machine that remote workers must see, too.
+    folder : Path, optional
+        A folder of this machine that remote workers must see, too.
     say : callable
         Called with a sentence about what is awaited, or what the user should know.
 
@@ -169,7 +169,7 @@ def executor(
     Raises
     ------
     ConfigurationError
-        If the cluster cannot be reached or started, or the code or folders of a worker differ.
+        If the cluster cannot be reached or started, or the code or folder of a worker differs.
     """
     if choice.kind == "inline":
         yield InlineExecutor()
@@ -184,6 +184,6 @@ def executor(
         shared = Shared()
         if choice.kind != "local":
             code = {name: package_digest(name) for name in (*ENGINE, *packages)}
-            shared = Shared(code, stack.enter_context(marked(folders)))
+            shared = Shared(code, stack.enter_context(marked(folder)) if folder else "")
         start = getattr(workers, choice.kind)
         yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))

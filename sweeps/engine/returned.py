@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.errors import DeclarationError
+from sweeps.engine.stage import Output
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -24,18 +25,7 @@ def _largest(dtype: str) -> float:
     return float(np.finfo(dtype).max)
 
 
-class Slot(NamedTuple):
-    """An output as workers know it."""
-
-    name: str
-    dtype: str
-    empty: float | str
-    dims: int  # number of own dimensions
-    even: bool  # whether every cell's array must have the same shape
-    measured: bool = False  # whether it differs if it is computed again
-
-
-def arrays_of(stage: str, slots: Sequence[Slot], found: Any, along: tuple[int, ...]) -> Arrays:
+def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[int, ...]) -> Arrays:
     """Return the arrays of a result by output, of the declared dtypes.
 
     `along` are the lengths of the leading axes, along which values are computed together.
@@ -46,7 +36,7 @@ def arrays_of(stage: str, slots: Sequence[Slot], found: Any, along: tuple[int, .
         If an output is missing, has another shape, or would lose something in its dtype. One
         sentence with stage, output, what was returned, and what is allowed.
     """
-    names = [slot.name for slot in slots]
+    names = [output.name for output in outputs]
     if not isinstance(found, Mapping) and len(names) == 1:
         found = {names[0]: found}
     given = list(found) if isinstance(found, Mapping) else [type(found).__name__]
@@ -54,36 +44,36 @@ def arrays_of(stage: str, slots: Sequence[Slot], found: Any, along: tuple[int, .
         raise TypeError(
             f"{stage} returned {', '.join(map(str, given))}, but must return {', '.join(names)}"
         )
-    return {slot.name: _array(stage, slot, found[slot.name], along) for slot in slots}
+    return {one.name: _array(stage, one, found[one.name], along) for one in outputs}
 
 
-def _array(stage: str, slot: Slot, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
+def _array(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
     """Return one output as an array."""
-    dtype = _dtype(slot.dtype)
-    if isinstance(given, float) and dtype.kind == "f" and abs(given) <= _largest(slot.dtype):
+    dtype = _dtype(output.dtype)
+    if isinstance(given, float) and dtype.kind == "f" and abs(given) <= _largest(output.dtype):
         array = np.array(given, dtype)  # what follows takes 10 us, which counts for single numbers
     elif given is None:
-        raise _refused(stage, slot, "None")
+        raise _refused(stage, output, "None")
     else:
         try:
             array = np.asarray(given)
         except ValueError:
-            raise _refused(stage, slot, "rows of different lengths", "an array") from None
+            raise _refused(stage, output, "rows of different lengths", "an array") from None
         if array.dtype != dtype:
-            array = _cast(stage, slot, array, dtype)
-    if array.shape[: len(along)] != along or array.ndim != len(along) + slot.dims:
+            array = _cast(stage, output, array, dtype)
+    if array.shape[: len(along)] != along or array.ndim != len(along) + len(output.dims):
         leading = f"{along}, the numbers of values computed together, and " if along else ""
-        allowed = f"one of {leading}{slot.dims} dimensions of its own"
-        raise _refused(stage, slot, f"an array of shape {array.shape}", allowed)
+        allowed = f"one of {leading}{len(output.dims)} dimensions of its own"
+        raise _refused(stage, output, f"an array of shape {array.shape}", allowed)
     return array
 
 
-def _cast(stage: str, slot: Slot, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return an array in another dtype; digits of floats may go, and nothing else."""
     texts = dtype.kind in "SU" and all(isinstance(one, str | bytes) for one in array.flat)
     if not texts and array.dtype.kind not in CAST.get(dtype.kind, dtype.kind) and array.size:
         odd = next((one for one in array.flat if one is None), f"values of dtype {array.dtype}")
-        raise _refused(stage, slot, str(odd))
+        raise _refused(stage, output, str(odd))
     with np.errstate(all="ignore"):
         cast = array.astype(dtype)
         if dtype.kind in "fc":
@@ -93,13 +83,13 @@ def _cast(stage: str, slot: Slot, array: NDArray[Any], dtype: np.dtype[Any]) -> 
     if dtype.kind in "iu" and array.dtype.kind in "iu":
         lost |= (cast < 0) != (array < 0)  # they may wrap there and back
     if lost.any():
-        raise _refused(stage, slot, repr(array[lost].flat[0].item()))
+        raise _refused(stage, output, repr(array[lost].flat[0].item()))
     return cast
 
 
-def _refused(stage: str, slot: Slot, given: str, allowed: str = "") -> TypeError:
-    allowed = allowed or f"values that the dtype {slot.dtype} holds"
-    return TypeError(f"{stage} returned {given} as {slot.name}, but must return {allowed}")
+def _refused(stage: str, output: Output, given: str, allowed: str = "") -> TypeError:
+    allowed = allowed or f"values that the dtype {output.dtype} holds"
+    return TypeError(f"{stage} returned {given} as {output.name}, but must return {allowed}")
 
 
 def uneven(stage: str, output: str, one: tuple[int, ...], other: tuple[int, ...]) -> Exception:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import errno
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
@@ -19,19 +19,16 @@ from sweeps.engine.cluster import ClusterChoice, Executor, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import (
-    PARTIAL,
     Remove,
     check_apart,
     check_folder,
     check_target,
-    hidden,
     locked,
-    real_place,
     remove_folder,
     verify,
 )
 from sweeps.engine.interrupts import heed, heeding, interruptible
-from sweeps.engine.packs import PRIVATE, read_cells
+from sweeps.engine.packs import read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
@@ -102,7 +99,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     ConfigurationError
         If the store holds other data, or another sweep writes it. Nothing was written.
     OSError
-        If the store cannot be written; finished results are kept in the cache.
+        If the cache or the store cannot be written; finished results are kept in the cache.
     """
     start, begun = time.perf_counter(), time.time()
     place = replace(place, cache=place.cache.absolute())  # workers may be started elsewhere
@@ -127,11 +124,11 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
 def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -> Finished:
     """Compute and write all cells, and again those that are damaged when they are read back."""
     # The thread starts and ends workers while this one plans and writes.
-    with _spill(place.store) as spill, ThreadPoolExecutor(1, "cluster") as thread:
+    with ThreadPoolExecutor(1, "cluster") as thread:
         for _ in range(ROUNDS):
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule = Schedule(plan, costs, place.verify)
-            damaged, failures = _compute(schedule, place, index, spill, watch, thread)
+            damaged, failures = _compute(schedule, place, index, watch, thread)
             if not damaged:
                 try:
                     failures += _write(schedule, place, watch)
@@ -145,22 +142,10 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
 
 
-@contextmanager
-def _spill(store: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside the store for results that the cache cannot hold."""
-    folder = hidden(real_place(store), PARTIAL)  # a name by which it is found after a crash
-    folder.mkdir(PRIVATE)
-    try:
-        yield folder
-    finally:
-        remove_folder(folder)
-
-
 def _compute(
     schedule: Schedule,
     place: Place,
     index: CellIndex,
-    spill: Path,
     watch: Watch,
     thread: ThreadPoolExecutor,
 ) -> Outcome:
@@ -185,7 +170,7 @@ def _compute(
             tasks=len(missing),
             packages=plan.experiment.code,
             modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
-            folders=(place.cache, spill),
+            folder=place.cache,
             say=watch.say,
         )
         starting = thread.submit(stack.enter_context, entered)
@@ -196,25 +181,17 @@ def _compute(
             workers = starting.result()
         for name in LIBRARIES if choice.kind != "inline" and plan.experiment.tables else ():
             thread.submit(import_module, name)  # while they work
-        return execute(schedule, workers, index, folder=place.cache, spill=spill, watch=watch)
+        return execute(schedule, workers, index, watch)
     finally:
         thread.submit(stack.close)
 
 
-def execute(
-    schedule: Schedule,
-    executor: Executor,
-    index: CellIndex,
-    *,
-    folder: Path,
-    spill: Path,
-    watch: Watch,
-) -> Outcome:
-    """Run all calls of a schedule, and record finished cells in the index.
+def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Outcome:
+    """Run all calls of a schedule, and record finished cells in the index, whose folder has them.
 
-    Packs go to `folder`, or to `spill` when that is full. Returns the keys of cells that could not
-    be read back, and the names of those that failed, with the reasons. Raises `DeclarationError`
-    if arrays of an output differ in shape, and it has no value to pad them with.
+    Returns the keys of cells that could not be read back, and the names of those that failed, with
+    the reasons. Raises `DeclarationError` if arrays of an output differ in shape, and it has no
+    value to pad them with, and OSError if results cannot be written.
     """
     damaged: set[str] = set()
     failures: list[tuple[str, str]] = []
@@ -224,12 +201,11 @@ def execute(
     suspects: deque[Task] = deque()
     alone = False  # whether what is under way is a suspect
     numbers = count()
-    spilled = ""
     shapes: dict[tuple[str, str], tuple[int, ...]] = {}
 
     def hand_out(task: Task) -> None:
         number = next(numbers)
-        executor.submit(number, run_calls, task[1], folder, spill)
+        executor.submit(number, run_calls, task[1], index.folder)
         under_way[number] = task
 
     def take_down(job: Job, done: Done) -> None:
@@ -260,6 +236,8 @@ def execute(
             if error is not None:
                 why = (reason(error),) * len(jobs[0].cells)
                 report = Report((Done(0.0, why, traceback=traceback_of(error)),))
+            if report.unwritten is not None:
+                raise report.unwritten
             for job, done in zip(jobs, report.calls, strict=True):
                 if done.damaged:
                     damaged.update(done.damaged)
@@ -273,11 +251,7 @@ def execute(
                 if shape != first:
                     raise uneven(stage, output, shape, first)
             for pack in report.packs:
-                if not Path(pack.path).is_absolute():  # spilled packs are removed after this run
-                    index.add(pack)
-            if report.spilled and not spilled:
-                spilled = report.spilled
-                watch.say(f"results are not cached: the cache cannot be written ({spilled})")
+                index.add(pack)
         watch.step(schedule)
     return damaged, failures
 

@@ -11,7 +11,7 @@ import threading
 import time
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from pkgutil import resolve_name
@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from sweeps.engine.declarations import RNG, VALID
 from sweeps.engine.failures import described, reason, traceback_of
 from sweeps.engine.packs import Pack, Spot, read_cells, write_pack
-from sweeps.engine.returned import Arrays, Slot, arrays_of
+from sweeps.engine.returned import Arrays, arrays_of
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.stage import MEASURED, Stage
+from sweeps.engine.stage import MEASURED, Output, Stage
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
@@ -38,7 +38,8 @@ class Step:
     name: str
     place: str  # module and qualified name of its function
     function: Callable[..., Any] | None  # itself, if workers cannot import it
-    outputs: tuple[Slot, ...]
+    outputs: tuple[Output, ...]
+    even: tuple[str, ...]  # of these, names of those whose shape is the same in all cells
     keep: int  # number of results in memory, of a stage not kept on disk
 
     @classmethod
@@ -48,15 +49,9 @@ class Step:
         function = stage.function
         place = f"{function.__module__}:{function.__qualname__}"
         imported = "<" not in place and not place.startswith("__main__:")
-        outputs = tuple(
-            Slot(
-                *(one.name, one.dtype, one.empty, len(one.dims)),
-                even=bool(stage.place_of(one)) and one.even,
-                measured=one.role == MEASURED,
-            )
-            for one in stage.outputs
-        )
-        return cls(stage.name, place, None if imported else function, outputs, stage.memory)
+        even = tuple(one.name for one in stage.outputs if stage.place_of(one) and one.even)
+        given = None if imported else function
+        return cls(stage.name, place, given, stage.outputs, even, stage.memory)
 
     @property
     def call(self) -> Callable[..., Any]:
@@ -121,7 +116,7 @@ class Report(NamedTuple):
 
     calls: tuple[Done, ...]
     packs: tuple[Pack, ...] = ()
-    spilled: str = ""
+    unwritten: OSError | None = None  # why results could not be packed, if so
     # Shapes met, by stage and output, of outputs that have the same in every cell.
     shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
 
@@ -137,11 +132,8 @@ class Damaged(Exception):
 Cell = tuple[str, Arrays]  # its key, and its results
 
 
-def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path) -> Report:
-    """Run calls one after the other, even if some raise, and pack their results.
-
-    Packs are in `folder`; results go to `spill` when that is full or cannot be written to.
-    """
+def run_calls(calls: tuple[Call, ...], folder: Path) -> Report:
+    """Run calls one after the other, even if some raise, and pack their results in a folder."""
     outcomes = [_run(call, inputs, folder) for call, inputs in _with_inputs(calls, folder)]
     results: dict[str, list[Cell]] = defaultdict(list)
     shapes: set[tuple[str, str, tuple[int, ...]]] = set()
@@ -150,29 +142,24 @@ def run_calls(calls: tuple[Call, ...], folder: Path, spill: Path) -> Report:
         step = call.recipe.step
         results[step.name] += cells
         spent[step.name] += done.seconds
-        for slot in step.outputs if cells else ():
-            if slot.even:  # those of a call are of one array
-                shapes.add((step.name, slot.name, cells[0][1][slot.name].shape))
+        for output in step.even if cells else ():  # those of a call are of one array
+            shapes.add((step.name, output, cells[0][1][output].shape))
     packs: dict[str, Pack] = {}
     spots: dict[str, Iterator[Spot]] = {}
-    spilled = ""
     for name, written in results.items():
         if not written:
             continue
         try:
-            pack = write_pack(folder, name, written, spent[name])
+            packs[name] = pack = write_pack(folder, name, written, spent[name])
         except OSError as error:
-            spilled = f"{error.strerror or error}"
-            pack = write_pack(spill, name, written)
-            pack = replace(pack, path=str(spill / pack.path))
-        packs[name] = pack
+            return Report((), unwritten=error)
         spots[name] = iter([Spot(pack.path, row, key) for row, key in enumerate(pack.keys)])
     finished = []
     for call, (done, _) in zip(calls, outcomes, strict=True):
         name = call.recipe.step.name
         found = tuple(why or next(spots[name]) for why in done.cells)
         finished.append(done._replace(cells=found))
-    return Report(tuple(finished), tuple(packs.values()), spilled, tuple(sorted(shapes)))
+    return Report(tuple(finished), tuple(packs.values()), shapes=tuple(sorted(shapes)))
 
 
 def _run(call: Call, inputs: Inputs, folder: Path) -> tuple[Done, list[Cell]]:
@@ -229,7 +216,7 @@ def _differing(call: Call, cells: Sequence[Cell], folder: Path) -> Iterator[tupl
 
 def _difference(step: Step, first: Arrays, again: Arrays) -> str:
     """Return the first difference of two results, bit by bit; empty if there is none."""
-    for name in (one.name for one in step.outputs if not one.measured):
+    for name in (one.name for one in step.outputs if one.role != MEASURED):
         one, other = first[name], again[name]
         if one.shape != other.shape:
             return f"{name} has the shape {one.shape}, and then {other.shape}"
@@ -317,13 +304,13 @@ def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
         return cells[0]
     total = int(np.prod(source.shape))
     whole: Arrays = {}
-    for name, dtype, empty, *_ in source.step.outputs:
-        shape = cells[0][name].shape
+    for output in source.step.outputs:
+        name, shape = output.name, cells[0][output.name].shape
         if any(cell[name].shape != shape for cell in cells):
             raise ValueError(f"{name} of {source.step.name} has a shape that differs between cells")
-        joined = np.empty((total, *shape), dtype=dtype)
+        joined = np.empty((total, *shape), dtype=output.dtype)
         if len(cells) < total:
-            joined[...] = empty
+            joined[...] = output.empty
         joined[list(source.places)] = [cell[name] for cell in cells]
         whole[name] = joined.reshape(*source.shape, *shape)
     return whole

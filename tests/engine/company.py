@@ -45,12 +45,12 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
     schedule = Schedule(plan)
     compared: dict[str, int] = {}
     with tempfile.TemporaryDirectory() as name:
-        folder, alone = Path(name, "company"), Path(name, "alone")
+        folder = Path(name)
         quiet = Watch(lambda sentence: None)
         index = CellIndex(folder, quiet.say)
         schedule.resolve(index.find)
         with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
-            _, failures = execute(schedule, one, index, folder=folder, spill=alone, watch=quiet)
+            _, failures = execute(schedule, one, index, quiet)
             assert not failures, failures[0]
             forget_all()  # a stage must not owe anything to what another has left in memory
             for bound in plan.bound.values():
@@ -61,7 +61,7 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
                     key, what = plan.key(bound, cell), plan.described(bound, cell)
                     call = schedule.call(Job(bound, (cell,), (key,), ()))
                     with one_thread():  # as workers are
-                        [done] = run_calls((call,), folder, alone).calls
+                        [done] = run_calls((call,), folder).calls
                     assert not done.traceback, f"{what}: {done.traceback}"
                     there, again = read_cells(folder, [schedule.spots[key], done.cells[0]])
                     measured = {one.name for one in bound.stage.outputs if one.role == "measured"}

@@ -152,15 +152,15 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
 
 def elsewhere(folder):
     """A mark in a folder that no worker sees."""
-    return ((str(folder / "cells" / "mark.partial"), "token"),)
+    return str(folder / "cells" / "mark.partial")
 
 
 def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path, monkeypatch):
     folder = tmp_path / "cache"
-    monkeypatch.setattr(shared, "marked", lambda folders: nullcontext(elsewhere(*folders)))
+    monkeypatch.setattr(shared, "marked", lambda folder: nullcontext(elsewhere(folder)))
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, folders=[folder], say=silent),
+        executor(running, folder=folder, say=silent),
     ):
         pass
     assert re.fullmatch(
