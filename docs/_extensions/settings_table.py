@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sweeps.engine.settings import written_default
+from sweeps.engine.kinds import spelt
 from sweeps.experiment import EXPERIMENT
 
 PAGE = Path(__file__).resolve().parents[1] / "settings.md"
@@ -20,7 +20,7 @@ def page() -> str:
         axis = f"one value: {one.fixed}" if one.fixed else ""
         null = "null or " if one.fallback is not None else ""
         allowed = "; ".join(filter(None, (f"{null}{one.kind.allowed}", axis)))
-        rows.append((f"`{one.key}`", written_default(one.default), unit, allowed, about))
+        rows.append((f"`{one.key}`", spelt(one.default), unit, allowed, about))
     lines = (f"| {' | '.join(row)} |" for row in rows)
     return "\n".join(("# Settings", "", *lines, ""))
 

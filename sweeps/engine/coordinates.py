@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sweeps.engine.kinds import spelt
 from sweeps.engine.plan import Axis
 from sweeps.engine.settings import Setting
 from sweeps.engine.zarr_array import Array
@@ -27,15 +28,11 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
         label = setting.key.replace(".", "_") if setting.name in (name, *found) else setting.name
         found[label] = Array.of((name,), value_array(values), setting.attrs, coordinate=True)
     labels = axis.labels or [
-        ",".join(f"{label}={_word(value)}" for label, value in zip(found, point, strict=True))
+        ",".join(f"{label}={spelt(value)}" for label, value in zip(found, point, strict=True))
         for point in axis.points
     ]
     about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
     return {name: Array.of((name,), np.array(labels), about, coordinate=True), **found}
-
-
-def _word(value: Any) -> str:
-    return f"{value:.12g}" if isinstance(value, float) else "null" if value is None else str(value)
 
 
 def setting_coordinates(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -234,6 +235,17 @@ def shown(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(shown, value))}]"
     return "null" if value is None else repr(value)
+
+
+def spelt(value: Any) -> str:
+    """Return a value, or a mapping or list of values, as it is written on the command line."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {spelt(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(spelt, value))}]"
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    return json.dumps(value) if value is None or isinstance(value, bool) else str(value)
 
 
 def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:

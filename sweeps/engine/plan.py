@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from sweeps.engine.code import Code, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
-from sweeps.engine.kinds import Value
+from sweeps.engine.kinds import Value, spelt
 from sweeps.engine.seeds import STREAM_VERSION
 from sweeps.engine.settings import Choices, Joint, Noting, Run, Setting
 from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
@@ -204,7 +204,7 @@ class Plan:
         words = [bound.name]
         for number in self._strides[bound]:
             axis, at = self.axes[number], self.places(bound, number, cell)
-            shown = axis.labels[at] if axis.labels else ",".join(map(_word, axis.points[at]))
+            shown = axis.labels[at] if axis.labels else ",".join(map(spelt, axis.points[at]))
             words.append(f"{axis.name}={shown}")
         return " ".join(words)
 
@@ -264,7 +264,7 @@ class Plan:
                 places.append(fitting[0])
             else:
                 raise ConfigurationError(
-                    f"{other.key} has {_word(value)}, but every value must be one of {one.key}, "
+                    f"{other.key} has {spelt(value)}, but every value must be one of {one.key}, "
                     "which must not run together with other settings, because "
                     f"{bound.name} takes {source.name} there"
                 )
@@ -291,7 +291,7 @@ class Plan:
         except (ConfigurationError, DeclarationError):
             raise
         except Exception as error:
-            words = ", ".join(f"{name}={_word(value)}" for name, value in given.items())
+            words = ", ".join(f"{name}={spelt(value)}" for name, value in given.items())
             raise ConfigurationError(
                 f"{bound.name} cannot be computed from {words}: {error or type(error).__name__}"
             ) from error
@@ -393,7 +393,3 @@ def _read_by(stages: Iterable[Bound]) -> set[str]:
 def digest(text: str) -> str:
     """Return a hash of a text: 32 hexadecimal digits."""
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
-
-
-def _word(value: Value) -> str:
-    return f"{value:.12g}" if isinstance(value, float) else str(value)

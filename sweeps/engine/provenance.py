@@ -11,7 +11,7 @@ from itertools import product
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word
+from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word, spelt
 from sweeps.engine.plan import Plan, digest
 from sweeps.engine.settings import Choices, Joint, Run, Setting, flatten, read_choices
 from sweeps.engine.stage import Experiment
@@ -158,11 +158,11 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
         advice = "give another store"
         if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
             both = sorted({*there, *asked}, key=lambda value: (value is None, value))
-            words = ",".join(map(_shown, both))
+            words = ",".join(map(spelt, both))
             advice = f"give {setting.key}=[{words}] to have both, or another store"
         raise ConfigurationError(
-            f"{setting.key} is {', '.join(map(_shown, asked))}, but the store {path!r} has "
-            f"{', '.join(map(_shown, lacking))}: {advice}"
+            f"{setting.key} is {', '.join(map(spelt, asked))}, but the store {path!r} has "
+            f"{', '.join(map(spelt, lacking))}: {advice}"
         )
     for joint in plan.choices.joint:
         if not _points(before, joint.keys) <= set(joint.points):
@@ -190,9 +190,3 @@ def _points(choices: Choices, keys: tuple[str, ...]) -> set[tuple[Value, ...]]:
     joint = {key for one in choices.joint for key in one.keys}
     axes += [[{key: one} for one in choices.values[key]] for key in keys if key not in joint]
     return {tuple(ChainMap(*point)[key] for key in keys) for point in product(*axes)}
-
-
-def _shown(value: Value) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:.12g}" if isinstance(value, float) else "null" if value is None else str(value)

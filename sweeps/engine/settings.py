@@ -12,7 +12,6 @@ checks, its line in the table of settings, and its coordinate in a store.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -338,18 +337,3 @@ def flatten(settings: Iterable[Setting], tree: Mapping[str, Any]) -> dict[str, A
         if isinstance(branch, Mapping) and last in branch:
             found[setting.key] = branch[last]
     return found
-
-
-def written_default(default: Any) -> str:
-    """Return a default as it is written on the command line."""
-    if isinstance(default, dict):
-        return (
-            f"{{{', '.join(f'{key}: {written_default(value)}' for key, value in default.items())}}}"
-        )
-    if isinstance(default, list | tuple):
-        return f"[{', '.join(map(written_default, default))}]"
-    if isinstance(default, float):
-        return f"{default:.12g}"
-    if default is None or isinstance(default, bool):
-        return json.dumps(default)
-    return str(default)

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Cluster, Run, Setting, Together, written_default
+from sweeps.engine.kinds import spelt
+from sweeps.engine.settings import Cluster, Run, Setting, Together
 from sweeps.engine.stage import Experiment
 
 WIDTH = 79  # of 80, so that no terminal breaks a full line
@@ -80,7 +81,7 @@ def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:
 def _about(setting: Setting) -> str:
     """Return the label of a setting, with its unit and default."""
     unit = f" [{setting.unit}]" if setting.unit != "1" else ""
-    return f"{setting.label}{unit}; default {written_default(setting.default)}"
+    return f"{setting.label}{unit}; default {spelt(setting.default)}"
 
 
 def _listed(entries: Sequence[tuple[str, str]]) -> list[str]:
@@ -117,7 +118,7 @@ def listing(experiment: Experiment, words: Sequence[str] = ()) -> str:
             unit = f" [{setting.unit}]" if setting.unit != "1" else ""
             null = "null or " if setting.fallback is not None else ""
             axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
-            lines += _wrapped(f"{setting.key}={written_default(setting.default)}{unit}", "")
+            lines += _wrapped(f"{setting.key}={spelt(setting.default)}{unit}", "")
             for about in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrapped(about, 2 * INDENT)
     if not lines:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from datetime import timedelta
 
 from rich.console import Console
 from rich.live import Live
+from rich.progress import Progress
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from sweeps.engine.failures import Failure, FailureLog
 from sweeps.engine.process import say
-from sweeps.engine.schedule import Progress, Schedule, Watch
+from sweeps.engine.schedule import Progress as Cells
+from sweeps.engine.schedule import Schedule, Watch
 
 EVERY = 10.0  # s between plain lines
 EARLIEST = 3.0  # s of work done before the rest is estimated
-STEADY = 10.0  # s: time constant of the estimated end
 NAMED_FAILURES = 5  # all are in the log of failures and in the attributes of the store
 AT_ONCE = 8  # stages that the live display shows: a terminal may have 24 lines
 LONGEST, LEAST = 3, 0.05  # stages whose time the summary lists, and the least time [s]
@@ -43,7 +44,8 @@ class _Shown:
         self.name, self.log = name, log
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
         self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
-        self.remaining = Remaining()
+        self.work = Progress(disable=True)  # in seconds of all workers; only estimates the rest
+        self.work.add_task("all")
         self.at = time.monotonic()
         self.failures = 0
 
@@ -63,12 +65,12 @@ class _Shown:
 
     def step(self, schedule: Schedule) -> None:
         now = time.monotonic()
-        left = self.remaining.words(schedule, now)
+        left = self._left(schedule)
         stages = [*schedule.progress.items()]
         begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
         if self.terminal:
             shown = [one for _, one in stages if one.reused < one.total]
-            every = Progress.over(shown)
+            every = Cells.over(shown)
             table = Table.grid(padding=(0, 1))
             for name, one in [*begun[:AT_ONCE], ("all", every)] if shown else ():
                 count = one.total - one.left
@@ -80,39 +82,13 @@ class _Shown:
             parts = [f"{name} {one.total - one.left}/{one.total}" for name, one in begun[::-1]]
             self.say(", ".join([*parts, left] if left else parts) or "finishing")
 
-
-class Remaining:
-    """Estimate of the time [s] until all cells are done, in words.
-
-    Work left, divided by the rate so far of all workers together. The estimated end
-    approaches that within some seconds, so that a slow cell does not make it jump.
-    """
-
-    def __init__(self) -> None:
-        self._begun = self._before = self._last = self._end = math.nan
-
-    def words(self, schedule: Schedule, now: float) -> str:
-        """Return, for example, 'about 40 s left' at a time [s]; empty while too little is known."""
+    def _left(self, schedule: Schedule) -> str:
+        """Return the estimated time until all cells are done; empty while too little is known."""
         done = sum(one.seconds for one in schedule.progress.values())
-        left = schedule.work_left()
-        if math.isnan(self._begun) and done:  # from here on, excluding the start of workers
-            self._begun, self._before = now, done
-        if not done - self._before >= EARLIEST or not 0 < left < math.inf:
-            return ""
-        end = now + left / (done - self._before) * (now - self._begun)
-        weight = 1.0 if math.isnan(self._end) else -math.expm1((self._last - now) / STEADY)
-        self._end = end if math.isnan(self._end) else self._end + weight * (end - self._end)
-        self._last = now
-        return f"about {_rounded(max(self._end - now, 1.0))} left"
-
-
-def _rounded(seconds: float) -> str:
-    """Return a rounded duration: 7 s, 40 s, 3 min, 2 h 10 min."""
-    if seconds < 95:
-        return f"{seconds:.0f} s" if seconds < 10 else f"{10 * round(seconds / 10)} s"
-    minutes = round(seconds / 60) if seconds < 3300 else 10 * round(seconds / 600)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
+        [every] = self.work.tasks
+        self.work.update(every.id, completed=done, total=done + schedule.work_left())
+        known = done >= EARLIEST and every.time_remaining
+        return f"about {timedelta(seconds=known)} left" if known else ""
 
 
 def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
@@ -126,9 +102,9 @@ def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
     return table
 
 
-def summary(stages: Mapping[str, Progress], seconds: float) -> str:
+def summary(stages: Mapping[str, Cells], seconds: float) -> str:
     """Return how many cells were computed, reused and failed, and which stages took longest."""
-    every = Progress.over(stages.values())
+    every = Cells.over(stages.values())
     longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
     parts = [
         f"{name} {one.seconds:.1f} s" for name, one in longest[:LONGEST] if one.seconds >= LEAST

@@ -22,6 +22,7 @@ from ncti.render.loops import LINES
 from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.kinds import spelt
 from sweeps.engine.settings import (
     Choices,
     Setting,
@@ -31,7 +32,6 @@ from sweeps.engine.settings import (
     number,
     set_of,
     word,
-    written_default,
 )
 from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
 from sweeps.stages.ships import ShipFile, ShipName, ships
@@ -387,7 +387,7 @@ def check_beam(choices: Choices, setting: Setting, beam: Setting, *, part: float
 
 def refuse(setting: Setting, value: Any, allowed: str) -> NoReturn:
     """Raise `ConfigurationError`: a setting has a value that is not among those allowed."""
-    written = value if isinstance(value, str) else written_default(value)
+    written = value if isinstance(value, str) else spelt(value)
     raise ConfigurationError(f"{setting.key} has {written}, but must be {allowed}")
 
 

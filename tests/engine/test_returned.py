@@ -5,14 +5,15 @@ import pytest
 from toys import run
 
 from sweeps.engine.errors import DeclarationError
-from sweeps.engine.returned import Slot, arrays_of
+from sweeps.engine.returned import arrays_of
 from sweeps.engine.settings import Settings, count, read_choices
 from sweeps.engine.stage import Experiment, Group, Output, stage
 
 
 def returned(dtype, value, dims=0, along=()):
     """The array of a result."""
-    return arrays_of("one", [Slot("x", dtype, 0, dims, False)], value, along)["x"]
+    output = Output("x", tuple(map(str, range(dims))), dtype)
+    return arrays_of("one", [output], value, along)["x"]
 
 
 LOST = [

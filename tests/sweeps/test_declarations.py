@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.kinds import spelt
 from sweeps.engine.provenance import written
-from sweeps.engine.settings import written_default
 from sweeps.engine.stage import bind
 from sweeps.experiment import EXPERIMENT
 
@@ -105,7 +105,7 @@ def test_the_printed_settings_are_whole_in_80_columns(capsys):
     assert max(map(cell_len, lines)) < 80
     words = " ".join(" ".join(lines).split())
     for setting in DECLARED:
-        assert f"{setting.key}={written_default(setting.default)}" in words
+        assert f"{setting.key}={spelt(setting.default)}" in words
         assert setting.label in words and setting.help in words and setting.kind.allowed in words
     assert ran("--settings", "cnr") == 0
     found = capsys.readouterr().out
