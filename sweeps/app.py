@@ -70,12 +70,11 @@ def command(*modules: Any, given: Sequence[str] = ()) -> Command:
 
     heed()
     from sweeps.experiment import EXPERIMENT, MODULES, assemble
-    from sweeps.report.places import beside
 
     heed()
     packages = tuple(one.__name__ for one in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    return Command(experiment, partial(report, given=given), beside)
+    return Command(experiment, partial(report, given=given))
 
 
 def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence[str] = ()) -> None:

@@ -6,8 +6,7 @@ import errno
 import logging
 import sys
 import threading
-from collections.abc import Callable, Collection, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +23,7 @@ from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.configuration import in_one_line, primary, register, replaceable
 from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.failures import FailureLog, reason
-from sweeps.engine.folders import check_apart, check_folder, check_target, remove_folder
+from sweeps.engine.folders import check_apart, check_folder, check_target
 from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
 from sweeps.engine.multirun import fused
 from sweeps.engine.overrides import STORE, Job, job_of, read_jobs
@@ -51,14 +50,10 @@ Sweep = tuple[Plan, Path]  # what is swept, and its store
 
 @dataclass(frozen=True)
 class Command:
-    """The command line of an experiment; `report` is called with the store, choices and outcome.
-
-    `beside` returns the paths that the report of a store writes to.
-    """
+    """The command line of an experiment; `report` is called with the store, choices and outcome."""
 
     experiment: Experiment
     report: Report = lambda path, choices, finished: None
-    beside: Callable[[Path], Iterable[Path]] = lambda store: ()
 
     @property
     def name(self) -> str:
@@ -156,7 +151,7 @@ class Command:
                 _cluster(choices)
                 cache = self._cache_folder(choices)
                 check_folder("cache", cache)
-                check_apart(map(Path, stores), Path(cache), self.beside)
+                check_apart(map(Path, stores), Path(cache))
                 with self._variables(choices):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
@@ -201,26 +196,24 @@ class Command:
     def _run(self, choices: Choices, store: Path) -> list[str]:
         """Run one sweep into a store, and report it; return what is not complete."""
         log = FailureLog(store.with_name(f"{store.name.removesuffix('.zarr')}-failures.log"))
-        with ThreadPoolExecutor(1, "removing") as thread:  # the old store, during the report
-            place = Place(
-                store,
-                Path(self._cache_folder(choices)),
-                _cluster(choices),
-                int(choices.one(Run.cache_limit) * 1e9),
-                choices.one(Run.verify),
-                remove=lambda folder: thread.submit(remove_folder, folder),
-            )
-            with watching(self.name, log) as watch:
-                finished = sweep(self.experiment, choices, place, watch)
-            say(self.name, summary(finished.progress, finished.seconds))
-            left = [_failed(finished.failures, log)] if finished.failures else []
-            try:
-                with interruptible():
-                    self.report(store, choices, finished)
-            except SweepIncomplete as error:
-                left.append(str(error))
-            except Exception as error:  # the store is complete without it
-                say(self.name, f"the store is written, but not its report: {reason(error)}")
+        place = Place(
+            store,
+            Path(self._cache_folder(choices)),
+            _cluster(choices),
+            int(choices.one(Run.cache_limit) * 1e9),
+            choices.one(Run.verify),
+        )
+        with watching(self.name, log) as watch:
+            finished = sweep(self.experiment, choices, place, watch)
+        say(self.name, summary(finished.progress, finished.seconds))
+        left = [_failed(finished.failures, log)] if finished.failures else []
+        try:
+            with interruptible():
+                self.report(store, choices, finished)
+        except SweepIncomplete as error:
+            left.append(str(error))
+        except Exception as error:  # the store is complete without it
+            say(self.name, f"the store is written, but not its report: {reason(error)}")
         return left
 
     def _cache(self, words: Sequence[str]) -> None:

@@ -16,7 +16,7 @@ import socket
 import tempfile
 import uuid
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -30,8 +30,6 @@ PARTIAL = "partial"  # suffix of a folder that is incomplete or being deleted
 ASIDE = "aside"  # suffix of the old folder, where two folders cannot be exchanged
 OPEN, READABLE = 0o755, 0o644  # modes of folders and files of a store: others may read them
 OF_ZARR = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
-
-Remove = Callable[[Path], object]  # of a folder
 
 # A Path keeps one slash of a URL; several schemes may be chained.
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.:-]*:/")
@@ -67,34 +65,17 @@ def check_folder(key: str, path: str | Path) -> None:
     _checked_place(key, path, inside=False)
 
 
-def check_apart(
-    stores: Iterable[Path], cache: Path, beside: Callable[[Path], Iterable[Path]]
-) -> None:
-    """Refuse stores in one another or around a cache, and where others' reports are written.
+def check_apart(stores: Iterable[Path], cache: Path) -> None:
+    """Refuse stores of one command in one another, or around its cache.
 
-    `beside` returns the paths that the report of a store writes to. Any of the stores may be there
-    already, or be written by this command.
+    `check_target` and `check_folder` refuse those that are there already.
     """
     places = {real_place(path): path for path in stores}
-
-    def around(path: Path) -> Path | None:
+    for key, path in (("cache", cache), *(("store", path) for path in places.values())):
         place = real_place(path)
-        one = next((one for one in (place, *place.parents) if one in places or is_store(one)), None)
-        return places.get(one, one) if one else None
-
-    if store := around(cache):
-        raise _wrong("cache", cache, f"but must not be in the store {str(store)!r}")
-    for place, path in places.items():
-        if store := around(place.parent):
-            raise _wrong("store", path, f"but must not be in another store, {str(store)!r}")
-        for written in beside(path):
-            if store := around(written):
-                reason = f"whose report would be written into the store {str(store)!r}"
-                raise _wrong("store", path, f"{reason}; give another path")
-        for other in place.parent.glob("*"):
-            if is_store(other) and place in map(real_place, beside(other)):
-                reason = f"where the report of the store {str(other)!r} is written"
-                raise _wrong("store", path, f"{reason}; give another path")
+        around = [place, *place.parents][key == "store" :]
+        if store := next((places[one] for one in around if one in places), None):
+            raise _wrong(key, path, f"but must not be in the store {str(store)!r}")
 
 
 def is_store(folder: Path) -> bool:

@@ -19,12 +19,10 @@ from sweeps.engine.cluster import ClusterChoice, Executor, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import (
-    Remove,
     check_apart,
     check_folder,
     check_target,
     locked,
-    remove_folder,
     verify,
 )
 from sweeps.engine.interrupts import heed, heeding, interruptible
@@ -56,8 +54,7 @@ Outcome = tuple[set[str], list[tuple[str, str]]]
 class Place:
     """Store, cache and cluster of a sweep, and the limit of the cache [byte].
 
-    A share `verify` of the cells is computed twice and compared. `remove` removes the folder of a
-    replaced store, which takes as long as writing it.
+    A share `verify` of the cells is computed twice and compared.
     """
 
     store: Path
@@ -65,7 +62,6 @@ class Place:
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 2**30
     verify: float = 0.0
-    remove: Remove = remove_folder
 
 
 @dataclass
@@ -107,7 +103,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         stack.enter_context(environment(experiment.environment(choices)))
         check_target(place.store)
         check_folder("cache", place.cache)
-        check_apart([place.store], place.cache, lambda store: ())
+        check_apart([place.store], place.cache)
         plan = Plan(experiment, choices)
         stack.enter_context(locked(place.store))
         index = CellIndex(place.cache, watch.say)
@@ -322,6 +318,5 @@ def _write(schedule: Schedule, place: Place, watch: Watch) -> list[tuple[str, st
         provenance(plan, failures | lost),
         everywhere=EVERYWHERE,
         threads=WRITERS,
-        remove=place.remove,
     )
     return list(lost.items())

@@ -21,7 +21,6 @@ from sweeps.engine.folders import (
     MANIFEST,
     OPEN,
     PARTIAL,
-    Remove,
     check_target,
     hidden,
     put_in_place,
@@ -45,7 +44,6 @@ def write_store(
     *,
     everywhere: tuple[str, ...] = (),
     threads: int = 1,
-    remove: Remove = remove_folder,
 ) -> None:
     """Write a store and move it to its place whole, replacing an older store.
 
@@ -53,8 +51,7 @@ def write_store(
     place is unchanged. Readers of the old store must open it again. Files are left to the
     operating system to flush: `verify` finds damage of a power cut. `groups` are by path, as
     'classification/acn'; parents need not be given. `attributes` are those of the root, of which
-    all groups repeat those named `everywhere`. `remove` is called with the folder of an older or
-    unfinished store.
+    all groups repeat those named `everywhere`.
     """
     check_target(path)
     place = real_place(path)
@@ -67,8 +64,7 @@ def write_store(
         check_target(path)  # another process may have written something there
         put_in_place(partial, place)
     finally:
-        if partial.exists():
-            remove(partial)
+        remove_folder(partial)  # an unfinished store, or the older one
 
 
 def read_attributes(path: Path) -> dict[str, Any] | None:

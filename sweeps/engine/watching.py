@@ -8,16 +8,15 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import timedelta
 
+import rich.progress
 from rich.console import Console
 from rich.live import Live
-from rich.progress import Progress
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from sweeps.engine.failures import Failure, FailureLog
 from sweeps.engine.process import say
-from sweeps.engine.schedule import Progress as Cells
-from sweeps.engine.schedule import Schedule, Watch
+from sweeps.engine.schedule import Progress, Schedule, Watch
 
 EVERY = 10.0  # s between plain lines
 EARLIEST = 3.0  # s of work done before the rest is estimated
@@ -44,7 +43,8 @@ class _Shown:
         self.name, self.log = name, log
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
         self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
-        self.work = Progress(disable=True)  # in seconds of all workers; only estimates the rest
+        # In seconds of all workers; it only estimates the time left.
+        self.work = rich.progress.Progress(disable=True)
         self.work.add_task("all")
         self.at = time.monotonic()
         self.failures = 0
@@ -70,7 +70,7 @@ class _Shown:
         begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
         if self.terminal:
             shown = [one for _, one in stages if one.reused < one.total]
-            every = Cells.over(shown)
+            every = Progress.over(shown)
             table = Table.grid(padding=(0, 1))
             for name, one in [*begun[:AT_ONCE], ("all", every)] if shown else ():
                 count = one.total - one.left
@@ -102,9 +102,9 @@ def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
     return table
 
 
-def summary(stages: Mapping[str, Cells], seconds: float) -> str:
+def summary(stages: Mapping[str, Progress], seconds: float) -> str:
     """Return how many cells were computed, reused and failed, and which stages took longest."""
-    every = Cells.over(stages.values())
+    every = Progress.over(stages.values())
     longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
     parts = [
         f"{name} {one.seconds:.1f} s" for name, one in longest[:LONGEST] if one.seconds >= LEAST

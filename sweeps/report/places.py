@@ -7,11 +7,6 @@ from pathlib import Path
 SUFFIX = ".zarr"
 
 
-def beside(path: Path) -> tuple[Path, Path]:
-    """Return the folder of tables and the file of the page of a store."""
-    return tables_folder(path), page_file(path)
-
-
 def tables_folder(path: Path) -> Path:
     """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
     return _beside(path, "tables")
