@@ -2,17 +2,22 @@
 
 A module declares stages, by themselves or in tuples, and any of SETTINGS and TABLES;
 SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses inconsistent choices, and
-`remarks` on them. To add one, pass it to `assemble` with `MODULES`.
+`about`, which returns lines on them. To add one, pass it to `assemble` with `MODULES`.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ncti.infrared.loops import IMAGES
+from ncti.irar.loops import TILTS
+from ncti.ladar.loops import FRAMES
+from ncti.render.choice import choose_engine
+from ncti.render.loops import LINES, MASK, of_engine
 from sweeps.engine.kinds import Draws, Kind, SetOf, Word
 from sweeps.engine.process import environment
 from sweeps.engine.settings import Choices, Run, Setting
@@ -37,10 +42,12 @@ from sweeps.stages import (
     views,
 )
 from sweeps.stages.classifier import Classifier
-from sweeps.stages.compiling import compile_loops
+from sweeps.stages.infrared import silhouette_engine
 from sweeps.stages.views import (
     CACHE_VARIABLE,
+    INFRARED,
     IRAR,
+    RANGE,
     RUN_TIME,
     SCAN,
     Grid,
@@ -70,11 +77,6 @@ EXAMPLES = (
     ("-m ladar=full_profile,peak_pulse", "receivers as an axis"),
 )
 MAIN = ("sensor", "grid", "classifier.name", "render")  # keys that `--help` lists
-
-VERSIONS = (
-    *("ncti-sweep", "PyOpenGL", "embreex", "manifold3d", "networkx", "pyrender", "scikit-image"),
-    *("scikit-learn", "scipy", "trimesh"),
-)
 
 
 def conf_folder() -> Path:
@@ -118,13 +120,13 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
             # A store records the engine that rendered, not the choice "auto".
             return choices.having(Render.engine, drawing_engines(choices))
 
-    def remarks(choices: Choices) -> list[str]:
+    def about(choices: Choices) -> list[str]:
         # Flights, run times and scans have classifiers of their own.
         named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME, SCAN))
         return [
             f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
             for name in (idle(stages, choices) if named else ())
-        ] + [line for one in modules if hasattr(one, "remarks") for line in one.remarks(choices)]
+        ] + [line for one in modules if hasattr(one, "about") for line in one.about(choices)]
 
     def attributes(choices: Choices) -> dict[str, Any]:
         digests = {str(ship): hull.function(ship).digest for ship in choices[Grid.ship]}
@@ -142,17 +144,37 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         tables=declared("TABLES"),
         environment=_variables,
         check=check,
-        checking="checking the configuration and loading the ships (built on first use)",
-        remarks=remarks,
-        about=portraits.about,
+        about=about,
         prepare=compile_loops,
-        versions=VERSIONS,
         attributes=attributes,
         conf=conf_folder(),
         code=("ncti", "sweeps", *code),
         examples=EXAMPLES,
         main=MAIN,
     )
+
+
+def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
+    """Compile the loops that the sensors of a sweep run, except those already compiled.
+
+    One process does so before others run them.
+    """
+    engines = {*choices[Render.engine]}
+    needed = [*map(of_engine, sorted(engines))]
+    if looks(RANGE)(choices):
+        needed.append(FRAMES)
+    if looks(INFRARED)(choices):
+        needed.append(IMAGES)
+        needed += [of_engine(MASK)] if MASK in map(silhouette_engine.function, engines) else []
+    if looks(IRAR)(choices):
+        needed.append(TILTS)
+        needed += [of_engine(choose_engine("auto"))] if LINES in engines else []  # it needs pixels
+    for loops in needed:
+        if loops.are_missing():
+            say(f"compiling the loops of {loops.of} (once, a few seconds)")
+            from ncti.compiled import keep  # numba takes long to import
+
+            keep(loops)
 
 
 def _variables(choices: Choices) -> dict[str, str]:

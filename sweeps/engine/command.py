@@ -42,6 +42,7 @@ ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
 
 MOST_CELLS = 10_000_000  # whose keys fit into memory
+CHECKING = "checking the configuration, which takes longer the first time"
 PATIENCE = 0.5  # s of silence while checking; most errors are found sooner
 
 Report = Callable[[Path, Choices, Finished], None]
@@ -134,7 +135,7 @@ class Command:
     def prepare(self, jobs: Sequence[Job]) -> list[Sweep]:
         """Return the checked sweeps of some jobs; an invalid one stops them all."""
         # Most errors are found sooner than the first sentence is printed.
-        timer = threading.Timer(PATIENCE, say, (self.name, self.experiment.checking))
+        timer = threading.Timer(PATIENCE, say, (self.name, CHECKING))
         timer.daemon = True
         timer.start()
         try:
@@ -181,8 +182,7 @@ class Command:
             with self._variables(choices):
                 unread = plan.unread({key.lstrip("+~") for key in keys})
                 remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
-                about = (*self.experiment.remarks(choices), *self.experiment.about(choices))
-                for sentence in (*remarks, *about):
+                for sentence in (*remarks, *self.experiment.about(choices)):
                     say(self.name, sentence)
                 if choices.one(Run.dry_run):
                     stages, sentence = preview(plan, Path(self._cache_folder(choices)), store)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.code import Code, place_of
+from sweeps.engine.code import Code, CodeDigest, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.kinds import Value, spelt
 from sweeps.engine.seeds import STREAM_VERSION
@@ -368,7 +368,7 @@ class Plan:
             outputs = [(one.name, one.dtype, repr(one.empty)) for one in bound.stage.outputs]
             own = [name] if len(named[place]) > 1 else []
             order = (bound.along, bound.gather)  # of the axes of arguments and results
-            found[name] = digest(repr([[*place, *outputs, *own], order, self.code[name]]))
+            found[name] = digest(repr([[*place, *outputs, *own], order, self.digests[name].digest]))
         return found
 
     @cached_property
@@ -379,10 +379,15 @@ class Plan:
         return Code(frozenset(self.experiment.code), declared)
 
     @cached_property
+    def digests(self) -> dict[str, CodeDigest]:
+        """Return by stage the code and libraries behind its function."""
+        functions = {name: bound.stage.function for name, bound in self.bound.items()}
+        return {name: self.source_code.digest(one) for name, one in functions.items()}
+
+    @property
     def code(self) -> dict[str, str]:
         """Return by stage the hash of its code and libraries, for the store's attributes."""
-        functions = {name: bound.stage.function for name, bound in self.bound.items()}
-        return {name: self.source_code.digest(one).digest for name, one in functions.items()}
+        return {name: one.digest for name, one in self.digests.items()}
 
 
 def _read_by(stages: Iterable[Bound]) -> set[str]:

@@ -52,7 +52,7 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "configuration": tree,
         "version": " ".join([experiment.name, *_version(experiment.name)]),
         "seed": written(Run.seed, choices[Run.seed]),
-        "versions": versions(experiment),
+        "versions": versions(plan),
         "code": dict(sorted(plan.code.items())),
         "shown": _shown_digest(plan),
         "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
@@ -97,12 +97,12 @@ def _identity(experiment: Experiment) -> tuple[Setting, ...]:
     return tuple(one for one in experiment.declared if one.identity)
 
 
-def versions(experiment: Experiment) -> dict[str, str]:
+def versions(plan: Plan) -> dict[str, str]:
     """Return versions of the distributions that results depend on, and of Python."""
-    found = {"python": ".".join(platform.python_version_tuple()[:2])}
-    for name in sorted({*ENGINE_LIBRARIES, *experiment.versions}):
-        found.update((name, one) for one in _version(name))
-    return found
+    found = {name: one for name in ENGINE_LIBRARIES for one in _version(name)}
+    for code in plan.digests.values():
+        found |= code.libraries
+    return {"python": ".".join(platform.python_version_tuple()[:2]), **dict(sorted(found.items()))}
 
 
 def _version(name: str) -> list[str]:
@@ -170,7 +170,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
                 f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
                 "together; have these among those that run together, too, or give another store"
             )
-    now = {"code": plan.code, "versions": versions(experiment)}
+    now = {"code": plan.code, "versions": versions(plan)}
     for kind, word in (("code", "code of"), ("versions", "version of")):
         for name, value in old.get(kind, {}).items():
             if now[kind].get(name, value) != value:

@@ -34,7 +34,7 @@ from sweeps.engine.results import CellIndex
 from sweeps.engine.returned import uneven
 from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Experiment, functions_of
+from sweeps.engine.stage import Experiment
 from sweeps.engine.store import read_attributes, write_store
 from sweeps.engine.tasks import Call, Damaged, Done, Report, run_calls
 
@@ -171,8 +171,7 @@ def _compute(
         )
         starting = thread.submit(stack.enter_context, entered)
         if place.cluster.kind in ("inline", "local"):
-            functions = functions_of(bound for bound, _ in missing)
-            plan.experiment.prepare(plan.choices, functions, heeding(watch.say))
+            plan.experiment.prepare(plan.choices, heeding(watch.say))
         with interruptible():
             workers = starting.result()
         for name in LIBRARIES if choice.kind != "inline" and plan.experiment.tables else ():

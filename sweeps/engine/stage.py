@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -274,15 +274,11 @@ class Experiment:
     # Refuses inconsistent choices (`ConfigurationError`), and drops values that
     # nothing uses.
     check: Callable[[Choices], Choices] = nothing_to_check
-    checking: str = "checking the configuration"  # shown while `check` takes a while
-    remarks: Callable[[Choices], list[str]] = lambda choices: []  # sentences for the user
     about: Callable[[Choices], list[str]] = lambda choices: []  # lines on what is swept
-    versions: tuple[str, ...] = ()  # distributions listed in the store's attributes
-    attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # further ones
-    # Called before stages run on this machine, with the functions of stages to be computed, those
-    # in memory among them, and a function that prints a sentence: for work that one process does
-    # for all.
-    prepare: Callable[[Choices, Collection[Callable[..., Any]], Say], None] = lambda *given: None
+    attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # of its stores
+    # Called before stages run on this machine, with a function that prints a sentence: for work
+    # that one process does for all.
+    prepare: Callable[[Choices, Say], None] = lambda choices, say: None
     conf: Path | None = None  # folder of its Hydra configuration
     code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
     # For `--help`: arguments of the command with a few words on each, and the keys, or the first
@@ -419,16 +415,6 @@ def _bound(
     own = tuple(sorted(needs.difference(gather)))
     random = RNG in declared.arguments
     return Bound(declared, arguments, own, inputs, declared.name, random, along, gather)
-
-
-def functions_of(stages: Iterable[Bound]) -> set[Callable[..., object]]:
-    """Return functions of some stages, and of the in-memory stages that they need."""
-    found, waiting = set(), list(dict.fromkeys(stages))
-    while waiting:
-        bound = waiting.pop()
-        found.add(bound.stage.function)
-        waiting += [one for one in bound.inputs if one.stage.memory]
-    return found
 
 
 def value_token(value: Value) -> str:

@@ -113,7 +113,7 @@ def form_categories(
     vigilance: float,
     learning_rate: float,
     max_passes: int,
-    label_rule: tuple[str, ...],
+    label_rule: str,
 ) -> Arrays:
     """Train with the existing training views, in the order of presentation of a number and seed.
 
@@ -122,7 +122,6 @@ def form_categories(
     Returns
     -------
     dict of str to ndarray
-        All with a leading axis of naming rules, which only the first two depend on.
         names : (view,), ships by category, -1 beyond the last one;
         training_correct : (ship, aspect), 1 where a view's category has its ship's name;
         training_category, training_confused : (ship, aspect), negative outside training;
@@ -141,24 +140,21 @@ def form_categories(
         order=turn[known.reshape(-1)[turn]],
     )
     formed = category_formation(found.labels, ship, aspect)
-    by_rule = {"majority": found.names(ship), "first": found.first_names(ship, turn)}
-    names = np.full((len(label_rule), known.size), NONE)
-    weights = np.zeros((known.size, known.size))
-    names[:, : len(found.weights)] = [by_rule[rule] for rule in label_rule]
-    weights[: len(found.weights)] = found.weights
-    alike = {
+    count = len(found.weights)
+    names, weights = np.full(known.size, NONE), np.zeros((known.size, known.size))
+    by_first = label_rule == "first"
+    names[:count] = found.first_names(ship, turn) if by_first else found.names(ship)
+    weights[:count] = found.weights
+    right = ships_named(names, formed.category) == ship.reshape(known.shape)
+    return {
         "training_category": formed.category,
         "training_confused": np.where(known, formed.confused, NONE),
+        "training_correct": np.where(known, right, NONE),
         "passes": np.array(found.passes if found.converged else -found.passes),
+        "names": names,
         "weights": weights,
         "turn": turn,
         "taught_by": np.array([vigilance, learning_rate, max_passes]),
-    }
-    named = np.array([ships_named(of_rule, formed.category) for of_rule in names])
-    right = named == ship.reshape(known.shape)
-    return {"names": names, "training_correct": np.where(known, right, NONE)} | {
-        name: np.broadcast_to(values, (len(label_rule), *values.shape))
-        for name, values in alike.items()
     }
 
 
@@ -172,30 +168,29 @@ def answer_tests(
     training: Arrays,
     tests: NDArray[Any],
     valid: Views,
-    score_rule: tuple[str, ...],
+    score_rule: str,
     learn_in_test: bool,
 ) -> Arrays:
-    """Return the answers of several trainings to (frame_count, ship, aspect, ...) tests.
+    """Return the answers of (...) trainings, as of `form_categories`, to (frame_count, ...) tests.
 
-    These, as of `form_categories`, have leading axes (..., label_rule). By the rule `ship` the ship
-    must be right; by `category` the category must be that of the same view, and views outside
-    training are not asked for.
+    By the rule `ship` the ship must be right; by `category` the category must be that of the same
+    view, and views outside training are not asked for.
 
     Returns
     -------
     dict of str to ndarray
         category, similarity (cosine to it), predicted, correct, cell :
-        (..., frame_count, label_rule, score_rule, ship, aspect)
+        (..., frame_count, ship, aspect)
     """
-    *lead, rules = training["passes"].shape
-    whole = (*lead, len(tests), rules, len(score_rule), *valid.shape)
+    lead = training["passes"].shape
+    whole = (*lead, len(tests), *valid.shape)
     answers = {name: np.full(whole, NONE) for name in ("category", "predicted", "correct")}
     answers["similarity"] = np.full(whole, np.nan)
     ship = np.indices(valid.shape)[0]
     shown = [training_set.see(seen).astype(np.float64) for seen in tests]
     similarities = [training_set.similarities.to(vectors) for vectors in shown]
     for at in np.ndindex(*lead):
-        formed = {name: values[*at, 0] for name, values in training.items()}
+        formed = {name: values[at] for name, values in training.items()}
         taught, labels = formed["training_confused"] >= 0, formed["training_category"]
         weights = formed["weights"][: labels.max() + 1]
         clustering = Clustering(labels.reshape(-1), weights, int(abs(formed["passes"])), True)
@@ -206,14 +201,15 @@ def answer_tests(
             else:
                 category, cosine = match_learning(network, vectors, formed)
             category = np.where(valid, category.reshape(valid.shape), NONE)
+            named = ships_named(formed["names"], category)
+            if score_rule == "ship":
+                asked, right = valid, named == ship
+            else:
+                asked, right = valid & taught, (category == labels) & (category != NONE)
             answers["category"][*at, f] = category
             answers["similarity"][*at, f] = np.where(valid, cosine.reshape(valid.shape), np.nan)
-            same = np.where(valid & taught, (category == labels) & (category != NONE), NONE)
-            for k, names in enumerate(training["names"][at]):
-                named = ships_named(names, category)
-                right = {"ship": np.where(valid, named == ship, NONE), "category": same}
-                answers["predicted"][*at, f, k] = named
-                answers["correct"][*at, f, k] = [right[rule] for rule in score_rule]
+            answers["predicted"][*at, f] = named
+            answers["correct"][*at, f] = np.where(asked, right, NONE)
     return answers | {"cell": classifier.state(answers["correct"], valid)}
 
 
@@ -306,7 +302,6 @@ def network(
         inner("taught_by", ("setting",), "f8"),
         uses=uses,
         reads=reads,
-        along=(Network.label_rule,),
         name=f"{group.name}_training",
     )
     fallen = f"category that the {shown} falls into"
@@ -316,7 +311,7 @@ def network(
         without=("score_rule",),
         uses=uses,
         reads={**reads, "training": f"{group.name}_training", "tests": tests},
-        along=(*along, Network.label_rule, Network.score_rule),
+        along=along,
         name=group.name,
     )
     return training(form_categories), answers(answer_tests)

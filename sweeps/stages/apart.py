@@ -5,12 +5,11 @@ OpenGL is bound to one platform a process. A sweep over engines needs two of the
 
 from __future__ import annotations
 
-import os
 import pickle
 import subprocess
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import partial
 from typing import Any, TypeVar
 
 from ncti.render import EngineError
@@ -19,7 +18,9 @@ from ncti.render.choice import choose_engine, engines
 Result = TypeVar("Result")
 
 
-def call_apart(engine: str, function: Callable[..., Result], *arguments: Any) -> Result:
+def call_apart(
+    engine: str, function: Callable[..., Result], *arguments: Any, **named: Any
+) -> Result:
     """Return the result of a function, called in a process where an engine can render.
 
     That is this process, unless the engine needs another OpenGL than the one bound, or preferred,
@@ -31,59 +32,36 @@ def call_apart(engine: str, function: Callable[..., Result], *arguments: Any) ->
         Name of an engine, or `lines`.
     function : callable
         Of a module.
-    *arguments
+    *arguments, **named
         Its arguments.
 
     Raises
     ------
     EngineError
-        If the other process ends; else whatever the function raises.
+        If the other process ends without a result; else whatever the function raises.
     """
+    call = partial(function, *arguments, **named)
     if engine not in engines() or engine in ("embree", choose_engine("auto")):
-        return function(*arguments)
+        return call()
     # Not `multiprocessing`: workers of dask may not have children of that kind.
-    process = _process(os.getpid(), engine)
-    assert process.stdin is not None
-    assert process.stdout is not None
-    try:
-        pickle.dump((function, arguments), process.stdin, pickle.HIGHEST_PROTOCOL)
-        process.stdin.flush()
-        result, error = pickle.load(process.stdout)
-    except (OSError, EOFError) as ended:
-        process.kill()
-        process.wait()
-        _process.cache_clear()
-        raise EngineError(f"the process that draws with {engine} has ended") from ended
+    code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve()"
+    done = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps(call), stdout=subprocess.PIPE
+    )
+    if done.returncode:
+        raise EngineError(f"the process that draws with {engine} has ended")
+    result, error = pickle.loads(done.stdout)
     if error is not None:
         raise error
     return result
 
 
-@cache
-def _process(parent: int, engine: str) -> subprocess.Popen[bytes]:
-    """Return the process that renders with an engine, which ends when its parent does."""
-    return subprocess.Popen(
-        [sys.executable, "-c", f"from {__name__} import serve; serve()"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        # The threads of numerical libraries are limited by the environment, which it inherits.
-        start_new_session=True,  # an interrupt is for this process, whose end ends it
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-    )
-
-
 def serve() -> None:
-    """Read calls from stdin and write their results to stdout until stdin is closed."""
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is no answer
-    while True:
-        try:
-            function, arguments = pickle.load(sys.stdin.buffer)
-        except EOFError:
-            return
-        try:
-            answer: tuple[Any, Exception | None] = function(*arguments), None
-        except Exception as error:
-            answer = None, error
-        pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
-        answers.flush()
+    """Answer the call on stdin with its result, or its error, on stdout."""
+    out, sys.stdout = sys.stdout.buffer, sys.stderr  # what libraries print is no answer
+    call = pickle.load(sys.stdin.buffer)
+    try:
+        answer: tuple[Any, Exception | None] = call(), None
+    except Exception as error:
+        answer = None, error
+    pickle.dump(answer, out)

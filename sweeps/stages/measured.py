@@ -65,13 +65,13 @@ acn_settings = plain(
 def train_acn(given: AcnSettings, profiles: Profiles, valid: Views, views: Views) -> Namer:
     """Train the Adaptive Clustering Network."""
     training_set = TrainingSet.of(profiles, valid, classifier.profile_vectors)
-    how = given.vigilance, given.learning_rate, given.max_passes, (given.label_rule,)
+    how = given.vigilance, given.learning_rate, given.max_passes, given.label_rule
     formed = acn.form_categories(training_set, views, given.presentation, *how)
 
     def name(tests: Profiles, valid: Views) -> Arrays:
-        rules = (given.score_rule,), given.learn_in_test
+        rules = given.score_rule, given.learn_in_test
         answers = acn.answer_tests(training_set, formed, tests, valid, *rules)
-        return {key: answers[key][:, 0, 0] for key in ("predicted", "correct")}
+        return {key: answers[key] for key in ("predicted", "correct")}
 
     return name
 

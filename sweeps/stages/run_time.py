@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.ladar import RangeExtent, expected_profile, range_extent
-from ncti.render import Sampling, available_engines
+from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
 from sweeps.engine.settings import Choices, Settings, count
@@ -118,6 +118,14 @@ timed_view = plain(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view
 timed_beam = plain(reads=BINNED, name="timed_beam")(keywords)
 
 
+@in_memory()
+def timed_image(
+    mesh: trimesh.Trimesh, sampling: Sampling, timed_view: Keywords
+) -> RangeImage | LineImage:
+    """Return the image of a sampling."""
+    return call_apart(sampling.engine, sampling.draw, mesh, **dict(timed_view))
+
+
 @TIMED.stage(
     Output(
         "extent_error",
@@ -127,52 +135,22 @@ timed_beam = plain(reads=BINNED, name="timed_beam")(keywords)
     Output("ifov_error", label="error of the range extents of the IFOVs", without=("pulse_width",)),
     Output("profile_error", label="error of the range extent of the ship after the pulse"),
     _signature,
-    reads={
-        "engine": "drawing_engine",
-        **{name: SIGNAL[name] for name in ("cnr", "target_free_ifovs")},
-    },
-    along=(Render.pixel, Render.roll, Ladar.spread, Grid.pulse_width),
+    reads=SIGNAL,
 )
 def sampled(
-    mesh: trimesh.Trimesh,
-    timed_view: Keywords,
+    timed_image: RangeImage | LineImage,
     timed_beam: Keywords,
     exact_ifovs: RangeExtent,
-    engine: str,
-    samples: int,
-    *,
-    pixel: tuple[float, ...],
-    roll: tuple[float, ...],
-    spread: tuple[float, ...],
-    pulse_width: tuple[float, ...],
+    spread: float,
+    pulse_width: float,
     **signal: Any,
-) -> Arrays:
-    """Return the errors of range extents and profiles, and expected profiles."""
+) -> dict[str, Any]:
+    """Return the errors of a range extent and of its profile, and the expected profile."""
     from ncti.ladar.accuracy import extent_errors
 
-    samplings = [Sampling(engine, *at) for at in product(pixel, (samples,), roll)]
-    seen = call_apart(engine, _extents, mesh, samplings, spread, timed_view, timed_beam)
-    rows: list[dict[str, Any]] = [
-        extent_errors(extent, exact_ifovs, pulse_width=width)
-        | {"signature": expected_profile(extent, pulse_width=width, **signal)}
-        for extent in seen
-        for width in pulse_width
-    ]
-    shape = len(pixel), len(roll), len(spread), len(pulse_width)
-    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return {name: one.reshape(*shape, *one.shape[1:]) for name, one in columns.items()}
-
-
-def _extents(
-    mesh: trimesh.Trimesh,
-    samplings: list[Sampling],
-    spreads: tuple[float, ...],
-    view: Keywords,
-    beam: Keywords,
-) -> list[RangeExtent]:
-    """Range extents by every sampling, the spread fastest: each image is drawn once."""
-    images = (sampling.draw(mesh, **dict(view)) for sampling in samplings)
-    return [range_extent(image, spread=s, **dict(beam)) for image in images for s in spreads]
+    extent = range_extent(timed_image, spread=spread, **dict(timed_beam))
+    errors = extent_errors(extent, exact_ifovs, pulse_width=pulse_width)
+    return errors | {"signature": expected_profile(extent, pulse_width=pulse_width, **signal)}
 
 
 # Run times
@@ -233,7 +211,7 @@ def _times(
 
     def stopwatch(sampling: Sampling, spread: float) -> float:
         start = time.perf_counter()
-        _extents(mesh, [sampling], (spread,), view, beam)
+        range_extent(sampling.draw(mesh, **dict(view)), spread=spread, **dict(beam))
         return time.perf_counter() - start
 
     for sampling in (samplings[0], (STANDARD, SPREAD)):
@@ -312,7 +290,7 @@ def missing_engines() -> list[str]:
     return [name for name in engines() if name not in available_engines()]
 
 
-def remarks(choices: Choices) -> list[str]:
+def about(choices: Choices) -> list[str]:
     """Return a sentence for each engine that is not measured because its libraries are missing."""
     missing = missing_engines() if looks(SENSOR)(choices) else []
     return [

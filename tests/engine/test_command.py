@@ -83,7 +83,7 @@ def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
 
 def test_what_is_prepared_before_cells_is_said(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    compiling = replace(SPRINGS, prepare=lambda choices, functions, say: say("compiling the loops"))
+    compiling = replace(SPRINGS, prepare=lambda choices, say: say("compiling the loops"))
     assert Command(compiling).main(["cache=cache", "cluster=inline"]) == 0
     said = capsys.readouterr().err.splitlines()
     assert said.index("springs: compiling the loops") < len(said) - 1 and "computed" in said[-1]

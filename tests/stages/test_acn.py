@@ -33,8 +33,7 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     training_views = np.zeros((2, 2), dtype=bool)
     training_views[known] = True
     training_set = TrainingSet.of(unit([0.0, 90.0, 0.0, 90.0]), training_views | True, np.asarray)
-    of_rule = form_categories(training_set, training_views, (0, 0), 0.95, 0.5, 200, ("first",))
-    formed = {name: values[0] for name, values in of_rule.items()}
+    formed = form_categories(training_set, training_views, (0, 0), 0.95, 0.5, 200, "first")
 
     def matched(angle):
         tests = np.array([[3.0, 80.0], [3.0, 80.0]])
@@ -54,7 +53,7 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
 
 # The stages on profiles and maps
 
-LABELS, SCORES = ("first", "majority"), ("category", "ship")
+RULES = (("first", "category"), ("majority", "ship"))
 ORDERS = ((0, 7), (1, 7))
 LEVELS = {"profiles": (0.5, 0.7, 0.9), "maps": (0.96, 0.97)}
 SEE = {"profiles": profile_vectors, "maps": map_vectors}
@@ -80,7 +79,7 @@ def stacked(rows):
     return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
-def trained(kind, seen, orders, levels, labels, valid=None, training_views=None):
+def trained(kind, seen, orders, levels, label, valid=None, training_views=None):
     """What the stages of training give, and what they share."""
     valid = np.ones(seen.shape[:2], dtype=bool) if valid is None else valid
     training_views = np.ones_like(valid) if training_views is None else training_views
@@ -90,7 +89,7 @@ def trained(kind, seen, orders, levels, labels, valid=None, training_views=None)
     formed = [
         stacked(
             [
-                form_categories(training_set, training_views, order, level, 0.1, 200, labels)
+                form_categories(training_set, training_views, order, level, 0.1, 200, label)
                 for level in levels
             ]
         )
@@ -100,27 +99,29 @@ def trained(kind, seen, orders, levels, labels, valid=None, training_views=None)
 
 
 def answered(
-    kind, views, orders=ORDERS, levels=None, frames=(0, 1), labels=LABELS, scores=SCORES,
+    kind, views, orders=ORDERS, levels=None, frames=(0, 1), rules=RULES[1],
     valid=None, learn=False, training_views=None,
 ):  # fmt: skip
     """What the stage of tests gives, called as the engine calls it."""
     seen, tests = views
     valid = np.ones(seen.shape[:2], dtype=bool) if valid is None else valid
-    known = trained(kind, seen, orders, levels or LEVELS[kind], labels, valid, training_views)
-    return answer_tests(*known, tests[list(frames)], valid, scores, learn)
+    label, score = rules
+    known = trained(kind, seen, orders, levels or LEVELS[kind], label, valid, training_views)
+    return answer_tests(*known, tests[list(frames)], valid, score, learn)
 
 
 @of_both
 @while_learning_or_not
-def test_an_answer_does_not_depend_on_its_company(kind, learn):
+@pytest.mark.parametrize("rules", RULES)
+def test_an_answer_does_not_depend_on_its_company(kind, learn, rules):
     """On any axis, to the last bit."""
     views = views_of(kind)
-    axes = (ORDERS, LEVELS[kind], (0, 1), LABELS, SCORES)
-    whole = answered(kind, views, *axes, learn=learn)
+    axes = (ORDERS, LEVELS[kind], (0, 1))
+    whole = answered(kind, views, *axes, rules, learn=learn)
     for place in np.ndindex(*map(len, axes)):
         one = [(values[at],) for values, at in zip(axes, place, strict=True)]
-        for name, values in answered(kind, views, *one, learn=learn).items():
-            np.testing.assert_array_equal(values[0, 0, 0, 0, 0], whole[name][place], err_msg=name)
+        for name, values in answered(kind, views, *one, rules, learn=learn).items():
+            np.testing.assert_array_equal(values[0, 0, 0], whole[name][place], err_msg=name)
 
 
 @of_both
@@ -128,8 +129,8 @@ def test_an_answer_does_not_depend_on_its_company(kind, learn):
 def test_the_stages_are_the_network(kind, learn):
     """Trained in every order and tested with the same vectors, one after the other."""
     seen, tests = views = views_of(kind)
-    found = answered(kind, views, labels=("majority",), scores=("ship",), learn=learn)
-    _, formed = trained(kind, seen, ORDERS, LEVELS[kind], ("majority",))
+    found = answered(kind, views, learn=learn)
+    _, formed = trained(kind, seen, ORDERS, LEVELS[kind], "majority")
     ship = np.repeat(np.arange(SHIPS), len(ASPECTS))
     vectors, *shown = (SEE[kind](one).astype(float) for one in (seen, *tests))
     shared = False
@@ -139,16 +140,16 @@ def test_the_stages_are_the_network(kind, learn):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             network.fit(vectors[turn], ship[turn])
-        labels = formed["training_category"][o, v, 0].ravel()
+        labels = formed["training_category"][o, v].ravel()
         np.testing.assert_array_equal(labels[turn], network.labels_)
-        assert abs(formed["passes"][o, v, 0]) == network.n_passes_
+        assert abs(formed["passes"][o, v]) == network.n_passes_
         shared |= SHIPS < labels.max() + 1 < ship.size
         for f, one in enumerate(shown):
             if learn:
                 network.fit(vectors[turn], ship[turn])
             category, cosine = np.empty(ship.size, int), np.empty(ship.size)
             category[turn], cosine[turn] = network.match(one[turn], learning=learn)
-            place = (o, v, f, 0, 0)
+            place = (o, v, f)
             np.testing.assert_array_equal(found["category"][place].ravel(), category)
             np.testing.assert_allclose(found["similarity"][place].ravel(), cosine, atol=1e-12)
             named = network.category_labels_[category]
