@@ -7,9 +7,8 @@ a second, and an interrupt meanwhile is reported as one.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from sweeps.engine.command import Command
     from sweeps.engine.run import Finished
     from sweeps.engine.settings import Choices
+    from sweeps.report.frames import Frame
 
 NAME = "ncti-sweep"
 _until_exit: list[ExitStack] = []
@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         try:
             if all(word in MULTIRUN for word in given if word.startswith("-")):
                 _say("reading the configuration")
-            status = command(*modules, given=given).main(given)
+            status = command(*modules).main(given)
         except Stopped as stopped:
             _say(stopped.words)
             status = stopped.status
@@ -60,11 +60,8 @@ def _say(sentence: str) -> None:
         print(f"{NAME}: {sentence}", file=sys.stderr, flush=True)
 
 
-def command(*modules: Any, given: Sequence[str] = ()) -> Command:
-    """Return the command of the experiment, with further modules if any.
-
-    `given` are the arguments that the page at the end varies for its example.
-    """
+def command(*modules: Any) -> Command:
+    """Return the command of the experiment, with further modules if any."""
     heed()
     from sweeps.engine.command import Command
 
@@ -74,10 +71,10 @@ def command(*modules: Any, given: Sequence[str] = ()) -> Command:
     heed()
     packages = tuple(one.__name__ for one in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    return Command(experiment, partial(report, given=given))
+    return Command(experiment, report)
 
 
-def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence[str] = ()) -> None:
+def report(store: Path, choices: Choices, finished: Finished) -> None:
     """Write the report of a finished store and its tables, print a page, and draw pictures.
 
     Raises SweepIncomplete if another file is in the place of one of these; all others are written.
@@ -85,13 +82,21 @@ def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence
     from sweeps.engine.errors import SweepIncomplete
     from sweeps.engine.process import say
     from sweeps.report.own import sentence_of
-    from sweeps.report.summary import summarize
-    from sweeps.report.terminal import screen
+    from sweeps.report.page.write import is_current
+    from sweeps.report.screen import screen
+    from sweeps.report.summary import summarize, tables_of
+    from sweeps.report.work import write_work
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
 
-    kept = report_page(store, finished)
-    kept += summarize(store, choices, finished.axes, screen(), given=given)
+    kept: list[Path] = []
+    if finished.written:
+        with suppress(OSError):  # said of all tables below
+            kept += write_work(store, finished.progress)
+    frames = tables_of(store)
+    if finished.written or not is_current(store):
+        kept += report_page(store, frames)
+    kept += summarize(store, frames, finished.axes, screen())
     if looks("irar")(choices) and choices.one(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
@@ -106,26 +111,20 @@ def report(store: Path, choices: Choices, finished: Finished, *, given: Sequence
         raise SweepIncomplete(sentence_of(list(dict.fromkeys(kept))))
 
 
-def report_page(store: Path, finished: Finished) -> list[Path]:
-    """Write the report page of a finished store, unless the one beside it is of the same store.
+def report_page(store: Path, frames: Mapping[str, Frame]) -> list[Path]:
+    """Write the report page of a store with its tables; the path if another file is in its place.
 
-    Returns the paths at which other files are in the way.
+    A page that cannot be written costs a sentence.
     """
+    from sweeps.engine.errors import ConfigurationError
     from sweeps.engine.process import say
-    from sweeps.report.command import write_report
-    from sweeps.report.page.write import is_current
-    from sweeps.report.work import write_work
+    from sweeps.report.command import written_page
 
-    kept: list[Path] = []
-    if not finished.written and is_current(store):
-        return kept
     try:
-        if finished.written:
-            kept += write_work(store, finished.progress)
-        kept += write_report(store)
-    except Exception as error:  # the tables are complete without it
-        say(NAME, f"the report page is not written: {type(error).__name__}: {error}")
-    return kept
+        return written_page(store, frames)
+    except ConfigurationError as error:  # the tables are complete without it
+        say(NAME, str(error))
+        return []
 
 
 if __name__ == "__main__":

@@ -1,76 +1,83 @@
-"""Two stores compared: differences of percent correct on the views that both have."""
+"""Two stores compared: paired differences of percent correct, and differences of other figures."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from ncti.evaluate import paired_difference
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.errors import ConfigurationError
-from sweeps.report.files import csv_of
-from sweeps.report.frames import Frame, Part, read_frames, stacked, tidy
-from sweeps.report.own import OwnFiles
-from sweeps.report.places import tables_folder
-from sweeps.report.stores import opened, read
+from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
+from sweeps.report.stores import attributes, groups, opened, read
 from sweeps.report.words import MAIN, printable
-from sweeps.stages.scores import DRAWS, VIEW
+from sweeps.stages.classifier import drawn_aspects
+from sweeps.stages.scores import DRAWS, OF_ASPECTS, VIEW
 
 NAME = "differences"
+SCORES = "scores"
 ANSWERS = {
     "accuracy": "correct",
     "ship_accuracy": "ship_correct",
     "training_accuracy": "training_correct",
 }
 """Variables of answers by those of their scores."""
+MARKED = ("range_profile", "infrared")  # groups that say which aspects are learned
+DISPLAY = Display(
+    NAME,
+    "Ships identified correctly [points]",
+    (
+        Figure(
+            "difference",
+            low="ci_low",
+            high="ci_high",
+            beside={"n": "n"},
+            percent=True,
+            format="+.0f",
+        ),
+    ),
+    rows=("classifier", "channel", "scored", "aspects"),
+    columns="aspect_bin",
+    notes=("Of the views that both have, with 95 % intervals of paired answers.",),
+)
 
 
-def compare(first: Path, second: Path) -> Frame:
-    """Return the differences of percent correct, second store less first, with intervals.
+def compare(first: Path, second: Path) -> dict[str, Frame]:
+    """Return differences by table, second store less first, those of percent correct first.
 
     Answers are paired: of the settings, ships, aspects and draws that both stores have. A setting
-    of one value in one store is compared with every value in the other.
+    of one value in one store is compared with every value in the other. Other tables have the
+    differences of their figures, without intervals.
 
     Raises
     ------
     ConfigurationError
-        If a store has no tables, or the stores have no answers in common.
+        If a store has no tables, or the stores have nothing in common.
     """
+    ours, theirs = read_frames(first), read_frames(second)
+    said = f"{printable(second.name)} less {printable(first.name)}"
+    known = {_key(part): part for part in _scored(first, ours)}
     parts = []
-    ours, theirs = ({_key(part): part for part in _scores(path)} for path in (first, second))
-    for key, part in ours.items():
-        if key in theirs:
-            table = _differences(_answers(first, part), _answers(second, theirs[key]))
-            display = Display(
-                NAME,
-                f"Ships identified correctly [points]: {printable(second.name)} less "
-                f"{printable(first.name)}",
-                (
-                    Figure(
-                        "difference",
-                        low="ci_low",
-                        high="ci_high",
-                        beside={"n": "n"},
-                        percent=True,
-                        format="+.0f",
-                    ),
-                ),
-                rows=("classifier", "channel", "scored"),
-                columns="aspect_bin",
-                labels=part.display.labels,
-                notes=("Of the views that both have, with 95 % intervals of paired answers.",),
-            )
-            made = tidy(table, display, "") if table is not None else None
-            parts += [made] if made is not None else []
-    if not parts:
+    for part in _scored(second, theirs):
+        if (other := known.get(_key(part))) is not None:
+            table = _differences(_answers(first, other), _answers(second, part))
+            title = f"{DISPLAY.title}: {said}"
+            display = replace(DISPLAY, title=title, labels=part.display.labels)
+            parts.append(tidy(table, display, "") if table is not None else None)
+    paired = [part for part in parts if part is not None]
+    found = {NAME: stacked(paired)} if paired else {}
+    for name in (one for one in theirs if one in ours and one != SCORES):
+        rest = _subtracted(ours[name], theirs[name], said)
+        found |= {rest.name: rest} if len(rest.rows) and rest.figures else {}
+    if not found:
         raise ConfigurationError(
             f"store is {str(second)!r}, but must have answers in common with {str(first)!r}"
         )
-    return stacked(parts)
+    return found
 
 
 def compared_name(first: Path, second: Path) -> Path:
@@ -78,15 +85,11 @@ def compared_name(first: Path, second: Path) -> Path:
     return second.with_name(f"{second.stem}-less-{first.stem}.zarr")
 
 
-def write_comparison(first: Path, second: Path, frame: Frame) -> list[Path]:
-    """Write differences as a CSV file; return the paths at which another file is in the way."""
-    files = OwnFiles(tables_folder(compared_name(first, second)))
-    files.put(f"{NAME}.csv", csv_of(frame))
-    return files.kept
-
-
-def sentences(frame: Frame) -> list[str]:
+def sentences(frames: Mapping[str, Frame]) -> list[str]:
     """Return in words which classifier differs most, over all aspects."""
+    if NAME not in frames:
+        return ["The stores have no answers of classifiers in common."]
+    frame = frames[NAME]
     at = frame.at({frame.across: MAIN["aspect_bin"]}) if frame.across else frame
     rows = at.rows[(at.rows.kind == "test") & at.rows.difference.notna()]
     sure = rows[(rows.ci_low > 0) | (rows.ci_high < 0)]
@@ -101,11 +104,47 @@ def sentences(frame: Frame) -> list[str]:
     ]
 
 
-def _scores(path: Path) -> Iterator[Part]:
-    """Yield the parts of the scores of a store. Raises ConfigurationError if it has no tables."""
-    frames = read_frames(path)
-    if "scores" in frames:
-        yield from frames["scores"].parts
+def _subtracted(first: Frame, second: Frame, said: str) -> Frame:
+    """Return the figures of a table, second less first, at the places that both have."""
+    figures = [
+        name
+        for name in second.figures
+        if name in first.figures and second.rows[name].dtype.kind in "fiu"
+    ]
+    axes = [name for name in second.of_role("axis") if name in first.rows]
+    shared = [name for name in axes if name in first.several() and name in second.several()]
+    own = [name for name in axes if name not in first.several()]
+    rows = second.rows[[*dict.fromkeys([*shared, *own]), *figures]]
+    if shared:
+        rows = rows.merge(first.rows[[*shared, *figures]], on=shared, suffixes=("", "_first"))
+    else:
+        rows = rows.merge(first.rows[figures], how="cross", suffixes=("", "_first"))
+    for name in figures:
+        rows[name] -= rows.pop(f"{name}_first")
+    columns = {name: second.columns[name] for name in rows}
+    for name in figures:
+        unit = columns[name].unit
+        columns[name] = replace(columns[name], format="+.0f" if unit == "%" else "+.3g")
+    return replace(
+        second,
+        name=f"{second.name}_{NAME}",
+        title=f"{second.title}: {said}",
+        rows=rows.assign(**{PART: 0}),
+        columns=columns,
+        parts=(replace(second.parts[0], group=""),),
+        notes=(),
+    )
+
+
+def _scored(path: Path, frames: Mapping[str, Frame]) -> list[Part]:
+    """Return the parts of the scores of a store that count answers."""
+    answered = groups(opened(path), "classification")
+    return [
+        part
+        for part in (frames[SCORES].parts if SCORES in frames else ())
+        if part.group.removeprefix("tables/") in answered
+        if part.display.figures[0].variable in ANSWERS
+    ]
 
 
 def _key(part: Part) -> tuple[Any, ...]:
@@ -113,9 +152,24 @@ def _key(part: Part) -> tuple[Any, ...]:
 
 
 def _answers(path: Path, part: Part) -> xr.DataArray:
-    """Return the answers that a part of the scores counts: 1 right, 0 wrong, negative for none."""
+    """Return the answers that a part of the scores counts, by kind of aspect.
+
+    1 right, 0 wrong, negative for none, along a dimension `aspects` of the kinds that there are.
+    """
+    store = opened(path)
     group = part.group.replace("tables/", "classification/", 1)
-    return read(opened(path), group)[ANSWERS[part.display.figures[0].variable]].load()
+    answers = read(store, group)[ANSWERS[part.display.figures[0].variable]].load()
+    given, marked = attributes(store), [one for one in MARKED if one in groups(store)]
+    if not marked:
+        return answers
+    learned = read(store, marked[0])["learned"].load().reset_coords(drop=True)
+    ends = float(answers.aspect.min()), float(answers.aspect.max())
+    number = given["configuration"]["grid"].get("random_aspects", 0)
+    drawn = answers.aspect.isin(drawn_aspects(*ends, number, given["seed"]))
+    kinds = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
+    kinds = {name: where for name, where in kinds.items() if where.any()}
+    along = xr.DataArray(list(kinds), dims="aspects", name="aspects", attrs=OF_ASPECTS)
+    return xr.concat([answers.where(where, -1) for where in kinds.values()], along)
 
 
 def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None:
@@ -131,10 +185,8 @@ def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None
     found = paired_difference(
         one.values == 1, other.values == 1, one.aspect.values, draws=len(draws), answered=asked
     )
-    gone = (*draws, *VIEW)
-    dims = (*one.dims[: -len(gone)], "aspect_bin")
-    coords: dict[Any, Any] = {name: one[name] for name in dims if name in one.coords}
-    coords["aspect_bin"] = np.array(found.labels)
+    cells = one.isel(dict.fromkeys((*draws, *VIEW), 0), drop=True)
+    cells = cells.expand_dims(aspect_bin=list(found.labels), axis=-1)
     figures = {
         "difference": (found.fraction, "fraction of ships identified, second less first"),
         "ci_low": (found.ci_low, "lower end of its 95 % interval"),
@@ -143,10 +195,9 @@ def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None
     }
     return xr.Dataset(
         {
-            name: (dims, np.asarray(values), {"units": "1", "long_name": words})
+            name: xr.DataArray(values, cells.coords, cells.dims, attrs={"long_name": words})
             for name, (values, words) in figures.items()
-        },
-        coords,
+        }
     )
 
 

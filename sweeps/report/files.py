@@ -17,23 +17,20 @@ from sweeps.report.words import missing
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
 
 
-def write_tables(store: Path, frames: Iterable[Frame]) -> tuple[list[Path], OSError | None]:
+def write_tables(store: Path, frames: Iterable[Frame]) -> list[Path]:
     """Write the tables of a store as CSV files beside it; remove those of an earlier run.
 
     Files that were changed since a report wrote them stay. Returns the paths at which other files
-    are in the way, and the error if it fails.
+    are in the way. Raises OSError if it fails.
     """
     contents = {f"{one.name}.csv": csv_of(one) for one in frames}
-    try:
-        files = OwnFiles(tables_folder(store))
-        for name, content in contents.items():
-            files.put(name, content)
-        for name in files.names:
-            if name.endswith(".csv") and name not in contents:
-                files.remove(name)
-    except OSError as error:
-        return [], error
-    return files.kept, None
+    files = OwnFiles(tables_folder(store))
+    for name, content in contents.items():
+        files.put(name, content)
+    for name in files.names:
+        if name.endswith(".csv") and name not in contents:
+            files.remove(name)
+    return files.kept
 
 
 def csv_of(frame: Frame) -> bytes:

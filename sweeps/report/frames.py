@@ -43,6 +43,7 @@ class Column:
     format: str = ".4g"
     listed: bool = True
     digits: int | None = None  # decimals in files; None: all
+    factor: int = 1  # by which values of the store are multiplied
 
     @property
     def heading(self) -> str:
@@ -54,6 +55,10 @@ class Column:
         if self.axis in WORDED and value in WORDS:
             return WORDS[value]
         return shown(value, self.format if self.role != "axis" else "g")
+
+    def in_words(self, value: Any) -> str:
+        """Return a value with the words of its axis, and its unit."""
+        return f"{self.words} {self.text(value)} {self.unit}".strip()
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,11 @@ class Frame:
         """Return the frame with some of its rows."""
         return replace(self, rows=self.rows.loc[rows])
 
+    def of_axes(self, names: Sequence[str]) -> Frame:
+        """Return the frame with some of its axes alone."""
+        kept = {n: one for n, one in self.columns.items() if one.role != "axis" or n in names}
+        return replace(self, columns=kept)
+
     def at(self, place: Mapping[str, Any]) -> Frame:
         """Return the frame at some values of axes; rows without a value there stay."""
         kept = pd.Series(True, index=self.rows.index)
@@ -166,16 +176,15 @@ def read_frames(path: Path) -> dict[str, Frame]:
     """Return the tables of a store by name. Raises ConfigurationError if it has none."""
     try:
         store = opened(path)
-        parts: dict[str, list[tuple[Frame, Part]]] = {}
+        parts: dict[str, list[Frame]] = {}
         for name in groups(store, "tables"):
             table = read(store, f"tables/{name}")
             for display in displays_of(table, name):
-                made = tidy(table, display, f"tables/{name}")
-                if made is not None:
-                    parts.setdefault(display.name, []).append(made)
+                part = tidy(table, display, f"tables/{name}")
+                if part is not None:
+                    parts.setdefault(display.name, []).append(part)
         given = attributes(store)
-        frames = {name: stacked(found) for name, found in parts.items()}
-        frames = {name: with_comparisons(one, given) for name, one in frames.items()}
+        frames = {name: with_comparisons(stacked(of), given) for name, of in parts.items()}
     # zarr and xarray raise various errors for damaged or other files.
     except Exception as error:
         raise refusal(path, error) from error
@@ -193,52 +202,30 @@ def displays_of(table: xr.Dataset, name: str) -> list[Display]:
     return [Display(name, str(table.attrs.get("title", name.replace("_", " ").capitalize())))]
 
 
-def tidy(table: xr.Dataset, display: Display, group: str) -> tuple[Frame, Part] | None:
+def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     """Return the frame of one display of a group; None if the group lacks its main figure."""
     figures = [one for one in display.figures or _all_figures(table) if one.variable in table]
     if not figures or (display.figures and figures[0] != display.figures[0]):
         return None
-    bounded = sum(bool(one.low) for one in figures)
-    wanted: dict[str, tuple[str, Figure, str]] = {}  # variable, figure and role by column
-    for one in figures:
-        wanted[one.column] = one.variable, one, "figure"
-        prefix = "" if bounded == 1 else f"{one.column}_"
-        for role, variable in (("low", one.low), ("high", one.high)):
-            if variable in table:
-                wanted[f"{prefix}ci_{role}"] = variable, one, role
-        for name, variable in one.beside.items():
-            if variable in table:
-                wanted[name] = variable, one, "beside"
-    data = table[list(dict.fromkeys(variable for variable, _, _ in wanted.values()))]
-    data = data.drop_vars([name for name in (*HIDDEN, *DRAWS) if _is_extra(data, name)])
-    data = data.load()
-    whole = data.expand_dims("row_number") if not data.dims else data
+    wanted = _columns_of_figures(table, figures)
+    data = table[list(dict.fromkeys(variable for variable, _ in wanted.values()))]
+    data = data.drop_vars([name for name in (*HIDDEN, *DRAWS) if _is_extra(data, name)]).load()
+    whole = data if data.dims else data.expand_dims("row_number")
     flat = whole.to_dataframe().reset_index().drop(columns="row_number", errors="ignore")
-    columns, rows = dict[str, Column](), dict[str, Any]()
-    for name, text in display.labels.items():
-        columns[name] = Column(name, name, name)
-        rows[name] = pd.Series(text, index=flat.index, dtype=object)
-    axes = [name for name in flat if name not in data.data_vars]
+    columns = {name: Column(name, name, name) for name in display.labels}
+    rows: dict[str, Any] = {
+        name: pd.Series(text, index=flat.index, dtype=object)
+        for name, text in display.labels.items()
+    }
+    axes = [str(name) for name in flat if name not in data.data_vars]
     axes.sort(key=lambda name: name == display.columns)
     for axis in axes:
-        column = column_of_axis(data, str(axis))
+        column = column_of_axis(data, axis)
         columns[column.name], rows[column.name] = column, _plain(flat[axis])
-    for name, (variable, one, role) in wanted.items():
-        about = data[variable].attrs
-        is_percent = one.percent and (role != "beside" or name == "spread")
-        columns[name] = Column(
-            name,
-            one.column,
-            printable(name.replace("_", " ")),
-            "%" if is_percent else unit_of(str(about.get("units", "1"))),
-            printable(str(about.get("long_name", ""))),
-            role,
-            one.format,
-            one.listed,
-            TENTHS if is_percent else one.digits,
-        )
+    for name, (variable, column) in wanted.items():
         values = _plain(flat[variable])
-        rows[name] = 100 * values if is_percent else values
+        columns[name] = column
+        rows[name] = values if column.factor == 1 else column.factor * values
     main = figures[0].column
     if display.chance is not None:
         name = f"{main}_by_chance"
@@ -246,17 +233,50 @@ def tidy(table: xr.Dataset, display: Display, group: str) -> tuple[Frame, Part] 
         rows[name] = pd.Series(float(display.chance), index=flat.index)  # type: ignore[arg-type]
     named = {column.axis: name for name, column in columns.items() if column.role == "axis"}
     views = {"views": int(table.view_count.max())} if "view_count" in table else {}
-    variables = {name: variable for name, (variable, _, _) in wanted.items()}
+    variables = {name: variable for name, (variable, _) in wanted.items()}
     dims = {name: tuple(map(str, table[one].dims)) for name, one in variables.items()}
-    part = Part(group, display, variables, dims, named, attributes(table) | views)
-    rows[PART] = pd.Series(0, index=flat.index)
-    down = tuple(named[name] for name in display.rows if name in named)
-    across = named.get(display.columns, "")
-    data_frame = pd.DataFrame(rows)
-    notes = display.notes
     return Frame(
-        display.name, display.title, data_frame, columns, (part,), down, across, notes
-    ), part
+        display.name,
+        display.title,
+        pd.DataFrame(rows | {PART: 0}),
+        columns,
+        (Part(group, display, variables, dims, named, attributes(table) | views),),
+        down=tuple(named[name] for name in display.rows if name in named),
+        across=named.get(display.columns, ""),
+        notes=display.notes,
+    )
+
+
+def _columns_of_figures(
+    table: xr.Dataset, figures: Sequence[Figure]
+) -> dict[str, tuple[str, Column]]:
+    """Return the variable and the column of each figure, and of what belongs to it, by name."""
+    bounded = sum(bool(one.low) for one in figures)
+    found: dict[str, tuple[str, Column]] = {}
+    for one in figures:
+        prefix = "" if bounded == 1 else f"{one.column}_"
+        variables = {one.column: ("figure", one.variable)}
+        variables |= {f"{prefix}ci_low": ("low", one.low), f"{prefix}ci_high": ("high", one.high)}
+        variables |= {name: ("beside", variable) for name, variable in one.beside.items()}
+        for name, (role, variable) in variables.items():
+            if variable not in table:
+                continue
+            about = table[variable].attrs
+            is_percent = one.percent and (role != "beside" or name == "spread")
+            column = Column(
+                name,
+                one.column,
+                printable(name.replace("_", " ")),
+                "%" if is_percent else unit_of(str(about.get("units", "1"))),
+                printable(str(about.get("long_name", ""))),
+                role,
+                one.format,
+                one.listed,
+                TENTHS if is_percent else one.digits,
+                100 if is_percent else 1,
+            )
+            found[name] = variable, column
+    return found
 
 
 def column_of_axis(data: xr.Dataset, name: str) -> Column:
@@ -293,27 +313,24 @@ def _plain(values: pd.Series) -> pd.Series:
     return values.astype(types[kind]) if kind in types else values.astype(object)
 
 
-def stacked(parts: Sequence[tuple[Frame, Part]]) -> Frame:
+def stacked(parts: Sequence[Frame]) -> Frame:
     """Return one frame of several: labels first, then axes, the one across last, then figures."""
-    found = [one for one, _ in parts]
-    columns = {name: column for one in found for name, column in one.columns.items()}
-    down = tuple(dict.fromkeys(name for one in found for name in one.down))
-    across = next((one.across for one in found if one.across), "")
-    names = [name for name in columns if columns[name].role == "axis" and name != across]
-    labels = [name for one in found for name in one.parts[0].display.labels]
-    names = [*dict.fromkeys(name for name in (*labels, *names)), *[across] * bool(across)]
-    names += [name for name in columns if columns[name].role != "axis"]
-    stacked = [one.rows.assign(**{PART: number}) for number, one in enumerate(found)]
-    rows = pd.concat(stacked, ignore_index=True) if len(stacked) > 1 else stacked[0]
-    notes = tuple(dict.fromkeys(note for one in found for note in one.notes))
+    columns = {name: column for one in parts for name, column in one.columns.items()}
+    across = next((one.across for one in parts if one.across), "")
+    labels = [name for one in parts for name in one.parts[0].display.labels]
+    axes = [name for name, one in columns.items() if one.role == "axis" and name != across]
+    figures = [name for name, one in columns.items() if one.role != "axis"]
+    names = [*dict.fromkeys([*labels, *axes]), *[across] * bool(across), *figures]
+    numbered = [one.rows.assign(**{PART: number}) for number, one in enumerate(parts)]
+    rows = pd.concat(numbered, ignore_index=True) if len(numbered) > 1 else numbered[0]
     return replace(
-        found[0],
+        parts[0],
         rows=rows[[*names, PART]],
         columns={name: columns[name] for name in names},
-        parts=tuple(part for _, part in parts),
-        down=down,
+        parts=tuple(part for one in parts for part in one.parts),
+        down=tuple(dict.fromkeys(name for one in parts for name in one.down)),
         across=across,
-        notes=notes,
+        notes=tuple(dict.fromkeys(note for one in parts for note in one.notes)),
     )
 
 

@@ -35,6 +35,7 @@ class Line:
 class Table:
     """A frame laid out: axes down, headings across, and the same figures in all rows apart."""
 
+    name: str
     title: str
     down: tuple[Column, ...]
     heads: tuple[str, ...]
@@ -43,64 +44,70 @@ class Table:
     notes: tuple[str, ...]
 
 
-def ordered(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
-    """Return axes of several values in the order of rows: swept ones, declared ones, others."""
+def ordered(frame: Frame, swept: Sequence[str] = (), *, joined: bool = False) -> list[str]:
+    """Return axes of several values in the order of rows: swept ones, declared ones, others.
+
+    With `joined`, the declared ones are last.
+    """
     several = [name for name in frame.several() if name != frame.across]
     first = [name for name in several if frame.columns[name].axis in swept]
-    second = [name for name in frame.down if name in several and name not in first]
     first.sort(key=lambda name: list(swept).index(frame.columns[name].axis))
-    return [*first, *second, *(one for one in several if one not in (*first, *second))]
+    declared = [name for name in frame.down if name in several and name not in first]
+    others = [name for name in several if name not in (*first, *declared)]
+    return [*first, *others, *declared] if joined else [*first, *declared, *others]
 
 
-def laid_out(
-    frame: Frame, swept: Sequence[str] = (), *, joined: Sequence[str] | None = None
-) -> Table:
+def laid_out(frame: Frame, swept: Sequence[str] = (), *, joined: bool = False) -> Table:
     """Return a frame as a table: one row for every place on the axes of several values.
 
-    With `joined`, only these axes and the declared ones are down, the latter as one column of
-    words.
+    With `joined`, the declared axes down are the last column, of words.
     """
-    down = ordered(frame, swept)
-    if joined is not None:
-        down = [name for name in down if name in (*joined, *frame.down)]
+    down = ordered(frame, swept, joined=joined)
     across = frame.across if frame.across in frame.several() else ""
-    figures = frame.figures
+    heads = values_of(frame.rows, across) if across else []
+    main, figures = frame.figures[0], frame.figures
+    extra = figures
     if across:
-        heads = values_of(frame.rows, across)
-        column = frame.columns[across]
-        unit = column.unit if column.unit == "°" else f" {column.unit}".rstrip()
-        texts = [column.text(one) for one in heads]
-        headings = [text + unit * (text[:1].isdigit()) for text in texts]
-        if column.axis not in ("aspect_bin", "channel"):
-            headings = [f"{column.words} {text}" for text in headings]
         extra = [name for name in figures[1:] if _is_constant(frame, name, down)]
-    else:
-        heads, headings, extra = [], [], list(figures)
+    headings = [_head(frame.columns[across], value) for value in heads]
     headings += [frame.columns[name].heading for name in extra]
     groups: dict[tuple[Any, ...], dict[Any, Any]] = {}
-    keys = zip(*(frame.rows[name].tolist() for name in down), strict=True) if down else None
-    for label, place in zip(frame.rows.index, keys or [()] * len(frame.rows), strict=True):
-        place = tuple(None if missing(one) else one for one in place)
-        of = frame.records[label][across] if across else None
-        groups.setdefault(place, {})[of] = label
+    for label, row in frame.records.items():
+        place = tuple(None if missing(row[name]) else row[name] for name in down)
+        groups.setdefault(place, {})[row[across] if across else None] = label
     order = {name: {v: k for k, v in enumerate(values_of(frame.rows, name))} for name in down}
-    places = sorted(groups, key=lambda place: _rank(place, down, order))
     lines = []
-    for place in places:
+    for place in sorted(groups, key=lambda place: _rank(place, down, order)):
         at = groups[place]
-        cells = [cell(frame, at.get(head), figures[0]) for head in heads]
+        cells = [cell(frame, at.get(head), main) for head in heads]
         cells += [cell(frame, next(iter(at.values())), name) for name in extra]
-        keyed = tuple(
+        keys = tuple(
             "" if value is None else frame.columns[name].text(value)
             for name, value in zip(down, place, strict=True)
         )
-        lines.append(Line(place, keyed, tuple(cells)))
+        lines.append(Line(place, keys, tuple(cells)))
     columns = tuple(frame.columns[name] for name in down)
-    first = next((k for k, name in enumerate(down) if name in frame.down), len(down))
-    if joined is not None and first < len(down) - 1:
+    first = len(down) - sum(name in frame.down for name in down)
+    if joined and first < len(down) - 1:
         lines = [_joined(line, columns, first) for line in lines]
         columns = (*columns[:first], replace(columns[first], unit=""))
-    return Table(frame.title, columns, tuple(headings), tuple(lines), constants(frame), frame.notes)
+    return Table(
+        frame.name,
+        frame.title,
+        columns,
+        tuple(headings),
+        tuple(lines),
+        constants(frame),
+        (*frame.notes, *([chance] if (chance := chance_in_words(frame)) else [])),
+    )
+
+
+def _head(column: Column, value: Any) -> str:
+    """Return the heading of a value of the axis across."""
+    text = column.text(value)
+    if text[:1].isdigit():
+        text += column.unit if column.unit == "°" else f" {column.unit}".rstrip()
+    return text if column.axis in ("aspect_bin", *WORDED) else f"{column.words} {text}"
 
 
 def _joined(line: Line, columns: Sequence[Column], first: int) -> Line:
@@ -111,6 +118,22 @@ def _joined(line: Line, columns: Sequence[Column], first: int) -> Line:
         if text
     ]
     return replace(line, keys=(*line.keys[:first], ", ".join(words)))
+
+
+def chance_in_words(frame: Frame) -> str:
+    """Return a sentence on the level of chance, where it is one for all rows or by an axis down."""
+    for chance in frame.of_role("chance", frame.figures[0]):
+        text, unit = frame.columns[chance].text, frame.columns[chance].unit
+        levels = frame.rows[chance].dropna().unique()
+        if len(levels) == 1:
+            return f"By chance: {text(levels[0])} {unit}."
+        for name in frame.down:
+            by = frame.rows.groupby(name)[chance]
+            if (by.nunique() <= 1).all():
+                words = frame.columns[name].text
+                said = [f"{words(value)} {text(level)} {unit}" for value, level in by.max().items()]
+                return f"By chance: {', '.join(said)}."
+    return ""
 
 
 def _rank(place: tuple[Any, ...], down: Sequence[str], order: Mapping[str, Any]) -> tuple[int, ...]:
@@ -145,27 +168,22 @@ def cell(frame: Frame, label: Any, figure: str) -> Cell:
     if missing(value):
         return Cell(NOTHING, row=label, column=figure)
 
-    def beside(role: str) -> str:
-        names = frame.of_role(role, figure)
-        there = [name for name in names if not missing(row[name])]
-        return column.text(row[there[0]]) if there else ""
+    def beside(role: str, end: str = "") -> str:
+        names = [name for name in frame.of_role(role, figure) if name.endswith(end)]
+        texts = [column.text(row[name]) for name in names if not missing(row[name])]
+        return texts[0] if texts else ""
 
     low, high = beside("low"), beside("high")
+    # Without an interval, the standard deviation over draws.
+    spread = "" if frame.of_role("low", figure) else beside("beside", "spread")
     return Cell(
         column.text(value),
         f"{low}–{high}" if low and high else "",
         beside("source"),
-        *(_spread(frame, row, figure, column), label, figure),
+        f"±{spread}" if spread.strip("0.") else "",
+        label,
+        figure,
     )
-
-
-def _spread(frame: Frame, row: Any, figure: str, column: Column) -> str:
-    """Return the standard deviation over draws of a figure without an interval."""
-    if frame.of_role("low", figure):
-        return ""
-    names = [name for name in frame.of_role("beside", figure) if name.endswith("spread")]
-    shown = [column.text(row[name]) for name in names if not missing(row[name]) and row[name]]
-    return f"±{shown[0]}" if shown else ""
 
 
 def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
@@ -197,7 +215,6 @@ def place_of(whole: Frame, at: Frame, *, but: Sequence[str] = ()) -> str:
     found = []
     for name in whole.several():
         values = at.rows[name].dropna().unique().tolist()
-        column = whole.columns[name]
         if len(values) == 1 and name not in (*whole.down, whole.across, *but):
-            found.append(f"{column.words} {column.text(values[0])} {column.unit}".strip())
+            found.append(whole.columns[name].in_words(values[0]))
     return ", ".join(found)

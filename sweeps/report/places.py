@@ -21,3 +21,11 @@ def _beside(path: Path, what: str) -> Path:
     if path.name.endswith(SUFFIX):
         return path.with_name(f"{path.name.removesuffix(SUFFIX)}-{what}")
     return path.with_name(f"{path.name}.{what}")
+
+
+def located(path: Path) -> str:
+    """Return the shortest path from the current folder, with control characters escaped."""
+    from sweeps.report.words import printable
+
+    here = Path.cwd()
+    return printable(str(path.relative_to(here) if path.is_relative_to(here) else path))

@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from rich.cells import cell_len
 from rich.console import Console
 
-from sweeps.engine.kinds import Count, Number
-from sweeps.engine.settings import Choices, Setting
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, read_frames
 from sweeps.report.headline import headline, main_axis
 from sweeps.report.own import is_free
 from sweeps.report.pivot import at_main, laid_out, place_of
-from sweeps.report.places import page_file, tables_folder
+from sweeps.report.places import located, page_file, tables_folder
+from sweeps.report.screen import line, note, page
 from sweeps.report.stores import attributes, failed_cells, opened
-from sweeps.report.terminal import line, note, page, print_table
-from sweeps.report.words import printable, shown
+from sweeps.report.terminal import print_table
 from sweeps.report.work import read_work
-from sweeps.stages.views import Grid
 
-VARIED = (Grid.pulse_width, Grid.frame_count, Grid.vigilance, Grid.range, Grid.aspect)
-"""Settings to which the example of a next command may add a value."""
-LABEL = " " * len("store   ")
-LONGEST_LIST = 8  # values of a list in that example
 MOST_LINES = 14  # of the main table
 
 
@@ -38,32 +29,24 @@ def tables_of(path: Path) -> dict[str, Frame]:
 
 
 def summarize(
-    path: Path,
-    choices: Choices,
-    axes: Mapping[str, int],
-    console: Console,
-    *,
-    given: Sequence[str] = (),
+    path: Path, frames: Mapping[str, Frame], axes: Mapping[str, int], console: Console
 ) -> list[Path]:
     """Write the tables of a finished store beside it, and print a summary.
 
-    `axes` are the numbers of values of what was swept, by key, and `given` the arguments of the
-    command. Returns the paths at which other files are in the way of tables. Raises
-    ConfigurationError if the store has no tables, and OSError if tables cannot be written; the
-    summary is printed anyway.
+    `axes` are the numbers of values of what was swept, by key. Returns the paths at which other
+    files are in the way of tables. Raises OSError if tables cannot be written; the summary is
+    printed anyway.
     """
-    frames = tables_of(path)
-    kept, failure = write_tables(path, frames.values())
-    with page(console) as aside:
-        print_main(path, frames, aside)
-        print_places(path, frames, aside)
-        note(swept(axes), aside)
-        for number, words in enumerate(next_commands(path, frames, choices, axes, given)):
-            first = f"{'' if number else 'next':<{len(LABEL)}}"
-            line(first + continued(words, aside.width), aside)
-    if failure:
-        raise failure
-    return kept
+    try:
+        return write_tables(path, frames.values())
+    finally:
+        with page(console) as aside:
+            print_main(path, frames, aside)
+            print_places(path, frames, aside)
+            note(swept(axes), aside)
+            store = shlex.quote(located(path))
+            line(f"next    ncti-report {store}", aside)
+            line(f"        ncti-report {store} --table {next(iter(frames))}", aside)
 
 
 def print_main(path: Path, frames: Mapping[str, Frame], console: Console) -> None:
@@ -72,14 +55,11 @@ def print_main(path: Path, frames: Mapping[str, Frame], console: Console) -> Non
     console.print()
     for sentence in headline(frames, about):
         note(sentence, console, style="bold")
-    name, main = next(iter(frames.items()))
-    axes = about.get("swept", ())
-    axis = main_axis(main, axes)
-    at = at_main(main, [*main.down, *[axis] * bool(axis)])
-    table = laid_out(at, axes, joined=[axis])
-    print_table(table, console, most=MOST_LINES, say_rest=False)
-    if len(table.lines) > MOST_LINES:
-        note(f"{len(table.lines) - MOST_LINES} more rows: --table {name}", console)
+    main, axes = next(iter(frames.values())), about.get("swept", ())
+    keep = [*main.down, main_axis(main, axes)]
+    at = at_main(main, keep)
+    shown = at.of_axes([*keep, main.across])
+    print_table(laid_out(shown, axes, joined=True), console, most=MOST_LINES)
     where = place_of(main, at, but=("kind",))
     note(f"At {where}." if where else "", console)
 
@@ -101,60 +81,3 @@ def print_places(path: Path, frames: Mapping[str, Frame], console: Console) -> N
     line(f"tables  {located(tables_folder(path))} ({count})", console)
     if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
         line(f"report  {located(page_file(path))}", console)
-
-
-def located(path: Path) -> str:
-    """Return the shortest path from the current folder, with control characters escaped."""
-    here = Path.cwd()
-    return printable(str(path.relative_to(here) if path.is_relative_to(here) else path))
-
-
-def next_commands(
-    path: Path,
-    frames: Mapping[str, Frame],
-    choices: Choices,
-    axes: Mapping[str, int],
-    given: Sequence[str],
-) -> list[list[str]]:
-    """Return the words of next commands: all tables, one of them, one more value on an axis.
-
-    Words are quoted for a shell.
-    """
-    store = shlex.quote(located(path))
-    found = [["ncti-report", store], ["ncti-report", store, "--table", next(iter(frames))]]
-    if any(one.startswith("-") for one in given) or not given:
-        return found  # a multirun, or not started from a command line
-    for setting in VARIED:
-        values = extended(setting, choices) if setting.key in axes else None
-        if values:
-            kept = [
-                one
-                for one in given
-                if one.lstrip("+~").partition("=")[0] not in (setting.key, "store")
-            ]
-            listed = ",".join(map(shown, values))
-            words = ["ncti-sweep", *kept, f"{setting.key}=[{listed}]", f"store={located(path)}"]
-            return [*found, [shlex.quote(printable(word)) for word in words]]
-    return found
-
-
-def continued(words: Sequence[str], width: int) -> str:
-    """Return a command in lines of some width, continued by backslashes."""
-    lines = [words[0]]
-    for word in words[1:]:
-        if cell_len(f"{LABEL}{lines[-1]} {word} \\") > width:
-            lines.append(f"  {word}")
-        else:
-            lines[-1] += f" {word}"
-    return f" \\\n{LABEL}".join(lines)
-
-
-def extended(setting: Setting, choices: Choices) -> list[float] | None:
-    """Return the values of a setting and one between the last two; None if the list is long."""
-    values: list[Any] = [one for one in choices[setting] if isinstance(one, int | float)]
-    if not 1 < len(values) < LONGEST_LIST or not isinstance(setting.kind, Number):
-        return None
-    new = float(f"{(values[-2] + values[-1]) / 2:.6g}")
-    if isinstance(setting.kind, Count):
-        new = round(new)
-    return None if new in values else [*values[:-1], new, values[-1]]

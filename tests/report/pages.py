@@ -9,6 +9,7 @@ import zarr
 from stores import signed
 
 from sweeps.report.page import write
+from sweeps.report.summary import tables_of
 
 VOID = {"meta", "link", "img", "br", "input"}
 
@@ -100,4 +101,4 @@ def stored(path, attributes=None, **groups):
 
 def page_of(path):
     """The page of a store."""
-    return write.page_of(path)
+    return write.page_of(path, tables_of(path))

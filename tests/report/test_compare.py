@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 import xarray as xr
-from made import scores, shown
+from made import categories, scores, shown
+from pages import stored
 from stores import reported, signed
 
 from ncti.evaluate import paired_difference
 from sweeps.engine.errors import ConfigurationError
-from sweeps.report.compare import compare
+from sweeps.report.compare import NAME, compare
 
 ASPECTS = np.arange(0.0, 60.0, 3.0)
 
@@ -37,7 +38,7 @@ def test_differences_are_of_the_answers_in_common(answers, tmp_path):
     first = store(tmp_path / "a.zarr", several, pulse_width=[10.0, 30.0])
     given = np.where(np.arange(19) == 4, -1, one[:, 1:])
     second = store(tmp_path / "b.zarr", given, ASPECTS[1:], pulse_width=30.0)
-    rows = compare(first, second).rows
+    rows = compare(first, second)[NAME].rows
     assert set(rows.pulse_width) == {30.0}
     asked = given >= 0
     wanted = paired_difference(several[1][:, 1:], given == 1, ASPECTS[1:], draws=0, answered=asked)
@@ -52,7 +53,7 @@ def test_differences_are_of_the_answers_in_common(answers, tmp_path):
 
 def test_the_other_way_round_is_the_opposite(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
-    rows, opposite = compare(*paths).rows, compare(*reversed(paths)).rows
+    rows, opposite = compare(*paths)[NAME].rows, compare(*reversed(paths))[NAME].rows
     np.testing.assert_allclose(rows.difference, -opposite.difference)
     np.testing.assert_allclose(rows.ci_low, -opposite.ci_high)
 
@@ -77,3 +78,17 @@ def test_stores_without_answers_in_common_are_refused(answers, tmp_path, monkeyp
     capsys.readouterr()  # zarr warns of texts when they are written
     assert reported(monkeypatch, first, second) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_learned_aspects_and_others_are_apart_and_other_tables_are_subtracted(answers, tmp_path):
+    learned = xr.Dataset(coords={"learned": ("aspect", ASPECTS < 30), "aspect": ASPECTS})
+    paths = [tmp_path / "a.zarr", tmp_path / "b.zarr"]
+    for path, right, count in zip(paths, answers[0], (7, 9), strict=True):
+        store(path, right)
+        about = {"configuration": {"grid": {"random_aspects": 0}}, "seed": 0}
+        formed = categories(count, pulse_width=[10.0, 30.0])
+        stored(path, about, range_profile=learned, tables__formed=formed)
+    found = compare(*paths)
+    rows = found[NAME].rows
+    assert rows.groupby("aspects").n.max().to_dict() == {"between": 20, "learned": 20}
+    assert (found[f"categories_{NAME}"].rows.categories == 2).all()

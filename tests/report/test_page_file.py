@@ -16,14 +16,13 @@ from pages import page_of, parsed, stored
 from PIL import Image
 from stores import reported
 
-import sweeps.report
 from sweeps.app import report_page
-from sweeps.engine.run import Finished
 from sweeps.engine.schedule import Progress
 from sweeps.report.page import write
-from sweeps.report.page.pictures import pictures_of
 from sweeps.report.page.ships import ships_of
+from sweeps.report.pictures import pictures_of
 from sweeps.report.places import page_file
+from sweeps.report.summary import tables_of
 from sweeps.report.work import read_work, write_work
 
 # pictures -----------------------------------------------------------------------------------------
@@ -31,8 +30,8 @@ from sweeps.report.work import read_work, write_work
 
 def test_a_picture_that_fails_says_why(tmp_path):
     path = stored(tmp_path / "s.zarr", validation=xr.Dataset({"looks": ("ship", np.ones(1))}))
-    (found,) = pictures_of(path, zarr.open_group(path, mode="r"))
-    assert not found.data and found.why
+    ((kind, picture, why),) = pictures_of(path, zarr.open_group(path, mode="r"))
+    assert kind.group == "validation" and not picture and why
 
 
 # files --------------------------------------------------------------------------------------------
@@ -62,39 +61,24 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
 def test_a_page_in_the_way_costs_the_sweep_a_sentence(tmp_path, capsys):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
     page_file(path).mkdir()
-    assert report_page(path, Finished(written=True)) == [page_file(path)]
+    assert report_page(path, tables_of(path)) == [page_file(path)]
     assert capsys.readouterr().err == "" and page_file(path).is_dir()
 
 
-def test_a_page_is_written_again_when_the_store_changes(tmp_path, monkeypatch):
+def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, monkeypatch):
     path = stored(tmp_path / "s.zarr", {"seed": 1}, tables__o=scores(a=[1, 2]))
-    pages = []
-    monkeypatch.setattr(
-        "sweeps.report.command.write_report", lambda store: pages.append(store) or []
-    )
-    assert not write.is_current(path)
-    page_file(path).write_text(page_of(path), encoding="utf-8")
-    report_page(path, Finished(written=False))
-    assert pages == []
-    stored(path, {"seed": 2})
-    report_page(path, Finished(written=False))
-    assert pages == [path]
-
-
-@pytest.mark.parametrize("name", ["page/ships.py", "page/templates/page.js", "frames.py"])
-def test_a_page_is_written_again_when_the_report_changes(name, tmp_path, monkeypatch):
-    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
     copy = tmp_path / "report"
-    shutil.copytree(Path(sweeps.report.__file__).parent, copy)
-    monkeypatch.setattr(write, "files", lambda package: copy)
-    page_file(path).write_text(f'<meta name="{write.STAMP}" content="{write._stamp(path)}">')
-    assert write.is_current(path)
-    (copy / "page/__pycache__").mkdir(exist_ok=True)
-    (copy / "page/__pycache__/more.pyc").write_bytes(b"compiled")
-    assert write.is_current(path)
-    with (copy / name).open("a") as file:
-        file.write("\n")
+    shutil.copytree(write.FOLDER, copy)
+    monkeypatch.setattr(write, "FOLDER", copy)
     assert not write.is_current(path)
+    assert write.write_page(path, tables_of(path)) == [] and write.is_current(path)
+    stored(path, {"seed": 2})
+    assert not write.is_current(path)
+    for name in ("page/ships.py", "page/templates/page.js", "frames.py"):
+        assert write.write_page(path, tables_of(path)) == [] and write.is_current(path)
+        with (copy / name).open("a") as file:
+            file.write("\n")
+        assert not write.is_current(path)
 
 
 DAMAGED = {  # what is broken, and how the sentence begins

@@ -3,10 +3,8 @@
 import io
 import re
 import shlex
-from pathlib import Path
 
 import pytest
-from commands import chosen, prepared
 from made import categories, scores, shown
 from rich.cells import cell_len
 from rich.console import Console
@@ -14,17 +12,15 @@ from stores import reported, rows_of
 
 from sweeps.report.own import PAGE, UNKNOWN, sealed
 from sweeps.report.places import page_file
-from sweeps.report.summary import continued, extended, summarize
-from sweeps.stages.views import Grid
+from sweeps.report.summary import summarize, tables_of
 
-GIVEN = ["+experiment=smoke", "store=sweep.zarr", "cache=cache"]
 AXES = {"grid.ship": 2, "grid.aspect": 7, "grid.pulse_width": 3}
 
 
-def page(path, width=80, given=GIVEN, axes=AXES):
+def page(path, width=80):
     """What is printed at the end of a sweep."""
     console = Console(file=io.StringIO(), width=width)
-    summarize(path, chosen("+experiment=smoke"), axes, console, given=given)
+    summarize(path, tables_of(path), AXES, console)
     return console.file.getvalue()
 
 
@@ -58,39 +54,9 @@ def test_its_figures_are_those_of_the_files(smoke_store):
 def test_the_next_commands_would_run(smoke_store, monkeypatch):
     monkeypatch.chdir(smoke_store.parent)
     text = page(smoke_store)
-    commands = text[text.index("next    ") :].removeprefix("next    ").replace("\\\n", "")
-    *reports, sweep = (shlex.split(line) for line in commands.splitlines())
-    assert [words[0] for words in (*reports, sweep)] == ["ncti-report"] * 2 + ["ncti-sweep"]
-    for words in reports:
-        assert reported(monkeypatch, *words[1:]) == 0
-    ((choices, store),) = prepared(*sweep[1:])
-    assert choices[Grid.pulse_width] == (10, 30, 40, 50) and Path(store).name == "sweep.zarr"
-    # A multirun is not varied, nor what has no command line.
-    for given in ([], ["-m", "seed=1,2"]):
-        assert "ncti-sweep" not in page(smoke_store, given=given)
-
-
-@pytest.mark.parametrize(
-    ("override", "values"),
-    [
-        ("grid.vigilance=[0.9,0.99]", [0.9, 0.945, 0.99]),
-        ("grid.frame_count=[4,16]", [4, 10, 16]),
-        ("grid.frame_count=[4,5]", None),
-        ("grid.pulse_width=30", None),
-        ("grid.pulse_width={start:10,stop:50,step:1}", None),
-    ],
-)
-def test_one_more_value_is_one_that_is_allowed(override, values):
-    key = override.partition("=")[0].partition(".")[2]
-    setting = getattr(Grid, key)
-    assert extended(setting, chosen("grid.ship=duncan", override)) == values
-
-
-def test_long_commands_go_on_below():
-    words = [f"word{k}" for k in range(30)]
-    lines = continued(words, 40).split("\n")
-    assert max(map(len, lines)) <= 40 and all(line.endswith(" \\") for line in lines[:-1])
-    assert shlex.split(continued(words, 40).replace("\\\n", "")) == words
+    commands = text[text.index("next    ") :].removeprefix("next    ")
+    for command, *words in (shlex.split(line) for line in commands.splitlines()):
+        assert command == "ncti-report" and reported(monkeypatch, *words) == 0
 
 
 @pytest.mark.parametrize("name", ["[red]x.zarr", "a b\x1b[31mc.zarr", "[/].zarr"])
@@ -103,7 +69,7 @@ def test_names_of_paths_are_shown_as_they_are(name, tmp_path, monkeypatch):
     formed.to_zarr(path, group="tables/categories_acn", mode="w", consolidated=False)
     page_file(path).write_bytes(sealed(f'<meta name="{PAGE}" content="{UNKNOWN}">'))
     console = Console(file=io.StringIO(), width=100, force_terminal=True)
-    summarize(path, chosen(), {}, console, given=["grid.ship=[duncan]"])
+    summarize(path, tables_of(path), {}, console)
     text = console.file.getvalue()
     name = name.replace("\x1b", "\\x1b")
     assert f"store   {name}\n" in text and "\x1b[31m" not in text

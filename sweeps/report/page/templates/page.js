@@ -94,11 +94,12 @@
   const hover = (handler, event, item, value) => {
     tip.hidden = !value;
     if (!value) return;
-    const lines = Object.entries(value).filter(([key]) => !["shift", "part"].includes(key));
+    const lines = Object.entries(value).filter(([key]) => !["shift", "part", "colour"].includes(key));
     tip.textContent = lines.map(([key, text]) => `${key}: ${text}`).join("\n");
     tip.style.left = Math.min(event.pageX + 12, document.documentElement.clientWidth - 240) + "px";
     tip.style.top = event.pageY + 12 + "px";
   };
+  const DASHES = [[1, 0], [5, 3], [2, 2], [8, 3, 2, 3]];
   const valuesOf = (table, axis, figure) => {
     const kept = selected(table, [axis]);
     const found = [];
@@ -106,6 +107,7 @@
       if (!kept[k] || table.rows[figure][k] === null || table.rows[axis]?.[k] === null) continue;
       if (axis === table.across && table.rows[axis][k] === "overall") continue;
       const row = { series: seriesOf(table, k) || table.headings[figure] };
+      row.colour = table.words[table.colour]?.[table.rows[table.colour]?.[k]];
       for (const [name, column] of Object.entries(table.rows)) {
         if (column[k] !== null && !table.series.includes(name)) row[name] = column[k];
       }
@@ -125,11 +127,13 @@
     for (const row of rows) row.shift = series.length < 2 ? 0 : 7 * (series.indexOf(row.series) / (series.length - 1) - 0.5);
     // A tip shows the axis, the figure and what belongs to it, and axes that differ.
     const differing = table.axes.filter((one) => new Set(rows.map((row) => row[one])).size > 1);
-    const told = ["series", ...differing, ...Object.keys(rows[0]).filter((one) => !table.axes.includes(one) && one.length && (one === name || /ci_|^n$|source|chance|spread/.test(one)))];
+    const tipped = ["series", ...differing, ...Object.keys(rows[0]).filter((one) => !table.axes.includes(one) && one.length && (one === name || /ci_|^n$|source|chance|spread/.test(one)))];
     const spec = structuredClone(table.specs[name]);
-    const number = (one) => Math.max(0, data.curves.indexOf(one));
-    const domain = { domain: series, range: series.map((one) => colour(`--c${number(one) % 8}`)) };
-    const dashes = { domain: series, range: series.map((one) => (number(one) < 8 ? [1, 0] : [5, 3])) };
+    // A classifier has one colour in every chart; its curves differ by their dashes.
+    const number = (one) => Math.max(0, data.colours.indexOf(rows.find((row) => row.series === one).colour)) % 8;
+    const dash = (one, place) => DASHES[series.slice(0, place).filter((other) => number(other) === number(one)).length % DASHES.length];
+    const domain = { domain: series, range: series.map((one) => colour(`--c${number(one)}`)) };
+    const dashes = { domain: series, range: series.map(dash) };
     for (const layer of spec.layer) {
       if (layer.encoding.color) {
         layer.encoding.x = table.x[axis];
@@ -140,7 +144,7 @@
         }
         if (series.length < 2) layer.encoding.color.legend = null;
       }
-      if (layer.mark.tooltip) layer.encoding.tooltip = [...new Set(told)].map((field) => ({ field, title: table.headings[field] ?? field }));
+      if (layer.mark.tooltip) layer.encoding.tooltip = [...new Set(tipped)].map((field) => ({ field, title: table.headings[field] ?? field }));
     }
     spec.data = { values: rows };
     spec.width = Math.max(200, Math.min(620, figure.clientWidth - 70));
@@ -176,11 +180,11 @@
   const code = (section, cell) => {
     const table = data.tables[section.dataset.table], figure = cell.dataset.f;
     const k = table.labels.indexOf(Number(cell.dataset.r)), part = table.parts[table.rows.part[k]];
-    if (!part || !(figure in part.variables)) return "counted from the group classification";
+    if (!part?.group || !(figure in part.variables)) return "computed from the group classification";
     const quoted = (value) => (value === true ? "True" : value === false ? "False" : JSON.stringify(value));
     const place = part.dims[figure].filter((dim) => dim in part.names && table.rows[part.names[dim]][k] !== null)
       .map((dim) => `${dim}=${quoted(table.rows[part.names[dim]][k])}`).join(", ");
-    const factor = table.units[figure] === "%" ? "100 * " : "";
+    const factor = table.factors[figure] === 1 ? "" : `${table.factors[figure]} * `;
     const group = `xr.open_zarr(${JSON.stringify(data.store)}, group="${part.group}")`;
     return `${factor}float(${group}["${part.variables[figure]}"]${place ? `.sel(${place})` : ""})`;
   };

@@ -1,0 +1,183 @@
+"""What the report page shows of a store, for its template and its script."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sweeps.report.chart import axis_of, specification
+from sweeps.report.confusion import NAME as CONFUSION
+from sweeps.report.confusion import confusion_of
+from sweeps.report.frames import PART, Column, Frame, values_of
+from sweeps.report.headline import headline, main_axis
+from sweeps.report.page.provenance import flat, provenance, status_of, swept, written
+from sweeps.report.page.ships import ships_of
+from sweeps.report.pictures import pictures_of
+from sweeps.report.pivot import at_main, laid_out, ordered
+from sweeps.report.stores import attributes, opened
+from sweeps.report.words import missing, preferred, printable
+from sweeps.report.work import NAME as WORK
+
+MOST = 4_000  # rows of a table; the CSV file has all
+CHARTED = 32_000  # rows of a table that its charts have
+FALLBACK = "frame_count"  # the axis of charts where nothing was swept
+CURVES = ("classifier", "channel", "scored")  # axes that charts are never against
+
+
+def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
+    """Return the content of the page of a store, of its tables; OSError if it cannot be read."""
+    store = opened(path)
+    about = attributes(store)
+    work, matrix = frames.get(WORK), confusion_of(store)
+    tables = {name: one for name, one in frames.items() if name != WORK}
+    said = headline(tables, about)
+    tables |= {CONFUSION: matrix} if matrix is not None else {}
+    axes, against = list(about.get("swept", ())), against_of(tables, about.get("swept", ()))
+    settings = list(flat(about.get("configuration", {})))
+    selectors = selectors_of(tables)
+    return {
+        "store": path.name,
+        "title": str(about.get("title", "Parameter sweep")),
+        "headline": said,
+        "status": status_of(store),
+        "settings": [(key, written(value)) for key, value in settings],
+        "swept": swept(store, settings),
+        "selectors": selectors,
+        "against": against,
+        "axes": axes_of(tables),
+        "tables": [table_of(one, against, axes) for one in tables.values()],
+        "pictures": pictures_of(path, store),
+        "ships": ships_of(store),
+        "work": None if work is None else laid_out(work),
+        "provenance": provenance(store),
+        "seed": about.get("seed"),
+        "data": {
+            "store": path.name,
+            "tables": {name: data_of(one) for name, one in tables.items()},
+            # Their places give classifiers a colour, the same in every chart.
+            "colours": list(dict.fromkeys(one for of in tables.values() for one in colours_of(of))),
+        },
+    }
+
+
+def curves_of(frame: Frame) -> list[str]:
+    """Return the declared axes down of several values: a curve for each of their values."""
+    return [name for name in frame.down if name in frame.several()]
+
+
+def colours_of(frame: Frame) -> list[str]:
+    """Return the words of the first declared axis down: curves of one of them have one colour."""
+    return [text for name in frame.down[:1] for text in _words_of(frame, name).values()]
+
+
+def axes_of(frames: Mapping[str, Frame]) -> dict[str, str]:
+    """Return headings of the axes of several values, which charts may be against, by column."""
+    return {
+        name: one.columns[name].heading
+        for one in frames.values()
+        for name in one.several()
+        if one.columns[name].axis not in CURVES
+    }
+
+
+def against_of(frames: Mapping[str, Frame], swept: Sequence[str]) -> str:
+    """Return the axis down and along charts at first: the swept one, else that of frames."""
+    first = next(iter(frames.values()))
+    names = [name for name in first.several() if name not in (first.across, *curves_of(first))]
+    found = main_axis(first, swept) or (FALLBACK if FALLBACK in names else "")
+    return found or next(iter([*names, *axes_of(frames)]), "")
+
+
+def selectors_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
+    """Return the axes to select: of several values, and not down or across everywhere."""
+    columns, values = dict[str, Column](), dict[str, list[Any]]()
+    for one in frames.values():
+        for name in one.several():
+            if name in curves_of(one) or (name == one.across and name != "aspect_bin_deg"):
+                continue
+            columns.setdefault(name, one.columns[name])
+            known = values.setdefault(name, [])
+            known += [value for value in values_of(one.rows, name) if value not in known]
+    found = []
+    for name, column in columns.items():
+        if all(isinstance(value, int | float) for value in values[name]):
+            values[name].sort()
+        first = preferred(column.axis, values[name])
+        options = [(json.dumps(_for_json(v)), column.text(v), v == first) for v in values[name]]
+        found.append({"name": name, "column": column, "options": options})
+    return found
+
+
+def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]:
+    """Return a table of the page: all rows, of which those of the first selection are shown."""
+    chosen = set(at_main(frame, [*curves_of(frame), against]).rows.index)
+    order = [frame.columns[name].axis for name in (against,) if name in frame.columns]
+    table, names = laid_out(frame, [*order, *swept]), ordered(frame, [*order, *swept])
+    lines = []
+    for line in table.lines[:MOST]:
+        labels = [cell.row for cell in line.cells if cell.row is not None]
+        lines.append((line, bool(chosen.intersection(labels)), labels[0] if labels else 0))
+    seen = [line.keys for line, is_shown, _ in lines if is_shown]
+    fixed = [len({keys[k] for keys in seen} - {""}) < 2 for k in range(len(names))]
+    return {
+        "frame": frame,
+        "figures": [frame.columns[name] for name in frame.figures],
+        "down": list(zip(names, table.down, fixed, strict=True)),
+        "heads": table.heads,
+        "lines": lines,
+        "more": len(table.lines) - len(lines),
+        "notes": table.notes,
+    }
+
+
+def data_of(frame: Frame) -> dict[str, Any]:
+    """Return a frame for the script: its rows, and how its charts are specified."""
+    rows, curves, columns = frame.rows.head(CHARTED), curves_of(frame), frame.columns
+    numeric = [name for name in frame.several() if frame.rows[name].dtype.kind in "fiu"]
+    return {
+        "rows": {
+            name: [_for_json(value) for value in rows[name].tolist()] for name in (*columns, PART)
+        },
+        "labels": rows.index.tolist(),
+        "axes": frame.of_role("axis"),
+        "series": curves,
+        "colour": next(iter(frame.down), ""),
+        "words": {name: _words_of(frame, name) for name in frame.down},
+        "across": frame.across,
+        "x": {
+            name: axis_of(columns[name], frame)
+            for name in frame.several()
+            if name not in curves or name in numeric
+        },
+        "specs": {
+            name: specification(frame, name) for name in frame.figures if frame.name != CONFUSION
+        },
+        "parts": [
+            {
+                "group": part.group,
+                "variables": dict(part.variables),
+                "dims": dict(part.dims),
+                "names": dict(part.names),
+                "labels": list(part.display.labels),
+            }
+            for part in frame.parts
+        ],
+        "factors": {name: column.factor for name, column in columns.items()},
+        "headings": {name: column.heading for name, column in columns.items()},
+    }
+
+
+def _for_json(value: Any) -> Any:
+    """Return a value of a frame as JSON has it, control characters of texts escaped."""
+    if missing(value) or (isinstance(value, float) and not math.isfinite(value)):
+        return None
+    return printable(value) if isinstance(value, str) else value
+
+
+def _words_of(frame: Frame, name: str) -> dict[str, str]:
+    """Return the words of the values of an axis, by value."""
+    words = frame.columns[name].text
+    return {printable(str(value)): words(value) for value in values_of(frame.rows, name)}

@@ -1,0 +1,125 @@
+"""Swept axes, states of cells, and provenance of a store."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import zarr
+
+from sweeps.report.stores import attributes, failed_cells, groups, read
+from sweeps.report.words import printable, shown, unit_of
+
+CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
+LISTED = 20  # failures that are listed; all are in the store
+STATES = (1, 0, -1)  # of a cell: done, failed, missing
+VALUES = 8  # of a setting that are listed; of more numbers, the ends
+TABLES = {
+    "versions": "Versions",
+    "mesh_digests": "Digests of the ships' meshes",
+    "mesh_transforms": "Transforms of the ships' meshes",
+    "code": "Digests of code by stage",
+    "cells": "Digests of results by stage",
+}
+"""Titles of attributes: everything that results depend on besides the configuration."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """Numbers of cells of a store that are done, failed and missing, by kind, and failures."""
+
+    parts: Mapping[str, tuple[int, ...]]
+    failures: Mapping[str, str]
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Numbers of all cells that are done, failed and missing."""
+        done, failed, missing = (sum(one[k] for one in self.parts.values()) for k in range(3))
+        return done, max(failed, bool(self.failures)), missing  # some failures have no state
+
+    @property
+    def word(self) -> str:
+        """The state of the sweep: complete, partial or failed; unknown of a store without any."""
+        done, failed, missing = self.counts
+        if not self.parts and not failed:
+            return "unknown"
+        if not done:
+            return "failed" if failed else "partial"
+        return "partial" if failed or missing else "complete"
+
+    @property
+    def sentence(self) -> str:
+        """The numbers of cells, in words."""
+        if not self.parts:
+            return "the store has no record of its cells"
+        done, failed, missing = self.counts
+        said = [f"{done:,} of {sum(self.counts):,} cells done"]
+        said += [f"{failed:,} failed"] * bool(failed) + [f"{missing:,} missing"] * bool(missing)
+        return ", ".join(said)
+
+    @property
+    def listed(self) -> list[tuple[str, str]]:
+        """The first failures: names of cells, and reasons."""
+        return list(self.failures.items())[:LISTED]
+
+
+def status_of(store: Any) -> Status:
+    """Return the states of all cells of a store."""
+    parts = {}
+    for group in groups(store):
+        if group == "status" or group.startswith("status_"):
+            for name, array in read(store, group).data_vars.items():
+                label = str(name) if group == "status" else group.removeprefix("status_")
+                counts = tuple(int((array.values == state).sum()) for state in STATES)
+                parts[printable(label.replace("_", " "))] = counts
+    return Status(parts, failed_cells(store))
+
+
+def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every setting of a configuration by its key."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            yield from flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def swept(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tuple[str, str]]:
+    """Return key and values of the settings that are axes of a store."""
+    units = {
+        path.rpartition("/")[2]: unit_of(str(array.attrs.get("units", "1")))
+        for path, array in store.members(max_depth=None)
+        if isinstance(array, zarr.Array)
+    }
+    return [
+        (key, _several(value, units.get(key.rpartition(".")[2], "")))
+        for key, value in settings
+        if isinstance(value, list) and len(value) > 1
+        if key.rpartition(".")[2] in (*units, *CHOICES)
+    ]
+
+
+def _several(values: list[Any], unit: str) -> str:
+    """Return values in words; of many numbers, the ends."""
+    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+    if len(values) > VALUES and len(numbers) == len(values):
+        ends = f"{shown(min(numbers))} to {shown(max(numbers))} {unit}".strip()
+        return f"{ends}, {len(values)} values"
+    return f"{', '.join(map(shown, values))} {unit}".strip()
+
+
+def written(value: Any) -> str:
+    """Return a value of the configuration as YAML, on one line."""
+    return printable(json.dumps(value, ensure_ascii=False))
+
+
+def provenance(store: Any) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return tables, by title, of everything that results depend on besides the configuration."""
+    given = attributes(store)
+    return [
+        (title, [(str(key), str(value)) for key, value in dict(given[name]).items()])
+        for name, title in TABLES.items()
+        if given.get(name)
+    ]

@@ -1,0 +1,85 @@
+"""The screen: as wide as it is, of any encoding, and it may be closed or full."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import IO
+
+from rich.console import Console
+from rich.text import Text
+
+from sweeps.report.words import printable
+
+PIPED = 80  # cells of a line where there is no terminal
+PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
+
+
+def screen() -> Console:
+    """Return the console of stdout: as wide as the terminal, elsewhere 80 cells or `COLUMNS`."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        asked = os.environ.get("COLUMNS", "")
+        console.width = max(PIPED, int(asked) if asked.isdigit() else 0)
+    return console
+
+
+@contextmanager
+def page(console: Console) -> Iterator[Console]:
+    """Yield a console whose text is finally written to another one, as far as possible."""
+    text = io.StringIO()
+    yield Console(
+        file=text,
+        width=console.width,
+        force_terminal=console.is_terminal,
+        color_system=console.color_system,  # type: ignore[arg-type]
+        no_color=console.no_color,
+        legacy_windows=False,
+    )
+    _say(text.getvalue(), console.file, console.encoding)
+
+
+def _say(text: str, file: IO[str], encoding: str) -> None:
+    """Write to a file that may be closed, full (a sentence on stderr), or of another encoding."""
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        text = text.translate(PLAINER).encode(encoding, "replace").decode(encoding)
+    try:
+        file.write(text)
+        file.flush()
+    except OSError as error:
+        # Discard the rest of the text, so that closing the file does not fail.
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, file.fileno())
+            os.close(nowhere)
+        if not isinstance(error, BrokenPipeError):
+            complain(f"tables cannot be printed: {error.strerror or error}")
+    except ValueError:  # closed
+        return
+
+
+def complain(sentence: str) -> None:
+    """Print a sentence to stderr, ignoring errors."""
+    with suppress(OSError, ValueError, AttributeError):
+        print(f"ncti-report: {sentence}", file=sys.stderr, flush=True)
+
+
+def plain(text: str) -> Text:
+    """Return a text as it is, lines apart, its control characters escaped and no markup read."""
+    return Text("\n".join(map(printable, text.split("\n"))))
+
+
+def line(text: str, console: Console) -> None:
+    """Print one line without wrapping."""
+    console.print(plain(text), soft_wrap=True)
+
+
+def note(text: str, console: Console, *, style: str = "dim") -> None:
+    """Print a note, if it says anything."""
+    if text:
+        console.print(plain(text), style=style)
