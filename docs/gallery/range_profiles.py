@@ -17,11 +17,11 @@ ship = str(profiles.ship[0].item())
 
 def stack(axes, lines, title):
     """Draw lines above one another, each above its noise floor and relative to its peak."""
-    for place, (label, line) in enumerate(lines):
+    for place, (_, line) in enumerate(lines):
         line = (line - line.quantile(0.2)) / (line.max() - line.quantile(0.2))
-        axes.plot(line.down_range, line.values - 1.2 * place, label=label)
-        axes.text(line.down_range[-1], 0.15 - 1.2 * place, label, ha="right")
-    axes.set(title=title, yticks=[], xlabel="down-range from the ship origin [m]")
+        axes.plot(line.down_range, line.values - 1.2 * place)
+    axes.set(title=title, xlabel="down-range from the ship origin [m]")
+    axes.set_yticks([-1.2 * place for place in range(len(lines))], [label for label, _ in lines])
     axes.spines[["left", "right", "top"]].set_visible(False)
 
 

@@ -34,5 +34,5 @@ for axes, name in zip(panels, bins, strict=True):
     axes.set_xticks(counts, [f"{one:g}" for one in counts], minor=False)
     axes.minorticks_off()
 panels[0].set_ylabel("percent correct, 95 % intervals")
-panels[0].legend(frameon=False, fontsize="small")
+figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
 figure.savefig(picture, dpi=150)

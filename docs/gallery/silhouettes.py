@@ -14,10 +14,12 @@ ship = "spruance" if "spruance" in view.ship.values else str(view.ship.values[0]
 kept = {"range", "super_resolution", "row", "col", "angle", "radius"}
 view = view.sel(ship=ship)
 view = view.isel(dict.fromkeys(set(view.dims) - kept, 0)).load()
-places = [(r, w) for r in view.range.values for w in view.super_resolution.values]
-size = {"figsize": (9, 1.5 * len(places)), "layout": "constrained", "width_ratios": [3, 1]}
-figure, panels = plt.subplots(len(places), 2, squeeze=False, **size)
-for (left, right), (slant_range, way) in zip(panels, places, strict=True):
+ranges, ways = view.range.values, view.super_resolution.values
+size = {"figsize": (5 * len(ways), 1.6 * len(ranges)), "layout": "constrained"}
+widths = [3, 1] * len(ways)
+figure, panels = plt.subplots(len(ranges), len(widths), squeeze=False, width_ratios=widths, **size)
+places = [(slant_range, way) for slant_range in ranges for way in ways]
+for (left, right), (slant_range, way) in zip(panels.reshape(-1, 2), places, strict=True):
     one = view.sel(range=slant_range, super_resolution=way)
     image = one.image.transpose("row", "col").values
     rows, columns = np.isfinite(image).any(axis=1), np.isfinite(image).any(axis=0)
@@ -25,10 +27,10 @@ for (left, right), (slant_range, way) in zip(panels, places, strict=True):
     extent = (across[0], across[-1], up[0], up[-1])
     drawn = left.imshow(image[np.ix_(rows, columns)], origin="lower", extent=extent, cmap="inferno")
     figure.colorbar(drawn, ax=left, label="K")
-    left.set_ylabel(f"{slant_range:g} km\n{way}")
+    left.set_title(f"{slant_range:g} km, {way}")
     cells = one.log_polar.transpose("radius", "angle").values
     right.imshow(cells, origin="lower", extent=(0, 360, 0, 1), aspect="auto", cmap="Blues")
-panels[0, 0].set_title(f"{ship}, aspect {float(view.aspect):g}°: image [m]")
-panels[0, 1].set_title("log-polar map")
-panels[-1, 1].set_xlabel("angle [°]")
-figure.savefig(picture, dpi=150)
+for axes in panels[-1]:
+    axes.set_xlabel("angle [°]" if axes in panels[-1, 1::2] else "across [m]")
+figure.suptitle(f"{ship}, aspect {float(view.aspect):g}°: images and log-polar maps")
+figure.savefig(picture, dpi=110)

@@ -26,6 +26,6 @@ for line, name in zip(panels, bins, strict=True):
         axes.axhline(rows.percent_correct_by_chance.iloc[0], color="0.6", ls=":", label="chance")
         axes.set(title=f"{slant_range:g} km, aspect {name} [°]", ylim=(0, 104))
         axes.set_xlabel("spacing of templates [°]")
-    line[0].set_ylabel("percent correct, 95 % intervals")
+    line[0].set_ylabel("percent correct")
 figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 figure.savefig(picture, dpi=150)
