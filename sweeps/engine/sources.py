@@ -16,6 +16,8 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import decode_source, find_spec, resolve_name
+from itertools import accumulate
+from modulefinder import ModuleFinder
 from pathlib import Path
 from types import CodeType
 
@@ -25,10 +27,9 @@ ENGINE = frozenset({__name__.rpartition(".")[0]})
 ABOVE = __name__.partition(".")[0]  # it offers the engine's `sweep`
 LABELS = frozenset({"help", "label"})  # arguments of settings that are only shown
 
-LINE = ("LOAD_CONST", 1)  # in a class, what loads its second constant
-
 _ANNOTATIONS = __future__.annotations.compiler_flag  # compiled as texts
 _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+_FINDER = ModuleFinder()
 _FOR_TYPES = re.compile(r"\bif (?:typing\.)?TYPE_CHECKING:")
 
 
@@ -45,8 +46,8 @@ class Statement:
         self.digest = hashlib.sha256(_text(code).encode()).hexdigest()
         self.uses = {name for one in inside for name in one.co_names}  # variables and attributes
         self.imports = {target for one in inside for target in _imports(one, package)}
-        stored = (at for operation, at in _operations(code) if operation == "STORE_NAME")
-        self.binds = {code.co_names[at] for at in stored}
+        found = _FINDER.scan_opcodes(code)
+        self.binds = {name for what, names in found if what == "store" for name in names}
         self.acts = True
 
 
@@ -167,33 +168,13 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
             yield from _codes(constant)
 
 
-def _operations(code: CodeType) -> list[tuple[str, int]]:
-    """Return name and argument of every operation in code, without that nested in it.
-
-    `dis.get_instructions` tells more, and takes ten times as long.
-    """
-    found, argument = [], 0
-    for operation, byte in zip(code.co_code[::2], code.co_code[1::2], strict=True):
-        argument = argument << 8 | byte
-        if operation != dis.EXTENDED_ARG:
-            found.append((dis.opname[operation], argument))
-            argument = 0
-    return found
-
-
 def _imports(code: CodeType, package: str) -> Iterator[Reference]:
     """Yield what imports, and calls of `import_module`, in code refer to."""
-    found = _operations(code) if dis.opmap["IMPORT_NAME"] in code.co_code[::2] else []
-    for (sort, level), (_, names), (operation, name) in zip(
-        found, found[1:], found[2:], strict=False
-    ):
-        if operation == "IMPORT_NAME":
-            dots = "." * (code.co_consts[level] if sort == "LOAD_CONST" else level)
-            owner = _absolute(dots + code.co_names[name], package)
-            parts = owner.split(".")
-            above = ((".".join(parts[: end + 1]), "") for end in range(len(parts)))
-            listed = code.co_consts[names]
-            yield from ((owner, one) for one in listed) if listed else above
+    found = [given for what, given in _FINDER.scan_opcodes(code) if what != "store"]
+    for *level, names, name in found:
+        owner = _absolute("." * sum(level) + name, package)
+        above = accumulate(owner.split("."), "{}.{}".format)
+        yield from ((owner, one) for one in names) if names else ((one, "") for one in above)
     if not {"import_module", "__import__"}.isdisjoint(code.co_names):
         texts = (one for one in code.co_consts if isinstance(one, str) and one.strip("."))
         named = (_absolute(one, package) for one in texts)
@@ -215,8 +196,9 @@ def _text(value: object) -> str:
         names = (value.co_name, value.co_names, value.co_varnames, value.co_freevars)
         rest = (value.co_cellvars, value.co_flags, value.co_code, value.co_exceptiontable)
         constants = [*value.co_consts]
-        if "__firstlineno__" in value.co_names and _operations(value).count(LINE) == 1:
-            constants[LINE[1]] = None  # the line of a class, which Python keeps from 3.13 on
+        loads = (one for one in dis.get_instructions(value) if one.opname == "LOAD_CONST")
+        if "__firstlineno__" in value.co_names and sum(one.arg == 1 for one in loads) == 1:
+            constants[1] = None  # the line of a class, which Python keeps from 3.13 on
         return repr((numbers, names, rest, [_text(one) for one in constants]))
     if isinstance(value, frozenset):
         return f"frozenset({sorted(map(_text, value))})"
