@@ -9,8 +9,8 @@ from pathlib import Path
 from benchmarks.phases import timed
 from benchmarks.reports import Report
 from benchmarks.sweeping import by_stage, choices_of, on_workers
+from sweeps.engine.packs import CellIndex
 from sweeps.engine.plan import Plan
-from sweeps.engine.results import CellIndex
 from sweeps.engine.stage import Bound
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid

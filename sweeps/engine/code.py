@@ -23,8 +23,16 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.libraries import versions
-from sweeps.engine.sources import ENGINE, Module, Reference, is_standard, open_module, place, within
+from sweeps.engine.sources import (
+    ENGINE,
+    Module,
+    Reference,
+    is_standard,
+    open_module,
+    place,
+    versions,
+    within,
+)
 
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
 # They may reach any name, and any attribute of a module.

@@ -27,12 +27,10 @@ from sweeps.engine.folders import check_apart, check_folder, check_target
 from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
 from sweeps.engine.multirun import fused
 from sweeps.engine.overrides import STORE, Job, job_of, read_jobs
-from sweeps.engine.packs import SHORTAGES
+from sweeps.engine.packs import SHORTAGES, CellIndex
 from sweeps.engine.plan import Plan
-from sweeps.engine.preview import preview
 from sweeps.engine.process import environment, forgiving, say, show
-from sweeps.engine.results import CellIndex
-from sweeps.engine.run import Finished, Place, existing, sweep
+from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.settings import Choices, Cluster, Run
 from sweeps.engine.stage import Experiment
 from sweeps.engine.usage import listing, usage

@@ -42,7 +42,7 @@ def primary(experiment: Experiment) -> str:
 def register(experiment: Experiment) -> None:
     """Register the schema of an experiment and its default configuration with Hydra."""
     known = ConfigStore.instance()
-    known.store(name=SCHEMA, node=_schema(nested(experiment.declared)))
+    known.store(name=SCHEMA, node=_schema(nested(experiment.by_key)))
     for kind in CLUSTERS:
         known.store(group="cluster", name=kind, node={"kind": kind})
     if experiment.conf is None:
@@ -127,7 +127,7 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
         Naming the first invalid key, its value and what is allowed.
     """
     written: Any = OmegaConf.to_container(composed, resolve=False)
-    _check_tree(experiment, nested(experiment.declared), written, "")
+    _check_tree(experiment, nested(experiment.by_key), written, "")
     try:
         values: Any = OmegaConf.to_container(composed, resolve=True)
     except OmegaConfBaseException as error:
@@ -176,10 +176,6 @@ def unknown(
     """Return the error of a key that its group, of the keys of `tree`, does not have."""
     last = key.rpartition(".")[2]
     wrong = f"{key} is not a key of the configuration"
-    for name, setting in tree.items():
-        if getattr(setting, "was", "") == last:
-            now = f"{group}.{name}".lstrip(".")
-            return ConfigurationError(f"{wrong} any more; it is {now} now")
     elsewhere = [one.key for one in experiment.declared if one.key.endswith(f".{last}")]
     meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=ALIKE) or elsewhere
     if not meant:
@@ -220,8 +216,7 @@ def _as_written(setting: Setting, given: Any) -> list[Any]:
 
 def _named(experiment: Experiment, name: str) -> Setting:
     """Return the setting of a key, or of the last word of one."""
-    by_key = {one.key: one for one in experiment.declared}
-    exact = by_key.get(name) or by_key.get(f"{Together.key}.{name}")
+    exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Together.key}.{name}")
     found = [exact] if exact else [one for one in experiment.declared if one.name == name]
     if len(found) != 1:
         several = ", ".join(one.key for one in found)

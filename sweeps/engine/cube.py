@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.coordinates import axis_coordinates, setting_coordinates
+from sweeps.engine.kinds import spelt
 from sweeps.engine.packs import Spot
-from sweeps.engine.plan import Plan
+from sweeps.engine.plan import Axis, Plan
 from sweeps.engine.returned import Arrays, uneven
+from sweeps.engine.settings import Setting
 from sweeps.engine.stage import COORDINATE, MEASURED, STATE, Bound, Output
 from sweeps.engine.tasks import Damaged
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
@@ -240,14 +241,16 @@ class Cube:
 
     def _cells(self, spots: Sequence[Spot]) -> list[Arrays]:
         """Return arrays of cells, from memory if they were read recently."""
-        memory = self._memory  # several threads may ask
+        memory = self._memory
         found = {spot: memory[spot] for spot in spots if spot in memory}
         lacking = [spot for spot in dict.fromkeys(spots) if spot not in found]
-        for spot, arrays in zip(lacking, self._read_cells(lacking), strict=True):
-            if arrays is None:
-                raise Damaged((spot.key,))
-            found[spot] = memory[spot] = arrays
-            self._held += sum(array.nbytes for array in arrays.values())
+        read = dict(zip(lacking, self._read_cells(lacking), strict=True))
+        if damaged := tuple(spot.key for spot, arrays in read.items() if arrays is None):
+            raise Damaged(damaged)
+        for spot, arrays in read.items():
+            if arrays is not None:
+                found[spot] = memory[spot] = arrays
+                self._held += sum(array.nbytes for array in arrays.values())
         if self._held > REMEMBERED:
             self._memory, self._held = {}, 0
         return [found[spot] for spot in spots]
@@ -311,3 +314,52 @@ class Cube:
             found |= axis_coordinates(axis, axis_name)
         attrs = {"units": "1", "long_name": label, **FLAGS}
         return found | {name: Array.of(tuple(names), worst, attrs, MISSING)}
+
+
+# coordinates --------------------------------------------------------------------------------------
+
+
+def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
+    """Return coordinates of an axis: its values, or those of every setting of a joint axis.
+
+    The places of a joint axis are labelled by the values there, as in 'mass=3,limit=9', unless
+    they have names. The kind of a setting may add others.
+    """
+    columns = list(zip(*axis.points, strict=True))
+    if not axis.is_joint:
+        return setting_coordinates(axis.settings[0], name, columns[0])
+    found: dict[str, Array] = {}
+    for setting, values in zip(axis.settings, columns, strict=True):
+        label = setting.key.replace(".", "_") if setting.name in (name, *found) else setting.name
+        found[label] = Array.of((name,), value_array(values), setting.attrs, coordinate=True)
+    labels = axis.labels or [
+        ",".join(f"{label}={spelt(value)}" for label, value in zip(found, point, strict=True))
+        for point in axis.points
+    ]
+    about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
+    return {name: Array.of((name,), np.array(labels), about, coordinate=True), **found}
+
+
+def setting_coordinates(
+    setting: Setting, name: str, values: Sequence[Any], *, scalar: bool = False
+) -> dict[str, Array]:
+    """Yield coordinates of a setting's values as its kind defines them, its own first."""
+    offered = getattr(setting.kind, "coordinates", None)
+    if offered is None:
+        found = {name: (value_array(values), setting.attrs)}
+    else:
+        (_, own), *others = offered(tuple(values)).items()
+        found = {**({} if scalar else {name: own}), **dict(others)}
+    dims: tuple[str, ...] = () if scalar else (name,)
+    return {
+        label: Array.of(dims, array[0] if scalar else array, attrs, coordinate=True)
+        for label, (array, attrs) in found.items()
+    }
+
+
+def value_array(values: Sequence[Any]) -> NDArray[Any]:
+    """Return a (value,) ndarray: floats (NaN for null), integers, booleans or texts."""
+    if any(isinstance(value, str | tuple) for value in values):
+        # Convert subclasses to plain types.
+        return np.array([str(value) for value in values])
+    return np.array(values, dtype=float if None in values else None)

@@ -114,18 +114,17 @@ def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override)
     """Refuse a key that is not in the configuration, or a value that a group does not have."""
     key = override.key_or_group
     value: Any = override.value()
-    declared = {one.key for one in experiment.declared}
     if options := loader.get_group_options(key):
         for one in override.sweep_iterator() if override.is_sweep_override() else [value]:
             if isinstance(one, list):
-                hint = f"; {key}.name takes a list" if f"{key}.name" in declared else ""
+                hint = f"; {key}.name takes a list" if f"{key}.name" in experiment.by_key else ""
                 given = str(override.input_line).partition("=")[2]
                 raise ConfigurationError(f"{key} is {given}, but must be one choice{hint}")
             if one is not None and one not in options:
                 listed = ", ".join(options)
                 raise ConfigurationError(f"{key} is {one!r}, but must be one of {listed}")
         return
-    tree: Mapping[str, Any] = nested(experiment.declared)
+    tree: Mapping[str, Any] = nested(experiment.by_key)
     words = key.split(".")
     for depth, word in enumerate(words):
         if word not in tree:

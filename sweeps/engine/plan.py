@@ -107,7 +107,6 @@ class Plan:
         self._strides = {bound: self._strides_of(bound) for bound in self.bound.values()}
         self.together = {bound: self._together(bound) for bound in self.bound.values()}
         # What follows is filled as it is needed.
-        self._columns: dict[tuple[Bound, str], tuple[int, tuple[Value, ...]]] = {}
         self._taken: dict[Bound, dict[Bound, Taken]] = {}
         self._keys: dict[Bound, NDArray[Any]] = {}
         self._plain: dict[tuple[Bound, int], Value] = {}
@@ -192,12 +191,8 @@ class Plan:
 
     def value(self, bound: Bound, key: str, cell: int) -> Value:
         """Return the value of a setting in a cell of a stage."""
-        if (bound, key) not in self._columns:
-            number, position = self._axis_of[key]
-            column = tuple(point[position] for point in self.axes[number].points)
-            self._columns[bound, key] = self._strides[bound].get(number, 1), column
-        stride, values = self._columns[bound, key]
-        return values[cell // stride % len(values)]
+        number, position = self._axis_of[key]
+        return self.axes[number].points[self.places(bound, number, cell)][position]
 
     def described(self, bound: Bound, cell: int) -> str:
         """Return a cell in words: name=value for every axis of several values."""

@@ -13,7 +13,7 @@ from typing import Any
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word, spelt
 from sweeps.engine.plan import Plan, digest
-from sweeps.engine.settings import Choices, Joint, Run, Setting, flatten, read_choices
+from sweeps.engine.settings import Choices, Joint, Run, Setting, flatten, nested, read_choices
 from sweeps.engine.stage import Experiment
 
 EVERYWHERE = ("version", "seed")  # attributes that every group of a store repeats
@@ -39,17 +39,10 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     `failures` are the names of cells that failed, and why.
     """
     experiment, choices = plan.experiment, plan.choices
-    tree: dict[str, Any] = {}
-    for setting in _identity(experiment):
-        *groups, last = setting.key.split(".")
-        branch = tree
-        for group in groups:
-            branch = branch.setdefault(group, {})
-        branch[last] = written(setting, choices[setting])
     attributes: dict[str, Any] = {
         "title": experiment.title,
         "Conventions": "CF-1.11",
-        "configuration": tree,
+        "configuration": nested({s.key: written(s, choices[s]) for s in _identity(experiment)}),
         "version": " ".join([experiment.name, *_version(experiment.name)]),
         "seed": written(Run.seed, choices[Run.seed]),
         "versions": versions(plan),

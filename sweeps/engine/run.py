@@ -10,11 +10,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib import import_module
 from itertools import count
 from pathlib import Path
 
-from sweeps.engine.attributes import nested, plain
 from sweeps.engine.cluster import ClusterChoice, Executor, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.failures import Failure, reason, traceback_of
@@ -26,24 +24,20 @@ from sweeps.engine.folders import (
     verify,
 )
 from sweeps.engine.interrupts import heed, heeding, interruptible
-from sweeps.engine.packs import read_cells
+from sweeps.engine.packs import CellIndex, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
-from sweeps.engine.results import CellIndex
-from sweeps.engine.returned import uneven
 from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Experiment
 from sweeps.engine.store import read_attributes, write_store
 from sweeps.engine.tasks import Call, Damaged, Done, Report, run_calls
+from sweeps.engine.zarr_array import nested, plain
 
-WRITERS = 2  # threads that write chunks
-AT_ONCE = 512  # cells that are read again after damage
-ROUNDS = 20  # of computing damaged results again, before blaming the disk
+ROUNDS = 100  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 QUICK = 1.0  # s of work that finishes before worker processes would have started
-LIBRARIES = ("xarray", "zarr", "dask.array")  # of tables and reports, imported in most of a second
 
 Task = tuple[list[Job], tuple[Call, ...]]
 Outcome = tuple[set[str], list[tuple[str, str]]]
@@ -128,8 +122,8 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
             if not damaged:
                 try:
                     failures += _write(schedule, place, watch)
-                except Damaged:
-                    damaged = _damaged(schedule, place)
+                except Damaged as error:
+                    damaged = set(error.keys)
                 else:
                     index.used(path for path, *_ in schedule.spots.values())
                     return Finished(schedule.progress, failures, written=True)
@@ -174,8 +168,6 @@ def _compute(
             plan.experiment.prepare(plan.choices, heeding(watch.say))
         with interruptible():
             workers = starting.result()
-        for name in LIBRARIES if choice.kind != "inline" and plan.experiment.tables else ():
-            thread.submit(import_module, name)  # while they work
         return execute(schedule, workers, index, watch)
     finally:
         thread.submit(stack.close)
@@ -185,8 +177,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     """Run all calls of a schedule, and record finished cells in the index, whose folder has them.
 
     Returns the keys of cells that could not be read back, and the names of those that failed, with
-    the reasons. Raises `DeclarationError` if arrays of an output differ in shape, and it has no
-    value to pad them with, and OSError if results cannot be written.
+    the reasons. Raises OSError if results cannot be written.
     """
     damaged: set[str] = set()
     failures: list[tuple[str, str]] = []
@@ -196,7 +187,6 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     suspects: deque[Task] = deque()
     alone = False  # whether what is under way is a suspect
     numbers = count()
-    shapes: dict[tuple[str, str], tuple[int, ...]] = {}
 
     def hand_out(task: Task) -> None:
         number = next(numbers)
@@ -241,10 +231,6 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                         schedule.make_ready(one)
                 else:
                     take_down(job, done)
-            for stage, output, shape in report.shapes:
-                first = shapes.setdefault((stage, output), shape)
-                if shape != first:
-                    raise uneven(stage, output, shape, first)
             for pack in report.packs:
                 index.add(pack)
         watch.step(schedule)
@@ -252,17 +238,6 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
 
 
 # the store --------------------------------------------------------------------------------------
-
-
-def _damaged(schedule: Schedule, place: Place) -> set[str]:
-    """Return keys of all cells that cannot be read back."""
-    spots = sorted(schedule.spots.values())
-    damaged: set[str] = set()
-    for start in range(0, len(spots), AT_ONCE):
-        part = spots[start : start + AT_ONCE]
-        found = zip(part, read_cells(place.cache, part), strict=True)
-        damaged |= {spot.key for spot, arrays in found if arrays is None}
-    return damaged
 
 
 def is_whole(plan: Plan, path: Path, old: Mapping[str, object], say: Callable[[str], None]) -> bool:
@@ -316,6 +291,37 @@ def _write(schedule: Schedule, place: Place, watch: Watch) -> list[tuple[str, st
         groups,
         provenance(plan, failures | lost),
         everywhere=EVERYWHERE,
-        threads=WRITERS,
     )
     return list(lost.items())
+
+
+# dry run ------------------------------------------------------------------------------------------
+
+
+def preview(plan: Plan, cache: Path, store: Path) -> tuple[Mapping[str, tuple[int, int]], str]:
+    """Return the cells of each stage, those to be computed among them, and the work in words.
+
+    Nothing is written, and neither folder need exist.
+
+    Raises
+    ------
+    ConfigurationError
+        If the sweep would be refused.
+    """
+    old = existing(plan.experiment, store, plan)
+    if old is not None and is_whole(plan, store, old, lambda sentence: None):
+        stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
+        return stages, "nothing to compute: all cells are in the store"
+    index = CellIndex(cache, lambda sentence: None)  # which is not saved
+    schedule, costs = Schedule(plan), index.costs()
+    schedule.resolve(index.find)
+    stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}
+    calls = len(schedule.missing_cells())
+    if not calls:
+        return stages, "nothing to compute: all cells are in the cache"
+    size = work = "unknown"
+    left = {name: cells for name, (_, cells) in stages.items() if cells}
+    if all(name in costs for name in left):  # each has been timed
+        size = f"{sum(costs[name][1] * cells for name, cells in left.items()) / 1e6:.3g} MB"
+        work = f"{sum(costs[name][0] * cells for name, cells in left.items()):.3g} s"
+    return stages, f"{calls:,} calls to run; new results {size}; time on one core {work}"

@@ -51,7 +51,6 @@ class Setting:
     fallback: Setting | None = None  # whose values null stands for
     identity: bool = True  # whether results depend on it
     si: float | None = None  # factor from its unit to SI, in which stages get it
-    was: str = ""  # former last word of its key, which is refused with the one of now
     key: str = ""  # in the configuration, given by `Settings`
 
     @property
@@ -314,15 +313,15 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
     return {name: one.values(given.get(name, one.default))[0] for name, one in by_name.items()}
 
 
-def nested(settings: Iterable[Setting]) -> dict[str, Any]:
-    """Return settings by the words of their keys, group within group."""
+def nested(by_key: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is given by key by the words of the keys, group within group."""
     tree: dict[str, Any] = {}
-    for setting in settings:
-        *groups, last = setting.key.split(".")
+    for key, value in by_key.items():
+        *groups, last = key.split(".")
         branch = tree
         for group in groups:
             branch = branch.setdefault(group, {})
-        branch[last] = setting
+        branch[last] = value
     return tree
 
 

@@ -14,6 +14,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
+from importlib import metadata
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import decode_source, find_spec, resolve_name
 from itertools import accumulate
@@ -244,3 +245,37 @@ def _read(name: str, file: Path, stages: frozenset[str], modified: int, size: in
         return Module(name, file, decode_source(source), stages)
     # Compiled by another language: it counts as it is.
     return Module(name, file, f"source = {hashlib.sha256(source).hexdigest()!r}", stages)
+
+
+# installed libraries ------------------------------------------------------------------------------
+
+
+@cache
+def versions(top: str) -> tuple[tuple[str, str], ...]:
+    """Return distributions of a top-level package with versions; empty if it is only a source."""
+    names = {owner.metadata["Name"] for owner in distributions().get(top, ())}
+    if not names and not _is_there(top):
+        return ((top, "not installed"),)
+    return tuple((name, metadata.version(name)) for name in sorted(names))
+
+
+@cache
+def distributions() -> dict[str, list[metadata.Distribution]]:
+    """Return the distributions that provide each top-level package.
+
+    Like `metadata.packages_distributions`, which is slow and, in Python 3.11, omits packages
+    that are a single compiled file.
+    """
+    found: dict[str, list[metadata.Distribution]] = {}
+    for owner in metadata.distributions():
+        files = owner.read_text("RECORD") or owner.read_text("top_level.txt") or ""
+        for top in {name.partition(".")[0] for name in re.findall("\n([^/,\n]+)", f"\n{files}")}:
+            found.setdefault(top, []).append(owner)
+    return found
+
+
+def _is_there(top: str) -> bool:
+    try:
+        return find_spec(top) is not None
+    except ValueError:  # __main__, or a module created at run time
+        return False

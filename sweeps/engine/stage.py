@@ -302,6 +302,11 @@ class Experiment:
         return tuple(setting for group in groups for setting in group)
 
     @cached_property
+    def by_key(self) -> dict[str, Setting]:
+        """Every setting by its key."""
+        return {one.key: one for one in self.declared}
+
+    @cached_property
     def by_name(self) -> dict[str, Stage]:
         """Stages by their names."""
         return {one.name: one for one in self.stages}
@@ -341,7 +346,6 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
         If an argument is neither a setting nor a stage, or stages need each other in a circle.
     """
     bound: dict[str, Bound] = {}
-    keys = {one.key for one in experiment.declared}
     under_way: list[str] = []
     together = {key: one.keys for one in joint if len(one.points) > 1 for key in one.keys}
 
@@ -371,7 +375,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
                     f"{what} both the setting {setting.key} and a stage; rename one of them, or "
                     "say which by reads"
                 )
-            if setting.key not in keys:
+            if setting.key not in experiment.by_key:
                 raise DeclarationError(
                     f"stage {declared.name}: setting {setting.key} is not in the experiment"
                 )

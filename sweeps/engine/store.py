@@ -10,12 +10,10 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.attributes import nested, plain
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import (
     MANIFEST,
@@ -32,7 +30,15 @@ from sweeps.engine.folders import (
 )
 from sweeps.engine.interrupts import interruptible
 from sweeps.engine.packs import make_folder, seal
-from sweeps.engine.zarr_array import METADATA, Array, Group, Region, encode, metadata, regions
+from sweeps.engine.zarr_array import (
+    METADATA,
+    Group,
+    encode,
+    metadata,
+    nested,
+    plain,
+    regions,
+)
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
@@ -43,11 +49,10 @@ def write_store(
     attributes: Mapping[str, Any],
     *,
     everywhere: tuple[str, ...] = (),
-    threads: int = 1,
 ) -> None:
     """Write a store and move it to its place whole, replacing an older store.
 
-    Hold its lock meanwhile (`locked`). Memory holds a few chunks a thread. If anything fails, the
+    Hold its lock meanwhile (`locked`). Memory holds a few chunks. If anything fails, the
     place is unchanged. Readers of the old store must open it again. Files are left to the
     operating system to flush: `verify` finds damage of a power cut. `groups` are by path, as
     'classification/acn'; parents need not be given. `attributes` are those of the root, of which
@@ -59,7 +64,7 @@ def write_store(
     partial = hidden(place, PARTIAL)
     try:
         files = _write_metadata(partial, _nodes(groups, attributes, everywhere))
-        files |= _write_chunks(partial, groups, threads)
+        files |= _write_chunks(partial, groups)
         write_file(partial / MANIFEST, seal(files))
         check_target(path)  # another process may have written something there
         put_in_place(partial, place)
@@ -135,25 +140,18 @@ def _write_metadata(path: Path, nodes: Nodes) -> dict[str, int]:
     return files
 
 
-def _write_chunks(path: Path, groups: Mapping[str, Group], threads: int) -> dict[str, int]:
+def _write_chunks(path: Path, groups: Mapping[str, Group]) -> dict[str, int]:
     """Write all chunks that are not empty; return checksums of the files."""
-
-    def write(job: tuple[str, Array, Region]) -> tuple[str, int] | None:
-        file, array, region = job
-        content = encode(array, region)
-        return None if content is None else (file, write_file(path / file, content))
-
-    jobs = (
-        (f"{name}/{inner}/{chunk}", array, region)
+    files: dict[str, int] = {}
+    arrays = [
+        (f"{name}/{inner}", array)
         for name, group in groups.items()
         for inner, array in group.arrays.items()
-        for chunk, region in regions(array)
-    )
-    with ThreadPoolExecutor(threads) as pool:
-        written = pool.map(write, jobs)
-        try:
-            with interruptible():
-                return dict(filter(None, written))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    ]
+    with interruptible():
+        for name, array in arrays:
+            for chunk, region in regions(array):
+                content = encode(array, region)
+                if content is not None:
+                    files[f"{name}/{chunk}"] = write_file(path / name / chunk, content)
+    return files

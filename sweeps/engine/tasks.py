@@ -39,7 +39,6 @@ class Step:
     place: str  # module and qualified name of its function
     function: Callable[..., Any] | None  # itself, if workers cannot import it
     outputs: tuple[Output, ...]
-    even: tuple[str, ...]  # of these, names of those whose shape is the same in all cells
     keep: int  # number of results in memory, of a stage not kept on disk
 
     @classmethod
@@ -49,9 +48,8 @@ class Step:
         function = stage.function
         place = f"{function.__module__}:{function.__qualname__}"
         imported = "<" not in place and not place.startswith("__main__:")
-        even = tuple(one.name for one in stage.outputs if stage.place_of(one) and one.even)
         given = None if imported else function
-        return cls(stage.name, place, given, stage.outputs, even, stage.memory)
+        return cls(stage.name, place, given, stage.outputs, stage.memory)
 
     @property
     def call(self) -> Callable[..., Any]:
@@ -117,8 +115,6 @@ class Report(NamedTuple):
     calls: tuple[Done, ...]
     packs: tuple[Pack, ...] = ()
     unwritten: OSError | None = None  # why results could not be packed, if so
-    # Shapes met, by stage and output, of outputs that have the same in every cell.
-    shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
 
 
 class Damaged(Exception):
@@ -136,14 +132,11 @@ def run_calls(calls: tuple[Call, ...], folder: Path) -> Report:
     """Run calls one after the other, even if some raise, and pack their results in a folder."""
     outcomes = [_run(call, inputs, folder) for call, inputs in _with_inputs(calls, folder)]
     results: dict[str, list[Cell]] = defaultdict(list)
-    shapes: set[tuple[str, str, tuple[int, ...]]] = set()
     spent: dict[str, float] = defaultdict(float)  # s, by stage
     for call, (done, cells) in zip(calls, outcomes, strict=True):
         step = call.recipe.step
         results[step.name] += cells
         spent[step.name] += done.seconds
-        for output in step.even if cells else ():  # those of a call are of one array
-            shapes.add((step.name, output, cells[0][1][output].shape))
     packs: dict[str, Pack] = {}
     spots: dict[str, Iterator[Spot]] = {}
     for name, written in results.items():
@@ -159,7 +152,7 @@ def run_calls(calls: tuple[Call, ...], folder: Path) -> Report:
         name = call.recipe.step.name
         found = tuple(why or next(spots[name]) for why in done.cells)
         finished.append(done._replace(cells=found))
-    return Report(tuple(finished), tuple(packs.values()), shapes=tuple(sorted(shapes)))
+    return Report(tuple(finished), tuple(packs.values()))
 
 
 def _run(call: Call, inputs: Inputs, folder: Path) -> tuple[Done, list[Cell]]:

@@ -7,8 +7,10 @@ of small arrays: for each, zarr takes 3 ms, and this 0.1 ms.
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +18,6 @@ import numpy as np
 from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
-from sweeps.engine.attributes import plain
 
 METADATA = "zarr.json"
 CHUNK_BYTES = 2**20
@@ -27,6 +28,47 @@ Region = tuple[slice, ...]
 _ZSTD = Zstd(level=LEVEL, checksum=True)
 
 
+def plain(attributes: Mapping[str, Any]) -> dict[str, str | int | float | list[int | float]]:
+    """Return attributes as texts, numbers and lists of numbers; all others as JSON text.
+
+    NetCDF files have no mappings, truth values, nulls, lists of texts or empty lists. Raises
+    TypeError if JSON has no text of a value.
+    """
+    texts = {
+        name: json.dumps(value, ensure_ascii=False, default=_of_numpy)
+        for name, value in attributes.items()
+    }
+    given = {name: json.loads(text) for name, text in texts.items()}
+    return {name: value if _is_plain(value) else texts[name] for name, value in given.items()}
+
+
+def nested(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return plain attributes with mappings and lists read from their JSON text."""
+    found = dict(attributes)
+    for name, value in found.items():
+        if isinstance(value, str) and value.startswith(("{", "[")):
+            with suppress(ValueError):  # a text that only begins like one
+                found[name] = json.loads(value)
+    return found
+
+
+def _is_plain(value: Any) -> bool:
+    numbers = value if isinstance(value, list) and value else [value]
+    return isinstance(value, str) or all(
+        type(one) is float or (type(one) is int and -(2**63) <= one < 2**63) for one in numbers
+    )
+
+
+def _of_numpy(value: Any) -> Any:
+    """Return a value of numpy as one that JSON knows."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{value!r} cannot be an attribute")
+
+
+# arrays -------------------------------------------------------------------------------------------
+
+
 @dataclass(eq=False)
 class Array:
     """A variable or coordinate to be written; each of its chunks is a file."""
@@ -35,8 +77,7 @@ class Array:
     shape: tuple[int, ...]
     dtype: np.dtype[Any]  # integers, floats, bool (stored as int8) or texts of fixed width
     attrs: Mapping[str, Any]  # integers that count steps have `scale_factor` here
-    # Returns the values of one chunk's region (a slice with start and stop for each dimension),
-    # and is called from several threads.
+    # Returns the values of one chunk's region (a slice with start and stop for each dimension).
     read: Callable[[Region], NDArray[Any]]
     chunks: tuple[int, ...]
     fill: float | int | str | None = None  # of what is not written; None is NaN, 0 or no text

@@ -10,9 +10,9 @@ from typing import Any
 import xarray as xr
 import zarr
 
-from sweeps.engine.attributes import nested
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import verify
+from sweeps.engine.zarr_array import nested
 from sweeps.report.words import MAIN, preferred
 
 READ = ("tables",)  # groups that the report prints

@@ -64,7 +64,6 @@ class RandomAspects(Settings, key="grid"):
         label="random test aspects in every 30 degrees, absent from training",
         help="added to grid.aspect, between its ends, by the seed",
         fixed="all of them are tested together",
-        was="fresh",
     )
 
 

@@ -140,7 +140,6 @@ class Infrared(Settings, key="infrared"):
         label="position of the ship on the detector's pixels, by number",
         dimension="phase",
         shown=True,
-        was="phases",
     )
     orders = draws(
         4, label="order of presentation; 0 is the order of the grid", dimension="order", shown=True

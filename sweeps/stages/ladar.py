@@ -81,7 +81,6 @@ class Ladar(Settings, key="ladar"):
         "origin on a corner",
         dimension="ifov_phase",
         noted=True,
-        was="phases",
     )
 
 

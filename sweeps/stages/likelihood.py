@@ -57,7 +57,6 @@ class Likelihood(Settings, key="classifier"):
         1e-9,
         1000,
         label="variance of noise beyond the model, relative to the model's",
-        was="nugget",
     )
     template_error = number(
         *(None, 0, 1000),

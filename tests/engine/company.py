@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.packs import read_cells
+from sweeps.engine.packs import CellIndex, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import one_thread
-from sweeps.engine.results import CellIndex
 from sweeps.engine.run import execute
 from sweeps.engine.schedule import Job, Schedule, Watch
 from sweeps.engine.settings import Choices

@@ -23,6 +23,7 @@ from small_stores import files
 from toys import Told, go
 
 from sweeps.engine.packs import (
+    CellIndex,
     Pack,
     Spot,
     files_of,
@@ -31,7 +32,6 @@ from sweeps.engine.packs import (
     unseal,
     write_pack,
 )
-from sweeps.engine.results import CellIndex
 
 
 def key(name) -> str:

@@ -15,7 +15,7 @@ import pytest
 from sweeps.engine import code, sources
 from sweeps.engine.code import Code, place_of
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.libraries import distributions, versions
+from sweeps.engine.sources import distributions, versions
 from sweeps.engine.stage import Stage
 
 ROOT = Path(__file__).resolve().parents[2]

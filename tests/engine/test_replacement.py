@@ -46,7 +46,7 @@ def test_any_failed_write_leaves_the_old_store(tmp_path, monkeypatch):
     for succeeding in range(1000):
         left = succeeding
         try:
-            write_store(path, small(2), {}, threads=2)
+            write_store(path, small(2), {})
         except OSError as error:
             assert error.errno == errno.ENOSPC
             assert os.listdir(tmp_path) == ["s.zarr"]
@@ -102,7 +102,7 @@ for _ in sys.stdin:  # for each line a writer, until it is killed
         with locked(path):
             while True:
                 for value in (1, 2):
-                    write_store(path, small(value), {"value": value}, threads=2)
+                    write_store(path, small(value), {"value": value})
     print(child, flush=True)
     os.waitpid(child, 0)
     print("dead", flush=True)

@@ -53,7 +53,7 @@ def test_round_trip_of_every_dtype(tmp_path):
     for name, dtype in (("wide", "U9"), ("objects", object), ("variable", np.dtypes.StringDType())):
         values[name] = values["fixed_width"].astype(dtype)
         arrays[name] = Array.of(DIMS, values[name])
-    write_store(path, {"g": Group(arrays)}, {}, threads=2)
+    write_store(path, {"g": Group(arrays)}, {})
 
     found = opened(path, "g")
     assert set(found) == set(values)
@@ -128,8 +128,8 @@ def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype, error):
 
 
 def test_equal_input_makes_equal_bytes(tmp_path):
-    for name, threads in (("one.zarr", 3), ("two.zarr", 1)):
-        write_store(tmp_path / name, small(1), {"seed": 1}, threads=threads)
+    for name in ("one.zarr", "two.zarr"):
+        write_store(tmp_path / name, small(1), {"seed": 1})
     assert files(tmp_path / "one.zarr") == files(tmp_path / "two.zarr")
 
 

@@ -10,8 +10,8 @@ import xarray as xr
 from made import scores, shown
 from pages import stored
 
-from sweeps.engine.attributes import nested
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.zarr_array import nested
 from sweeps.report.files import csv_of
 from sweeps.report.frames import PART, frame, read_frames
 from sweeps.report.words import missing
