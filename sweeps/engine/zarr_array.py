@@ -18,7 +18,6 @@ import numpy as np
 from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
-
 METADATA = "zarr.json"
 CHUNK_BYTES = 2**20
 LEVEL = 1  # level 3 compresses results no better and takes three times as long
