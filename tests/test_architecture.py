@@ -44,7 +44,7 @@ FOREIGN = {"hydra", "omegaconf", "dask", "distributed", "zarr", "sweeps"}
 ROOMS = {
     "sweeps.engine": {"sweeps.engine"},
     "sweeps.stages": {"sweeps.engine", "sweeps.stages", "ncti"},
-    "sweeps.experiment": {"sweeps.engine", "sweeps.stages"},
+    "sweeps.experiment": {"sweeps.engine", "sweeps.stages", "ncti"},
     "sweeps.report": {"sweeps.engine", "sweeps.stages", "sweeps.report", "ncti"},
     "sweeps.app": {"sweeps.engine", "sweeps.stages", "sweeps.report", "sweeps.experiment"},
 }

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import Run, Setting, Settings, count, draws, number, switch, word
-from sweeps.engine.stage import Output, Stage, in_memory, inner, plain
+from sweeps.engine.settings import Run, Settings, count, draws, number, switch, word
+from sweeps.engine.stage import Output, in_memory, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import (
     GATHERED,
@@ -272,51 +272,6 @@ def profile_order(orders: int, seed: int) -> tuple[int, int]:
 silhouette_order = replace(profile_order, name="silhouette_order", uses=(Infrared, Run))
 
 
-def network(
-    group: ClassifierGroup,
-    seen: str,
-    tests: str,
-    *along: Setting,
-    uses: tuple[type[Settings], ...],
-    labels: tuple[str, str],
-) -> tuple[Stage, ...]:
-    """Declare training and tests of one sensor's network.
-
-    What is `seen` names its training set and order of presentation. Axes of trainings and tests are
-    computed together, and have some dimensions each; labels are of what is learned and tested.
-    """
-    rules = ("label_rule", "score_rule")
-    reads = {"training_set": f"{seen}_training_set", "presentation": f"{seen}_order"}
-    learned, shown = labels
-    confused = "1 where views of another ship share that category"
-    settled = "presentations until the categories settled, negative if they did not"
-    right = "1 where that category is labelled with the true ship"
-    training = group.stage(
-        Output("training_category", VIEW, "i4", f"category of the {learned}", without=rules[:1]),
-        Output("training_confused", VIEW, "i1", confused, without=rules[:1]),
-        Output("passes", (), "i4", settled, fill=0, without=rules[:1]),
-        Output("training_correct", VIEW, "i1", right),
-        inner("names", ("category",), "i2"),
-        inner("weights", ("category", "view"), "f8"),
-        inner("turn", ("view",), "i8"),
-        inner("taught_by", ("setting",), "f8"),
-        uses=uses,
-        reads=reads,
-        name=f"{group.name}_training",
-    )
-    fallen = f"category that the {shown} falls into"
-    answers = group.answers(
-        Output("category", VIEW, "i4", fallen, without=rules),
-        Output("similarity", VIEW, label="cosine similarity to that category", without=rules),
-        without=("score_rule",),
-        uses=uses,
-        reads={**reads, "training": f"{group.name}_training", "tests": tests},
-        along=along,
-        name=group.name,
-    )
-    return training(form_categories), answers(answer_tests)
-
-
 LEARNED = ("order", "learning_rate", "vigilance", "label_rule", "score_rule", "learn_in_test")
 OF_RANGE = ClassifierGroup.of(
     NAME,
@@ -330,21 +285,50 @@ OF_INFRARED = ClassifierGroup.of(
     (*OF_SILHOUETTES, "phase", *LEARNED, *LOOK),
     states="status_infrared",
 )
-RANGE_STAGES = network(
-    OF_RANGE,
-    "profile",
-    "averaged",
-    *(Network.orders, Grid.vigilance, Grid.frame_count),
+RULES = ("label_rule", "score_rule")
+SEEN = {"training_set": "profile_training_set", "presentation": "profile_order"}
+acn_training = OF_RANGE.stage(
+    Output("training_category", VIEW, "i4", "category of the training view", without=RULES[:1]),
+    Output(
+        *("training_confused", VIEW, "i1", "1 where views of another ship share that category"),
+        without=RULES[:1],
+    ),
+    Output(
+        *("passes", (), "i4"),
+        label="presentations until the categories settled, negative if they did not",
+        fill=0,
+        without=RULES[:1],
+    ),
+    Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),
+    inner("names", ("category",), "i2"),
+    inner("weights", ("category", "view"), "f8"),
+    inner("turn", ("view",), "i8"),
+    inner("taught_by", ("setting",), "f8"),
     uses=(Grid, Network),
-    labels=("expected profile", "averaged profile"),
+    reads=SEEN,
+    name="acn_training",
+)(form_categories)
+acn = OF_RANGE.answers(
+    Output("category", VIEW, "i4", "category that the test falls into", without=RULES),
+    Output("similarity", VIEW, label="cosine similarity to that category", without=RULES),
+    without=RULES[1:],
+    uses=(Grid, Network),
+    reads=SEEN | {"training": "acn_training", "tests": "averaged"},
+    along=(Network.orders, Grid.vigilance, Grid.frame_count),
+    name=NAME,
+)(answer_tests)
+
+SILHOUETTES: dict[str, Any] = {"group": OF_INFRARED, "uses": (Infrared, Network)}
+SEEN_INFRARED = {"training_set": "silhouette_training_set", "presentation": "silhouette_order"}
+acn_infrared_training = replace(
+    acn_training, name="acn_infrared_training", reads=SEEN_INFRARED, **SILHOUETTES
 )
-INFRARED_STAGES = network(
-    OF_INFRARED,
-    "silhouette",
-    "log_polar",
-    *(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
-    uses=(Infrared, Network),
-    labels=("noiseless silhouette", "silhouette"),
+acn_infrared = replace(
+    acn,
+    name="acn_infrared",
+    reads=SEEN_INFRARED | {"training": "acn_infrared_training", "tests": "log_polar"},
+    along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
+    **SILHOUETTES,
 )
 
 
