@@ -1,6 +1,6 @@
 """The experiment, assembled from the declarations of the modules of `sweeps.stages`.
 
-A module declares stages, by themselves or in tuples, and any of SETTINGS and TABLES;
+A module declares groups of settings, stages, by themselves or in tuples, and perhaps TABLES;
 SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses inconsistent choices, and
 `about`, which returns lines on them. To add one, pass it to `assemble` with `MODULES`.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,27 +21,9 @@ from ncti.render.choice import choose_engine
 from ncti.render.loops import LINES, MASK, of_engine
 from sweeps.engine.kinds import Draws, Kind, SetOf, Word
 from sweeps.engine.process import environment
-from sweeps.engine.settings import Choices, Run, Setting
+from sweeps.engine.settings import Choices, Run, Setting, Settings
 from sweeps.engine.stage import Experiment, Stage
-from sweeps.stages import (
-    acn,
-    classifier,
-    correlation,
-    flights,
-    fusion,
-    images,
-    infrared,
-    irar,
-    ladar,
-    likelihood,
-    measured,
-    mnn,
-    portraits,
-    run_time,
-    scan,
-    signatures,
-    views,
-)
+from sweeps.stages import flights
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.infrared import silhouette_engine
 from sweeps.stages.views import (
@@ -61,11 +44,13 @@ from sweeps.stages.views import (
 
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
 
-MODULES: tuple[Any, ...] = (
-    *(views, portraits, ladar, infrared, images),
-    *(irar, flights, signatures),
-    *(classifier, acn, mnn, correlation, likelihood, fusion, measured),
-    *(run_time, scan),
+MODULES = tuple(
+    import_module(f"sweeps.stages.{name}")
+    for name in (
+        *("views", "portraits", "ladar", "infrared", "images", "irar", "flights", "signatures"),
+        *("classifier", "acn", "mnn", "correlation", "likelihood", "fusion", "measured"),
+        *("run_time", "scan"),
+    )
 )
 
 EXAMPLES = (
@@ -107,7 +92,8 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     stages = stages_of(modules)
     settings = tuple(
         replace(one, kind=kinds[one.key]) if one.key in kinds else one
-        for group in declared("SETTINGS")
+        for module in modules
+        for group in groups_of(module)
         for one in group.declared
     )
 
@@ -181,6 +167,13 @@ def _variables(choices: Choices) -> dict[str, str]:
     """Return the environment in which stages find the cache of ships."""
     folder = choices.one(Run.cache)
     return {CACHE_VARIABLE: os.path.abspath(folder)} if folder else {}
+
+
+def groups_of(module: Any) -> tuple[type[Settings], ...]:
+    """Return the groups of settings that a module declares, in the order in which it does."""
+    values = [one for one in vars(module).values() if isinstance(one, type)]
+    own = [one for one in values if one.__module__ == module.__name__]
+    return tuple(one for one in own if issubclass(one, Settings))
 
 
 def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:

@@ -120,6 +120,10 @@ class Group:
         """Declare a function as a stage of the group; see `Stage`."""
         return stage(*outputs, **{"group": self, "uses": self.uses, **how})
 
+    def table(self, name: str, make: Callable[..., xr.Dataset | None], *shown: Display) -> Table:
+        """Return a table of the group; see `Table`."""
+        return Table(f"tables/{name}", (self.path,), make, self.when, shown)
+
 
 NOWHERE = Group("")
 

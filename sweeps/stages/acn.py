@@ -22,17 +22,7 @@ from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Run, Settings, count, draws, number, switch, word
 from sweeps.engine.stage import Output, in_memory, inner, plain
 from sweeps.stages import classifier
-from sweeps.stages.classifier import (
-    GATHERED,
-    NONE,
-    VIEW,
-    Arrays,
-    ClassifierGroup,
-    Floats,
-    Profiles,
-    Ships,
-    Views,
-)
+from sweeps.stages.classifier import GATHERED, NONE, VIEW, Arrays, Floats, Profiles, Ships, Views
 from sweeps.stages.images import OF_SILHOUETTES
 from sweeps.stages.infrared import LOOK, Infrared
 from sweeps.stages.views import INFRARED, RANGE, Grid
@@ -273,13 +263,13 @@ silhouette_order = replace(profile_order, name="silhouette_order", uses=(Infrare
 
 
 LEARNED = ("order", "learning_rate", "vigilance", "label_rule", "score_rule", "learn_in_test")
-OF_RANGE = ClassifierGroup.of(
+OF_RANGE = classifier.ClassifierGroup.of(
     NAME,
     classifier.names_by(NAME, RANGE),
     (*classifier.OF_PROFILES, *LEARNED, *classifier.TESTED),
     states="status",
 )
-OF_INFRARED = ClassifierGroup.of(
+OF_INFRARED = classifier.ClassifierGroup.of(
     "acn_infrared",
     classifier.names_by(NAME, INFRARED),
     (*OF_SILHOUETTES, "phase", *LEARNED, *LOOK),
@@ -332,7 +322,6 @@ acn_infrared = replace(
 )
 
 
-SETTINGS: tuple[type[Settings], ...] = (Network,)
 TABLES = (
     *OF_RANGE.tables(rejecting=True, forming=True),
     *OF_INFRARED.tables(

@@ -29,8 +29,9 @@ from sweeps.engine.stage import (
     plain,
 )
 from sweeps.stages import scores
+from sweeps.stages.ladar import FULL, Ladar
 from sweeps.stages.scores import VIEW
-from sweeps.stages.views import INFRARED, RANGE, Grid, looks, ships
+from sweeps.stages.views import INFRARED, RANGE, Grid, looks, refuse, require, require_among, ships
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,8 +47,6 @@ GATHERED = (Grid.ship, Grid.aspect)
 OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
 PROFILES = "profiles"  # what is shown to most classifiers
 TESTED = ("replicate", "ifov_phase", "frame_count")  # and of averages
-RECEIVER, FULL = "ladar.receiver", "full_profile"  # key of a setting, and one of its words
-
 LEFT_ALONE = (
     "classifier.left_out has True, but must be false where {} learned: nothing would be left"
 )
@@ -90,10 +89,8 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
     """
     number = choices.one(RandomAspects.random_aspects)
     if number and len(grid) < 2:
-        raise ConfigurationError(
-            f"grid.random_aspects is {number}, but must be 0 where grid.aspect has one value: "
-            "aspects are drawn between its ends"
-        )
+        reason = "where grid.aspect has one value: aspects are drawn between its ends"
+        refuse(RandomAspects.random_aspects, number, f"0 {reason}")
     return drawn_aspects(grid[0], grid[-1], number, choices.one(Run.seed)) if number else ()
 
 
@@ -240,27 +237,13 @@ def check(choices: Choices) -> Choices:
     drawn = random_test_aspects(choices, given)
     choices = choices.having(Grid.aspect, tuple(sorted({*given, *drawn})))
     ships_given, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
-    for name in unknown:
-        if name not in ships_given:
-            raise ConfigurationError(
-                f"classifier.unknown has {str(name)!r}, but every value must be one of "
-                f"{', '.join(ships_given)}, the values of grid.ship"
-            )
+    require_among(choices, Classifier.unknown, Grid.ship)
+    require_among(choices, Classifier.training_aspect, Grid.aspect)
     if len(unknown) == len(ships_given):
-        raise ConfigurationError(
-            "classifier.unknown has every ship of grid.ship, but must leave one to learn"
-        )
-    for aspect in choices.one(Classifier.training_aspect) or ():
-        if aspect not in choices[Grid.aspect]:
-            raise ConfigurationError(
-                f"classifier.training_aspect has {aspect:g}, but every value must be one of "
-                "grid.aspect"
-            )
+        refuse(Classifier.unknown, "every ship of grid.ship", "fewer, which leave one to learn")
     for spacing, learned in zip(choices[SPACING], _learned(choices), strict=True):
         if spacing is not None and not learned.any():
-            raise ConfigurationError(
-                f"{SPACING.key} has {spacing:g}, but must have a multiple among the aspects learned"
-            )
+            refuse(SPACING, spacing, "such that an aspect learned is a multiple of it")
     return choices
 
 
@@ -279,12 +262,8 @@ def require_another_aspect(training_views: Views, left_out: tuple[bool, ...]) ->
 
 def check_receiver(choices: Choices, name: str) -> None:
     """Refuse receivers whose moments a classifier needs and lacks."""
-    for receiver in choices.values[RECEIVER]:
-        if receiver != FULL:
-            raise ConfigurationError(
-                f"{RECEIVER} is {receiver!r}, but must be {FULL} for the classifier {name}, "
-                "which knows the moments of no other"
-            )
+    reason = f"for the classifier {name}, which knows the moments of no other"
+    require(choices, Ladar.receiver, FULL, reason)
 
 
 # Inputs
@@ -341,7 +320,7 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROF
     Of range profiles with the receiver for an attribute, if all have one.
     """
     table = scores.tabulate_scores(known_ships(classified, choices), aspects_of(choices), shown)
-    receivers = choices.values.get(RECEIVER, ())
+    receivers = choices.values.get(Ladar.receiver.key, ())
     one = len(receivers) == 1 and shown == PROFILES
     return table.assign_attrs({"receiver": receivers[0]} if one else {})
 
@@ -425,15 +404,15 @@ class ClassifierGroup(Group):
         def asked(choices: Choices) -> bool:
             return self.when(choices) and not bool(known_of(choices).all())
 
-        group, chance = (self.path,), (of_answers, of_ships)
-        shown = scores.score_displays(labels, scored=scored, source=self.name, chance=chance)
-        tables = [Table(f"tables/{self.name}", group, make, self.when, shown)]
+        name, chance = self.name, (of_answers, of_ships)
+        shown = scores.score_displays(labels, scored=scored, source=name, chance=chance)
+        tables = [self.table(name, make, *shown)]
         if forming:
-            display = (scores.category_display(labels, self.name),)
-            tables.append(Table(f"tables/categories_{self.name}", group, form, self.when, display))
+            display = scores.category_display(labels, name)
+            tables.append(self.table(f"categories_{name}", form, display))
         if rejecting:
             displays = scores.rejection_displays(labels)
-            tables.append(Table(f"tables/rejection_{self.name}", group, reject, asked, displays))
+            tables.append(replace(self, when=asked).table(f"rejection_{name}", reject, *displays))
         return tuple(tables)
 
 
@@ -442,6 +421,5 @@ def of_profiles(name: str, *own: str) -> ClassifierGroup:
     return ClassifierGroup.of(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
 
 
-SETTINGS: tuple[type[Settings], ...] = (RandomAspects, Classifier)
 PROFILE_MARKS = training_marks(RANGE, "range_profile")
 IMAGE_MARKS = training_marks(INFRARED, "infrared")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, word
 from sweeps.engine.stage import Output, in_memory
 from sweeps.stages import classifier
 from sweeps.stages.classifier import NONE, Arrays, Classifier, Floats, Profiles, Views
-from sweeps.stages.views import Grid
+from sweeps.stages.views import Grid, refuse
 
 IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
 NAME = "correlation"
@@ -107,13 +106,10 @@ def check(choices: Choices) -> Choices:
     if ANSWERS.when(choices):
         replicates = len(choices[Grid.replicate])
         if NOISY in choices[Correlation.training] and replicates < 2:
-            raise ConfigurationError(
-                f"grid.replicate is {replicates}, but must be at least 2 where "
-                "classifier.training has noisy: what is learned must not be what is tested"
-            )
+            learned = "classifier.training has noisy: what is learned must not be what is tested"
+            refuse(Grid.replicate, replicates, f"at least 2 where {learned}")
         classifier.check_left_out(choices)
     return choices
 
 
-SETTINGS: tuple[type[Settings], ...] = (Correlation,)
 TABLES = ANSWERS.tables(rejecting=True)

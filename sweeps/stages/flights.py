@@ -16,37 +16,18 @@ from numpy.typing import NDArray
 from ncti import irar as library
 from ncti.checks import NothingSeenError
 from ncti.irar import Chain, Flight, Pass, Scan, Snapshot
-from ncti.irar.corrected import (
-    CELLS,
-    EXACT,
-    LEAST_SEEN,
-    NO_ERROR,
-    SOURCES,
-    compare_profiles,
-    measure_tilts,
-    model_profiles,
-    ship_pixels,
-)
+from ncti.irar import corrected as comparison
 from ncti.irar.scene import plan_scan
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Value
 from sweeps.engine.settings import Choices, Run, Setting
-from sweeps.engine.stage import Output, Table, coordinate, in_memory, inner, plain
-from sweeps.stages import irar
+from sweeps.engine.stage import Output, coordinate, in_memory, inner, plain
+from sweeps.stages import irar, views
 from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Arrays, Error, Irar, flight_of
 from sweeps.stages.ladar import BEAM, Ladar, profile_bins
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import (
-    IRAR,
-    LINES,
-    Grid,
-    Keywords,
-    check_beam,
-    keywords,
-    looks,
-    refuse,
-)
+from sweeps.stages.views import IRAR, Grid, Keywords, keywords, looks, refuse
 
 if TYPE_CHECKING:
     import trimesh
@@ -99,7 +80,7 @@ def truth(
     flight = flight_of(aspect, dict(course))
     surface = irar.surface(mesh, dict(course), reflectance)
     window = library.ship_window(mesh, flight)
-    return library.true_snapshot(mesh, flight, window, cells=CELLS, **surface)
+    return library.true_snapshot(mesh, flight, window, cells=comparison.CELLS, **surface)
 
 
 @in_memory(
@@ -116,9 +97,9 @@ def models(
     """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1."""
     if course is None or truth is None:
         return None
-    engine = "auto" if drawing_engine == LINES else drawing_engine  # it needs pixels
+    engine = "auto" if drawing_engine == views.LINES else drawing_engine  # it needs pixels
     flight = flight_of(aspect, dict(course))
-    return model_profiles(mesh, truth, flight, aspect=aspect, engine=engine, **beam)
+    return comparison.model_profiles(mesh, truth, flight, aspect=aspect, engine=engine, **beam)
 
 
 @in_memory(uses=(Grid,))
@@ -161,7 +142,7 @@ def navigated(flight: Flight, error: Error) -> Flight:
     percent. ValueError if no such flight can be.
     """
     parameter, value = error
-    if parameter == NO_ERROR[0]:
+    if parameter == comparison.NO_ERROR[0]:
         return flight
     if parameter == "aircraft_speed":
         return replace(flight, aircraft_speed=flight.aircraft_speed * (1 + value / 100))
@@ -277,7 +258,7 @@ def corrected(
     fine = flight_chain.correct(scan, navigation, pixels, overscanned=True)
     cut = partial(library.segmented, threshold=flight_chain.segmentation_threshold)
     shown, fine = cut(whole, navigation), cut(fine, navigation)
-    visible = bool(np.count_nonzero(shown.intensity) >= LEAST_SEEN)
+    visible = bool(np.count_nonzero(shown.intensity) >= comparison.LEAST_SEEN)
     measured = library.profile(fine, navigation, bins=bins.size, bin_width=bin_width)
     profiles = np.stack([measured, *(scan.flight.cnr * models)])
     return {
@@ -289,15 +270,17 @@ def corrected(
         "infrared_image": shown.infrared,
         "window_bottom": np.array(pixels.bottom),
         "window_left": np.array(pixels.left),
-        **measure_tilts(flight_chain, scan, clean, whole, truth, navigation, shown=visible),
-        **ship_pixels(fine),
-        **compare_profiles(profiles, bins, aspect=aspect, ship=ship),
+        **comparison.measure_tilts(
+            flight_chain, scan, clean, whole, truth, navigation, shown=visible
+        ),
+        **comparison.ship_pixels(fine),
+        **comparison.compare_profiles(profiles, bins, aspect=aspect, ship=ship),
     }
 
 
 def _nothing(bins: int) -> Arrays:
     """Return the empty results of a ship that is not flown past."""
-    lengths = {"source": len(SOURCES), "down_range": bins, "place": 2, "value": 2}
+    lengths = {"source": len(comparison.SOURCES), "down_range": bins, "place": 2, "value": 2}
     return {
         one.name: np.full([lengths.get(dim, 0) for dim in one.dims], one.empty)
         for one in corrected.outputs
@@ -309,7 +292,7 @@ def _nothing(bins: int) -> Arrays:
 )
 def profile_sources() -> NDArray[np.str_]:
     """Return the sources of the profiles of a flight."""
-    return np.array(SOURCES)
+    return np.array(comparison.SOURCES)
 
 
 flight_bins = replace(profile_bins, name="flight_bins", group=FLIGHTS)
@@ -320,11 +303,8 @@ flight_bins = replace(profile_bins, name="flight_bins", group=FLIGHTS)
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) flights, and errors of them, that are impossible."""
-    for ship in choices.one(Irar.flown) or ():
-        if ship not in choices[Grid.ship]:
-            allowed = ", ".join(choices[Grid.ship])
-            refuse(Irar.flown, repr(str(ship)), f"among {allowed}, the values of grid.ship")
-    printed = next((name for name in choices[Irar.chain] if name != EXACT), None)
+    views.require_among(choices, Irar.flown, Grid.ship)
+    printed = next((name for name in choices[Irar.chain] if name != comparison.EXACT), None)
     for one in OF_EXACT if printed else ():
         if choices[one] != (one.default,):
             reason = f"where irar.chain has {printed}, which has a way of its own"
@@ -342,7 +322,7 @@ def check(choices: Choices) -> Choices:
             raise ConfigurationError(_of_key(why, values["range"])) from why
         for error in choices[Irar.errors]:
             _check_estimate(flight, error)
-    check_beam(choices, Irar.profile_range, Ladar.ifov)
+    views.check_beam(choices, Irar.profile_range, Ladar.ifov)
     return choices
 
 
@@ -460,32 +440,27 @@ LISTED = {
     **{"forward_position": ".1f", "forward_ratio": ".2f"},
 }
 TABLES = (
-    Table(
-        "tables/flights",
-        (FLIGHTS.path,),
+    FLIGHTS.table(
+        "flights",
         tabulate,
-        looks(IRAR),
-        (
-            Display(
-                "flights",
-                "Simulated flights: corrected images and profiles against the noiseless truth",
-                _flight_figures(OF_FLIGHTS),
-                rows=("ship", "error_parameter", "error_value"),
-                notes=(
-                    "Means over draws of the noise, with the standard deviation of one. Tilt of "
-                    "masts to the right, and of the waterline rising to it; offset of the "
-                    "hangar's peak.",
-                ),
+        Display(
+            "flights",
+            "Simulated flights: corrected images and profiles against the noiseless truth",
+            _flight_figures(OF_FLIGHTS),
+            rows=("ship", "error_parameter", "error_value"),
+            notes=(
+                "Means over draws of the noise, with the standard deviation of one. Tilt of masts "
+                "to the right, and of the waterline rising to it; offset of the hangar's peak.",
             ),
-            Display(
-                "landmarks",
-                "Simulated flights near the stern: landmarks of profiles",
-                _flight_figures(OF_PROFILES),
-                rows=("ship", "source"),
-                notes=(
-                    "measured: flown; the others are noiseless, synthetic and of single points. "
-                    "Gains of transom and masts are assumed inputs, not results.",
-                ),
+        ),
+        Display(
+            "landmarks",
+            "Simulated flights near the stern: landmarks of profiles",
+            _flight_figures(OF_PROFILES),
+            rows=("ship", "source"),
+            notes=(
+                "measured: flown; the others are noiseless, synthetic and of single points. "
+                "Gains of transom and masts are assumed inputs, not results.",
             ),
         ),
     ),

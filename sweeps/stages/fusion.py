@@ -12,24 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.classify.fusion import fuse, label_posterior, similarity_between_phases, with_outliers
-from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stream, coordinate, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import (
-    GATHERED,
-    NONE,
-    Arrays,
-    Classifier,
-    ClassifierGroup,
-    Floats,
-    Views,
-)
+from sweeps.stages.classifier import GATHERED, NONE, Arrays, Classifier, Floats, Views
 from sweeps.stages.images import OF_SILHOUETTES
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.likelihood import Likelihood
-from sweeps.stages.views import INFRARED, RANGE, Grid, Sweep
+from sweeps.stages.views import INFRARED, RANGE, Grid, Sweep, refuse, require_among
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
@@ -114,7 +105,7 @@ def profile_outlier_fraction(
     return found
 
 
-ANSWERS = ClassifierGroup.of(
+ANSWERS = classifier.ClassifierGroup.of(
     NAME,
     names_by_both,
     (
@@ -214,25 +205,15 @@ def check(choices: Choices) -> Choices:
     Among other classifiers it is left out then.
     """
     if choices[Classifier.name] == (NAME,):
-        sensors, slant_ranges = choices.one(Sweep.sensor), choices[Infrared.range]
+        sensors, reason = choices.one(Sweep.sensor), f"for the classifier {NAME}"
         if not {RANGE, INFRARED} <= set(sensors):
-            raise ConfigurationError(
-                f"sensor is {', '.join(sensors)!r}, but must be both for the classifier {NAME}"
-            )
-        for slant_range in choices[Grid.range]:
-            if slant_range not in slant_ranges:
-                raise ConfigurationError(
-                    f"grid.range has {slant_range:g}, but every value must be one of "
-                    f"{', '.join(f'{one:g}' for one in slant_ranges)}, the values of "
-                    f"infrared.range, for the classifier {NAME}"
-                )
+            refuse(Sweep.sensor, repr(", ".join(sensors)), f"both {reason}")
+        require_among(choices, Grid.range, Infrared.range, f", {reason}")
     if names_by_both(choices):
         offsets = len(choices[Infrared.subpixel_offsets])
         if offsets < LEAST_PHASES:
-            raise ConfigurationError(
-                f"infrared.subpixel_offsets is {offsets}, but must be at least {LEAST_PHASES} for "
-                f"the classifier {NAME}, which weighs the silhouettes of one by those of others"
-            )
+            reason = f"the classifier {NAME} weighs the silhouettes of one by those of others"
+            refuse(Infrared.subpixel_offsets, offsets, f"at least {LEAST_PHASES}: {reason}")
         classifier.check_receiver(choices, NAME)
     return choices
 

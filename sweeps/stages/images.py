@@ -15,20 +15,11 @@ from ncti.infrared.super_resolution import enlarge
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Group, Output, Table, coordinate, inner, stage
-from sweeps.stages.infrared import (
-    HALVES,
-    IMAGES,
-    LOOK,
-    VIEW,
-    Bits,
-    Infrared,
-    Look,
-    Patches,
-    looks_infrared,
-    whole_window,
-)
+from sweeps.stages import infrared
+from sweeps.stages.infrared import HALVES, VIEW, Infrared, Look, looks_infrared, whole_window
 from sweeps.stages.ladar import subpixel_offset
-from sweeps.stages.views import STATUS, Grid, described
+from sweeps.stages.scores import with_bins
+from sweeps.stages.views import STATUS, Grid, data_set
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +43,11 @@ _shares = {"scale_factor": 1 / STEPS}  # of which xarray makes numbers from 0 to
 _map = partial(Output, dims=("angle", "radius"), dtype="u1", fill=0, attrs=_shares)
 
 OF_VIEWS = Group(
-    IMAGES, looks_infrared, (Infrared,), (*VIEW, *OF_SILHOUETTES, "phase", *LOOK), STATUS
+    infrared.IMAGES,
+    looks_infrared,
+    (Infrared,),
+    (*VIEW, *OF_SILHOUETTES, "phase", *infrared.LOOK),
+    STATUS,
 )
 WINDOW = {  # keywords of `whole_window`
     "slant_range": Infrared.range,
@@ -244,7 +239,7 @@ def log_polar(
     along=(Infrared.inner_radius, Infrared.interpolation, Infrared.subpixel_offsets),
 )
 def template_log_polar(
-    hits: Bits,
+    hits: infrared.Bits,
     aspect: float,
     drawn_aspect: float,
     training_range: float,
@@ -256,7 +251,7 @@ def template_log_polar(
     subpixel_offsets: tuple[int, ...],
 ) -> Bytes:
     """Return (inner_radius, interpolation, offset, angle, radius) noiseless maps."""
-    patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
+    patches = infrared.Patches.of(hits, mirrored=aspect != drawn_aspect)
     side = library.footprint(training_range, ifov)
     shown = [
         patches.covering(side, subpixel_offset(offset), subdivision=1).target(coverage_rule)
@@ -293,28 +288,21 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     `probability` by aspect bin, mean over ships, aspects and offsets; `lowest`, the least of all
     views. Views that are not there are left out; NaN where none is.
     """
-    # Imported here because xarray takes a third of a second.
     import xarray as xr
 
-    found, aspect = _measured(images, "detection_probability"), images.aspect.values
-    labels, index = aspect_bins(aspect)
+    found = _measured(images, "detection_probability")
+    labels, index = aspect_bins(images.aspect.values)
     bins = [*(np.flatnonzero(index == k) for k in range(len(labels))), np.arange(len(index))]
-    about = {"long_name": "aspects pooled [deg]"}
-    name = xr.Variable("aspect_bin", [*labels, "overall"], about)
+    name = xr.Variable("aspect_bin", [*labels, "overall"])
     mean, least = (
         xr.concat([reduce(found.isel(aspect=pooled), OVER) for pooled in bins], name)
         for reduce in (xr.DataArray.mean, xr.DataArray.min)
     )
-    label = "mean probability that some pixel of the ship passes the threshold"
-    table = xr.Dataset(
-        {
-            "probability": described(mean, label),
-            "lowest": described(least, "least probability of a view"),
-        }
-    )
-    lowest = [*(aspect[pooled].min() for pooled in bins[:-1]), np.nan]
-    about = {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"}
-    return table.assign_coords(aspect_low=("aspect_bin", lowest, about))
+    columns = {
+        "probability": (mean, "mean probability that some pixel of the ship passes the threshold"),
+        "lowest": (least, "least probability of a view"),
+    }
+    return with_bins(data_set(columns), images.aspect)
 
 
 def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -323,17 +311,12 @@ def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     `error`, mean over ships, aspects and offsets, and `error_spread`, over them. Views that are not
     there, and images without contrast, are left out; NaN where none is.
     """
-    import xarray as xr
-
     error = _measured(images, "reconstruction_error")
-    label = "rms difference from the noiseless fine image over contrast"
-    spread = "standard deviation of that over views and positions"
-    return xr.Dataset(
-        {
-            "error": described(error.mean(OVER), label),
-            "error_spread": described(error.std(OVER), spread),
-        }
-    )
+    columns = {
+        "error": (error.mean(OVER), "rms difference from the noiseless fine image over contrast"),
+        "error_spread": (error.std(OVER), "standard deviation of that over views and positions"),
+    }
+    return data_set(columns)
 
 
 def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -347,22 +330,18 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
         swept = one.name in images.dims
         axes[one.name] = images[one.name] if swept else xr.DataArray(choices.one(one))
     whole = dict(zip(axes, xr.broadcast(*axes.values()), strict=True))
-    metres = whole["range"] * 1e3
-    air: dict[str, Any] = {"extinction": (whole["extinction"] * 1e-3).values}
-    seen: dict[str, Any] = air | {"contrast_at_zero": whole["contrast_at_zero"].values}
-    noise: Any = {name: whole[name].values for name in ("frame_count", "nedt")}
-    figures: dict[str, tuple[Any, ...]] = {
-        "attenuation": (
-            library.attenuation(metres.values, **air),
-            "loss in the air, one way",
-            "dB",
-        ),
-        "contrast": (library.contrast(metres.values, **seen), "contrast of ship to sea", "K"),
-        "snr": (library.snr(metres.values, **noise, **seen), "signal-to-noise ratio of a pixel"),
+    given: dict[str, Any] = {name: one.values for name, one in whole.items()}
+    metres = given.pop("range") * 1e3
+    air = {"extinction": given.pop("extinction") * 1e-3}
+    seen = air | {"contrast_at_zero": given.pop("contrast_at_zero")}
+    figures = {
+        "attenuation": (library.attenuation(metres, **air), "loss in the air, one way", "dB"),
+        "contrast": (library.contrast(metres, **seen), "contrast of ship to sea", "K"),
+        "snr": (library.snr(metres, **given, **seen), "signal-to-noise ratio of a pixel"),
     }
-    return xr.Dataset(
+    return data_set(
         {
-            name: described(metres.copy(data=values), *label)
+            name: (whole["range"].copy(data=values), *label)
             for name, (values, *label) in figures.items()
         }
     )
@@ -378,7 +357,7 @@ def _measured(images: xr.Dataset, name: str) -> xr.DataArray:
 def _table(name: str, tabulate: Any, title: str, figures: tuple[Figure, ...], **how: Any) -> Table:
     """Return a table of images, with one row for each range and number of frames."""
     display = Display(f"infrared_{name}", title, figures, rows=SEEN, **how)
-    return Table(f"tables/{name}", (IMAGES,), tabulate, looks_infrared, (display,))
+    return OF_VIEWS.table(name, tabulate, display)
 
 
 TABLES = (

@@ -419,6 +419,3 @@ def check_window(choices: Choices, ship: Value) -> None:
         if needed > allowed:
             hold = f"at least {math.ceil(needed)} m to hold {ship}{views.hint(ship)}"
             refuse(setting, allowed, hold)
-
-
-SETTINGS: tuple[type[Settings], ...] = (Infrared,)

@@ -345,6 +345,3 @@ def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **pla
     course, receivers = ({one.name: values[one.name] for one in on} for on in (FLOWN, RECORDED))
     draw = {"replicate": receivers["replicate"], "reflectance": reflectance}
     return recorded(fly_past(mesh, course, **draw, **place), course, receivers, **place)
-
-
-SETTINGS: tuple[type[Settings], ...] = (Course, Receivers, Passive, Irar)

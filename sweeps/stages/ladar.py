@@ -19,18 +19,7 @@ from ncti.render import LineImage, RangeImage
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
-from sweeps.stages.views import (
-    INFRARED,
-    LINES,
-    RANGE,
-    SHAPES,
-    STATUS,
-    Grid,
-    Render,
-    Sweep,
-    looks,
-    quantity,
-)
+from sweeps.stages.views import RANGE, STATUS, Grid, Render, Sweep, looks, quantity
 
 Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
@@ -44,7 +33,7 @@ VIEW = ("ship", "aspect", "pulse_width")
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
 FULL = "full_profile"
 
-WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
+WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, views.INFRARED}}
 """Classifiers for which covariances are stored, and the sensors that each needs."""
 
 
@@ -52,8 +41,8 @@ class Ladar(Settings, key="ladar"):
     """The laser radar: its beam, its receiver, its noise."""
 
     ifov = quantity(150, 1, 100e3, "urad", "instantaneous field of view")
-    bin_width = quantity(1, 0.05, 50, "m", "range bin", fixed=SHAPES)
-    window = quantity(250, 20, 5000, "m", "range window centred on the ship", fixed=SHAPES)
+    bin_width = quantity(1, 0.05, 50, "m", "range bin", fixed=views.SHAPES)
+    window = quantity(250, 20, 5000, "m", "range window centred on the ship", fixed=views.SHAPES)
     spread = quantity(
         *(0.5, 0, 1, "1", "share of a pixel's range extent that its area is spread over"),
         help="0: point sampling",
@@ -93,7 +82,7 @@ def stores_moments(choices: Choices) -> bool:
 
 def by_lines(choices: Choices) -> bool:
     """Return whether views are sampled along lines, which estimate their error."""
-    along = LINES in choices[Render.engine] or any(choices[Render.tolerance])
+    along = views.LINES in choices[Render.engine] or any(choices[Render.tolerance])
     return looks(RANGE)(choices) and along
 
 
@@ -310,7 +299,7 @@ def check(choices: Choices) -> Choices:
         if receiver != FULL and most > MOST_DRAWN:
             allowed = f"at most {MOST_DRAWN} with the {receiver} receiver, which draws each of them"
             views.refuse(Ladar.target_free_ifovs, most, allowed)
-    if set(choices.one(Sweep.sensor)) - {INFRARED}:  # flights make profiles, too
+    if set(choices.one(Sweep.sensor)) - {views.INFRARED}:  # flights make profiles, too
         check_pulses(choices, Ladar.bin_width)
         if FULL in choices[Ladar.receiver]:
             _check_window(choices)
@@ -343,6 +332,3 @@ def _check_window(choices: Choices) -> None:
                 f"at least {needed:.0f} m to hold {ship} and leave {EDGE:.0%} free at each end"
             )
             views.refuse(Ladar.window, window, f"{allowed}{views.hint(ship)}")
-
-
-SETTINGS: tuple[type[Settings], ...] = (Ladar,)

@@ -249,5 +249,4 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-SETTINGS: tuple[type[Settings], ...] = (Likelihood,)
 TABLES = ANSWERS.tables(rejecting=True)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stream, in_memory, plain
 from sweeps.stages import acn, classifier
@@ -23,7 +22,7 @@ from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar
 from sweeps.stages.mnn import Training, mnn, mnn_training
 from sweeps.stages.scores import tabulate_scores
 from sweeps.stages.signatures import KINDS, signature_kinds
-from sweeps.stages.views import IRAR, RANGE, Grid, Sweep, looks
+from sweeps.stages.views import IRAR, RANGE, Grid, Sweep, looks, refuse, require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -164,17 +163,10 @@ def check(choices: Choices) -> Choices:
         return choices
     names = tuple(name for name in choices[Classifier.name] if name in TRAINED)
     if not names:
-        raise ConfigurationError(
-            f"classifier.name is {', '.join(choices[Classifier.name])}, but must have one of "
-            f"{', '.join(TRAINED)} where sensor is irar"
-        )
-    for setting, allowed in ((Correlation.training, EXPECTED), (Classifier.left_out, False)):
-        for value in choices[setting]:
-            if value != allowed:
-                raise ConfigurationError(
-                    f"{setting.key} is {str(value).lower()}, but must be {str(allowed).lower()} "
-                    "where sensor is irar"
-                )
+        allowed = f"one of {', '.join(TRAINED)} where sensor is irar"
+        refuse(Classifier.name, ", ".join(choices[Classifier.name]), allowed)
+    require(choices, Correlation.training, EXPECTED, "where sensor is irar")
+    require(choices, Classifier.left_out, False, "where sensor is irar")
     if set(choices.one(Sweep.sensor)) == {IRAR}:
         return choices.having(Classifier.name, names)
     return choices

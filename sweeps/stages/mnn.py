@@ -182,5 +182,4 @@ def seen(profiles: Profiles, inputs: str) -> NDArray[np.floating]:
     return profiles if inputs == RAW else profile_vector(profiles)
 
 
-SETTINGS: tuple[type[Settings], ...] = (Mnn,)
 TABLES = ANSWERS.tables(scored="ship and aspects")

@@ -23,34 +23,22 @@ from sweeps.engine.stage import (
     Group,
     Output,
     Stream,
-    Table,
     in_memory,
     inner,
     plain,
     stage,
 )
+from sweeps.stages import views
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
 from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Arrays, Floats, Ladar, check_pulses
-from sweeps.stages.views import (
-    RUN_TIME,
-    SHAPES,
-    STATUS,
-    Grid,
-    Keywords,
-    Render,
-    described,
-    keywords,
-    looks,
-    quantity,
-    refuse,
-)
+from sweeps.stages.views import RUN_TIME, Grid, Keywords, Render, keywords, looks, refuse
 
 if TYPE_CHECKING:
     import trimesh
     import xarray as xr
 
-SENSOR = GROUP = RUN_TIME
+SENSOR = RUN_TIME
 IMPORTS = ("ncti.ladar.accuracy",)  # by its stages, when they are called; takes long
 VIEWS, VIEW_SETTINGS = ("ship", "aspect"), (Grid.ship, Grid.aspect)
 SPREAD, BIN_WIDTH = 0.5, 1.0
@@ -61,13 +49,17 @@ TARGET = 1e-3  # error whose cost is tabulated
 class RunTime(Settings, key="run_time"):
     """Run time against error."""
 
-    bin_width = quantity(1, 0.05, 50, "m", "range bin of the extents that are timed", shown=True)
+    bin_width = views.quantity(
+        1, 0.05, 50, "m", "range bin of the extents that are timed", shown=True
+    )
     repeats = count(3, 1, 1000, label="timings of a view, of which the median is taken")
-    draws = count(16, 1, 1000, label="noisy profiles of a view that are classified", fixed=SHAPES)
+    draws = count(
+        16, 1, 1000, label="noisy profiles of a view that are classified", fixed=views.SHAPES
+    )
 
 
 USED = (Grid, Render, Ladar, RunTime)
-TIMED = Group(GROUP, looks(RUN_TIME), USED, status=STATUS)
+TIMED = Group(RUN_TIME, looks(RUN_TIME), USED, status=views.STATUS)
 _signature = inner("signature", ("down_range",), "f8")
 VIEW = {"aspect": Grid.aspect, "depression": "depression"}
 BINNED = {name: BEAM[name] for name in ("slant_range", "ifov", "window")}
@@ -269,10 +261,8 @@ def check(choices: Choices) -> Choices:
     """Drop unavailable engines, and refuse what cannot be measured."""
     if not looks(SENSOR)(choices):
         return choices
-    for tolerance in choices[Render.tolerance]:
-        if tolerance is not None:
-            reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"
-            refuse(Render.tolerance, tolerance, f"null {reason}")
+    reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"
+    views.require(choices, Render.tolerance, None, reason)
     window, widest_bin = choices.one(Ladar.window), max(choices[RunTime.bin_width])
     if window < 10 * widest_bin:
         refuse(RunTime.bin_width, widest_bin, f"at most a tenth of ladar.window, {window:g} m")
@@ -344,10 +334,10 @@ def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
     along: Any = {"input_core_dims": [["pixel"], ["pixel"]], "vectorize": True}
     error = table.profile_error_median
     needed = {
-        f"{name}_needed": described(xr.apply_ufunc(at_error, table[name], error, **along), *label)
+        f"{name}_needed": (xr.apply_ufunc(at_error, table[name], error, **along), *label)
         for name, label in figures.items()
     }
-    return xr.Dataset(needed, attrs={"title": f"Cost of a median error of {TARGET:.1%}"})
+    return views.data_set(needed).assign_attrs(title=f"Cost of a median error of {TARGET:.1%}")
 
 
 def at_error(figure: Floats, error: Floats, target: float = TARGET) -> float:
@@ -363,8 +353,8 @@ def at_error(figure: Floats, error: Floats, target: float = TARGET) -> float:
     return float(np.exp(np.interp(np.log(target), x, y)))
 
 
-SETTINGS: tuple[type[Settings], ...] = (RunTime,)
-TABLES = tuple(
-    Table(f"tables/{GROUP}{suffix}", (GROUP,), make, looks(SENSOR))
-    for suffix, make in (("", tabulate_nominal), ("_cost", tabulate_cost), ("_samplings", tabulate))
+TABLES = (
+    TIMED.table("run_time", tabulate_nominal),
+    TIMED.table("run_time_cost", tabulate_cost),
+    TIMED.table("run_time_samplings", tabulate),
 )

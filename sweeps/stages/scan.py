@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from ncti.search import Box, Field, Imager, Laser, Rates, Survey, Target
 from ncti.search.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.settings import Choices, Settings, count, number, word
-from sweeps.engine.stage import Group, Output, Stream, Table, coordinate, in_memory, plain, stage
+from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.classifier import check_receiver
 from sweeps.stages.infrared import Infrared, check_window
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import trimesh
     import xarray as xr
 
-SENSOR = GROUP = SCAN
+SENSOR = SCAN
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 BARGE, NO_DECOY = "barge", "none"
 DECOY = "decoy"  # name of the last target
@@ -73,7 +73,7 @@ class Scan(Settings, key="scan"):
 
 
 USED = (Scan, Grid, Render, Ladar)
-FIELD = Group(GROUP, looks(SCAN), USED, status=STATUS)
+FIELD = Group(SCAN, looks(SCAN), USED, status=STATUS)
 
 
 @FIELD.stage(
@@ -94,15 +94,15 @@ def scan_edges() -> NDArray[np.str_]:
 
 # Targets
 
-scan_field = plain(uses=(Scan, Ladar), name="scan_field")(Field)
-scan_survey = plain(
+field = plain(uses=(Scan, Ladar), name="field")(Field)
+survey = plain(
     uses=(Scan, Grid, Ladar),
     reads={
         "slant_range": Grid.range,
         "length": Infrared.window_length,
         "height": Infrared.window_height,
     },
-    name="scan_survey",
+    name="survey",
 )(Survey)
 
 # Arrays of a target: of as many IFOVs as any ship has, empty ones too.
@@ -115,10 +115,10 @@ TARGET = (
 
 @stage(*TARGET, uses=USED, gather=(Grid.aspect,), stream=Stream((Grid.ship, Grid.replicate)))
 def scan_target(
-    mesh: trimesh.Trimesh, scan_survey: Survey, aspect: tuple[float, ...], rng: np.random.Generator
+    mesh: trimesh.Trimesh, survey: Survey, aspect: tuple[float, ...], rng: np.random.Generator
 ) -> Arrays:
     """Return the view of a ship in the field, at the same aspects and positions for every range."""
-    return scan_survey.arrays(scan_survey.target(mesh, aspect, rng))
+    return survey.arrays(survey.target(mesh, aspect, rng))
 
 
 BARGE_SIDES = {"length": Scan.decoy_length, "beam": Scan.decoy_beam, "height": Scan.decoy_height}
@@ -132,25 +132,25 @@ BARGE_SIDES = {"length": Scan.decoy_length, "beam": Scan.decoy_beam, "height": S
     stream=Stream((Grid.replicate,)),
 )
 def scan_decoy(
-    scan_survey: Survey,
+    survey: Survey,
     decoy: str,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
     **sides: float,
 ) -> Arrays:
     """Return the view of the decoy, empty if there is none."""
-    arrays = scan_survey.arrays(scan_survey.target(search.box(**sides), aspect, rng))
+    arrays = survey.arrays(survey.target(search.box(**sides), aspect, rng))
     return arrays if decoy != NO_DECOY else {**arrays, "fraction": 0 * arrays["fraction"]}
 
 
 @in_memory(uses=(Scan,), gather=(Grid.ship,))
-def scan_targets(scan_survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Target]:
+def targets(survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Target]:
     """Return the ships of the field, and the decoy behind them if there is one."""
     ships = len(scan_target["fraction"])
     several = [{name: array[k] for name, array in scan_target.items()} for k in range(ships)]
     if scan_decoy["fraction"].any():
         several.append(scan_decoy)
-    return [scan_survey.restored(one) for one in several]
+    return [survey.restored(one) for one in several]
 
 
 # Detections of the imager
@@ -162,7 +162,7 @@ _of_target = partial(Output, dims=("target",), dtype="i4")
 _of_detection = partial(Output, dims=("detection", "edge"), dtype="i4", pad=-1)
 _ship = partial(Output, dims=("detection",), dtype="i4", pad=-2, fill=-2)
 
-scan_detected = FIELD.stage(
+detected = FIELD.stage(
     _of_target("column", label="column of a target's origin in the field"),
     _of_target("row", label="row of a target's origin in the field"),
     _of_target("true_aspect", dtype="f4", label="aspect of a target", unit="degree"),
@@ -178,24 +178,18 @@ scan_detected = FIELD.stage(
     _ship("source", label="detected target; -1 for the sea"),
     _of_detection("box", label="pixels of a detection"),
     _of_detection("visit", label="pixels of the visit to a detection"),
-    reads={
-        "field": "scan_field",
-        "targets": "scan_targets",
-        "survey": "scan_survey",
-        "imager": "scan_imager",
-    },
-    stream=Stream((Grid.range, Grid.replicate)),
-    name="scan_detected",
+    reads={"imager": "scan_imager"},
+    stream=Stream((Grid.range, Grid.replicate), "scan_detected"),
+    name="detected",
 )(search.observe)
 
 
 # Visits of the laser radar
 
 DRAW = Grid.replicate.name
-VISITS = {"survey": "scan_survey", "laser": "scan_laser", "templates": "scan_templates"}
 
-scan_laser = plain(uses=(Grid, Ladar), name="scan_laser")(Laser)
-scan_rates = plain(uses=(Scan,), name="scan_rates")(Rates)
+laser = plain(uses=(Grid, Ladar), name="laser")(Laser)
+rates = plain(uses=(Scan,), name="rates")(Rates)
 
 
 # Templates of known ships
@@ -207,7 +201,7 @@ scan_rates = plain(uses=(Scan,), name="scan_rates")(Rates)
     Output("ifovs", dtype="i8"),
     uses=USED,
 )
-def scan_moments(ifovs: RangeExtent, pulse_width: float, cnr_at_range: float) -> Arrays:
+def moments(ifovs: RangeExtent, pulse_width: float, cnr_at_range: float) -> Arrays:
     """Return mean and covariance of one frame of the IFOVs that see a ship, and their number."""
     mean, band = banded_frame_moments(
         ifovs, pulse_width=pulse_width, cnr=cnr_at_range, target_free_ifovs=0
@@ -215,32 +209,30 @@ def scan_moments(ifovs: RangeExtent, pulse_width: float, cnr_at_range: float) ->
     return {"mean": mean, "band": band, "ifovs": np.array(len(ifovs.cell))}
 
 
-scan_templates = in_memory(
+templates = in_memory(
     uses=(Grid, Ladar, Likelihood),
-    reads={"moments": "scan_moments", "survey": "scan_survey", "cnr": "cnr_at_range"},
+    reads={"cnr": "cnr_at_range"},
     gather=(Grid.ship, Grid.aspect),
-    name="scan_templates",
+    name="templates",
 )(visit_templates)
 
-scan_known = stage(
+known = stage(
     Output("similarity", ("view",), "f8"),
     uses=USED,
-    reads=VISITS,
     along=(Grid.frame_count,),
     gather=(Grid.aspect,),
-    stream=Stream((Grid.ship, Grid.range)),
-    name="scan_known",
+    stream=Stream((Grid.ship, Grid.range), "scan_known"),
+    name="known",
 )(known_similarity)
 
-scan_visited = FIELD.stage(
+visited = FIELD.stage(
     _ship("named", label="ship predicted by a visit"),
     Output(
         "similarity", ("detection",), pad=np.nan, label="cosine similarity to the nearest profile"
     ),
-    reads=VISITS | {"detected": "scan_detected", "targets": "scan_targets"},
     along=(Grid.frame_count,),
-    stream=Stream((Grid.range, Grid.replicate)),
-    name="scan_visited",
+    stream=Stream((Grid.range, Grid.replicate), "scan_visited"),
+    name="visited",
 )(identify_visits)
 
 COUNTS = {
@@ -262,20 +254,13 @@ TIMES = {
     "exhaustive": "time of the laser radar over the whole field",
 }
 
-scan_outcome = FIELD.stage(
+outcome = FIELD.stage(
     Output("least", label="rejection threshold of the similarity"),
     Output("accepted", ("detection",), "i1", pad=-1, label="1 where a visit is accepted as a ship"),
     *(Output(name, dtype="i4", label=label) for name, label in COUNTS.items()),
     *(Output(name, dtype="f8", unit="s", label=label) for name, label in TIMES.items()),
-    reads={
-        "detected": "scan_detected",
-        "visited": "scan_visited",
-        "known": "scan_known",
-        "field": "scan_field",
-        "rates": "scan_rates",
-    },
     gather=(Grid.ship,),
-    name="scan_outcome",
+    name="outcome",
 )(search_outcome)
 
 
@@ -290,10 +275,8 @@ def check(choices: Choices) -> Choices:
     if {*choices[Ladar.ifov], *choices[Infrared.ifov]} != {choices[Ladar.ifov][0]}:
         reason = f"with the sensor {SCAN}: both sensors look through one aperture"
         refuse(Infrared.ifov, max(choices[Infrared.ifov]), f"one number, of ladar.ifov, {reason}")
-    for setting, allowed in ((Render.tolerance, None), (Ladar.reflectance, "projected_area")):
-        for given in choices[setting]:
-            if given != allowed:
-                refuse(setting, given, f"{allowed or 'null'} with the sensor {SCAN}")
+    views.require(choices, Render.tolerance, None, f"with the sensor {SCAN}")
+    views.require(choices, Ladar.reflectance, "projected_area", f"with the sensor {SCAN}")
     far = max(choices[Grid.range]) * 1e3 * (1 + max(choices[Scan.depth]))
     most, pulses = search.most_pulses(far), max(choices[Scan.pulse_rate])
     if pulses > most:
@@ -378,7 +361,7 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
     detectable = scan.detection_probability.isel(target=slice(ships)).mean("target")
     counts = scan.assign(ships=whole_field)
     totals = counts[[*COUNTS, "ships"]].where(done).sum(DRAW)
-    arrays = {
+    arrays: dict[str, tuple[Any, ...]] = {
         "draws": (done.sum(DRAW), "draws of the field"),
         "detection_probability": (
             detectable.where(done).mean(DRAW),
@@ -396,16 +379,11 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
             f"share_{name}_of": (trials, "number of trials of the share"),
         }
     for name, one in MEANS.items():
-        arrays[name] = (scan[one].where(done).mean(DRAW), f"{scan[one].long_name}, mean of draws")
+        mean = scan[one].where(done).mean(DRAW)
+        arrays[name] = (mean, f"{scan[one].long_name}, mean of draws", scan[one].units)
     ratio = arrays["exhaustive"][0] / arrays["total"][0]
     arrays["gain"] = (ratio, "time of the laser radar over the whole field over the search's")
-    units = {name: scan[one].attrs.get("units", "1") for name, one in MEANS.items()}
-    return xr.Dataset(
-        {
-            name: views.described(array, label, units.get(name, "1"))
-            for name, (array, label) in arrays.items()
-        }
-    )
+    return views.data_set(arrays)
 
 
 def _share(name: str) -> Figure:
@@ -423,7 +401,6 @@ def _share(name: str) -> Figure:
     )
 
 
-SETTINGS: tuple[type[Settings], ...] = (Scan,)
 _shown = partial(Figure, format=".1f")
 DISPLAY = Display(
     "scan",
@@ -445,4 +422,4 @@ DISPLAY = Display(
         "takes as many at every place of the field.",
     ),
 )
-TABLES = (Table("tables/scan", (GROUP,), tabulate, looks(SCAN), (DISPLAY,)),)
+TABLES = (FIELD.table("scan", tabulate, DISPLAY),)

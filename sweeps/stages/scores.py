@@ -8,15 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncti.evaluate import (
-    accuracy_by_aspect,
-    aspect_bins,
-    open_set_scores,
-    rejection_thresholds,
-    replicated_accuracy,
-)
+from ncti import evaluate
 from sweeps.engine.display import Display, Figure
-from sweeps.stages.views import described
+from sweeps.stages.views import data_set, described
 
 if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
     import xarray as xr
@@ -59,8 +53,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
             "views": (views, "training views"),
             "compression": (views / mean.where(mean > 0), "training views per category"),
             "settled": (settled, "whether no category changed in the last pass"),
-        },
-        None,
+        }
     )
 
 
@@ -82,7 +75,7 @@ def scored(
     draws = tuple(name for name in DRAWS if name in correct.dims)
     answers = correct.transpose(..., *draws, *VIEW)
     right, asked, aspect = answers.values == 1, answers.values >= 0, answers.aspect.values
-    score = replicated_accuracy(right, aspect, draws=len(draws), answered=asked)
+    score = evaluate.replicated_accuracy(right, aspect, draws=len(draws), answered=asked)
     cells = answers.isel(dict.fromkeys((*draws, *VIEW), 0), drop=True)
     cells = cells.expand_dims(aspect_bin=list(score.labels), axis=-1)
     figures = {
@@ -92,7 +85,7 @@ def scored(
         "n": (score.n, f"number of {what}"),
     }
     if draws:
-        of_draws = accuracy_by_aspect(right, aspect, answered=asked).fraction
+        of_draws = evaluate.accuracy_by_aspect(right, aspect, answered=asked).fraction
         spread = xr.DataArray(of_draws, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
         said = f"standard deviation of that fraction over {' and '.join(draws)}"
         figures["spread"] = spread.values, said
@@ -123,26 +116,13 @@ def tabulate_scores(
     ):
         if name in classified:
             arrays |= scored(classified[name], prefix, what, kinds).data_vars.items()
-    return _with_bins(xr.Dataset(arrays), classified.aspect)
+    return with_bins(xr.Dataset(arrays), classified.aspect)
 
 
-def data_set(
-    tables: Mapping[str, tuple[xr.DataArray, str]], aspect: xr.DataArray | None
-) -> xr.Dataset:
-    """Return arrays without a unit and their long names as a data set.
-
-    Of aspects [deg] that were pooled the lowest of every bin is a coordinate.
-    """
-    import xarray as xr
-
-    table = xr.Dataset({name: described(*column) for name, column in tables.items()})
-    return table if aspect is None else _with_bins(table, aspect)
-
-
-def _with_bins(table: xr.Dataset, aspect: xr.DataArray) -> xr.Dataset:
+def with_bins(table: xr.Dataset, aspect: xr.DataArray) -> xr.Dataset:
     """Return a table with the lowest aspect [deg] of every bin."""
     table.aspect_bin.attrs = {"long_name": "aspects pooled [deg]"}
-    _, index = aspect_bins(aspect.values)
+    _, index = evaluate.aspect_bins(aspect.values)
     lowest = [aspect.values[index == k].min() for k in range(index.max() + 1)]
     about = {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"}
     return table.assign_coords(aspect_low=("aspect_bin", [*lowest, np.nan], about))
@@ -197,7 +177,7 @@ def tabulate_rejection(
         of_all = similarity.where(of_known | of_unknown)
         over = partial(xr.apply_ufunc, vectorize=True)
         up_to = over(
-            lambda answers: rejection_thresholds(answers[~np.isnan(answers)], LEAST),
+            lambda answers: evaluate.rejection_thresholds(answers[~np.isnan(answers)], LEAST),
             similarity.where(of_unknown),
             input_core_dims=[pooled],
             output_core_dims=[["least_rejected"]],
@@ -244,7 +224,7 @@ def tabulate_rejection(
 def _areas(similarity: Any, right: Any, known: Any) -> tuple[float, float]:
     """Return AUROC and OSCR of answers, NaN without any; a similarity of NaN is none."""
     asked = ~np.isnan(similarity)
-    scores = open_set_scores(similarity[asked], right[asked], known[asked])
+    scores = evaluate.open_set_scores(similarity[asked], right[asked], known[asked])
     return scores.auroc, scores.oscr
 
 

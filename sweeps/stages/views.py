@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
@@ -22,7 +23,7 @@ from ncti.render.loops import LINES
 from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import spelt
+from sweeps.engine.kinds import SetOf, spelt
 from sweeps.engine.settings import (
     Choices,
     Setting,
@@ -300,6 +301,13 @@ def described(array: xr.DataArray, long_name: str, units: str = "1") -> xr.DataA
     return array.assign_attrs(units=units, long_name=long_name)
 
 
+def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
+    """Return a table of arrays, each with its label and perhaps its unit."""
+    import xarray as xr
+
+    return xr.Dataset({name: described(*column) for name, column in columns.items()})
+
+
 def cache_folder() -> Path:
     """Return the folder of finished results: that of the environment, or the user's."""
     given = os.environ.get(CACHE_VARIABLE)
@@ -391,5 +399,24 @@ def refuse(setting: Setting, value: Any, allowed: str) -> NoReturn:
     raise ConfigurationError(f"{setting.key} has {written}, but must be {allowed}")
 
 
-SETTINGS: tuple[type[Settings], ...] = (Sweep, Grid, Scene, Render)
+def require(choices: Choices, setting: Setting, allowed: Any, reason: str) -> None:
+    """Refuse (`ConfigurationError`) every other value of a setting."""
+    for value in choices[setting]:
+        if value != allowed:
+            refuse(setting, _quoted(value), f"{spelt(allowed)} {reason}")
+
+
+def require_among(choices: Choices, setting: Setting, whole: Setting, reason: str = "") -> None:
+    """Refuse (`ConfigurationError`) values of a setting, or members of a set, another lacks."""
+    given = choices[setting]
+    for value in (given[0] or ()) if isinstance(setting.kind, SetOf) else given:
+        if value not in choices[whole]:
+            known = ", ".join(map(spelt, choices[whole]))
+            refuse(setting, _quoted(value), f"one of {known}, the values of {whole.key}{reason}")
+
+
+def _quoted(value: Any) -> Any:
+    return repr(str(value)) if isinstance(value, str) else value
+
+
 STATUS = Status("status:view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))

@@ -7,7 +7,7 @@ from ncti.render import Sampling, range_image, sampled
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Experiment, Group, Output, plain, stage, value_token
-from sweeps.experiment import stages_of
+from sweeps.experiment import groups_of, stages_of
 from sweeps.stages import ladar, views
 from sweeps.stages.ships import ship_name
 from sweeps.stages.views import Grid
@@ -93,7 +93,7 @@ def images_of(**given):
     experiment = Experiment(
         "images",
         "Images",
-        settings=(*views.SETTINGS, *ladar.SETTINGS),
+        settings=(*groups_of(views), *groups_of(ladar)),
         stages=(
             *(*stages_of([views]), ladar.fineness, own_depression),
             *views.image_stages("own_image", range=Grid.range, depression="own_depression"),

@@ -15,7 +15,7 @@ from commands import opened, ran
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Settings, count, number
-from sweeps.engine.stage import STATE, Group, Output, Status, Stream, Table
+from sweeps.engine.stage import STATE, Group, Output, Status, Stream
 from sweeps.engine.store import read_attributes
 from sweeps.stages.classifier import names_by
 from sweeps.stages.views import STATUS, Grid, looks
@@ -75,8 +75,7 @@ def check(choices):
     return choices
 
 
-SETTINGS = (Toy,)
-TABLES = (Table("tables/toy", (ANSWERS.path,), tabulate, ANSWERS.when),)
+TABLES = (ANSWERS.table("toy", tabulate),)
 
 MODULES = (sys.modules[__name__],)
 SWEEP = (
