@@ -118,7 +118,7 @@ def report_page(store: Path, frames: Mapping[str, Frame]) -> list[Path]:
     """
     from sweeps.engine.errors import ConfigurationError
     from sweeps.engine.process import say
-    from sweeps.report.command import written_page
+    from sweeps.report.summary import written_page
 
     try:
         return written_page(store, frames)

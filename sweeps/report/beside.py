@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files
@@ -13,6 +13,7 @@ import pandas as pd
 import yaml
 
 from ncti import ships
+from ncti.evaluate.scores import BIN_WIDTH
 from sweeps.engine.kinds import Draws
 from sweeps.engine.settings import Settings, flatten
 from sweeps.report.words import missing
@@ -31,14 +32,14 @@ GROUPS: dict[str, tuple[type[Settings], ...]] = {
     "mnn": (Scene, Ladar, Classifier, Mnn),
     "acn_infrared": (Scene, Infrared, Classifier, Network),
 }
-"""Settings that must be the default, the article's, by its tables; `_percent` checks the grid's."""
+"""Settings that must be the default, the article's, by its tables; `article` has the grid's."""
 
-TABLES = {"acn": "table4", "mnn": "table2", "acn_infrared": "table5"}
-SAME = ("vigilance", "pulse_width", "frame_count")  # of these tables, where they name it
+SENSOR = "sensor"  # the article's table of the sensor, which is compared at any setting
+LEARNED = "learned"  # aspects that the article tests
+LAST_BIN = 60  # deg, lowest aspect of the article's last bin
 POSITIONS = {"shifted": 4}  # of the detector, with as many frames at each
 BOUND = "likelihood"
 OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns that it needs
-Row = Mapping[str, Any]
 
 
 @lru_cache
@@ -49,119 +50,100 @@ def source_figures() -> dict[str, Any]:
     return figures
 
 
+def article() -> Iterator[tuple[str, str, dict[str, Any], float]]:
+    """Yield the article's figures: their table, column, and values of axes, and the number.
+
+    Aspect bins are named by their lowest aspect [deg].
+    """
+    given = source_figures()
+    sensor = given["table1_sensor"]
+    for slant_range, printed in sensor["ranges"].items():
+        at = {"range": slant_range, "frame_count": sensor["frame_count"]}
+        for name, text in printed.items():
+            yield SENSOR, name.partition("_")[0], at, float(text)
+    place = {name: given["experiment"][name] for name in ("range", "receiver")}
+    formed = given["table3_categories"]
+    for width, count in formed["categories"].items():
+        at = place | {"vigilance": formed["vigilance"], "pulse_width": width}
+        yield "acn", "categories", at, count
+    silhouettes = given["table5_percent_correct"]
+    of_images = {"vigilance": silhouettes["vigilance"]}
+    yield "acn_infrared", "categories", of_images, silhouettes["categories"]
+    for source, table in (("mnn", "table2"), ("acn", "table4")):
+        printed = given[f"{table}_percent_correct"]
+        same = {name: printed[name] for name in ("vigilance", "pulse_width") if name in printed}
+        for count, figures in {None: printed["training"], **printed["frames"]}.items():
+            for start, percent in zip(printed["bin_starts"], figures, strict=True):
+                at = place | same | {"frame_count": count, "bin": start, "aspects": LEARNED}
+                yield source, "percent_correct", at, percent
+    of_tests = of_images | {"frame_count": silhouettes["frame_count"], "aspects": LEARNED}
+    for way in ("none", "perfect"):
+        for slant_range, figures in silhouettes[way].items():
+            at = of_tests | {"super_resolution": way, "range": slant_range}
+            whole = {"overall": silhouettes["overall"][way][slant_range]}
+            bins = dict(zip(silhouettes["bin_starts"], figures, strict=True))
+            for start, percent in (bins | whole).items():
+                yield "acn_infrared", "percent_correct", at | {"bin": start}, percent
+
+
 def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     """Return a frame with the article's figures where they may be compared, and the bound."""
     frame = _with_bound(_with_frames_in_all(frame))
-    main = frame.of_role("figure")
-    shared = {"aspect_bin", "receiver", "aspects"}
     axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
-    found: dict[str, list[Any]] = {name: [None] * len(frame.rows) for name in main}
-    fair = [
-        Comparison(part, attributes).is_fair if part.display.source else None
-        for part in frame.parts
-    ]
-    used = {axis: frame.rows[name].tolist() for axis, name in axes.items()}
-    for number, k in enumerate(frame.rows["part"].tolist()):
-        part, test = frame.parts[k], fair[k]
-        if test is None:
+    found: dict[str, dict[Any, float]] = {name: {} for name in frame.of_role("figure")}
+    for number, part in enumerate(frame.parts):
+        defaults = _defaults(part, attributes)
+        if defaults is None:
             continue
-        row = {axis: None if missing(v[number]) else v[number] for axis, v in used.items()}
-        row = {"receiver": part.attrs.get("receiver")} | {
-            axis: value for axis, value in row.items() if value is not None or axis in shared
-        }
-        for name, value in _figures(frame.name, part.display.source, row, test).items():
-            if name in found:
-                found[name][number] = value
+        printed = [one for one in article() if one[0] == part.display.source]
+        for label in frame.rows.index[frame.rows["part"] == number]:
+            values = frame.records[label]
+            row = {axis: values[name] for axis, name in axes.items() if not missing(values[name])}
+            if any(row.get(name) not in (None, *given) for name, given in defaults.items()):
+                continue
+            row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED} | row
+            row["bin"] = _bin_start(str(row.get("aspect_bin")))
+            for _, figure, at, value in printed:
+                if figure in found and all(row.get(name) == one for name, one in at.items()):
+                    found[figure][label] = value
     for name, values in found.items():
-        if any(value is not None for value in values):
-            numbers = pd.to_numeric(pd.Series(values, index=frame.rows.index, dtype=object))
+        if values:
+            numbers = pd.Series(values).reindex(frame.rows.index)
             frame = _with_column(frame, name, f"source_{name}", "source", numbers)
     return frame
 
 
-def _figures(table: str, source: str, row: Row, is_fair: Callable[[Row], bool]) -> dict[str, Any]:
-    """Return the article's figures for a row, by the columns that they stand beside."""
-    given = source_figures()
-    if source == "sensor":
-        if row.get("frame_count") != given["table1_sensor"]["frame_count"]:
-            return {}
-        printed = given["table1_sensor"]["ranges"].get(row.get("range"), {})
-        return {name.partition("_")[0]: float(value) for name, value in printed.items()}
-    if source not in GROUPS or not is_fair(row):
+def _bin_start(label: str) -> Any:
+    """Return the lowest aspect [deg] of the article's bin in which one of ours begins."""
+    lowest = re.match(r"[\d.]+", label)
+    if lowest is None or float(lowest[0]) > LAST_BIN + BIN_WIDTH:
+        return label
+    return min(BIN_WIDTH * (float(lowest[0]) // BIN_WIDTH), LAST_BIN)
+
+
+def _defaults(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] | None:
+    """Return the article's values of settings that a part has with others, too, by name.
+
+    None if the part cannot be compared, or has other values only.
+    """
+    source = part.display.source
+    if source == SENSOR:
         return {}
-    if table == "scores":
-        return {"percent_correct": _percent(source, row)}
-    of_profiles, of_silhouettes = given["table3_categories"], given["table5_percent_correct"]
-    if source == "acn_infrared" and row.get("vigilance") == of_silhouettes["vigilance"]:
-        return {"categories": of_silhouettes["categories"]}
-    same = source == "acn" and row.get("vigilance") == of_profiles["vigilance"]
-    if same and _has_source_range(row):
-        return {"categories": of_profiles["categories"].get(row.get("pulse_width"))}
-    return {}
-
-
-def _has_source_range(row: Row) -> bool:
-    given = source_figures()["experiment"]
-    return (row.get("range"), row.get("receiver")) == (given["range"], given["receiver"])
-
-
-def _percent(source: str, row: Row) -> int | None:
-    """Return the article's percent correct for a row, if it has one."""
-    if row.get("aspects") not in (None, "learned"):  # the source tests the training aspects
+    if source not in GROUPS or not _has_source_views(part, attributes):
         return None
-    table, frames = source_figures()[f"{TABLES[source]}_percent_correct"], row.get("frame_count")
-    if any(name in table and row.get(name) != table[name] for name in SAME):
-        return None
-    whole = row.get("aspect_bin") == "overall"
-    figures: Any
-    if source == "acn_infrared":
-        way, slant_range = row.get("super_resolution"), row.get("range")
-        if whole:
-            found: int | None = table["overall"].get(way, {}).get(slant_range)
-            return found
-        figures = table.get(way, {}).get(slant_range)
-    elif not _has_source_range(row):
-        return None
-    else:
-        figures = table["training"] if frames is None else table["frames"].get(frames)
-    first = re.match(r"-?[\d.]+", str(row.get("aspect_bin")))
-    if figures is None or whole or first is None or float(first[0]) > 90:
-        return None
-    lowest = float(first[0])
-    percent: int = figures[sum(lowest >= start for start in table["bin_starts"]) - 1]
-    return percent
-
-
-class Comparison:
-    """Test of rows of a part of a table: whether they are at the article's settings."""
-
-    def __init__(self, part: Part, attributes: Mapping[str, Any]) -> None:
-        source = part.display.source
-        self._swept: dict[str, set[Any]] = {}  # default values of settings with others, too
-        self._possible = source in GROUPS and _has_source_views(part, attributes)
-        for setting, written in _checked(source, attributes) if self._possible else ():
-            given, default = set(setting.values(written)), set(setting.values(setting.default))
-            self._possible &= bool(given & default)
-            if given - default:
-                self._swept[setting.name] = default
-
-    def is_fair(self, row: Row) -> bool:
-        """Return whether a row is at the article's settings, or does not depend on them."""
-        return self._possible and all(
-            row.get(name) is None or row[name] in default for name, default in self._swept.items()
-        )
-
-
-def _checked(source: str, attributes: Mapping[str, Any]) -> Iterator[tuple[Any, Any]]:
-    """Yield the settings that a comparison depends on, with their values as configured."""
-    settings = {
-        one.key: one
-        for group in GROUPS[source]
-        for one in group.declared
-        if one.fallback is None and one is not Classifier.name and not isinstance(one.kind, Draws)
-    }
+    settings = {one.key: one for group in GROUPS[source] for one in group.declared}
+    found = {}
     for key, written in flatten(settings.values(), attributes.get("configuration", {})).items():
-        yield settings[key], written
+        setting = settings[key]
+        derived = setting.fallback is not None or isinstance(setting.kind, Draws)
+        if derived or setting is Classifier.name:
+            continue
+        given, default = set(setting.values(written)), set(setting.values(setting.default))
+        if not given & default:
+            return None
+        if given - default:
+            found[setting.name] = default
+    return found
 
 
 def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:

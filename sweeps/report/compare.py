@@ -112,8 +112,8 @@ def _subtracted(first: Frame, second: Frame, said: str) -> Frame:
         if name in first.figures and second.rows[name].dtype.kind in "fiu"
     ]
     axes = [name for name in second.of_role("axis") if name in first.rows]
-    shared = [name for name in axes if name in first.several() and name in second.several()]
-    own = [name for name in axes if name not in first.several()]
+    shared = [name for name in axes if name in first.several and name in second.several]
+    own = [name for name in axes if name not in first.several]
     rows = second.rows[[*dict.fromkeys([*shared, *own]), *figures]]
     if shared:
         rows = rows.merge(first.rows[[*shared, *figures]], on=shared, suffixes=("", "_first"))

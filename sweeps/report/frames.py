@@ -100,12 +100,9 @@ class Frame:
         return [name for name in self.of_role("figure") if self.columns[name].listed]
 
     @cached_property
-    def _several(self) -> tuple[str, ...]:
-        return tuple(name for name in self.of_role("axis") if self.rows[name].nunique() > 1)
-
     def several(self) -> list[str]:
-        """Return names of the axes along which rows differ."""
-        return list(self._several)
+        """Names of the axes along which rows differ."""
+        return [name for name in self.of_role("axis") if self.rows[name].nunique() > 1]
 
     @cached_property
     def records(self) -> dict[Any, dict[str, Any]]:

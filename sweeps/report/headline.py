@@ -35,7 +35,7 @@ def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list
 
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:
     """Return the column of the axis that was swept, of numbers if there is one; else empty."""
-    several = frame.several()
+    several = frame.several
     names = [n for axis in swept for n in several if frame.columns[n].axis == axis]
     names = [name for name in names if name != frame.across and name not in frame.down]
     numeric = [name for name in names if frame.rows[name].dtype.kind in "fiu"]

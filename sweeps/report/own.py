@@ -18,14 +18,15 @@ from pathlib import Path
 from sweeps.report.words import printable
 
 WRITTEN = ".written"  # the list of a folder
-LOCK = ".written.lock"
 PAGE = "ncti-page"  # name of the meta element with the digest of a page
 UNKNOWN = 64 * "0"  # in place of the digest, when it is computed
 BEGINNING = 4096  # bytes of a page in which its digest stands
 NAMED = 3  # files that a sentence names
 FOLDER, FILE = 0o755, 0o644  # modes: others may never write
 
-_LINE = re.compile(r"([0-9a-f]{64})  ([^/\0]+)")
+Listed = dict[str, tuple[str, ...]]  # digests by name
+
+_LINE = re.compile(r"^([0-9a-f]{64})  ([^/\0\n\ufffd]+)\n", re.MULTILINE)
 _PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE.encode())
 
 
@@ -40,14 +41,12 @@ class OwnFiles:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.kept: list[Path] = []
-        self._listed: dict[str, tuple[str, ...]] = {}
-        self._closed = True  # whether nothing may be written there
+        self._listed: Listed = {}
         if os.path.lexists(folder) and not folder.is_dir():
             self.kept.append(folder)
-            return
-        folder.mkdir(FOLDER, exist_ok=True)
-        self._closed = False
-        self._read()
+        else:
+            folder.mkdir(FOLDER, exist_ok=True)
+            self._read()
 
     @property
     def names(self) -> list[str]:
@@ -57,23 +56,22 @@ class OwnFiles:
     def put(self, name: str, content: bytes) -> None:
         """Write a file, unless another one is in its place."""
         path, digest = self.folder / name, _digest(content)
-        if self._closed or _has(path, (digest,)):
+        if self._is_closed() or _has(path, (digest,)):
             return
         with _locked(self.folder):
             self._read()
             before = self._listed.get(name, ())
             if os.path.lexists(path) and not _has(path, before):
                 self.kept.append(path)
-            if self._closed or path in self.kept:
-                return
-            # Listed before and after with both digests, so that an interrupt leaves an own file.
-            self._list({**self._listed, name: (*before, digest)})
-            write_whole(path, content)
-            self._list({**self._listed, name: (digest,)})
+            elif not self._is_closed():
+                # Listed before and after with both digests: an interrupt leaves an own file.
+                self._list({**self._listed, name: (*before, digest)})
+                write_whole(path, content)
+                self._list({**self._listed, name: (digest,)})
 
     def remove(self, name: str) -> None:
         """Remove a listed file, unless it was changed; forget it in any case."""
-        if self._closed or name not in self._listed:
+        if self._is_closed() or name not in self._listed:
             return
         with _locked(self.folder):
             self._read()
@@ -83,14 +81,18 @@ class OwnFiles:
             if digests:
                 self._list(self._listed)
 
+    def _is_closed(self) -> bool:
+        """Return whether nothing may be written: another file is the folder, or its list."""
+        return not {self.folder, self.folder / WRITTEN}.isdisjoint(self.kept)
+
     def _read(self) -> None:
-        """Read the list; nothing is written any more if another file is in its place."""
+        """Read the list, which is in the way if it is anything else."""
         listed = _read_list(self.folder / WRITTEN)
         if listed is None:
             self.kept.append(self.folder / WRITTEN)
-        self._listed, self._closed = listed or {}, listed is None
+        self._listed = listed or {}
 
-    def _list(self, listed: dict[str, tuple[str, ...]]) -> None:
+    def _list(self, listed: Listed) -> None:
         lines = (f"{digest}  {name}\n" for name, digests in listed.items() for digest in digests)
         write_whole(self.folder / WRITTEN, "".join(lines).encode())
         self._listed = listed
@@ -98,23 +100,16 @@ class OwnFiles:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Wait for the lock of a folder's list, which the operating system releases with a process.
+    """Wait for the lock of a folder, which the operating system releases with a process.
 
-    Other users cannot open its file. Where the file system has no locks, nothing is locked.
+    Where the file system has no locks, nothing is locked.
     """
-    file, held = folder / LOCK, False
-    while not held:
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
         with suppress(OSError):
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-        with suppress(FileNotFoundError):  # removed by its last holder: another file is the lock
-            held = os.path.samestat(os.fstat(descriptor), file.stat())
-        if not held:
-            os.close(descriptor)
-    try:
         yield
     finally:
-        file.unlink(missing_ok=True)  # while it is held
         os.close(descriptor)
 
 
@@ -170,22 +165,17 @@ def write_whole(path: Path, content: bytes) -> None:
         made.unlink(missing_ok=True)
 
 
-def _read_list(path: Path) -> dict[str, tuple[str, ...]] | None:
+def _read_list(path: Path) -> Listed | None:
     """Return digests by name as a list has them; None if it is anything else."""
     if not os.path.lexists(path):
         return {}
     if path.is_symlink() or not path.is_file():
         return None
-    try:
-        lines = path.read_text(encoding="utf-8").split("\n")
-    except UnicodeDecodeError:
-        return None
-    if lines.pop() or not all(map(_LINE.fullmatch, lines)):
-        return None
-    listed: dict[str, tuple[str, ...]] = {}
-    for digest, _, name in (line.partition("  ") for line in lines):
+    text = path.read_text(encoding="utf-8", errors="replace")
+    listed: Listed = {}
+    for digest, name in _LINE.findall(text):
         listed[name] = (*listed.get(name, ()), digest)
-    return listed
+    return listed if _LINE.sub("", text) == "" else None
 
 
 def _has(path: Path, digests: Iterable[str]) -> bool:

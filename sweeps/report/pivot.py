@@ -49,7 +49,7 @@ def ordered(frame: Frame, swept: Sequence[str] = (), *, joined: bool = False) ->
 
     With `joined`, the declared ones are last.
     """
-    several = [name for name in frame.several() if name != frame.across]
+    several = [name for name in frame.several if name != frame.across]
     first = [name for name in several if frame.columns[name].axis in swept]
     first.sort(key=lambda name: list(swept).index(frame.columns[name].axis))
     declared = [name for name in frame.down if name in several and name not in first]
@@ -63,7 +63,7 @@ def laid_out(frame: Frame, swept: Sequence[str] = (), *, joined: bool = False) -
     With `joined`, the declared axes down are the last column, of words.
     """
     down = ordered(frame, swept, joined=joined)
-    across = frame.across if frame.across in frame.several() else ""
+    across = frame.across if frame.across in frame.several else ""
     heads = values_of(frame.rows, across) if across else []
     main, figures = frame.figures[0], frame.figures
     extra = figures
@@ -191,7 +191,7 @@ def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
 
     Parts of a frame that lack that value keep their own.
     """
-    for name in frame.several():
+    for name in frame.several:
         if name in (*keep, frame.across):
             continue
         values = values_of(frame.rows, name)
@@ -213,7 +213,7 @@ def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
 def place_of(whole: Frame, at: Frame, *, but: Sequence[str] = ()) -> str:
     """Return in words the values at which a frame is, of axes along which the whole differs."""
     found = []
-    for name in whole.several():
+    for name in whole.several:
         values = at.rows[name].dropna().unique().tolist()
         if len(values) == 1 and name not in (*whole.down, whole.across, *but):
             found.append(whole.columns[name].in_words(values[0]))

@@ -1,4 +1,4 @@
-"""Finished stores: their groups, attributes and damage."""
+"""Finished stores: their groups, attributes and damage, and where their reports are."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ import zarr
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import verify
 from sweeps.engine.zarr_array import nested
-from sweeps.report.words import MAIN, preferred
+from sweeps.report.words import MAIN, preferred, printable
 
+SUFFIX = ".zarr"
 READ = ("tables",)  # groups that the report prints
 # Dimensions of profiles and images.
 OF_ARRAYS = (
@@ -89,3 +90,25 @@ def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> 
         if value:
             place[dim] = value.index(chosen if chosen in value else preferred(names[0], value))
     return dataset.isel(place)
+
+
+def tables_folder(path: Path) -> Path:
+    """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
+    return _beside(path, "tables")
+
+
+def page_file(path: Path) -> Path:
+    """Return the file of a store's page: of `q.zarr` `q-report.html`, of `q` `q.report.html`."""
+    return _beside(path, "report.html")
+
+
+def _beside(path: Path, what: str) -> Path:
+    if path.name.endswith(SUFFIX):
+        return path.with_name(f"{path.name.removesuffix(SUFFIX)}-{what}")
+    return path.with_name(f"{path.name}.{what}")
+
+
+def located(path: Path) -> str:
+    """Return the shortest path from the current folder, with control characters escaped."""
+    here = Path.cwd()
+    return printable(str(path.relative_to(here) if path.is_relative_to(here) else path))

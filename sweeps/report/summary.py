@@ -1,24 +1,36 @@
-"""The text at the end of a sweep: what it found, its main table, paths, and next commands."""
+"""What is printed of a store: at the end of a sweep, by `ncti-report`, and of two stores."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
+from sweeps.engine.errors import ConfigurationError
+from sweeps.report.compare import compare, compared_name, sentences
 from sweeps.report.files import write_tables
-from sweeps.report.frames import Frame, read_frames
+from sweeps.report.frames import Frame, chosen, read_frames
 from sweeps.report.headline import headline, main_axis
 from sweeps.report.own import is_free
 from sweeps.report.pivot import at_main, laid_out, place_of
-from sweeps.report.places import located, page_file, tables_folder
 from sweeps.report.screen import line, note, page
-from sweeps.report.stores import attributes, failed_cells, opened
-from sweeps.report.terminal import print_table
+from sweeps.report.stores import (
+    attributes,
+    check_whole,
+    failed_cells,
+    located,
+    opened,
+    page_file,
+    tables_folder,
+)
+from sweeps.report.terminal import MOST, print_table
+from sweeps.report.work import NAME as WORK
 from sweeps.report.work import read_work
 
+KEPT = ("range", "pulse_width", "frame_count")  # axes that long tables show whole
 MOST_LINES = 14  # of the main table
 
 
@@ -41,21 +53,98 @@ def summarize(
         return write_tables(path, frames.values())
     finally:
         with page(console) as aside:
-            print_main(path, frames, aside)
-            print_places(path, frames, aside)
-            note(swept(axes), aside)
+            _print_main(path, frames, aside)
+            _print_places(path, frames, aside)
+            listed = ", ".join(f"{key} ({count})" for key, count in axes.items())
+            note(f"swept   {listed or 'nothing; every setting has one value'}", aside)
             store = shlex.quote(located(path))
             line(f"next    ncti-report {store}", aside)
             line(f"        ncti-report {store} --table {next(iter(frames))}", aside)
 
 
-def print_main(path: Path, frames: Mapping[str, Frame], console: Console) -> None:
+def report(
+    path: Path, console: Console, *, table: str | None = None, html: bool = False
+) -> list[Path]:
+    """Write the tables of a store beside it, then print them.
+
+    With `table`, print only the table of that name; with `html`, write the report page first.
+    Returns the paths at which other files are in the way. Raises ConfigurationError if files of the
+    store that are read are not as they were written, if it has no tables or lacks that one, or if
+    the page cannot be written, and OSError if tables cannot be written beside it; they are printed
+    anyway.
+    """
+    check_whole(path, **({"groups": None} if html else {}))
+    frames = tables_of(path)
+    shown = [one for one in frames.values() if one.name != WORK]
+    if table is not None:
+        shown = [chosen(frames, table)]
+    kept = written_page(path, frames) if html else []
+    try:
+        return kept + write_tables(path, frames.values())
+    finally:
+        with page(console) as aside:
+            if table is None:
+                _print_main(path, frames, aside)
+            for one in shown:
+                _print(one, _swept(path), aside, whole=table is not None)
+            _print_places(path, frames, aside)
+
+
+def comparison(first: Path, second: Path, console: Console, *, html: bool = False) -> list[Path]:
+    """Print and write how much more often ships are identified in a second store.
+
+    With `html`, write its page, too, with the differences first. Returns the paths at which other
+    files are in the way. Raises ConfigurationError and OSError as `report`, and ConfigurationError
+    if the stores have nothing in common.
+    """
+    for path in (first, second):
+        check_whole(path, groups=None)
+    frames, name = compare(first, second), compared_name(first, second)
+    with page(console) as aside:
+        for sentence in sentences(frames):
+            note(sentence, aside, style="bold")
+        for frame in frames.values():
+            print_table(laid_out(frame, _swept(second), joined=True), aside)
+        line(f"\ntables  {located(tables_folder(name))}", aside)
+        if html:
+            line(f"report  {located(page_file(name))}", aside)
+    kept = write_tables(name, frames.values())
+    if html:
+        whole = frames | tables_of(second)
+        kept += written_page(second, whole, name, headline=sentences(frames))
+    return kept
+
+
+def written_page(path: Path, frames: Mapping[str, Frame], *place: Path, **more: Any) -> list[Path]:
+    """Write the report page of a store; see `write_page`.
+
+    Raises ConfigurationError if it cannot be written.
+    """
+    # Imported here, since the import takes longer than printing tables.
+    from sweeps.report.page.write import write_page
+
+    try:
+        return write_page(path, frames, *place, **more)
+    # zarr and xarray raise various errors for damaged groups without a table.
+    except Exception as error:
+        why = f"{type(error).__name__}: {error}".partition("\n")[0]
+        if isinstance(error, OSError):
+            why = error.strerror or str(error)
+        raise ConfigurationError(f"the report page is not written: {why}") from error
+
+
+def _swept(path: Path) -> Sequence[str]:
+    """Return the names of the axes that were swept."""
+    found: Sequence[str] = attributes(opened(path)).get("swept", ())
+    return found
+
+
+def _print_main(path: Path, frames: Mapping[str, Frame], console: Console) -> None:
     """Print what a store says first: its headline, and its main table along the swept axis."""
-    about = attributes(opened(path))
     console.print()
-    for sentence in headline(frames, about):
+    for sentence in headline(frames, attributes(opened(path))):
         note(sentence, console, style="bold")
-    main, axes = next(iter(frames.values())), about.get("swept", ())
+    main, axes = next(iter(frames.values())), _swept(path)
     keep = [*main.down, main_axis(main, axes)]
     at = at_main(main, keep)
     shown = at.of_axes([*keep, main.across])
@@ -64,13 +153,22 @@ def print_main(path: Path, frames: Mapping[str, Frame], console: Console) -> Non
     note(f"At {where}." if where else "", console)
 
 
-def swept(axes: Mapping[str, int]) -> str:
-    """Return a sentence on what was swept: keys of the axes with their numbers of values."""
-    listed = ", ".join(f"{key} ({count})" for key, count in axes.items())
-    return f"swept   {listed or 'nothing; every setting has one value'}"
+def _print(frame: Frame, swept: Sequence[str], console: Console, *, whole: bool) -> None:
+    """Print a table; a long one at the preferred values of most axes, unless it is to be whole."""
+    table = laid_out(frame, swept, joined=True)
+    if whole or len(table.lines) <= MOST:
+        print_table(table, console, most=None)
+        same = ", ".join(f"{words} {text}" for words, text in table.same.items())
+        note(f"In all rows: {same}." if same and whole else "", console)
+        return
+    keep = [name for name in frame.several if frame.columns[name].axis in (*KEPT, *swept)]
+    at = at_main(frame, [*frame.down, *keep])
+    print_table(laid_out(at, swept, joined=True), console)
+    where = place_of(frame, at)
+    note(f"At {where}; --table {frame.name} prints all." if where else "", console)
 
 
-def print_places(path: Path, frames: Mapping[str, Frame], console: Console) -> None:
+def _print_places(path: Path, frames: Mapping[str, Frame], console: Console) -> None:
     """Print where a store, its tables and its page are, and how many of its cells failed."""
     line("", console)
     if failed := failed_cells(opened(path)):

@@ -58,7 +58,9 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
         for line, row in zip(lines, texts, strict=True):
             if line.keys[:apart] != before[:apart]:
                 before = ()
-                note(_place(table, line.keys[:apart]), console, style="bold")
+                given = zip(table.down[:apart], line.place, strict=False)
+                words = [axis.in_words(value) for axis, value in given if value is not None]
+                note(", ".join(words), console, style="bold")
             keys = _unrepeated(line.keys[apart:], before[apart:])
             _print_row(columns, [*keys, *(row[k] for k in share)], console)
             before = line.keys
@@ -132,15 +134,6 @@ def _folded(text: str, width: int, console: Console) -> list[str]:
         fits = cell_len(line) <= width
         lines += [line] if fits else [one.plain.strip() for one in Text(line).wrap(console, width)]
     return lines
-
-
-def _place(table: Table, keys: Sequence[str]) -> str:
-    """Return the values of the first axes of a table in words."""
-    return ", ".join(
-        f"{column.words} {text} {column.unit}".strip()
-        for column, text in zip(table.down, keys, strict=False)
-        if text
-    )
 
 
 def _unrepeated(keys: Sequence[str], before: Sequence[str]) -> list[str]:

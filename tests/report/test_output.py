@@ -17,12 +17,12 @@ from stores import contents, reported, rows_of, signed
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import MANIFEST
 from sweeps.report import own
-from sweeps.report.command import report
 from sweeps.report.files import neutral, write_tables
 from sweeps.report.frames import Column, Frame, read_frames
 from sweeps.report.own import WRITTEN
 from sweeps.report.pivot import laid_out
-from sweeps.report.places import page_file, tables_folder
+from sweeps.report.stores import page_file, tables_folder
+from sweeps.report.summary import report
 from sweeps.report.terminal import text_of
 
 GROUP = "tables/acn"
@@ -321,7 +321,7 @@ def test_reports_at_once_list_the_files_of_both(tmp_path):
         process.join()
         assert process.exitcode == 0
     assert sorted(own.OwnFiles(tmp_path).names) == sorted(names[0] + names[1])
-    assert not (tmp_path / own.LOCK).exists()
+    assert {one.name for one in tmp_path.iterdir()} == {WRITTEN, *names[0], *names[1]}
 
 
 @pytest.mark.parametrize("umask", [0, 0o077])

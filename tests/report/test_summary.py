@@ -11,7 +11,7 @@ from rich.console import Console
 from stores import reported, rows_of
 
 from sweeps.report.own import PAGE, UNKNOWN, sealed
-from sweeps.report.places import page_file
+from sweeps.report.stores import page_file
 from sweeps.report.summary import summarize, tables_of
 
 AXES = {"grid.ship": 2, "grid.aspect": 7, "grid.pulse_width": 3}

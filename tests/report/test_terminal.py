@@ -5,15 +5,19 @@ import io
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made import scores, shown
-from pages import stored
+from made import scores
 from rich.cells import cell_len
 from rich.console import Console
 
-from sweeps.report.frames import read_frames
+from sweeps.report.frames import tidy
 from sweeps.report.pivot import laid_out
 from sweeps.report.summary import tables_of
 from sweeps.report.terminal import print_table
+from sweeps.stages.scores import score_displays
+
+DISPLAY, *_ = score_displays(
+    {"classifier": "acn", "channel": "range"}, scored="ship", source="", chance=(25.0, 25.0)
+)
 
 
 def printed(frame, width, swept=()):
@@ -40,23 +44,20 @@ def test_no_line_is_wider_and_no_word_is_broken(name, width, request):
     ),
     width=st.integers(40, 120),
 )
-def test_any_words_fit(words, width, tmp_path_factory):
-    path = tmp_path_factory.mktemp("s") / "s.zarr"
-    table = shown(scores(word=[f"{k} {one}" for k, one in enumerate(words)], size=[1.0, 2.0]))
-    frame = read_frames(stored(path, tables__acn=table))["scores"]
-    assert max(map(cell_len, printed(frame, width).splitlines())) <= width
+def test_any_words_fit(words, width):
+    table = scores(word=[f"{k} {one}" for k, one in enumerate(words)], size=[1.0, 2.0])
+    text = printed(tidy(table, DISPLAY, "tables/acn"), width)
+    assert max(map(cell_len, text.splitlines())) <= width
 
 
-def test_the_swept_axis_comes_first(tmp_path):
-    table = shown(scores(cnr=[20.0, 30.0], frame_count=[4, 16]))
-    frame = read_frames(stored(tmp_path / "s.zarr", tables__acn=table))["scores"]
+def test_the_swept_axis_comes_first():
+    frame = tidy(scores(cnr=[20.0, 30.0], frame_count=[4, 16]), DISPLAY, "tables/acn")
     for swept, first, second in (("cnr", "cnr", "count"), ("frame_count", "count", "cnr")):
         heading = printed(frame, 120, [swept]).partition("─")[0].splitlines()[-1]
         assert heading.index(first) < heading.index(second)
 
 
-def test_the_article_stands_below_and_nothing_is_read_as_markup(tmp_path):
-    table = shown(scores(word=["[red]x", "\x1b[31my"]))
-    frame = read_frames(stored(tmp_path / "s.zarr", tables__acn=table))["scores"]
-    text = printed(frame, 80)
+def test_nothing_is_read_as_markup_and_chance_is_said():
+    text = printed(tidy(scores(word=["[red]x", "\x1b[31my"]), DISPLAY, "tables/acn"), 80)
+    assert "By chance: 25 %." in text
     assert "[red]x" in text and "\\x1b[31my" in text and "\x1b" not in text

@@ -16,8 +16,7 @@ from ncti.render import available_engines
 from ncti.render.choice import engines
 from sweeps.engine.kinds import Word
 from sweeps.experiment import EXPERIMENT, conf_folder
-from sweeps.report.command import report
-from sweeps.report.summary import tables_of
+from sweeps.report.summary import report, tables_of
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.irar import Irar
 from sweeps.stages.ladar import Ladar

@@ -16,7 +16,7 @@ from sweeps.report.headline import headline, main_axis
 from sweeps.report.page.provenance import flat, provenance, status_of, swept, written
 from sweeps.report.page.ships import ships_of
 from sweeps.report.pictures import pictures_of
-from sweeps.report.pivot import at_main, laid_out, ordered
+from sweeps.report.pivot import at_main, laid_out
 from sweeps.report.stores import attributes, opened
 from sweeps.report.words import missing, preferred, printable
 from sweeps.report.work import NAME as WORK
@@ -24,7 +24,7 @@ from sweeps.report.work import NAME as WORK
 MOST = 4_000  # rows of a table; the CSV file has all
 CHARTED = 32_000  # rows of a table that its charts have
 FALLBACK = "frame_count"  # the axis of charts where nothing was swept
-CURVES = ("classifier", "channel", "scored")  # axes that charts are never against
+BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
 def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
@@ -37,7 +37,6 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
     tables |= {CONFUSION: matrix} if matrix is not None else {}
     axes, against = list(about.get("swept", ())), against_of(tables, about.get("swept", ()))
     settings = list(flat(about.get("configuration", {})))
-    selectors = selectors_of(tables)
     return {
         "store": path.name,
         "title": str(about.get("title", "Parameter sweep")),
@@ -45,7 +44,6 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
         "status": status_of(store),
         "settings": [(key, written(value)) for key, value in settings],
         "swept": swept(store, settings),
-        "selectors": selectors,
         "against": against,
         "axes": axes_of(tables),
         "tables": [table_of(one, against, axes) for one in tables.values()],
@@ -65,38 +63,30 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
 
 def curves_of(frame: Frame) -> list[str]:
     """Return the declared axes down of several values: a curve for each of their values."""
-    return [name for name in frame.down if name in frame.several()]
+    return [name for name in frame.down if name in frame.several]
 
 
 def colours_of(frame: Frame) -> list[str]:
     """Return the words of the first declared axis down: curves of one of them have one colour."""
-    return [text for name in frame.down[:1] for text in _words_of(frame, name).values()]
-
-
-def axes_of(frames: Mapping[str, Frame]) -> dict[str, str]:
-    """Return headings of the axes of several values, which charts may be against, by column."""
-    return {
-        name: one.columns[name].heading
-        for one in frames.values()
-        for name in one.several()
-        if one.columns[name].axis not in CURVES
-    }
+    if frame.down and frame.rows[frame.down[0]].dtype == object:
+        return list(_words_of(frame, frame.down[0]).values())
+    return []
 
 
 def against_of(frames: Mapping[str, Frame], swept: Sequence[str]) -> str:
     """Return the axis down and along charts at first: the swept one, else that of frames."""
     first = next(iter(frames.values()))
-    names = [name for name in first.several() if name not in (first.across, *curves_of(first))]
+    names = [name for name in first.several if name not in (first.across, *curves_of(first))]
     found = main_axis(first, swept) or (FALLBACK if FALLBACK in names else "")
-    return found or next(iter([*names, *axes_of(frames)]), "")
+    return found or next(iter([*names, *first.several]), "")
 
 
-def selectors_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
-    """Return the axes to select: of several values, and not down or across everywhere."""
+def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
+    """Return the axes of several values, which are not down or across everywhere, to select."""
     columns, values = dict[str, Column](), dict[str, list[Any]]()
     for one in frames.values():
-        for name in one.several():
-            if name in curves_of(one) or (name == one.across and name != "aspect_bin_deg"):
+        for name in one.several:
+            if name in curves_of(one) or (name == one.across and name != BINS):
                 continue
             columns.setdefault(name, one.columns[name])
             known = values.setdefault(name, [])
@@ -115,17 +105,15 @@ def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]
     """Return a table of the page: all rows, of which those of the first selection are shown."""
     chosen = set(at_main(frame, [*curves_of(frame), against]).rows.index)
     order = [frame.columns[name].axis for name in (against,) if name in frame.columns]
-    table, names = laid_out(frame, [*order, *swept]), ordered(frame, [*order, *swept])
+    table = laid_out(frame, [*order, *swept])
     lines = []
     for line in table.lines[:MOST]:
         labels = [cell.row for cell in line.cells if cell.row is not None]
         lines.append((line, bool(chosen.intersection(labels)), labels[0] if labels else 0))
-    seen = [line.keys for line, is_shown, _ in lines if is_shown]
-    fixed = [len({keys[k] for keys in seen} - {""}) < 2 for k in range(len(names))]
     return {
         "frame": frame,
         "figures": [frame.columns[name] for name in frame.figures],
-        "down": list(zip(names, table.down, fixed, strict=True)),
+        "down": table.down,
         "heads": table.heads,
         "lines": lines,
         "more": len(table.lines) - len(lines),
@@ -136,7 +124,7 @@ def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]
 def data_of(frame: Frame) -> dict[str, Any]:
     """Return a frame for the script: its rows, and how its charts are specified."""
     rows, curves, columns = frame.rows.head(CHARTED), curves_of(frame), frame.columns
-    numeric = [name for name in frame.several() if frame.rows[name].dtype.kind in "fiu"]
+    numeric = [name for name in frame.several if frame.rows[name].dtype.kind in "fiu"]
     return {
         "rows": {
             name: [_for_json(value) for value in rows[name].tolist()] for name in (*columns, PART)
@@ -149,7 +137,7 @@ def data_of(frame: Frame) -> dict[str, Any]:
         "across": frame.across,
         "x": {
             name: axis_of(columns[name], frame)
-            for name in frame.several()
+            for name in frame.several
             if name not in curves or name in numeric
         },
         "specs": {

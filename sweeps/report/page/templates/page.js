@@ -53,10 +53,12 @@
     return kept;
   };
 
-  const seriesOf = (table, k) => table.series
-    .map((name) => table.rows[name][k])
-    .map((value, place) => (value === null ? "" : table.words[table.series[place]][value] ?? String(value)))
-    .filter(Boolean).join(", ");
+  const wordsOf = (table, name, k) => {
+    const value = table.rows[name]?.[k] ?? null;
+    return value === null ? "" : table.words[name][value] ?? String(value);
+  };
+  const seriesOf = (table, k, axis) => table.series.filter((name) => name !== axis)
+    .map((name) => wordsOf(table, name, k)).filter(Boolean).join(", ");
 
   const fill = (section) => {
     const table = data.tables[section.dataset.table];
@@ -106,10 +108,9 @@
     for (let k = 0; k < kept.length; k++) {
       if (!kept[k] || table.rows[figure][k] === null || table.rows[axis]?.[k] === null) continue;
       if (axis === table.across && table.rows[axis][k] === "overall") continue;
-      const row = { series: seriesOf(table, k) || table.headings[figure] };
-      row.colour = table.words[table.colour]?.[table.rows[table.colour]?.[k]];
+      const row = { series: seriesOf(table, k, axis) || table.headings[figure], colour: wordsOf(table, table.colour, k) };
       for (const [name, column] of Object.entries(table.rows)) {
-        if (column[k] !== null && !table.series.includes(name)) row[name] = column[k];
+        if (column[k] !== null && (name === axis || !table.series.includes(name))) row[name] = column[k];
       }
       found.push(row);
     }
@@ -130,7 +131,10 @@
     const tipped = ["series", ...differing, ...Object.keys(rows[0]).filter((one) => !table.axes.includes(one) && one.length && (one === name || /ci_|^n$|source|chance|spread/.test(one)))];
     const spec = structuredClone(table.specs[name]);
     // A classifier has one colour in every chart; its curves differ by their dashes.
-    const number = (one) => Math.max(0, data.colours.indexOf(rows.find((row) => row.series === one).colour)) % 8;
+    const number = (one) => {
+      const place = data.colours.indexOf(rows.find((row) => row.series === one).colour);
+      return (place < 0 ? series.indexOf(one) : place) % 8;
+    };
     const dash = (one, place) => DASHES[series.slice(0, place).filter((other) => number(other) === number(one)).length % DASHES.length];
     const domain = { domain: series, range: series.map((one) => colour(`--c${number(one)}`)) };
     const dashes = { domain: series, range: series.map(dash) };
