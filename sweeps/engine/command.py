@@ -223,16 +223,11 @@ class Command:
             raise ConfigurationError(
                 f"--cache has {unknown[0]!r}, but takes cache=FOLDER, and clear to empty it"
             )
-        kept: dict[str, tuple[int, int]] = {}
-        if folder.is_dir():
-            index = CellIndex(folder, lambda sentence: say(self.name, sentence))
-            kept = index.summary()
-            if "clear" in words:
-                index.clear()
+        index = CellIndex(folder, lambda sentence: say(self.name, sentence))
+        cells, size = index.size()
+        if "clear" in words:
+            index.clear()
         done = "removed" if "clear" in words else "kept"
-        for stage, (cells, size) in kept.items():
-            show(f"{stage:<24} {cells:>9} cells {size / 1e6:>10.1f} MB")
-        cells, size = (sum(column) for column in zip((0, 0), *kept.values(), strict=True))
         show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {folder}")
 
 

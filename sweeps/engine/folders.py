@@ -22,7 +22,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.packs import SHORTAGES, make_folder, unseal
+from sweeps.engine.packs import make_folder, raise_shortage, undamaged, unseal
 from sweeps.engine.zarr_array import METADATA
 
 MANIFEST = "manifest"
@@ -281,16 +281,8 @@ def _names(path: Path) -> Iterator[str]:
                 yield name
 
 
-def raise_shortage(error: Exception) -> None:
-    """Raise an error of the process or the machine, which says nothing about the files."""
-    if getattr(error, "errno", None) in SHORTAGES:
-        raise error
-
-
 def _checksum(file: Path) -> int | None:
     """Return the checksum of a file; None if it cannot be read."""
-    try:
+    with undamaged():
         return zlib.crc32(file.read_bytes())
-    except OSError as error:
-        raise_shortage(error)
     return None

@@ -2,7 +2,7 @@
 
 A pack has two sealed lines, one with its stage, the keys of its cells and the time that they took,
 one with the place, checksum and layout of each, followed by the records: the arrays of a cell, one
-after another. Packs and their folders are made for this user alone, and files of other users are
+after another. Packs and their folders are made for this user alone, and folders of other users are
 not read.
 """
 
@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from io import BufferedReader
 from pathlib import Path
 from time import time_ns
 from typing import Any, NamedTuple
@@ -127,8 +126,8 @@ def make_folder(path: Path, mode: int) -> None:
                 part.mkdir(mode)
 
 
-def is_own(file: int | Path) -> bool:
-    """Return whether a file, given by its path or descriptor, belongs to the user of this process.
+def is_own(file: Path) -> bool:
+    """Return whether a file or folder belongs to the user of this process.
 
     Another user might have written anything into it.
     """
@@ -149,30 +148,25 @@ def write_whole(folder: Path, path: str, parts: Iterable[bytes]) -> None:
 
 
 @contextmanager
-def open_own(path: Path) -> Iterator[BufferedReader]:
-    """Open a file to read it; raise PermissionError if it is another user's."""
-    with path.open("rb") as file:
-        if not is_own(file.fileno()):
-            raise PermissionError(errno.EPERM, "belongs to another user", str(path))
-        yield file
-
-
-@contextmanager
 def undamaged() -> Iterator[None]:
     """Suppress errors of absent or damaged files, but not of a process that lacks something."""
     try:
         yield
     except Exception as error:
-        if isinstance(error, MemoryError) or getattr(error, "errno", None) in SHORTAGES:
-            raise
+        raise_shortage(error)
+
+
+def raise_shortage(error: Exception) -> None:
+    """Raise an error of the process or the machine, which says nothing about a file."""
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) in SHORTAGES:
+        raise error
 
 
 def read_cells(folder: Path, requests: Sequence[Spot]) -> list[Cell | None]:
     """Return outputs of cells; open each pack once.
 
-    None for a cell that is absent, is another than that of its key, differs from its checksum or is
-    in a file of another user; no content of a file makes it raise. Arrays are writable and share no
-    element.
+    None for a cell that is absent, is another than that of its key, or differs from its checksum;
+    no content of a file makes it raise. Arrays are writable and share no element.
 
     Raises
     ------
@@ -184,7 +178,7 @@ def read_cells(folder: Path, requests: Sequence[Spot]) -> list[Cell | None]:
     for place, (path, row, key) in enumerate(requests):
         places[path].append((row, place, key))
     for path, wanted in places.items():
-        with undamaged(), open_own(folder / path) as file:
+        with undamaged(), (folder / path).open("rb") as file:
             (_, _, keys), (rows, layouts) = unseal(file.readline()), unseal(file.readline())
             first, last = file.tell(), os.fstat(file.fileno()).st_size
             for row, place, key in sorted(wanted):
@@ -205,7 +199,7 @@ def read_cells(folder: Path, requests: Sequence[Spot]) -> list[Cell | None]:
 
 def described_pack(folder: Path, path: str, size: int) -> Pack:
     """Return what the first line of a pack says of it; no cells, if that cannot be read."""
-    with undamaged(), open_own(folder / path) as file:
+    with undamaged(), (folder / path).open("rb") as file:
         stage, seconds, keys = unseal(file.readline())
         if not (seconds >= 0 and all(isinstance(key, str) for key in keys)):
             raise ValueError("it is not a pack")
@@ -249,7 +243,7 @@ class CellIndex:
         for path, status in sorted(files_of(folder, "pack").items()):  # in the order of their time
             self.add(described_pack(folder, path, status.st_size))
         if lost := sum(not pack.keys for pack in self.packs.values()):
-            say(f"results in the cache are damaged, or another user's (files: {lost:,})")
+            say(f"results in the cache are damaged (files: {lost:,})")
 
     def find(self, keys: Sequence[str]) -> dict[str, Spot]:
         """Return the spot of each key found, the newest of equal ones."""
@@ -284,13 +278,10 @@ class CellIndex:
             with suppress(OSError):
                 os.utime(self.folder / path)
 
-    def summary(self) -> dict[str, tuple[int, int]]:
-        """Return the number of cells, and bytes, by stage."""
-        found: dict[str, tuple[int, int]] = {}
-        for pack in self.packs.values():
-            cells, size = found.get(pack.stage, (0, 0))
-            found[pack.stage] = cells + len(pack.keys), size + pack.size
-        return dict(sorted(found.items()))
+    def size(self) -> tuple[int, int]:
+        """Return the number of cells and of bytes."""
+        packs = self.packs.values()
+        return sum(len(pack.keys) for pack in packs), sum(pack.size for pack in packs)
 
     def shrink(self, limit_bytes: int, keep_since: float) -> None:
         """Delete the least recently used packs until the rest is small enough.

@@ -22,14 +22,13 @@ from sweeps.engine.folders import (
     check_target,
     hidden,
     put_in_place,
-    raise_shortage,
     read_manifest,
     real_place,
     remove_folder,
     write_file,
 )
 from sweeps.engine.interrupts import interruptible
-from sweeps.engine.packs import make_folder, seal
+from sweeps.engine.packs import make_folder, raise_shortage, seal
 from sweeps.engine.zarr_array import (
     METADATA,
     Group,

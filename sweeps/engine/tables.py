@@ -17,7 +17,7 @@ from xarray.core.indexing import (
 from sweeps.engine.display import ATTRIBUTE
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.failures import Failure, reason, traceback_of
-from sweeps.engine.packs import SHORTAGES
+from sweeps.engine.packs import raise_shortage
 from sweeps.engine.plan import Plan
 from sweeps.engine.tasks import Damaged
 from sweeps.engine.zarr_array import Array, Group, metadata
@@ -53,8 +53,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
         except (Damaged, DeclarationError):  # of cells, not of the table
             raise
         except Exception as error:
-            if getattr(error, "errno", None) in SHORTAGES:
-                raise
+            raise_shortage(error)
             failed[name] = Failure(name, reason(error), traceback=traceback_of(error))
     return list(failed.values())
 

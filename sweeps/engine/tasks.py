@@ -190,19 +190,15 @@ def _computed(call: Call, arguments: Mapping[str, Any]) -> list[Cell]:
 def _differing(call: Call, cells: Sequence[Cell], folder: Path) -> Iterator[tuple[int, str]]:
     """Yield how cells differ if they are computed again, each alone and from new objects."""
     for number, alone in call.again:
-        kept = dict(vars(_kept))
         forget_all()
-        try:
-            [inputs] = _read([alone.recipe], folder)
-            [(_, again)] = _computed(alone, _arguments(alone.recipe, inputs, folder))
-            how = _difference(alone.recipe.step, cells[number][1], again)
-        except Damaged:
+        [inputs] = _read([alone.recipe], folder)
+        done, again = _run(alone, inputs, folder)
+        forget_all()
+        if done.damaged:
             continue  # noticed by others who need it
-        except Exception as error:
-            how = f"it raises {reason(error)}"
-        finally:
-            forget_all()
-            vars(_kept).update(kept)
+        how = f"it raises {done.cells[0]}"
+        if again:
+            how = _difference(alone.recipe.step, cells[number][1], again[0][1])
         if how:
             yield number, f"it differs when computed again, alone: {how}"
 
