@@ -20,7 +20,7 @@ from sweeps.engine.process import one_thread
 READ = {
     "inline": (),
     "local": ("workers",),
-    "address": ("address", "ca_file", "cert", "key"),
+    "address": ("address", "ca_file", "cert", "private_key"),
     "slurm": ("workers", "queue", "account", "walltime", "memory", "interface"),
 }
 # Required settings of each kind of cluster, and their meaning.
@@ -53,7 +53,7 @@ class ClusterChoice:
     address: str | None = None
     ca_file: str | None = None  # PEM files for a `tls://` address: the authority, and certificate
     cert: str | None = None  # and private key of this client; the key may be in the certificate's
-    key: str | None = None
+    private_key: str | None = None
     queue: str | None = None
     account: str | None = None
     walltime: str | None = None
@@ -76,20 +76,19 @@ class ClusterChoice:
             elif name in FORMS and not re.fullmatch(FORMS[name][0], value):
                 raise _wrong(name, value, FORMS[name][1])
         encrypted = str(self.address).startswith("tls://")
-        for name in ("ca_file", "cert", "key"):
+        for name in ("ca_file", "cert", "private_key"):
             path = getattr(self, name)
             if path is not None and not encrypted:
                 raise _wrong(name, path, "null unless cluster.address begins with tls://")
-            if path is None and encrypted and name != "key":
+            if path is None and encrypted and name != "private_key":
                 raise _wrong(name, None, "a PEM file if cluster.address begins with tls://")
             if path is not None and not Path(path).is_file():
                 raise _wrong(name, path, "an existing PEM file")
 
 
 def _wrong(name: str, value: Any, allowed: str) -> ConfigurationError:
-    key = "private_key" if name == "key" else name  # as users know it
     given = "null" if value is None else value
-    return ConfigurationError(f"cluster.{key} is {given}, but must be {allowed}")
+    return ConfigurationError(f"cluster.{name} is {given}, but must be {allowed}")
 
 
 class Executor(Protocol):

@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -265,6 +264,4 @@ def _check_size(plan: Plan) -> None:
 
 
 def _cluster(choices: Choices) -> ClusterChoice:
-    given: dict[str, Any] = {one.name: choices.one(one) for one in Cluster.declared}
-    key = given.pop("private_key")  # `Settings` has another `key`
-    return ClusterChoice(**given, key=key)
+    return ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -84,6 +84,7 @@ def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
     return [n for n, axis in axes if axis.several or any(one.shown for one in axis.settings)]
 
 
+@dataclass
 class Cube:
     """The arrays of a store, made of the cells of a plan.
 
@@ -91,21 +92,14 @@ class Cube:
     None for a damaged one.
     """
 
-    def __init__(
-        self,
-        plan: Plan,
-        spots: Mapping[str, Spot],
-        failed: Mapping[str, str],
-        read: Reader,
-    ) -> None:
-        self.plan = plan
-        self.spots = spots
-        self.failed = failed
-        self._read_cells = read
-        # By group: starts of own dimensions that have an origin, and lengths of all.
-        self._extents: dict[str, tuple[dict[str, int], dict[str, int]]] = {}
-        self._memory: dict[Spot, Arrays] = {}
-        self._held = 0
+    plan: Plan
+    spots: Mapping[str, Spot]
+    failed: Mapping[str, str]
+    read: Reader
+    # By group: starts of own dimensions that have an origin, and lengths of all.
+    _extents: dict[str, tuple[dict[str, int], dict[str, int]]] = field(default_factory=dict)
+    _memory: dict[Spot, Arrays] = field(default_factory=dict)
+    _held: int = 0
 
     def groups(self) -> dict[str, Group]:
         """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
@@ -244,7 +238,7 @@ class Cube:
         memory = self._memory
         found = {spot: memory[spot] for spot in spots if spot in memory}
         lacking = [spot for spot in dict.fromkeys(spots) if spot not in found]
-        read = dict(zip(lacking, self._read_cells(lacking), strict=True))
+        read = dict(zip(lacking, self.read(lacking), strict=True))
         if damaged := tuple(spot.key for spot, arrays in read.items() if arrays is None):
             raise Damaged(damaged)
         for spot, arrays in read.items():

@@ -22,7 +22,7 @@ from sweeps.engine.code import Code, CodeDigest, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.kinds import Value, spelt
 from sweeps.engine.seeds import STREAM_VERSION
-from sweeps.engine.settings import Choices, Joint, Noting, Run, Setting
+from sweeps.engine.settings import Choices, Joint, Run, Setting
 from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
 
 Cells = NDArray[np.int64]  # numbers of cells of a stage
@@ -118,7 +118,7 @@ class Plan:
     def unread(self, keys: Iterable[str]) -> list[str]:
         """Return which of some keys the experiment's stages read, but none of this plan does."""
         read, known = _read_by(self.bound.values()), _read_by(self._every.values())
-        noting = Noting(self.choices.values, self.choices.joint)
+        noting = Choices(self.choices.values, self.choices.joint)
         for group in {bound.stage.group for bound in self._every.values()}:
             group.when(noting)
         read |= noting.asked

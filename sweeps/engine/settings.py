@@ -14,8 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from sweeps.engine.errors import ConfigurationError
@@ -241,9 +240,11 @@ class Choices:
 
     values: Mapping[str, tuple[Value, ...]]
     joint: tuple[Joint, ...] = ()
+    asked: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
 
     def __getitem__(self, setting: Setting) -> tuple[Value, ...]:
         """Return all values of a setting."""
+        self.asked.add(setting.key)
         return self.values[setting.key]
 
     def one(self, setting: Setting) -> Value:
@@ -254,20 +255,6 @@ class Choices:
     def having(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
         """Return choices with other values of one setting."""
         return replace(self, values={**self.values, setting.key: values})
-
-
-class Noting(Choices):
-    """Choices that record which settings are looked up."""
-
-    @cached_property
-    def asked(self) -> set[str]:
-        """Keys of these settings."""
-        return set()
-
-    def __getitem__(self, setting: Setting) -> tuple[Value, ...]:
-        """Return all values of a setting."""
-        self.asked.add(setting.key)
-        return super().__getitem__(setting)
 
 
 def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choices:

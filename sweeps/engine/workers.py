@@ -235,17 +235,20 @@ def _check_scheduler(url: str, security: Security) -> None:
         raise ValueError(f"{url} is a {kind}")
 
 
-def _security(ca_file: str | None, cert: str | None, key: str | None) -> Security:
+def _security(ca_file: str | None, cert: str | None, private_key: str | None) -> Security:
     """Return the certificates of the client."""
     security = Security(
-        tls_ca_file=ca_file, tls_client_cert=cert, tls_client_key=key, require_encryption=True
+        tls_ca_file=ca_file,
+        tls_client_cert=cert,
+        tls_client_key=private_key,
+        require_encryption=True,
     )
     try:
         security.get_connection_args("client")
     except OSError as error:
         raise ConfigurationError(
             f"cluster.ca_file, cluster.cert and cluster.private_key are {ca_file}, {cert} and "
-            f"{key or 'null'}, but must be PEM files of which the key belongs to the certificate"
+            f"{private_key or 'null'}, but must be PEM files, and the key of the certificate"
         ) from error
     return security
 

@@ -75,7 +75,11 @@ def written(security, folder):
     texts["cert"] = security.tls_client_cert
     for name, text in texts.items():
         (folder / f"{name}.pem").write_text(text)
-    return {"ca_file": f"{folder}/ca.pem", "cert": f"{folder}/cert.pem", "key": f"{folder}/key.pem"}
+    return {
+        "ca_file": f"{folder}/ca.pem",
+        "cert": f"{folder}/cert.pem",
+        "private_key": f"{folder}/key.pem",
+    }
 
 
 def fails_with(choice, sentence):
