@@ -135,6 +135,12 @@ def test_the_engine_has_no_word_of_the_experiment(path):
     assert [line for line in text.splitlines() if re.search(OF_THE_EXPERIMENT, line)] == []
 
 
+def test_nothing_of_a_store_or_cache_is_unpickled():
+    paths = [*modules("ncti"), *modules("sweeps")]
+    users = {str(path.relative_to(ROOT)) for path in paths if "pickle" in imports(path)}
+    assert users == {"sweeps/stages/apart.py"}  # through a pipe to a process of its own
+
+
 # Private names of other packages, by module; the module says why, and for which versions.
 PRIVATE = {
     "ncti/classify/constraints.py": {"_fit_context", "_param_validation"},

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -28,6 +27,15 @@ ANSWERS = classifier.of_profiles(
     NAME, "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing"
 )
 RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
+
+
+# Arrays of a fitted network: its attributes, those of both layers, and their dimensions.
+WHOLE = {"classes_": "class", "centre_": "feature", "scale_": "feature"}
+LAYERS = {
+    "weights_": (("node", "feature"), ("class", "node")),
+    "offsets_": (("node",), ("class",)),
+    "gains_": (("node",), ("class",)),
+}
 
 
 class Mnn(Settings, key="classifier.mnn"):
@@ -101,7 +109,12 @@ mnn_settings = plain(uses=(Mnn,), name="mnn_settings")(Training)
     Output("presentations", dtype="i4", fill=0, label="epochs trained"),
     Output("hidden", dtype="i2", fill=0, label="hidden nodes"),
     Output("loss", label="mean square error of the outputs at the end"),
-    inner("network", ("byte",), "u1"),  # fitted, as it is pickled
+    *(inner(name, (dim,), "i8" if name == "classes_" else "f8") for name, dim in WHOLE.items()),
+    *(
+        inner(f"{name}{layer}", dims, "f8")
+        for name, both in LAYERS.items()
+        for layer, dims in enumerate(both)
+    ),
     uses=(Grid,),
     gather=GATHERED,
     # The same initial weights in every setting, so that only the settings differ.
@@ -137,8 +150,7 @@ def mnn_training(
         "presentations": np.array(network.n_iter_),
         "hidden": np.array(network.n_hidden_),
         "loss": np.array(network.loss_curve_[-1]),
-        "network": np.frombuffer(pickle.dumps(network), np.uint8),
-    }
+    } | to_arrays(network)
 
 
 @ANSWERS.answers(
@@ -154,7 +166,7 @@ def mnn(
     mnn_training: Arrays, averaged: Profiles, valid: Views, aspect: tuple[float, ...], inputs: str
 ) -> Arrays:
     """Return the ships predicted for averaged profiles, one number of frames at a time."""
-    network = pickle.loads(mnn_training["network"].tobytes())
+    network = from_arrays(mnn_training)
     named = np.full(averaged.shape[:-1], NONE)
     for of_count, profiles in zip(named, averaged, strict=True):
         of_count[valid] = network.predict(seen(profiles[valid], inputs))
@@ -180,6 +192,25 @@ def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np
 def seen(profiles: Profiles, inputs: str) -> NDArray[np.floating]:
     """Return the network's inputs from (view, bin) profiles."""
     return profiles if inputs == RAW else profile_vector(profiles)
+
+
+def to_arrays(network: GainAnnealedNetwork) -> Arrays:
+    """Return the arrays of a fitted network: nothing of a cache is unpickled."""
+    layers = {f"{name}{k}": getattr(network, name)[k] for name in LAYERS for k in range(2)}
+    return {name: getattr(network, name) for name in WHOLE} | layers
+
+
+def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
+    """Return a fitted network from the arrays of `to_arrays`, without its training history."""
+    from ncti.classify.gain_annealed import GainAnnealedNetwork
+
+    network = GainAnnealedNetwork()
+    network.n_features_in_ = arrays["centre_"].size
+    for name in WHOLE:
+        setattr(network, name, arrays[name])
+    for name in LAYERS:
+        setattr(network, name, [arrays[f"{name}{k}"] for k in range(2)])
+    return network
 
 
 TABLES = ANSWERS.tables(scored="ship and aspects")
