@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import platform
-from collections import ChainMap
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
-from itertools import product
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
@@ -158,7 +156,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             f"{', '.join(map(spelt, lacking))}: {advice}"
         )
     for joint in plan.choices.joint:
-        if not _points(before, joint.keys) <= set(joint.points):
+        if not set(before.points(joint.keys)) <= set(joint.points):
             raise ConfigurationError(
                 f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
                 "together; have these among those that run together, too, or give another store"
@@ -171,15 +169,3 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
                     f"store is {path!r}, which was made by another {word} {name}; give another "
                     "store, or remove it"
                 )
-
-
-def _points(choices: Choices, keys: tuple[str, ...]) -> set[tuple[Value, ...]]:
-    """Return combinations of the values of some settings, which may be among joint ones."""
-    axes = [
-        [dict(zip(one.keys, point, strict=True)) for point in one.points]
-        for one in choices.joint
-        if not set(one.keys).isdisjoint(keys)
-    ]
-    joint = {key for one in choices.joint for key in one.keys}
-    axes += [[{key: one} for one in choices.values[key]] for key in keys if key not in joint]
-    return {tuple(ChainMap(*point)[key] for key in keys) for point in product(*axes)}

@@ -13,8 +13,10 @@ checks, its line in the table of settings, and its coordinate in a store.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections import ChainMap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any, ClassVar
 
 from sweeps.engine.errors import ConfigurationError
@@ -255,6 +257,16 @@ class Choices:
     def having(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
         """Return choices with other values of one setting."""
         return replace(self, values={**self.values, setting.key: values})
+
+    def points(self, keys: Sequence[str]) -> Iterator[tuple[Value, ...]]:
+        """Yield the values of some settings, by key, at all places of the axes."""
+        joint = [one for one in self.joint if not set(one.keys).isdisjoint(keys)]
+        axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
+        together = {key for one in joint for key in one.keys}
+        axes += [[{key: one} for one in self.values[key]] for key in keys if key not in together]
+        for point in product(*axes):
+            found = ChainMap(*point)
+            yield tuple(found[key] for key in keys)
 
 
 def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choices:

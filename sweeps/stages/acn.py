@@ -39,9 +39,7 @@ class Network(Settings, key="classifier"):
     """The Adaptive Clustering Network."""
 
     learning_rate = number(0.1, 1e-6, 1, label="learning rate in training", noted=True)
-    max_passes = count(
-        200, 1, 1_000_000, label="largest number of presentations of the training set"
-    )
+    max_passes = count(200, 1, 1_000_000, label="most presentations of the training set")
     learn_in_test = switch(
         False,
         label="learning during the test",
@@ -279,16 +277,8 @@ RULES = ("label_rule", "score_rule")
 SEEN = {"training_set": "profile_training_set", "presentation": "profile_order"}
 acn_training = OF_RANGE.stage(
     Output("training_category", VIEW, "i4", "category of the training view", without=RULES[:1]),
-    Output(
-        *("training_confused", VIEW, "i1", "1 where views of another ship share that category"),
-        without=RULES[:1],
-    ),
-    Output(
-        *("passes", (), "i4"),
-        label="presentations until the categories settled, negative if they did not",
-        fill=0,
-        without=RULES[:1],
-    ),
+    Output("training_confused", VIEW, "i1", "1 where another ship shares it", without=RULES[:1]),
+    Output("passes", (), "i4", "passes; negative: not settled", fill=0, without=RULES[:1]),
     Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),
     inner("names", ("category",), "i2"),
     inner("weights", ("category", "view"), "f8"),

@@ -47,9 +47,7 @@ GATHERED = (Grid.ship, Grid.aspect)
 OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
 PROFILES = "profiles"  # what is shown to most classifiers
 TESTED = ("replicate", "ifov_phase", "frame_count")  # and of averages
-LEFT_ALONE = (
-    "classifier.left_out has True, but must be false where {} learned: nothing would be left"
-)
+LEFT_ALONE = "classifier.left_out has True, but must be false where {} learned: nothing is left"
 DIGITS = 3  # of a drawn aspect [deg]: 2 mm at the end of a ship
 
 

@@ -35,9 +35,7 @@ def profile_draws(averaged: Profiles) -> Floats:
 
 
 @ANSWERS.answers(
-    Output(
-        "similarity", classifier.VIEW, label="cosine similarity to the nearest training profile"
-    ),
+    Output("similarity", classifier.VIEW, label="cosine similarity to the nearest profile"),
     uses=(Grid, Classifier, Correlation),
     along=(Classifier.left_out,),
 )

@@ -6,9 +6,8 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
-from itertools import product
-from typing import TYPE_CHECKING, Any
+from functools import partial, wraps
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +32,8 @@ if TYPE_CHECKING:
     import trimesh
     import xarray as xr
 
+Result = TypeVar("Result")
+
 SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
 OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the source's chain
 
@@ -55,28 +56,35 @@ def course(
 flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
 
 
+def if_flown(function: Callable[..., Result]) -> Callable[..., Result | None]:
+    """Return a function that returns None of a ship that is not flown past, as its course is."""
+
+    @wraps(function)
+    def called(*given: Any, **named: Any) -> Result | None:
+        absent = any(one is None for one in (*given, *named.values()))
+        return None if absent else function(*given, **named)
+
+    return called
+
+
 @in_memory(uses=(Ladar,))
+@if_flown
 def flown_pass(
     mesh: trimesh.Trimesh,
-    course: Keywords | None,
+    course: Keywords,
     flight_place: Keywords,
     flight_draw: int,
     reflectance: str,
-) -> Pass | None:
-    """Return the simulated pass; None for a ship that is not flown past, as in all that follows."""
-    if course is None:
-        return None
+) -> Pass:
+    """Return the simulated pass."""
     name: dict[str, Any] = {**dict(flight_place), "replicate": flight_draw}
     return irar.fly_past(mesh, dict(course), **name, reflectance=reflectance)
 
 
 @in_memory(uses=(Grid, Ladar))
-def truth(
-    mesh: trimesh.Trimesh, course: Keywords | None, aspect: float, reflectance: str
-) -> Snapshot | None:
+@if_flown
+def truth(mesh: trimesh.Trimesh, course: Keywords, aspect: float, reflectance: str) -> Snapshot:
     """Return the view from the snapshot's place, on the ship's own window."""
-    if course is None:
-        return None
     flight = flight_of(aspect, dict(course))
     surface = irar.surface(mesh, dict(course), reflectance)
     window = library.ship_window(mesh, flight)
@@ -86,48 +94,46 @@ def truth(
 @in_memory(
     uses=(Grid,), reads={name: BEAM[name] for name in ("bin_width", "window", "reflectance")}
 )
+@if_flown
 def models(
     mesh: trimesh.Trimesh,
-    truth: Snapshot | None,
-    course: Keywords | None,
+    truth: Snapshot,
+    course: Keywords,
     aspect: float,
     drawing_engine: str,
     **beam: Any,
-) -> NDArray[np.float64] | None:
+) -> NDArray[np.float64]:
     """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1."""
-    if course is None or truth is None:
-        return None
     engine = "auto" if drawing_engine == views.LINES else drawing_engine  # it needs pixels
     flight = flight_of(aspect, dict(course))
     return comparison.model_profiles(mesh, truth, flight, aspect=aspect, engine=engine, **beam)
 
 
 @in_memory(uses=(Grid,))
+@if_flown
 def scan(
-    flown_pass: Pass | None,
-    course: Keywords | None,
+    flown_pass: Pass,
+    course: Keywords,
     receivers: Keywords,
     flight_place: Keywords,
     replicate: int,
-) -> Scan | None:
+) -> Scan:
     """Return the raw images."""
-    if flown_pass is None or course is None:
-        return None
     met = {"replicate": replicate, **dict(receivers)}
     return irar.recorded(flown_pass, dict(course), met, **dict(flight_place))
 
 
 @in_memory()
-def clean(flown_pass: Pass | None, receivers: Keywords) -> Scan | None:
+@if_flown
+def clean(flown_pass: Pass, receivers: Keywords) -> Scan:
     """Return the raw images without noise."""
-    return None if flown_pass is None else irar.received(flown_pass, dict(receivers)).noiseless()
+    return irar.received(flown_pass, dict(receivers)).noiseless()
 
 
 @in_memory(uses=(Irar,), reads={"error": Irar.errors, "focused": Irar.autofocus})
-def navigation(scan: Scan | None, error: Error, focused: bool) -> Flight | None:
+@if_flown
+def navigation(scan: Scan, error: Error, focused: bool) -> Flight:
     """Return what the corrections take for the flight."""
-    if scan is None:
-        return None
     found = navigated(scan.flight, error)
     if focused:
         with suppress(NothingSeenError):  # no ship in the image: navigation is all there is
@@ -170,24 +176,21 @@ LANDMARKS = {  # label and unit
 
 NUMBERS = {
     "profile_correlation": "correlation of a simulated flight's profile with the noiseless one",
-    "profile_correlation_without_hangar": "correlation of a simulated flight's profile with the "
-    "noiseless one, without 4 m either side of the hangar, the highest peak",
+    "profile_correlation_without_hangar": "the same, without 4 m either side of the highest peak",
     "closing_speed_error": "relative error of the closing speed used in the corrections",
     "looks": "mean number of samples in pixels that have any",
 }
 TILTS = {
-    "mast_tilt": "tilt of masts in the corrected images, intensity and infrared together",
-    "waterline_tilt": "tilt of the waterline in the corrected images, intensity and infrared "
-    "together",
+    "mast_tilt": "tilt of masts in the corrected intensity and infrared images together",
+    "waterline_tilt": "tilt of the waterline in the corrected intensity and infrared images",
     "mast_tilt_error": "standard error of the tilt of masts, for a shear of a few degrees at most",
     "waterline_tilt_error": "standard error of the tilt of the waterline, likewise",
     "intensity_mast_tilt": "tilt of masts in the corrected intensity alone",
     "intensity_waterline_tilt": "tilt of the waterline in the corrected intensity alone",
     "infrared_mast_tilt": "tilt of masts in the corrected infrared image alone",
     "infrared_waterline_tilt": "tilt of the waterline in the corrected infrared image alone",
-    "noiseless_mast_tilt": "tilt of masts in the corrected noiseless scan, from the share of "
-    "ship in each pixel",
-    "noiseless_waterline_tilt": "tilt of the waterline in the corrected noiseless scan, likewise",
+    "noiseless_mast_tilt": "tilt of masts in the corrected scan without noise, by shares of ship",
+    "noiseless_waterline_tilt": "tilt of the waterline in the corrected scan without noise",
 }
 IMAGES = {  # unit and label
     "intensity": ("1", "corrected, segmented intensity in noise powers, 0 without a return"),
@@ -205,18 +208,10 @@ flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
 
 
 @FLIGHTS.stage(
-    Output(
-        "profile",
-        ("source", "down_range"),
-        label="range profile: intensity summed over pixels, in noise powers of one look",
-    ),
+    Output("profile", ("source", "down_range"), label="intensity summed over pixels [noise power]"),
     *(Output(name, label=label) for name, label in NUMBERS.items()),
     *(Output(name, label=label, unit="degree") for name, label in TILTS.items()),
-    Output(
-        "hangar_spike_offset",
-        label="down-range of the hangar's spike in a simulated flight, over that without noise",
-        unit="m",
-    ),
+    Output("hangar_spike_offset", label="offset of the hangar's spike by noise", unit="m"),
     *(
         Output(name, ("source",), label=label, unit=unit)
         for name, (label, unit) in LANDMARKS.items()
@@ -288,7 +283,7 @@ def _nothing(bins: int) -> Arrays:
 
 
 @FLIGHTS.stage(
-    coordinate("source", ("source",), "U9", "source of a profile; measured: in a simulated flight")
+    coordinate("source", ("source",), "U9", "source of a profile; measured: in a flight")
 )
 def profile_sources() -> NDArray[np.str_]:
     """Return the sources of the profiles of a flight."""
@@ -357,19 +352,8 @@ def flown(choices: Choices) -> tuple[Value, ...]:
 
 def combinations(choices: Choices, settings: tuple[Setting, ...]) -> Iterator[dict[str, Value]]:
     """Yield values of some settings, by dimension, for all places of a sweep's axes."""
-    names = {one.key: one.name for one in settings}
-    axes = [(joint.keys, joint.points) for joint in choices.joint]
-    together = {key for keys, _ in axes for key in keys}
-    for key in names:
-        if key not in together:
-            axes.append(((key,), tuple((value,) for value in choices.values[key])))
-    for points in product(*(points for _, points in axes)):
-        whole = [
-            pair
-            for (keys, _), point in zip(axes, points, strict=True)
-            for pair in zip(keys, point, strict=True)
-        ]
-        yield {names[key]: value for key, value in whole if key in names}
+    for point in choices.points([one.key for one in settings]):
+        yield {one.name: value for one, value in zip(settings, point, strict=True)}
 
 
 def _check_estimate(flight: Flight, error: Error) -> None:

@@ -51,7 +51,7 @@ OF_VIEWS = Group(
 )
 WINDOW = {  # keywords of `whole_window`
     "slant_range": Infrared.range,
-    "depression": "infrared_depression",
+    "depression": "infrared_image_depression",
     "ifov": Infrared.ifov,
     "length": Infrared.window_length,
     "height": Infrared.window_height,
@@ -115,10 +115,7 @@ def image_window(super_resolution: str, **window: float) -> dict[str, NDArray[An
 
 
 @OF_VIEWS.stage(
-    Output(
-        "detection_probability",
-        label="probability that a pixel of the ship passes the detector's threshold",
-    ),
+    Output("detection_probability", label="probability that a pixel of the ship is detected"),
     along=(Infrared.subpixel_offsets, Infrared.frame_count),
 )
 def detection_probability(
@@ -140,10 +137,7 @@ def detection_probability(
 
 
 @OF_VIEWS.stage(
-    Output(
-        "reconstruction_error",
-        label="rms difference from the noiseless image of half the pixel, over the contrast",
-    ),
+    Output("reconstruction_error", label="rms difference from the noiseless image over contrast"),
     along=(Infrared.subpixel_offsets, Infrared.frame_count),
 )
 def reconstruction_error(
@@ -196,10 +190,8 @@ def silhouettes(
 ) -> Bytes:
     """Return (segmentation, offset, frame_count, row, byte) masks of images, one bit per pixel."""
     shown = look.images(super_resolution, subpixel_offsets, frame_count)
-    known: dict[str, Any] = {
-        "contrast": look.contrast,
-        **look.imager.sigmas(np.array(frame_count), super_resolution),
-    }
+    known: Any = look.imager.sigmas(np.array(frame_count), super_resolution)
+    known["contrast"] = look.contrast
     masks = [features.segment(shown, method=method, **known) for method in segmentation]
     return np.packbits(masks, axis=-1)
 
@@ -230,10 +222,7 @@ def log_polar(
 
 
 @OF_VIEWS.stage(
-    _map(
-        "template_log_polar",
-        label="log-polar map of the noiseless silhouette at the training range",
-    ),
+    _map("template_log_polar", label="log-polar map of the noiseless training silhouette"),
     uses=(Infrared, Grid),
     reads={"hits": "training_hits"},
     along=(Infrared.inner_radius, Infrared.interpolation, Infrared.subpixel_offsets),

@@ -61,9 +61,7 @@ class Infrared(Settings, key="infrared"):
     """The passive-infrared imager: its array, the air, the scene, and what is made of an image."""
 
     ifov = quantity(150, 1, 100e3, "urad", "field of view of a pixel")
-    contrast_at_zero = quantity(
-        library.CONTRAST_AT_ZERO, 0, 1000, "K", "contrast of ship to sea at zero range"
-    )
+    contrast_at_zero = quantity(library.CONTRAST_AT_ZERO, 0, 1000, "K", "contrast at zero range")
     extinction = quantity(0.181, 0, 10, "dB km-1", "extinction in the air, one way")
     nedt = quantity(library.NEDT, LEAST_NEDT, 1000, "K", "noise of one frame")
     target_spread = quantity(
@@ -73,20 +71,11 @@ class Infrared(Settings, key="infrared"):
         "averages out); with perfect per half pixel, as the source assumes",
     )
     sea_spread = quantity(
-        library.SPREAD,
-        0,
-        1000,
-        "K",
-        "spread of the sea's own temperatures",
-        help="as target_spread",
+        library.SPREAD, 0, 1000, "K", "spread of the sea's temperatures", help="as target_spread"
     )
-    false_alarm = number(
-        1e-6, 1e-12, 0.5, label="false-alarm probability of one pixel of sea, for the detector"
-    )
-    window_length = quantity(
-        200, 1, 5000, "m", "length of the longest ship in images", fixed=SHAPES
-    )
-    window_height = quantity(50, 1, 500, "m", "height of the highest ship in images", fixed=SHAPES)
+    false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false alarm in a pixel of sea")
+    window_length = quantity(200, 1, 5000, "m", "length of the longest ship imaged", fixed=SHAPES)
+    window_height = quantity(50, 1, 500, "m", "height of the highest ship imaged", fixed=SHAPES)
     range = quantity(None, 1, 1000, "km", "slant range", **_as(Grid.range))
     frame_count = count(
         None, 1, MOST_FRAMES, label="infrared frames averaged", **_as(Grid.frame_count)
@@ -130,9 +119,7 @@ class Infrared(Settings, key="infrared"):
         "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
         noted=True,
     )
-    training_range = quantity(
-        25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
-    )
+    training_range = quantity(25, 1, 1000, "km", "slant range of the training silhouettes")
     vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
     subpixel_offsets = draws(
         4,
@@ -141,9 +128,7 @@ class Infrared(Settings, key="infrared"):
         dimension="phase",
         shown=True,
     )
-    orders = draws(
-        4, label="order of presentation; 0 is the order of the grid", dimension="order", shown=True
-    )
+    orders = draws(4, label="order of presentation; 0: the grid's", dimension="order", shown=True)
 
 
 looks_infrared = looks(INFRARED)
@@ -336,14 +321,6 @@ def whole_window(
 # Stages
 
 
-infrared_depression = replace(
-    views.depression, name="infrared_depression", reads={"range": Infrared.range}
-)
-training_depression = replace(
-    views.depression, name="training_depression", reads={"range": Infrared.training_range}
-)
-
-
 @plain()
 def silhouette_engine(drawing_engine: str) -> str:
     """Return the engine of silhouettes, which need no depth where OpenGL would draw it."""
@@ -351,16 +328,10 @@ def silhouette_engine(drawing_engine: str) -> str:
 
 
 infrared_images = views.image_stages(
-    "infrared_image",
-    range=Infrared.range,
-    depression="infrared_depression",
-    engine=silhouette_engine.name,
+    "infrared_image", range=Infrared.range, engine="silhouette_engine"
 )
 training_images = views.image_stages(
-    "training_image",
-    range=Infrared.training_range,
-    depression="training_depression",
-    engine=silhouette_engine.name,
+    "training_image", range=Infrared.training_range, engine="silhouette_engine"
 )
 
 hits = stage(

@@ -33,6 +33,8 @@ VIEW = ("ship", "aspect", "pulse_width")
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
 FULL = "full_profile"
 
+MODELS = ("projected_area", "lambertian")  # of reflection
+
 WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, views.INFRARED}}
 """Classifiers for which covariances are stored, and the sensors that each needs."""
 
@@ -47,21 +49,15 @@ class Ladar(Settings, key="ladar"):
         *(0.5, 0, 1, "1", "share of a pixel's range extent that its area is spread over"),
         help="0: point sampling",
     )
-    reflectance = word(
-        "projected_area", ("projected_area", "lambertian"), label="model of the reflected power"
-    )
+    reflectance = word(MODELS[0], MODELS, label="model of the reflected power")
     cnr = quantity(32, -100, 100, "dB", "carrier-to-noise ratio of a filled IFOV at cnr_range")
     cnr_range = quantity(100, 1, 1000, "km", "range at which cnr is stated")
     extinction = quantity(
         *(0, 0, 10, "dB km-1", "extinction of the air at 10.6 um, one way"),
         help="the source's 32 dB at 100 km includes extinction",
     )
-    target_free_ifovs = count(
-        4000, 0, 10**7, label="target-free IFOVs accumulated per frame", noted=True
-    )
-    receiver = word(
-        FULL, RECEIVERS, label="receiver: the part of a returned waveform that it keeps", noted=True
-    )
+    target_free_ifovs = count(4000, 0, 10**7, label="target-free IFOVs in a frame", noted=True)
+    receiver = word(FULL, RECEIVERS, label="receiver: what it keeps of a waveform", noted=True)
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
     subpixel_offsets = draws(
         1,
@@ -110,11 +106,8 @@ RECEIVED = {
     "receiver": Ladar.receiver,
     "false_alarm": Ladar.false_alarm,
 }
-SIGNAL = {  # without a receiver
-    "pulse_width": Grid.pulse_width,
-    "cnr": "cnr_at_range",
-    "target_free_ifovs": Ladar.target_free_ifovs,
-}
+SIGNAL = {name: RECEIVED[name] for name in ("cnr", "target_free_ifovs")}  # of any receiver
+SIGNAL["pulse_width"] = Grid.pulse_width
 EXTENT = (  # arrays of a `RangeExtent`
     Output("fraction", ("ifov", "down_range"), "f8"),
     Output("cell", ("ifov", "side"), "i8"),
@@ -189,10 +182,7 @@ def fineness(
 
 
 @replace(PROFILE, when=by_lines).stage(
-    Output(
-        "profile_error",
-        label="estimated error of the range extent after the pulse, sum |p - q| over sum q",
-    ),
+    Output("profile_error", label="estimated error after the pulse, sum |p - q| over sum q"),
     Output("within_tolerance", dtype="i1", label="1 where the error is within render.tolerance"),
 )
 def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float, ...]) -> Arrays:
@@ -261,10 +251,7 @@ profile_bins = PROFILE.stage(
     name="profile_bins",
 )(library.bin_centres)
 
-_SIGHT = {
-    "range": Grid.range,
-    **{one.name: one for one in (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)},
-}
+_SIGHT = {one.name: one for one in (Grid.range, Ladar.cnr, Ladar.cnr_range, Ladar.extinction)}
 
 
 @MOMENTS.stage(

@@ -32,10 +32,7 @@ class Likelihood(Settings, key="classifier"):
     """Prior knowledge of profiles."""
 
     gain_sigma = number(
-        *(1.0, 0, 1000),
-        label="prior standard deviation of the target's gain",
-        help="0: known",
-        noted=True,
+        1.0, 0, 1000, label="prior deviation of the target's gain", help="0: known", noted=True
     )
     floor_sigma = number(
         *(1.0, 0, 1000),
@@ -53,10 +50,7 @@ class Likelihood(Settings, key="classifier"):
         help="used by the likelihood, as if a track gave the heading",
     )
     diagonal_loading = number(
-        1e-3,
-        1e-9,
-        1000,
-        label="variance of noise beyond the model, relative to the model's",
+        1e-3, 1e-9, 1000, label="variance of noise beyond the model, relative to the model's"
     )
     template_error = number(
         *(None, 0, 1000),

@@ -41,13 +41,9 @@ LAYERS = {
 class Mnn(Settings, key="classifier.mnn"):
     """The multilayered network."""
 
-    epochs = count(
-        1000, 1, 10**6, label="largest number of presentations of the training profiles", noted=True
-    )
+    epochs = count(1000, 1, 10**6, label="most presentations of the profiles", noted=True)
     grow_every = count(
-        *(10, 1, 10**6),
-        label="presentations before a hidden node is added and the gain raised",
-        noted=True,
+        10, 1, 10**6, label="presentations before a node is added and the gain raised", noted=True
     )
     learning_rate = number(
         *(0.015, 1e-6, 1000),
@@ -68,10 +64,7 @@ class Mnn(Settings, key="classifier.mnn"):
         noted=True,
     )
     annealing = switch(
-        True,
-        label="annealing of the gains",
-        help="from half to whole while the network grows",
-        noted=True,
+        True, label="annealing of the gains", help="from half to whole in training", noted=True
     )
     max_hidden = count(25, 1, 1000, label="largest number of hidden nodes")
 
@@ -102,10 +95,7 @@ mnn_settings = plain(uses=(Mnn,), name="mnn_settings")(Training)
 
 
 @ANSWERS.stage(
-    Output(
-        *("training_correct", classifier.VIEW, "i1"),
-        label="1 where ship and aspect bin of the expected profile are right",
-    ),
+    Output("training_correct", classifier.VIEW, "i1", "1 where ship and aspect bin are right"),
     Output("presentations", dtype="i4", fill=0, label="epochs trained"),
     Output("hidden", dtype="i2", fill=0, label="hidden nodes"),
     Output("loss", label="mean square error of the outputs at the end"),
@@ -155,10 +145,7 @@ def mnn_training(
 
 @ANSWERS.answers(
     Output("predicted_bin", classifier.VIEW, "i2", label="number of the predicted aspect bin"),
-    Output(
-        *("ship_correct", classifier.VIEW, "i1"),
-        label="1 where the ship is right, for any aspect bin",
-    ),
+    Output("ship_correct", classifier.VIEW, "i1", "1 where the ship is right, for any aspect bin"),
     uses=(Grid, Mnn),
     along=(Grid.frame_count,),
 )

@@ -7,6 +7,7 @@ from the slant range, so that errors are of the sampling alone.
 from __future__ import annotations
 
 import time
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -49,18 +50,15 @@ TARGET = 1e-3  # error whose cost is tabulated
 class RunTime(Settings, key="run_time"):
     """Run time against error."""
 
-    bin_width = views.quantity(
-        1, 0.05, 50, "m", "range bin of the extents that are timed", shown=True
-    )
+    bin_width = views.quantity(1, 0.05, 50, "m", "range bin of timed extents", shown=True)
     repeats = count(3, 1, 1000, label="timings of a view, of which the median is taken")
-    draws = count(
-        16, 1, 1000, label="noisy profiles of a view that are classified", fixed=views.SHAPES
-    )
+    draws = count(16, 1, 1000, label="noisy profiles of a view", fixed=views.SHAPES)
 
 
 USED = (Grid, Render, Ladar, RunTime)
 TIMED = Group(RUN_TIME, looks(RUN_TIME), USED, status=views.STATUS)
 _signature = inner("signature", ("down_range",), "f8")
+_measured = partial(Output, dtype="f8", role=MEASURED)
 VIEW = {"aspect": Grid.aspect, "depression": "depression"}
 BINNED = {name: BEAM[name] for name in ("slant_range", "ifov", "window")}
 BINNED["bin_width"] = RunTime.bin_width
@@ -119,11 +117,7 @@ def timed_image(
 
 
 @TIMED.stage(
-    Output(
-        "extent_error",
-        label="error of the range extent of the whole ship",
-        without=("pulse_width",),
-    ),
+    Output("extent_error", label="error of the ship's range extent", without=("pulse_width",)),
     Output("ifov_error", label="error of the range extents of the IFOVs", without=("pulse_width",)),
     Output("profile_error", label="error of the range extent of the ship after the pulse"),
     _signature,
@@ -149,19 +143,8 @@ def sampled(
 
 
 @TIMED.stage(
-    Output(
-        "run_time",
-        dtype="f8",
-        unit="s",
-        label="run time of a view, from mesh to range extent, median of repeats",
-        role=MEASURED,
-    ),
-    Output(
-        "ratio",
-        dtype="f8",
-        label="run time relative to a view by embree at 0.25 m, timed alongside",
-        role=MEASURED,
-    ),
+    _measured("run_time", label="run time from mesh to range extent, median of repeats", unit="s"),
+    _measured("ratio", label="run time relative to a view by embree at 0.25 m, timed alongside"),
     reads={"engine": "drawing_engine"},
     along=(Render.pixel, Render.roll, Ladar.spread),
 )
@@ -224,11 +207,7 @@ def _times(
 
 
 @TIMED.stage(
-    Output(
-        "changed",
-        VIEWS,
-        label="share of noisy profiles whose correlation answer differs from the exact extents'",
-    ),
+    Output("changed", VIEWS, label="share of noisy profiles named otherwise than with exact ones"),
     gather=VIEW_SETTINGS,
 )
 def changed(

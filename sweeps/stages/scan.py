@@ -60,10 +60,7 @@ class Scan(Settings, key="scan"):
     slew_time = quantity(0.1, 0, 100, "s", "time of a move to a visit, or of the imager's array")
     depth = number(0.05, 0, 0.5, label="share of the range by which targets are nearer or farther")
     decoy = word(
-        BARGE,
-        (BARGE, NO_DECOY),
-        label="decoy among the ships",
-        help="barge: a box as warm as the ships",
+        BARGE, (BARGE, NO_DECOY), label="decoy among the ships", help="barge: as warm as the ships"
     )
     decoy_length = quantity(120, 1, 1000, "m", "length of the decoy")
     decoy_beam = quantity(20, 1, 1000, "m", "beam of the decoy")
@@ -169,11 +166,7 @@ detected = FIELD.stage(
     _of_target("slant_range", dtype="f4", label="slant range of a target", unit="m"),
     _of_target("shown", label="pixels that show a target"),
     _of_target("hot", label="pixels of a target above the threshold"),
-    _of_target(
-        "detection_probability",
-        dtype="f4",
-        label="probability that a target is detected, in closed form",
-    ),
+    _of_target("detection_probability", dtype="f4", label="probability of detection, closed form"),
     Output("alarms", dtype="i4", label="pixels of the sea above the threshold"),
     _ship("source", label="detected target; -1 for the sea"),
     _of_detection("box", label="pixels of a detection"),
@@ -227,9 +220,7 @@ known = stage(
 
 visited = FIELD.stage(
     _ship("named", label="ship predicted by a visit"),
-    Output(
-        "similarity", ("detection",), pad=np.nan, label="cosine similarity to the nearest profile"
-    ),
+    Output("similarity", ("detection",), pad=np.nan, label="cosine to the nearest profile"),
     along=(Grid.frame_count,),
     stream=Stream((Grid.range, Grid.replicate), "scan_visited"),
     name="visited",
@@ -363,10 +354,7 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
     totals = counts[[*COUNTS, "ships"]].where(done).sum(DRAW)
     arrays: dict[str, tuple[Any, ...]] = {
         "draws": (done.sum(DRAW), "draws of the field"),
-        "detection_probability": (
-            detectable.where(done).mean(DRAW),
-            "share of ships detected, in closed form",
-        ),
+        "detection_probability": (detectable.where(done).mean(DRAW), "share detected, in theory"),
     }
     for name, parts in SHARES.items():
         hits, trials = xr.broadcast(*(totals[part] for part in parts))

@@ -21,9 +21,7 @@ _ONE = "it is of one ship"
 class ShipFile(Settings, key="grid.ship"):
     """A ship with the axes, unit and origin of its file."""
 
-    path = Setting(
-        Text(), None, "name of a known ship, or path of a sheet or mesh; required", fixed=_ONE
-    )
+    path = Setting(Text(), None, "known ship, or path of a sheet or mesh; required", fixed=_ONE)
     name = text(None, label="label of the ship; null: its name, or its file's", fixed=_ONE)
     up = word("z", AXES, label="axis of the file that points up", fixed=_ONE)
     forward = Setting(

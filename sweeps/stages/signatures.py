@@ -24,9 +24,7 @@ from sweeps.stages.views import Grid, Keywords
 
 KINDS = ("learned", "test", "measured")
 
-flight_images = views.image_stages(
-    "flight_image", range=Irar.profile_range, depression=Irar.depression
-)
+flight_images = views.image_stages("flight_image", range=Irar.profile_range, below=Irar.depression)
 flight_cnr = replace(ladar.cnr_at_range, name="flight_cnr", reads={"range": Irar.profile_range})
 FLIGHT_SIGNAL = ladar.RECEIVED | {"cnr": "flight_cnr"}
 flight_reads = {"image": "flight_image", "slant_range": Irar.profile_range}
@@ -58,11 +56,7 @@ test_signature = replace(
 
 
 @FLIGHTS.stage(
-    Output(
-        "signature",
-        ("kind", "down_range"),
-        label="range profile of the proposed sensor, noise floor included",
-    ),
+    Output("signature", ("kind", "down_range"), label="range profile, noise floor included"),
     uses=(Grid, Irar, Ladar),
     reads={"ladar_ifov": Ladar.ifov, **FLIGHT_SIGNAL},
     along=(Grid.pulse_width,),
@@ -106,13 +100,7 @@ def signature(
 
 
 @FLIGHTS.stage(
-    coordinate(
-        "kind",
-        ("kind",),
-        "U8",
-        label="kind of profile: synthetic for training, synthetic for the test, or of a simulated "
-        "flight (measured)",
-    ),
+    coordinate("kind", ("kind",), "U8", "kind of profile; measured: in a simulated flight"),
 )
 def signature_kinds() -> NDArray[np.str_]:
     """Return the kinds of signatures."""

@@ -108,18 +108,14 @@ class Scene(Settings, key="scene"):
     """Position of the aircraft: one depression for every range, or one altitude."""
 
     geometry = word(
-        "fixed",
-        ("fixed", "altitude"),
-        label="geometry: depression fixed at every range, or altitude",
+        "fixed", ("fixed", "altitude"), label="depression fixed at every range, or altitude"
     )
     depression = quantity(
         *(DEPRESSION, 0, 90, "degree", "depression of the line of sight at the target"),
         help="used where geometry is fixed; equals 22,000 ft at 100 km over a flat sea",
     )
     altitude = quantity(6705.6, 1, 50e3, "m", "altitude of the aircraft", help="22,000 ft")
-    earth_radius = quantity(
-        6371e3, 1e6, 1e12, "m", "radius of the Earth", help="1e12 for a flat sea"
-    )
+    earth_radius = quantity(6371e3, 1e6, 1e12, "m", "radius of the Earth", help="1e12: flat")
 
 
 class Render(Settings, key="render"):
@@ -278,17 +274,19 @@ def image(
 
 
 def image_stages(
-    name: str, *, range: Setting, depression: str | Setting, engine: str = "drawing_engine"
-) -> tuple[Stage, Stage, Stage]:
-    """Return a stage that draws ships at another range and depression, and those it needs.
+    name: str, *, range: Setting, below: Any = None, engine: str = "drawing_engine"
+) -> tuple[Stage, ...]:
+    """Return a stage that draws ships at another range, and those it needs.
 
-    Images of equal depression, drawn range and engine are one result, whichever stage asks for
-    them. The engine is that of a plain stage.
+    Its depression is that of a setting or stage (`below`), by default that of the scene at the
+    range, and its engine that of a plain stage. Images of equal depression, drawn range and engine
+    are one result, whichever stage asks for them.
     """
     at = replace(drawn_range, name=f"{name}_range", reads={"range": range})
     how = replace(sampling, name=f"{name}_sampling", reads={"engine": engine})
-    reads = {"depression": depression, "drawn_range": at.name, "sampling": how.name}
-    return at, how, replace(image, name=name, reads=reads)
+    sight = replace(depression, name=f"{name}_depression", reads={"range": range})
+    reads = {"depression": below or sight.name, "drawn_range": at.name, "sampling": how.name}
+    return at, how, sight, replace(image, name=name, reads=reads)
 
 
 def keywords(**values: Any) -> Keywords:

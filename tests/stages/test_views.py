@@ -96,7 +96,7 @@ def images_of(**given):
         settings=(*groups_of(views), *groups_of(ladar)),
         stages=(
             *(*stages_of([views]), ladar.fineness, own_depression),
-            *views.image_stages("own_image", range=Grid.range, depression="own_depression"),
+            *views.image_stages("own_image", range=Grid.range, below="own_depression"),
             size,
         ),
     )
