@@ -252,9 +252,9 @@ def check_left_out(choices: Choices) -> None:
         raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
 
-def require_another_aspect(training_views: Views, left_out: tuple[bool, ...]) -> None:
+def require_another_aspect(training_views: Views, left_out: bool) -> None:
     """Refuse (`ValueError`) the same where views failed and so are absent from training."""
-    if any(left_out) and training_views.any(axis=0).sum() < 2:
+    if left_out and training_views.any(axis=0).sum() < 2:
         raise ValueError(LEFT_ALONE.format("fewer than two aspects are"))
 
 

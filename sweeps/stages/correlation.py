@@ -37,7 +37,6 @@ def profile_draws(averaged: Profiles) -> Floats:
 @ANSWERS.answers(
     Output("similarity", classifier.VIEW, label="cosine similarity to the nearest profile"),
     uses=(Grid, Classifier, Correlation),
-    along=(Classifier.left_out,),
 )
 def correlation(
     profile_draws: Floats,
@@ -47,7 +46,7 @@ def correlation(
     valid: Views,
     replicate: int,
     training: str,
-    left_out: tuple[bool, ...],
+    left_out: bool,
 ) -> Arrays:
     """Return the ship of the most similar training profile.
 
@@ -72,9 +71,9 @@ def match_views(
     tests: Floats,
     valid: Views,
     training_views: Views,
-    left_out: tuple[bool, ...],
+    left_out: bool,
 ) -> Arrays:
-    """Return the ship of the training vector most similar to each test, (left_out, ship, aspect).
+    """Return the ship of the training vector most similar to each test, (ship, aspect).
 
     The training set is (draw, view, bin) vectors of all views, zero where one is missing, and tests
     are (view, bin) ones; templates of a test's own aspect may be left out.
@@ -86,17 +85,13 @@ def match_views(
     vectors = training_set.reshape(-1, training_set.shape[-1])
     # View of each training vector.
     view = np.tile(np.arange(valid.size), len(training_set))
-    neighbour = CorrelationNeighbour().fit(vectors, ship[view])
     untrained = ~training_views.reshape(-1)[view]
-    predicted = np.full((len(left_out), *valid.shape), NONE)
-    similarity = np.full(predicted.shape, np.nan)
-    for k, leave in enumerate(left_out):
-        same = (aspect[:, None] == aspect[view]) & leave
-        best, cosine = neighbour.match(tests, exclude=untrained | same)
-        named = np.where(best == NO_TEMPLATE, NONE, ship[view[best]])
-        predicted[k] = named.reshape(valid.shape)
-        similarity[k] = np.where(valid, cosine.reshape(valid.shape), np.nan)
-    return classifier.judged(predicted, valid) | {"similarity": similarity}
+    same = (aspect[:, None] == aspect[view]) & left_out
+    neighbour = CorrelationNeighbour().fit(vectors, ship[view])
+    best, cosine = neighbour.match(tests, exclude=untrained | same)
+    named = np.where(best == NO_TEMPLATE, NONE, ship[view[best]]).reshape(valid.shape)
+    similarity = np.where(valid, cosine.reshape(valid.shape), np.nan)
+    return classifier.judged(named, valid) | {"similarity": similarity}
 
 
 def check(choices: Choices) -> Choices:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -181,7 +181,7 @@ def profile_scores(
     Output("similarity", classifier.VIEW, label="posterior probability of the predicted ship"),
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
-    along=(Likelihood.gain_sigma, Classifier.left_out, Grid.frame_count),
+    along=(Likelihood.gain_sigma, Grid.frame_count),
 )
 def likelihood(
     profile_templates: tuple[GaussianTemplates, Views],
@@ -191,8 +191,8 @@ def likelihood(
     prior: Prior,
     *,
     gain_sigma: tuple[float, ...],
-    left_out: tuple[bool, ...],
     frame_count: tuple[int, ...],
+    left_out: bool,
     aspect_known: bool,
 ) -> Arrays:
     """Return the most probable ship, one number of frames at a time.
@@ -203,30 +203,30 @@ def likelihood(
     templates, known = profile_templates
     classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(valid), np.nonzero(known)
-    pairs = np.ix_(valid.reshape(-1), known.reshape(-1))
-    whole = (len(gain_sigma), len(left_out), len(frame_count), *valid.shape)
+    pairs: Any = np.ix_(valid.reshape(-1), known.reshape(-1))
+    whole = (len(gain_sigma), len(frame_count), *valid.shape)
     named, (probability, similarity) = np.full(whole, NONE), np.full((2, *whole), np.nan)
     same = of_view[:, None] == of_template
-    for k, f in np.ndindex(whole[1:3]):
+    exclude = (same & left_out) | (~same & aspect_known)
+    for f, count in enumerate(frame_count):
         logs = profile_scores[:, f, *pairs]
-        exclude = (same & left_out[k]) | (~same & aspect_known)
-        if left_out[k] and templates.template_error_:
+        if left_out and templates.template_error_:
             seen = prior.levelled(averaged[f][valid])
             for column in np.unique(of_view):
                 rows, others = of_view == column, of_template != column
                 rest = templates.without(~others)
                 logs[(..., *np.ix_(rows, others))] = rest.log_likelihood(
-                    seen[rows], frame_count[f], gain_sigma=gain_sigma
+                    seen[rows], count, gain_sigma=gain_sigma
                 )
         for g, of_gain in enumerate(logs):
             posterior = label_posterior(of_gain, of_ship, exclude=exclude)
             best, of_true = classifier.most_probable(posterior, true)
-            named[g, k, f][valid], probability[g, k, f][valid] = best, of_true
-            similarity[g, k, f][valid] = posterior[1].max(axis=1)
+            named[g, f][valid], probability[g, f][valid] = best, of_true
+            similarity[g, f][valid] = posterior[1].max(axis=1)
     return classifier.judged(named, valid) | {
         "probability": probability,
         "similarity": similarity,
-        "calibrated_error": np.full(whole[:3], templates.template_error_),
+        "calibrated_error": np.full(whole[:2], templates.template_error_),
     }
 
 

@@ -6,23 +6,32 @@ Article, 'Conclusions': measured profiles of ships that synthetic ones were lear
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stream, in_memory, plain
-from sweeps.stages import acn, classifier
+from sweeps.stages import acn, classifier, views
 from sweeps.stages.acn import Network, TrainingSet
 from sweeps.stages.classifier import NONE, Arrays, Classifier, ClassifierGroup, Profiles, Views
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flights import flown
 from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar
-from sweeps.stages.mnn import Training, mnn, mnn_training
+from sweeps.stages.mnn import mnn, mnn_training
 from sweeps.stages.scores import tabulate_scores
 from sweeps.stages.signatures import KINDS, signature_kinds
-from sweeps.stages.views import IRAR, RANGE, Grid, Sweep, looks, refuse, require
+from sweeps.stages.views import (
+    IRAR,
+    RANGE,
+    Grid,
+    Keywords,
+    by_key,
+    keywords,
+    looks,
+    refuse,
+    require,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,63 +52,22 @@ ANSWERS = ClassifierGroup.of(
 )
 
 
-@dataclass(frozen=True)
-class AcnSettings:
-    """What training and test of the Adaptive Clustering Network depend on."""
-
-    presentation: tuple[int, int]
-    vigilance: float
-    learning_rate: float
-    max_passes: int
-    learn_in_test: bool
-    label_rule: str
-    score_rule: str
-
-
+LEARNING = ("presentation", "vigilance", "learning_rate", "max_passes", "label_rule")
 acn_settings = plain(
-    uses=(Grid, Network), reads={"presentation": "profile_order"}, name="acn_settings"
-)(AcnSettings)
-
-
-def train_acn(given: AcnSettings, profiles: Profiles, valid: Views, views: Views) -> Namer:
-    """Train the Adaptive Clustering Network."""
-    training_set = TrainingSet.of(profiles, valid, classifier.profile_vectors)
-    how = given.vigilance, given.learning_rate, given.max_passes, given.label_rule
-    formed = acn.form_categories(training_set, views, given.presentation, *how)
-
-    def name(tests: Profiles, valid: Views) -> Arrays:
-        rules = given.score_rule, given.learn_in_test
-        answers = acn.answer_tests(training_set, formed, tests, valid, *rules)
-        return {key: answers[key] for key in ("predicted", "correct")}
-
-    return name
-
-
-def store_templates(profiles: Profiles, valid: Views, views: Views) -> Namer:
-    """Store the training profiles for correlation."""
-    training_set = classifier.profile_vectors(profiles)[None]
-
-    def name(tests: Profiles, valid_tests: Views) -> Arrays:
-        answers = [
-            match_views(training_set, of_kind, valid_tests, views & valid, (False,))
-            for of_kind in classifier.profile_vectors(tests)
-        ]
-        return {key: np.concatenate([one[key] for one in answers]) for key in answers[0]}
-
-    return name
-
+    reads=by_key(Network) | {"presentation": "profile_order", "vigilance": Grid.vigilance},
+    name="acn_settings",
+)(keywords)
 
 TRAINED = ("acn", "mnn", "correlation")
 """Classifiers of measured profiles: those that need no moments, which are unknown for them."""
 
-Lesson = tuple[str, AcnSettings | Training | None]
+Lesson = tuple[str, Keywords]
 
 
 @plain(uses=(Classifier,))
-def lesson(name: str, acn_settings: AcnSettings, mnn_settings: Training) -> Lesson:
+def lesson(name: str, acn_settings: Keywords, mnn_settings: Keywords) -> Lesson:
     """Return the classifier and its own settings, so that others do not repeat its training."""
-    own: dict[str, AcnSettings | Training] = {"acn": acn_settings, "mnn": mnn_settings}
-    return name, own.get(name)
+    return name, {"acn": acn_settings, "mnn": mnn_settings}.get(name, ())
 
 
 @in_memory(
@@ -117,17 +85,31 @@ def namer(
     rng: np.random.Generator,
 ) -> Namer:
     """Return a classifier trained on synthetic profiles, for all flights."""
-    name, given = lesson
-    of_training = learned_signature, valid, training_views
-    if isinstance(given, AcnSettings):
-        return train_acn(given, *of_training)
-    if isinstance(given, Training):
-        trained = mnn_training(*of_training, aspect, given, rng)
-        return lambda tests, valid: mnn(trained, tests, valid, aspect, given.inputs)
-    if name == "correlation":
-        return store_templates(*of_training)
-    nothing = ("predicted", "correct")
-    return lambda tests, valid: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
+    name, own = lesson
+    settings = dict(own)
+    if name == "acn":
+        training_set = TrainingSet.of(learned_signature, valid, classifier.profile_vectors)
+        learning = {one: settings[one] for one in LEARNING}
+        rules = {one: settings[one] for one in ("score_rule", "learn_in_test")}
+        formed = acn.form_categories(training_set, training_views, **learning)
+        return lambda tests, valid: acn.answer_tests(training_set, formed, tests, valid, **rules)
+    if name == "mnn":
+        trained = mnn_training(learned_signature, valid, training_views, aspect, own, rng)
+        return lambda tests, valid: mnn(trained, tests, valid, aspect, settings["inputs"])
+    if name not in TRAINED:
+        nothing = ("predicted", "correct")
+        return lambda tests, valid: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
+    templates = classifier.profile_vectors(learned_signature)[None]
+
+    def correlate(tests: Profiles, valid: Views) -> Arrays:
+        known = training_views & valid
+        answers = [
+            match_views(templates, of_kind, valid, known, left_out=False)
+            for of_kind in classifier.profile_vectors(tests)
+        ]
+        return {key: np.array([one[key] for one in answers]) for key in answers[0]}
+
+    return correlate
 
 
 @ANSWERS.answers(
@@ -167,7 +149,7 @@ def check(choices: Choices) -> Choices:
         refuse(Classifier.name, ", ".join(choices[Classifier.name]), allowed)
     require(choices, Correlation.training, EXPECTED, "where sensor is irar")
     require(choices, Classifier.left_out, False, "where sensor is irar")
-    if set(choices.one(Sweep.sensor)) == {IRAR}:
+    if set(choices.one(views.Sweep.sensor)) == {IRAR}:
         return choices.having(Classifier.name, names)
     return choices
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ from sweeps.engine.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Arrays, Profiles, Views
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Grid
+from sweeps.stages.views import Grid, Keywords, by_key, keywords
 
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
@@ -69,29 +68,7 @@ class Mnn(Settings, key="classifier.mnn"):
     max_hidden = count(25, 1, 1000, label="largest number of hidden nodes")
 
 
-@dataclass(frozen=True)
-class Training:
-    """Parameters of training: of `GainAnnealedNetwork`, and its inputs."""
-
-    epochs: int
-    grow_every: int
-    learning_rate: float
-    tolerance: float
-    inputs: str
-    annealing: bool
-    max_hidden: int
-
-    def network(self, random_state: int) -> GainAnnealedNetwork:
-        """Return a network that is not trained yet."""
-        # Imported here because scikit-learn takes a second.
-        from ncti.classify.gain_annealed import GainAnnealedNetwork
-
-        given = {name: value for name, value in vars(self).items() if name != "inputs"}
-        scaling = "common" if self.inputs == STANDARDISED else "none"
-        return GainAnnealedNetwork(**given, scaling=scaling, random_state=random_state)
-
-
-mnn_settings = plain(uses=(Mnn,), name="mnn_settings")(Training)
+mnn_settings = plain(reads=by_key(Mnn), name="mnn_settings")(keywords)
 
 
 @ANSWERS.stage(
@@ -115,7 +92,7 @@ def mnn_training(
     valid: Views,
     training_views: Views,
     aspect: tuple[float, ...],
-    mnn_settings: Training,
+    mnn_settings: Keywords,
     rng: np.random.Generator,
 ) -> Arrays:
     """Return a network trained on expected profiles, with an output for every ship and aspect bin.
@@ -127,7 +104,12 @@ def mnn_training(
     # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
-    network, inputs = mnn_settings.network(int(rng.integers(2**32))), mnn_settings.inputs
+    from ncti.classify.gain_annealed import GainAnnealedNetwork
+
+    given = dict(mnn_settings)
+    inputs, random_state = given.pop("inputs"), int(rng.integers(2**32))
+    scaling = "common" if inputs == STANDARDISED else "none"
+    network = GainAnnealedNetwork(**given, scaling=scaling, random_state=random_state)
     truth = classes_of(valid.shape, aspect)
     known = training_views & valid
     with warnings.catch_warnings():

@@ -294,6 +294,11 @@ def keywords(**values: Any) -> Keywords:
     return tuple(values.items())
 
 
+def by_key(settings: type[Settings]) -> dict[str, Setting]:
+    """Return the settings of a group by the last words of their keys."""
+    return {one.key.rpartition(".")[2]: one for one in settings.declared}
+
+
 def described(array: xr.DataArray, long_name: str, units: str = "1") -> xr.DataArray:
     """Return an array of a table with its label and its unit."""
     return array.assign_attrs(units=units, long_name=long_name)

@@ -24,11 +24,12 @@ def answered(cell, training="expected", left_out=(False,), frames=0, **training_
             cell.valid,
             replicate,
             training,
-            left_out,
+            leave,
         )
-        for replicate in range(len(cell.averaged))
+        for replicate, leave in product(range(len(cell.averaged)), left_out)
     ]
-    return {name: np.stack([one[name] for one in found]) for name in found[0]}
+    shape = len(cell.averaged), len(left_out), ships, aspects
+    return {name: np.stack([one[name] for one in found]).reshape(shape) for name in found[0]}
 
 
 @pytest.mark.parametrize(("training", "frames"), list(product(("expected", "noisy"), range(2))))

@@ -50,6 +50,7 @@ def training_views(name, **changes):
     given["mnn_settings"] = mnn_settings(**of_mnn)
     given["profile_order"] = profile_order(given["order"], 0)
     given["presentation"] = given["profile_order"]
+    given["orders"] = given["order"]
     given["acn_settings"] = acn_settings(**{key: given[key] for key in acn_settings.arguments})
     return lesson(**{key: given[key] for key in lesson.arguments})
 

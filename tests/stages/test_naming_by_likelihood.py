@@ -46,9 +46,10 @@ def answered(
     averaged = cell.averaged[replicate, [FRAMES.index(count) for count in frames]]
     prior = likelihood.Prior(diagonal_loading, 1.0, floor_estimated=False)
     scores = likelihood.profile_scores(templates, averaged, cell.valid, gains, frames, prior)
-    axes = {"gain_sigma": gains, "left_out": left_out, "frame_count": frames}
+    axes = {"gain_sigma": gains, "frame_count": frames, "aspect_known": aspect_known}
     given = templates, scores, averaged, cell.valid, prior
-    return likelihood.likelihood(*given, **axes, aspect_known=aspect_known)
+    found = [likelihood.likelihood(*given, **axes, left_out=leave) for leave in left_out]
+    return {name: np.stack([one[name] for one in found], axis=1) for name in found[0]}
 
 
 @pytest.mark.parametrize(("place", "gain"), list(enumerate(GAINS)))
