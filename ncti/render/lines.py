@@ -178,28 +178,25 @@ class LineImage:
         Exact along lines: a piece is cut at the borders of cells, and covers the ranges between
         its ends evenly. Where wavefront or perspective bend it, chords stay within 1e-4 of a bin.
         """
-        from ncti.render.pieces import Parts, bin_pieces  # numba takes long to import
+        from ncti.render.pieces import Depths, Grid, Parts, bin_pieces  # numba takes long to import
 
         reach = slant_range or self.slant_range
         curved = bool(reach) and np.isfinite(bin_width)
         area = np.full(len(self.line), self.spacing)
+        if weight is not None:
+            area = area * weight
+        turn = (np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll)))
+        grid = Grid(turn, float(side), (float(shift[0]), float(shift[1])))
+        depths = Depths(
+            self.curvature,
+            1.0 / reach if reach and curved else 0.0,
+            np.sqrt(1 / (8 * CHORD * reach * bin_width)) if reach and curved else 0.0,
+            float(near),
+            float(bin_width),
+            int(bin_count),
+        )
         return Parts(
-            *bin_pieces(
-                self.line,
-                self.piece,
-                area if weight is None else area * weight,
-                self.spacing,
-                self.phase,
-                (np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))),
-                float(side),
-                (float(shift[0]), float(shift[1])),
-                self.curvature,
-                1.0 / reach if reach and curved else 0.0,
-                np.sqrt(1 / (8 * CHORD * reach * bin_width)) if reach and curved else 0.0,
-                float(near),
-                float(bin_width),
-                int(bin_count),
-            )
+            *bin_pieces(self.line, self.piece, area, self.spacing, self.phase, grid, depths)
         )
 
     def to_xarray(self) -> xr.Dataset:

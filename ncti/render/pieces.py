@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.compiled import compiled
+from ncti.compiled import compiled, inlined
 from ncti.render.lines import STRANDS
 
 Floats = NDArray[np.float64]
@@ -42,6 +42,52 @@ class Parts(NamedTuple):
     reach: float
 
 
+class Grid(NamedTuple):
+    """Square cells across a view.
+
+    Attributes
+    ----------
+    turn : (float, float)
+        Cosine and sine of the roll.
+    side : float
+        Side of a cell [m].
+    shift : (float, float)
+        Where in a cell the ship origin lies, right and up from its corner [cell].
+    """
+
+    turn: tuple[float, float]
+    side: float
+    shift: tuple[float, float]
+
+
+class Depths(NamedTuple):
+    """How the range along pieces becomes range bins.
+
+    Attributes
+    ----------
+    curvature : float
+        1 / slant range of the view [1/m], 0 in the far field: w = 1 / (1 - curvature q).
+    wavefront : float
+        1 / slant range to which down-range is reckoned, 0 for plane waves.
+    per_chord : float
+        1 / the length of a piece, along the line or down-range, over which its range counts as
+        linear [1/m].
+    edge : float
+        Down-range of the first bin's edge [m].
+    bin_width : float
+        Width of a bin [m].
+    bins : int
+        Number of bins.
+    """
+
+    curvature: float
+    wavefront: float
+    per_chord: float
+    edge: float
+    bin_width: float
+    bins: int
+
+
 @compiled
 def sagitta(r: float, square: float, wavefront: float) -> float:
     """Return sqrt((R0 + r)^2 + s^2) - (R0 + r), free of cancellation, with wavefront = 1 / R0."""
@@ -52,58 +98,32 @@ def sagitta(r: float, square: float, wavefront: float) -> float:
     return wavefront * square * near / (1.0 + np.sqrt(1.0 + e))
 
 
+@inlined
+def down_range(q: Any, x: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
+    """Return the down-range of a point with q = r/w at (x, y) along and across lines."""
+    r = q
+    if curvature > 0.0:
+        r /= 1.0 - curvature * q
+    if wavefront > 0.0:
+        w = 1.0 + curvature * r
+        r += sagitta(r, (x * x + y * y) * w * w, wavefront)
+    return r
+
+
 @compiled
-def bin_pieces(
+def bounds_of(
     line: NDArray[np.int32],
     piece: Floats,
-    weight: Floats,
     spacing: float,
     phase: float,
     turn: tuple[float, float],
-    side: float,
     shift: tuple[float, float],
-    curvature: float,
-    wavefront: float,
-    per_chord: float,
-    edge: float,
-    bin_width: float,
-    bins: int,
-) -> tuple[NDArray[np.int64], Floats, Floats, float]:
-    """Return the area that pieces cover, by cell and range bin.
+) -> tuple[float, float, float, float]:
+    """Return the least and greatest column and row that pieces reach, in cells; `turn` is too.
 
-    Parameters
-    ----------
-    line : (piece,) int32 ndarray
-        Number k of each piece's line, y = (k + phase) spacing.
-    piece : (piece, 4) float64 ndarray
-        Begin and end along the line, and q = r/w there, as of `line_sweep.sweep`.
-    weight : (piece,) float64 ndarray
-        Area that a metre of a piece stands for.
-    turn : (float, float)
-        Cosine and sine of the roll.
-    side : float
-        Side of a cell [m].
-    shift : (float, float)
-        Where in a cell the ship origin lies, right and up from its corner [cell].
-    curvature : float
-        1 / slant range of the view [1/m], 0 in the far field: w = 1 / (1 - curvature q).
-    wavefront : float
-        1 / slant range to which down-range is reckoned, 0 for plane waves.
-    per_chord : float
-        1 / the length of a piece, along the line or down-range, over which its range counts as
-        linear [1/m].
-    edge : float
-        Down-range of the first bin's edge [m].
-
-    Returns
-    -------
-    cell, area, strands, reach
-        As of `Parts`. What lies beyond the bins is in the first and the last.
+    Pieces of a line are in order: its first begin and its last end bound it.
     """
-    per_bin, last_bin = 1.0 / bin_width, bins - 1e-9
-    edge -= ON_EDGE
-    cos, sin = turn[0] / side, turn[1] / side
-    # Pieces of a line are in order: its first begin and its last end bound it.
+    cos, sin = turn
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
     pieces = len(line)
     for p in range(pieces):
@@ -117,16 +137,31 @@ def bin_pieces(
             left, right = min(left, h), max(right, h)
             bottom, top = min(bottom, v), max(top, v)
     if pieces == 0:
-        left = right = bottom = top = 0.0
-    left, bottom = np.floor(left), np.floor(bottom)
-    from_left, from_bottom = shift[0] - left, shift[1] - bottom
-    columns, rows = int(np.floor(right) - left) + 1, int(np.floor(top) - bottom) + 1
-    # Numbers of the cells that pieces may reach, so that there is room for no others.
+        return 0.0, 0.0, 0.0, 0.0
+    return left, right, bottom, top
+
+
+@compiled
+def cells_reached(
+    line: NDArray[np.int32],
+    piece: Floats,
+    spacing: float,
+    phase: float,
+    turn: tuple[float, float],
+    origin: tuple[float, float],
+    shape: tuple[int, int],
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
+    """Return numbers of the cells that pieces may reach, -1 of others, so that none has room.
+
+    Also the cells, by rows, in which each piece begins and ends, and how many cells there are.
+    """
+    (cos, sin), (columns, rows) = turn, shape
+    pieces = len(line)
     number = np.full(rows * columns, -1, np.int32)
     first, last = np.empty(pieces, np.int32), np.empty(pieces, np.int32)
     for p in range(pieces):
         y = (line[p] + phase) * spacing
-        across, up = from_left - y * sin, from_bottom + y * cos
+        across, up = origin[0] - y * sin, origin[1] + y * cos
         # Rounding may put what is on a border past it.
         i = min(int(piece[p, 0] * cos + across), columns - 1)
         j = min(int(piece[p, 0] * sin + up), rows - 1)
@@ -143,22 +178,80 @@ def bin_pieces(
         if number[c] == 0:
             number[c] = cells
             cells += 1
+    return number, first, last, cells
+
+
+@compiled
+def cells_seen(
+    number: NDArray[np.int32], area: Floats, corner: tuple[float, float], columns: int, least: float
+) -> tuple[NDArray[np.int64], Floats]:
+    """Return the cells with more than the least area, by rows, and their area by range bin."""
+    seen = 0
+    for c in range(len(number)):
+        if number[c] >= 0:
+            if area[number[c]].sum() > least:
+                seen += 1
+            else:
+                number[c] = -1
+    cell, kept = np.empty((seen, 2), np.int64), np.empty((seen, area.shape[1]))
+    n = 0
+    for c in range(len(number)):
+        if number[c] >= 0:
+            cell[n, 0], cell[n, 1] = c % columns + int(corner[0]), c // columns + int(corner[1])
+            kept[n] = area[number[c]]
+            n += 1
+    return cell, kept
+
+
+@compiled
+def bin_pieces(
+    line: NDArray[np.int32],
+    piece: Floats,
+    weight: Floats,
+    spacing: float,
+    phase: float,
+    grid: Grid,
+    depths: Depths,
+) -> tuple[NDArray[np.int64], Floats, Floats, float]:
+    """Return the area that pieces cover, by cell and range bin.
+
+    Parameters
+    ----------
+    line : (piece,) int32 ndarray
+        Number k of each piece's line, y = (k + phase) spacing.
+    piece : (piece, 4) float64 ndarray
+        Begin and end along the line, and q = r/w there, as of `line_sweep.sweep`.
+    weight : (piece,) float64 ndarray
+        Area that a metre of a piece stands for.
+    grid, depths
+        Where cells and bins lie.
+
+    Returns
+    -------
+    cell, area, strands, reach
+        As of `Parts`. What lies beyond the bins is in the first and the last.
+    """
+    curvature, wavefront, per_chord, edge, bin_width, bins = depths
+    per_bin, last_bin = 1.0 / bin_width, bins - 1e-9
+    edge -= ON_EDGE
+    cos, sin = grid.turn[0] / grid.side, grid.turn[1] / grid.side
+    left, right, bottom, top = bounds_of(line, piece, spacing, phase, (cos, sin), grid.shift)
+    left, bottom = np.floor(left), np.floor(bottom)
+    from_left, from_bottom = grid.shift[0] - left, grid.shift[1] - bottom
+    columns, rows = int(np.floor(right) - left) + 1, int(np.floor(top) - bottom) + 1
+    number, first, last, cells = cells_reached(
+        line, piece, spacing, phase, (cos, sin), (from_left, from_bottom), (columns, rows)
+    )
     area, strands = np.zeros((cells, bins)), np.zeros((STRANDS, bins))
     reach = 0.0
-    for p in range(pieces):
+    for p in range(len(line)):
         y = (line[p] + phase) * spacing
         begin, end = piece[p, 0], piece[p, 1]
         at, goal = first[p], last[p]
         strand = line[p] % STRANDS
-        q = piece[p, 2]
-        slope = (piece[p, 3] - q) / (end - begin)
+        slope = (piece[p, 3] - piece[p, 2]) / (end - begin)
         low = begin
-        r = q
-        if curvature > 0.0:
-            r /= 1.0 - curvature * q
-        if wavefront > 0.0:
-            w = 1.0 + curvature * r
-            r += sagitta(r, (low * low + y * y) * w * w, wavefront)
+        r = down_range(piece[p, 2], low, y, curvature, wavefront)
         reach = max(reach, abs(r))
         before = min(max((r - edge) * per_bin, 0.0), last_bin)
         while True:
@@ -191,12 +284,7 @@ def bin_pieces(
             for s in range(1, parts + 1):
                 x = low + s * step
                 q = piece[p, 3] if x >= end else piece[p, 2] + slope * (x - begin)
-                r = q
-                if curvature > 0.0:
-                    r /= 1.0 - curvature * q
-                if wavefront > 0.0:
-                    w = 1.0 + curvature * r
-                    r += sagitta(r, (x * x + y * y) * w * w, wavefront)
+                r = down_range(q, x, y, curvature, wavefront)
                 reach = max(reach, abs(r))
                 r = min(max((r - edge) * per_bin, 0.0), last_bin)
                 a, b = min(before, r), max(before, r)
@@ -218,19 +306,6 @@ def bin_pieces(
             if at == goal:
                 break
             at, low = onward, high
-    # By rows, without what rounding alone puts into a cell.
-    seen = 0
-    for c in range(rows * columns):
-        if number[c] >= 0:
-            if area[number[c]].sum() > NOTHING * spacing**2:
-                seen += 1
-            else:
-                number[c] = -1
-    cell, kept = np.empty((seen, 2), np.int64), np.empty((seen, bins))
-    n = 0
-    for c in range(rows * columns):
-        if number[c] >= 0:
-            cell[n, 0], cell[n, 1] = c % columns + int(left), c // columns + int(bottom)
-            kept[n] = area[number[c]]
-            n += 1
+    # Without what rounding alone puts into a cell.
+    cell, kept = cells_seen(number, area, (left, bottom), columns, NOTHING * spacing**2)
     return cell, kept, strands, reach
