@@ -48,7 +48,7 @@ class Setting:
     dimension: str = ""  # its name in stores; by default the last word of its key
     fixed: str = ""  # why it takes one value only; empty if several make it an axis
     shown: bool = False  # whether it is a dimension even with one value
-    noted: bool = False  # whether, with one value, it is a scalar coordinate
+    noted: bool | None = None  # whether, with one value, it is a scalar coordinate; None: see class
     fallback: Setting | None = None  # whose values null stands for
     identity: bool = True  # whether results depend on it
     si: float | None = None  # factor from its unit to SI, in which stages get it
@@ -95,13 +95,14 @@ class Settings:
     key: ClassVar[str] = ""
     declared: ClassVar[tuple[Setting, ...]] = ()
 
-    def __init_subclass__(cls, *, key: str = "") -> None:
+    def __init_subclass__(cls, *, key: str = "", noted: bool = False) -> None:
         found: dict[Setting, Setting] = {}
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
                 if hasattr(Settings, name):
                     raise TypeError(f"{cls.__name__} has a setting {name}, a name that is taken")
-                setting = replace(value, key=f"{key}.{name}".lstrip("."))
+                of = noted if value.noted is None else value.noted
+                setting = replace(value, key=f"{key}.{name}".lstrip("."), noted=of)
                 if value.fallback in found:  # of the same group, whose key is set only now
                     setting = replace(setting, fallback=found[value.fallback])
                 setattr(cls, name, setting)

@@ -35,35 +35,29 @@ IMPORTS = ("ncti.classify.adaptive_clustering",)  # by its stages, when they are
 Indices = NDArray[np.intp]
 
 
-class Network(Settings, key="classifier"):
+class Network(Settings, key="classifier", noted=True):
     """The Adaptive Clustering Network."""
 
-    learning_rate = number(0.1, 1e-6, 1, label="learning rate in training", noted=True)
-    max_passes = count(200, 1, 1_000_000, label="most presentations of the training set")
+    learning_rate = number(0.1, 1e-6, 1, label="learning rate in training")
+    max_passes = count(200, 1, 10**6, label="most presentations of the training set", noted=False)
     learn_in_test = switch(
         False,
         label="learning during the test",
         help="test vectors move categories, as in the source; unknown ships are presented last",
-        noted=True,
     )
     orders = draws(
-        1,
-        label="order of presentation of the profiles; 0 is the order of the grid",
-        dimension="order",
-        noted=True,
+        1, label="order of presentation of the profiles; 0: the grid's", dimension="order"
     )
     label_rule = word(
         "majority",
         ("majority", "first"),
-        label="rule that labels a category with a ship: majority, or first of its members",
-        noted=True,
+        label="label of a category: of most members, or of the first",
     )
     score_rule = word(
         "ship",
         ("ship", "category"),
         label="rule that scores an answer: the right ship, or the right category",
         help="views absent from training are scored by ship",
-        noted=True,
     )
 
 

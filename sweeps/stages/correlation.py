@@ -16,7 +16,7 @@ ANSWERS = classifier.of_profiles(NAME, "training", "left_out")
 EXPECTED, NOISY = "expected", "noisy"
 
 
-class Correlation(Settings, key="classifier"):
+class Correlation(Settings, key="classifier", noted=True):
     """Nearest neighbour by correlation."""
 
     training = word(
@@ -24,7 +24,6 @@ class Correlation(Settings, key="classifier"):
         (EXPECTED, NOISY),
         label="training profiles: expected ones, or other draws of noisy ones",
         help="used by correlation; noisy needs grid.replicate of 2 or more",
-        noted=True,
     )
 
 

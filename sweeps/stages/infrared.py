@@ -66,9 +66,8 @@ class Infrared(Settings, key="infrared"):
     nedt = quantity(library.NEDT, LEAST_NEDT, 1000, "K", "noise of one frame")
     target_spread = quantity(
         *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
-        help="assumed, and decisive at 100 km; per pixel of the detector, and not reduced by "
-        "averaging frames (half pixels of shifted scenes have twice as much, which the detector "
-        "averages out); with perfect per half pixel, as the source assumes",
+        help="assumed, and decisive at 100 km; per pixel of the detector (twice as much of half "
+        "pixels where shifted; per half pixel where perfect), and not reduced by averaging frames",
     )
     sea_spread = quantity(
         library.SPREAD, 0, 1000, "K", "spread of the sea's temperatures", help="as target_spread"
@@ -84,25 +83,20 @@ class Infrared(Settings, key="infrared"):
         list(library.SUPER_RESOLUTIONS),
         library.SUPER_RESOLUTIONS,
         label="super-resolution method",
-        help="perfect: half pixels with the noise of whole ones, the source's assumption; shifted: "
-        "recombined from frame_count frames at each of four places of the detector, so "
-        "4 x frame_count in all",
+        help="perfect: half pixels with the noise of whole ones, as the source assumes; shifted: "
+        "recombined from four times as many frames, of four places of the detector",
         shown=True,
     )
     coverage_rule = number(
-        0.25,
-        0.01,
-        MOST_COVERAGE,
+        *(0.25, 0.01, MOST_COVERAGE),
         label="share of a pixel that a ship must fill to show",
-        help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
-        "at 25 km",
+        help="at most 0.95: counted by patches, full pixels are up to 4 % short at 25 km",
         noted=True,
     )
     segmentation = word(
         "matched",
         SEGMENTATION_METHODS,
-        label="segmentation method of silhouettes",
-        help="takes pixels as independent; neighbours in a shifted image share noise",
+        label="segmentation of silhouettes, which takes pixels as independent",
         noted=True,
     )
     inner_radius = number(
@@ -115,18 +109,14 @@ class Infrared(Settings, key="infrared"):
         "nearest",
         INTERPOLATIONS,
         label="interpolation of the log-polar map",
-        help="nearest: the plain map, as the source's; bilinear is the more invariant one and "
-        "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
+        help="nearest: as the source's; bilinear is less sensitive, and forms as many categories "
+        "at a vigilance of 0.94 as nearest at 0.87",
         noted=True,
     )
     training_range = quantity(25, 1, 1000, "km", "slant range of the training silhouettes")
     vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
     subpixel_offsets = draws(
-        4,
-        MOST_OFFSETS,
-        label="position of the ship on the detector's pixels, by number",
-        dimension="phase",
-        shown=True,
+        4, MOST_OFFSETS, label="place of the ship on the pixels", dimension="phase", shown=True
     )
     orders = draws(4, label="order of presentation; 0: the grid's", dimension="order", shown=True)
 

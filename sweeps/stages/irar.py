@@ -119,8 +119,7 @@ class Course(Settings, key="irar"):
     )
     offset = _axis(5, -360, 360, "degree", "azimuth of the ship from the aircraft's heading")
     pointing = _axis(
-        *(None, -360, 360, "degree"),
-        label="azimuth of the scan's middle from the aircraft's heading; null: at the ship",
+        None, -360, 360, "degree", "azimuth of the scan's middle from the heading; null: the ship's"
     )
     mirror_angle = _axis(45, 1, 80, "degree", "mirror pointing angle")
     ifov = _axis(205, 1, 10_000, "urad", "instantaneous field of view, and spacing of samples")
@@ -138,8 +137,7 @@ class Course(Settings, key="irar"):
         1, 0, 1000, "1", "assumed reflectivity of masts relative to the ship", help="> 1: glints"
     )
     pulse_width = _axis(
-        *(30, 2, 1000, "ns", "pulse width of the flight's radar, full width at 1/e^2"),
-        dimension="flown_pulse_width",
+        30, 2, 1000, "ns", "pulse width, full width at 1/e^2", dimension="flown_pulse_width"
     )
 
 
@@ -198,14 +196,10 @@ class Irar(Course, Receivers, Passive, key="irar"):
     mirror = _word(EXACT, MIRROR_METHODS, label="correction of the mirror's rotation")
     range_filter = _word("cluster", RANGE_FILTERS, label="filter of the ranges of a pixel's looks")
     segmentation_threshold = number(
-        *(None, 0, 1e9),
-        label="segmentation threshold, in noise powers",
-        help="null: exceeded by one sea pixel in 1,000",
+        None, 0, 1e9, label="threshold in noise powers; null: one sea pixel in 1,000 exceeds it"
     )
     profile_range = quantity(
-        *(100, 1, 1000, "km"),
-        label="slant range of the proposed sensor that images of flights are converted to",
-        help="its other settings are those of ladar",
+        100, 1, 1000, "km", "slant range of the sensor of ladar that flights stand in for"
     )
     profile_frames = count(16, 1, MOST_FRAMES, label="frames averaged in a synthetic test profile")
     flown = set_of(ships(None, label="ships flown past; others are only in training; null: all"))

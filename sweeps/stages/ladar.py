@@ -46,8 +46,7 @@ class Ladar(Settings, key="ladar"):
     bin_width = quantity(1, 0.05, 50, "m", "range bin", fixed=views.SHAPES)
     window = quantity(250, 20, 5000, "m", "range window centred on the ship", fixed=views.SHAPES)
     spread = quantity(
-        *(0.5, 0, 1, "1", "share of a pixel's range extent that its area is spread over"),
-        help="0: point sampling",
+        0.5, 0, 1, "1", "share of a pixel's range extent that its area fills", help="0: points"
     )
     reflectance = word(MODELS[0], MODELS, label="model of the reflected power")
     cnr = quantity(32, -100, 100, "dB", "carrier-to-noise ratio of a filled IFOV at cnr_range")
@@ -61,9 +60,7 @@ class Ladar(Settings, key="ladar"):
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
     subpixel_offsets = draws(
         1,
-        label="position of the ship on the grid of IFOVs, by number",
-        help="for averaged profiles, with independent noise; expected profiles have the first, the "
-        "origin on a corner",
+        label="place of the ship on the IFOVs, by number; expected profiles have the first",
         dimension="ifov_phase",
         noted=True,
     )

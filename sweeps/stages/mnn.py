@@ -37,35 +37,28 @@ LAYERS = {
 }
 
 
-class Mnn(Settings, key="classifier.mnn"):
+class Mnn(Settings, key="classifier.mnn", noted=True):
     """The multilayered network."""
 
-    epochs = count(1000, 1, 10**6, label="most presentations of the profiles", noted=True)
+    epochs = count(1000, 1, 10**6, label="most presentations of the training profiles")
     grow_every = count(
-        10, 1, 10**6, label="presentations before a node is added and the gain raised", noted=True
+        10, 1, 10**6, label="presentations before a node is added and the gain raised"
     )
     learning_rate = number(
-        *(0.015, 1e-6, 1000),
-        label="learning rate of the multilayered network",
-        dimension="mnn_learning_rate",
-        noted=True,
+        0.015, 1e-6, 1000, label="learning rate of the network", dimension="mnn_learning_rate"
     )
     tolerance = number(
         *(0.35, 1e-6, 0.999),
         label="root mean square error at which training stops",
         help="fitted to the training row of the source's Table 2, which needs a short training",
-        noted=True,
     )
     inputs = word(
-        *(STANDARDISED, (RAW, FLOOR_REMOVED, STANDARDISED)),
-        label="input of the multilayered network",
-        help="standardised: floor removed, centred and scaled",
-        noted=True,
+        STANDARDISED,
+        (RAW, FLOOR_REMOVED, STANDARDISED),
+        label="inputs; standardised: floor removed, centred and scaled",
     )
-    annealing = switch(
-        True, label="annealing of the gains", help="from half to whole in training", noted=True
-    )
-    max_hidden = count(25, 1, 1000, label="largest number of hidden nodes")
+    annealing = switch(True, label="annealing of the gains, from half to whole in training")
+    max_hidden = count(25, 1, 1000, label="largest number of hidden nodes", noted=False)
 
 
 mnn_settings = plain(reads=by_key(Mnn), name="mnn_settings")(keywords)

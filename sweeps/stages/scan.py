@@ -51,8 +51,7 @@ class Scan(Settings, key="scan"):
     height = quantity(2, 0.1, 60, "degree", "height of the field of regard", si=DEGREE)
     detector = count(2, 1, 64, label="elements of the laser radar along a side of its detector")
     pulse_rate = quantity(
-        *(1000, 1, 1e9, "Hz", "pulses of the laser radar a second, one a frame"),
-        help="at most that of an unambiguous range",
+        1000, 1, 1e9, "Hz", "pulses of the laser radar a second, one a frame, unambiguous in range"
     )
     imager_pixels = count(256, 1, 10**5, label="pixels along a side of the imager's array")
     imager_frames = count(16, 1, 10**4, label="frames averaged by the imager")

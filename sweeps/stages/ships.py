@@ -27,26 +27,19 @@ class ShipFile(Settings, key="grid.ship"):
     forward = Setting(
         Word(AXES, null=True),
         None,
-        "axis of the file that points to the bow",
-        help="null: x; -z where up is x, z where it is -x",
+        "axis of the file that points to the bow; null: x; -z where up is x, z where it is -x",
         fixed=_ONE,
     )
     scale = number(
-        1.0,
-        SMALLEST_SCALE,
-        LARGEST_SCALE,
-        label="metres in a unit of the file",
-        help="0.001 for millimetres",
+        *(1.0, SMALLEST_SCALE, LARGEST_SCALE),
+        label="metres in a unit of the file, 0.001 for millimetres",
         fixed=_ONE,
     )
     offset = vector(
-        [0.0, 0.0, 0.0],
-        3,
-        -FARTHEST,
-        FARTHEST,
+        *([0.0, 0.0, 0.0], 3, -FARTHEST, FARTHEST),
         unit="m",
-        label="shift forward, to port and up",
-        help="after turning and scaling; the origin is amidships on the waterline",
+        label="shift forward, to port and up, after turning and scaling",
+        help="the origin is amidships on the waterline",
     )
 
 

@@ -84,8 +84,7 @@ class Grid(Settings, key="grid"):
         shown=True,
     )
     aspect = number(
-        {"start": 0, "stop": 90, "step": 3},
-        low=0,
+        *({"start": 0, "stop": 90, "step": 3}, 0),
         below=360,
         unit="degree",
         label="aspect, 0 bow-on, 90 port beam",
@@ -94,9 +93,9 @@ class Grid(Settings, key="grid"):
     pulse_width = quantity(30, 1, 1000, "ns", "pulse width, full width at 1/e^2", shown=True)
     frame_count = count(
         [4, 8, 16, 32],
-        high=MOST_FRAMES,
-        label="frames averaged",
-        help="averages share their first frames",
+        1,
+        MOST_FRAMES,
+        label="frames averaged, the first ones shared",
         shown=True,
     )
     range = quantity(100, 1, 1000, "km", "slant range", shown=True)
@@ -125,23 +124,17 @@ class Render(Settings, key="render"):
         "auto",
         ("auto", *engines(), LINES),
         label="rendering engine",
-        help="lines: exact along lines a pixel apart; auto: osmesa, else egl, else embree, and "
-        "lines where there is a tolerance",
+        help="auto: osmesa, else egl, else embree, and lines (exact along lines) with a tolerance",
     )
     pixel = quantity(0.25, 0.01, 5, "m", "pixel on the target")
     tolerance = number(
-        None,
-        1e-5,
-        0.5,
+        *(None, 1e-5, 0.5),
         label="largest relative error of a range extent after the shortest pulse of the grid",
         help="reached by adding lines, starting from one per pixel; null: one line per pixel",
         dimension="render_tolerance",  # the multilayered network has one, too
     )
     samples = count(
-        20_000,
-        0,
-        10**7,
-        label="smallest number of samples on the ship; fewer are drawn again with smaller pixels",
+        20_000, 0, 10**7, label="least samples on the ship; with fewer, pixels are smaller"
     )
     roll = quantity(
         *(ROLL, -180, 180, "degree", "roll of the pixels about the line of sight"),
@@ -152,9 +145,8 @@ class Render(Settings, key="render"):
         "all",
         ("all", "none"),
         label="views that are not rendered",
-        help="all: aspects above 180 of a symmetric ship are mirrored from its other side, and "
-        "ranges share one far-field view where it errs by at most a tenth of tolerance (1e-4 "
-        "where that is null); none: every view is drawn, at its own range",
+        help="all: aspects above 180 of a symmetric ship, which are mirrored, and ranges that "
+        "share a far-field view, where it errs by at most a tenth of tolerance (null: of 1e-3)",
     )
 
 
