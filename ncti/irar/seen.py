@@ -85,19 +85,11 @@ class Truth:
         image = np.zeros((len(self.cells), looks.count.size))
         slopes = np.zeros((*image.shape, 6))
         add_looks(
-            image,
-            slopes,
-            self.cells,
-            self.upward,
-            self.rightward,
-            self.near,
-            self.middle,
-            self.factor,
+            (image, slopes),
+            (self.cells, self.upward, self.rightward, self.near),
+            (self.middle[0], self.middle[1], self.factor),
             place,
-            looks.pixel,
-            looks.row,
-            looks.column,
-            looks.count,
+            (looks.pixel, looks.row, looks.column, looks.count),
         )
         shape = len(image), *looks.shape
         return image.reshape(shape), slopes.reshape(*shape, 6)
@@ -105,52 +97,38 @@ class Truth:
 
 @compiled
 def add_looks(
-    image: Floats,
-    slopes: Floats,
-    cells: Floats,
-    upward: Floats,
-    rightward: Floats,
-    near: NDArray[np.bool_],
-    middle: Floats,
-    factor: int,
+    means: tuple[Floats, Floats],
+    truth: tuple[Floats, Floats, Floats, NDArray[np.bool_]],
+    scale: tuple[float, float, int],
     place: Floats,
-    pixel: NDArray[np.intp],
-    row: Floats,
-    column: Floats,
-    count: NDArray[np.intp],
+    looks: tuple[NDArray[np.intp], Floats, Floats, NDArray[np.intp]],
 ) -> None:
     """Add the brightness that looks see to the pixels that average them.
 
     Parameters
     ----------
-    image : (channel, pixel) float64 ndarray
-        Means over the looks of a pixel, to which this adds.
-    slopes : (channel, pixel, 6) float64 ndarray
-        Derivatives of the means by `place`, to which this adds.
-    cells, upward, rightward : (channel, row, column) float64 ndarray
-        Brightness of the cells, 0 at the border, and its change per cell, up and to the right.
-    near : (row, column) bool ndarray
-        Cells of the ship and next to it; other cells are skipped.
-    middle : (2,) float64 ndarray
-        Row and column of the centre of the truth [cell].
-    factor : int
-        Cells per pixel, along each axis.
+    means : (channel, pixel) and (channel, pixel, 6) float64 ndarray
+        Means over the looks of a pixel, and their derivatives by `place`, to which this adds.
+    truth : three (channel, row, column) float64 ndarrays, a (row, column) bool ndarray
+        Brightness of the cells, 0 at the border, and its change per cell, up and to the right;
+        cells of the ship and next to it: others are skipped.
+    scale : (float, float, int)
+        Row and column of the centre of the truth [cell], and cells per pixel along each axis.
     place : (6,) float64 ndarray
         Place of the truth: up, right, mast, waterline, height, width, as in `tilt.tilts`.
-    pixel : (look,) intp ndarray
-        Pixel that averages a look.
-    row, column : (look,) float64 ndarray
-        Place of a look from the centre of the image [pixel].
-    count : (pixel,) intp ndarray
-        Number of looks of each pixel.
+    looks : (look,) intp, two (look,) float64 and (pixel,) intp ndarray
+        Pixel that averages a look; its row and column from the centre of the image [pixel]; number
+        of looks of each pixel.
     """
+    (image, slopes), (cells, upward, rightward, near) = means, truth
+    (middle_row, middle_column, factor), (pixel, row, column, count) = scale, looks
     last_row, last_column = cells.shape[1] - 2.0, cells.shape[2] - 2.0
     up, right, mast, waterline, height, width = place
     for i in range(len(pixel)):
         # Place of the look in the truth, within its border.
         y, x = row[i], column[i]
-        at_row = factor * (up + height * y + waterline * x) + middle[0]
-        at_column = factor * (right + mast * y + width * x) + middle[1]
+        at_row = factor * (up + height * y + waterline * x) + middle_row
+        at_column = factor * (right + mast * y + width * x) + middle_column
         at_row = min(max(at_row, 0.0), last_row)
         at_column = min(max(at_column, 0.0), last_column)
         r, c = int(at_row), int(at_column)

@@ -157,8 +157,12 @@ class Waveforms:
             magnitude = self.magnitude[: rows * (stop - start) * noise.bins]
             magnitude = magnitude.reshape(rows, stop - start, noise.bins)
             put_magnitudes(
-                *(even, odd, normals, speckle, target.first[start : stop + 1]),
-                *(target.occupied, target.amplitude, target.reach, target.response),
+                (even, odd),
+                normals,
+                speckle,
+                target.first[start : stop + 1],
+                (target.occupied, target.amplitude, target.reach),
+                target.response,
                 magnitude,
             )
             yield magnitude

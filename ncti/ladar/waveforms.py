@@ -45,14 +45,11 @@ def part_noise(
 
 @compiled
 def put_magnitudes(
-    even: Singles,
-    odd: Singles,
+    noise: tuple[Singles, Singles],
     normals: Singles,
     speckle: Places,
     first: Places,
-    occupied: Places,
-    amplitude: Singles,
-    reach: Places,
+    target: tuple[Places, Singles, Places],
     response: Singles,
     out: Singles,
 ) -> None:
@@ -60,7 +57,7 @@ def put_magnitudes(
 
     Parameters
     ----------
-    even, odd : (frame, quadrature, half) float32 ndarray
+    noise : two (frame, quadrature, half) float32 ndarrays
         Even and odd part of the noise in the lower half of the window, a middle bin included;
         two quadratures per IFOV.
     normals : (frame, normal) float32 ndarray
@@ -68,8 +65,8 @@ def put_magnitudes(
     speckle : (quadrature,) int64 ndarray
         First normal of the speckle of each quadrature.
     first : (ifov + 1,) int64 ndarray
-        Start of the occupied bins of each IFOV in the next three arrays.
-    occupied, amplitude, reach : (place,) ndarray
+        Start of the occupied bins of each IFOV in the arrays of `target`.
+    target : three (place,) ndarrays
         Occupied bins of all IFOVs, their amplitudes, and the number of bins that they affect on
         each side, their own included.
     response : (2 bin - 1,) float32 ndarray
@@ -77,6 +74,7 @@ def put_magnitudes(
     out : (frame, ifov, bin) float32 ndarray
         Output.
     """
+    (even, odd), (occupied, amplitude, reach) = noise, target
     bins, half = out.shape[2], even.shape[2]
     field = np.empty((2, bins), dtype=np.float32)
     one, other = field[0], field[1]

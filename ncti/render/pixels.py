@@ -279,13 +279,9 @@ def rays(
 def surface(
     facet: NDArray[np.float32] | NDArray[np.int32],
     shape: tuple[int, int],
-    first: tuple[float, float],
-    pixel: float,
-    axes: Floats,
-    curvature: float,
-    normals: Floats,
-    offsets: Floats,
-    faces: NDArray[np.int32],
+    lattice: tuple[float, float, float],
+    sight: tuple[Floats, float],
+    planes: tuple[Floats, Floats, NDArray[np.int32]],
     away: Floats,
 ) -> tuple[Floats, NDArray[np.float32]]:
     """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
@@ -296,31 +292,28 @@ def surface(
         The facet that each pixel sees, below 0 where there is none.
     shape : (int, int)
         Rows and columns.
-    first : (float, float)
-        Column and row of the first pixel's centre [pixel].
-    pixel : float
-        Pixel side [m].
-    axes : (3, 3) float64 ndarray
-        Axes of the view.
-    curvature : float
-        Curvature of the wavefront [1/m].
-    normals, offsets, faces
-        As of `ncti.render.solid.Solid`.
+    lattice : (float, float, float)
+        Column and row of the first pixel's centre [pixel], and side of a pixel [m].
+    sight : ((3, 3) float64 ndarray, float)
+        Axes of the view, and curvature of the wavefront [1/m].
+    planes
+        Normals, offsets and faces, as of `ncti.render.solid.Solid`.
     away : (vertex,) float64 ndarray
         Down-range of vertices [m].
     """
-    rows, columns = shape
+    (rows, columns), (first_column, first_row, pixel) = shape, lattice
+    (axes, curvature), (normals, offsets, faces) = sight, planes
     down_range = np.empty((rows, columns))
     gradient = np.empty((rows, columns, 2), np.float32)
     for row in range(rows):
-        v = (row + first[1]) * pixel
+        v = (row + first_row) * pixel
         for column in range(columns):
             f = np.int64(facet[row * columns + column])
             if f < 0:
                 down_range[row, column] = np.nan
                 gradient[row, column, 0] = gradient[row, column, 1] = np.nan
                 continue
-            h = (column + first[0]) * pixel
+            h = (column + first_column) * pixel
             x, y, z = normals[f, 0], normals[f, 1], normals[f, 2]
             n_h = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z
             n_v = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z

@@ -142,13 +142,9 @@ def surface(
     return pixels.surface(
         facet,
         lattice.shape,
-        (lattice.first_column + 0.5, lattice.first_row + 0.5),
-        lattice.pixel,
-        view.axes,
-        view.curvature,
-        solid.normals,
-        solid.offsets,
-        solid.faces,
+        (lattice.first_column + 0.5, lattice.first_row + 0.5, lattice.pixel),
+        (view.axes, view.curvature),
+        (solid.normals, solid.offsets, solid.faces),
         points[2],
     )
 
