@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -79,12 +79,10 @@ def require(
     except OverflowError:
         # An integer too large for a float, whose digits would fill pages.
         number = value = math.inf if value > 0 else -math.inf
-    if (
-        minimum <= number <= maximum
-        and -math.inf < number < below
-        and not (positive and number <= 0)
-        and not (whole and number % 1)
-    ):
+    inside = _inside(
+        number, number, positive=positive, minimum=minimum, maximum=maximum, below=below
+    )
+    if inside and not (whole and number % 1):
         return
     bounds = []
     if positive:
@@ -142,27 +140,26 @@ def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
     return np.asarray(array, dtype=np.float64)
 
 
-def _all_inside(
-    array: NDArray[Any],
-    *,
-    positive: bool = False,
-    whole: bool = False,
-    minimum: float = -math.inf,
-    maximum: float = math.inf,
-    below: float = math.inf,
-) -> bool:
+def _all_inside(array: NDArray[Any], *, whole: bool = False, **bounds: Any) -> bool:
     """Return whether `require` accepts every element, by checks of the array as a whole."""
     if not array.size:
         return True
     least, most = float(array.min()), float(array.max())  # a NaN is both
-    return bool(
-        least >= minimum
-        and most <= maximum
-        and -math.inf < least
-        and most < below
-        and not (positive and least <= 0)
-        and not (whole and (array % 1).any())
-    )
+    return _inside(least, most, **bounds) and not (whole and (array % 1).any())
+
+
+def _inside(
+    least: float,
+    most: float,
+    *,
+    positive: bool = False,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    below: float = math.inf,
+) -> bool:
+    """Return whether numbers are finite and within their bounds, by the least and the largest."""
+    finite = -math.inf < least and most < below
+    return finite and minimum <= least and most <= maximum and not (positive and least <= 0)
 
 
 def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
@@ -200,6 +197,71 @@ def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
         raise ValueError(f"{name} is {_line(values)}, but must be {length} numbers")
     for i, value in enumerate(values):
         require(f"{name}[{i}]", value, **bounds)
+
+
+def require_shape(name: str, values: NDArray[Any], *shapes: tuple[int, ...]) -> None:
+    """Raise unless an array has one of some shapes.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, for the message.
+    values : (...) ndarray
+        Array to check.
+    *shapes : tuple of int
+        Shapes that are allowed; () is that of one number.
+
+    Raises
+    ------
+    ValueError
+        If the array has another shape.
+
+    See Also
+    --------
+    require_each : The check of a sequence of numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> require_shape("weight", np.ones(3), (), (2,))
+    Traceback (most recent call last):
+    ValueError: weight has shape (3,), but must be one number or (2,)
+    """
+    if values.shape not in shapes:
+        allowed = " or ".join(str(shape) if shape else "one number" for shape in shapes)
+        raise ValueError(f"{name} has shape {values.shape}, but must be {allowed}")
+
+
+def require_word(name: str, value: Any, words: Collection[str]) -> None:
+    """Raise unless a value is one of some words.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, for the message.
+    value : str
+        Value to check.
+    words : collection of str
+        Words that are allowed.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else.
+
+    See Also
+    --------
+    require : The check of a number.
+
+    Examples
+    --------
+    >>> require_word("form", "exact", ("exact", "printed"))
+    >>> require_word("form", "round", ("exact", "printed"))
+    Traceback (most recent call last):
+    ValueError: form is 'round', but must be one of exact, printed
+    """
+    if not isinstance(value, str) or value not in words:
+        raise ValueError(f"{name} is {_line(value)}, but must be one of {', '.join(words)}")
 
 
 def require_labels(name: str, values: Any) -> NDArray[Any]:

@@ -12,10 +12,13 @@ ROOT = Path(__file__).resolve().parent.parent
 ALLOWED = {
     "ncti.checks": set(),
     "ncti.machine_code": set(),
+    "ncti.labels": set(),
     "ncti.compiled": {"ncti.machine_code"},
     "ncti.normals": {"ncti.compiled"},
     "ncti.ships": {"ncti.checks"},
-    "ncti.render": {"ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships"},
+    "ncti.render": {
+        *("ncti.checks", "ncti.compiled", "ncti.labels", "ncti.machine_code", "ncti.ships"),
+    },
     "ncti.ladar": {
         *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.normals", "ncti.ships"),
         "ncti.render",
@@ -25,7 +28,7 @@ ALLOWED = {
     },
     "ncti.irar": {
         *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships", "ncti.render"),
-        *("ncti.ladar", "ncti.infrared"),
+        *("ncti.labels", "ncti.ladar", "ncti.infrared"),
     },
     "ncti.search": {
         *("ncti.checks", "ncti.render", "ncti.ladar", "ncti.infrared"),
@@ -33,7 +36,8 @@ ALLOWED = {
     },
     "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
     "ncti.simulate": {
-        *("ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared", "ncti.irar"),
+        *("ncti.checks", "ncti.labels", "ncti.ships", "ncti.render", "ncti.ladar"),
+        *("ncti.infrared", "ncti.irar"),
     },
     "ncti.classify": {"ncti.checks"},
     "ncti.evaluate": {"ncti.checks"},

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
-from ncti.checks import require_all, require_labels
+from ncti.checks import require_all, require_labels, require_shape
 
 Floats = NDArray[np.float64]
 
@@ -35,8 +35,7 @@ def checked_moments(
             f"to {bins} lags"
         )
     names = require_labels("labels", labels)
-    if names.shape != (count,):
-        raise ValueError(f"labels has shape {names.shape}, but must be ({count},)")
+    require_shape("labels", names, (count,))
     try:
         signal = means - require_all("floor", floor)
     except ValueError as error:
@@ -60,10 +59,7 @@ def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[F
             f"X has shape {samples.shape}, but must be (sample, {bins}) with at least one sample"
         )
     frames = require_all("frame_count", frame_count, minimum=1)
-    if frames.shape not in ((), (len(samples),)):
-        raise ValueError(
-            f"frame_count has shape {frames.shape}, but must be one number or ({len(samples)},)"
-        )
+    require_shape("frame_count", frames, (), (len(samples),))
     return samples, np.broadcast_to(frames, len(samples))
 
 

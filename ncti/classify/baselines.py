@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from ncti.checks import require_flags
+from ncti.checks import require_flags, require_shape
 from ncti.classify.directions import polar
 
 NO_TEMPLATE = -1
@@ -129,11 +129,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         """
         cosines, answers = self._cosines(X)
         left_out = require_flags("exclude", exclude)
-        if left_out.shape not in ((), cosines.shape[1:], cosines.shape):
-            raise ValueError(
-                f"exclude has shape {left_out.shape}, but must be {cosines.shape} or "
-                f"{cosines.shape[1:]}"
-            )
+        require_shape("exclude", left_out, (), cosines.shape[1:], cosines.shape)
         cosines[np.broadcast_to(left_out | ~self.templates_.any(axis=1), cosines.shape)] = -np.inf
         best = cosines.max(axis=1)
         template = (cosines >= best[:, None] - TIE).argmax(axis=1)

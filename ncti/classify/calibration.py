@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_labels
+from ncti.checks import require, require_all, require_labels, require_shape
 from ncti.classify.between import CIRCLE, halves
 from ncti.classify.fusion import label_posterior, members, posterior_of
 
@@ -224,8 +224,7 @@ def fit_temperature_and_outliers(
     """
     values, names = require_all("scores", scores), require_labels("labels", labels)
     true, weights = require_labels("truth", truth), require_all("weight", weight, minimum=0)
-    if weights.shape not in ((), true.shape):
-        raise ValueError(f"weight has shape {weights.shape}, but must be {true.shape}")
+    require_shape("weight", weights, (), true.shape)
     weights = np.broadcast_to(weights, true.shape)
     classes, _ = label_posterior(values, names)
     if true.shape != values.shape[:1] or not true.size or not np.isin(true, classes).all():

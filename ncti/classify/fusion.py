@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require_all, require_flags, require_labels
+from ncti.checks import require_all, require_flags, require_labels, require_shape
 
 Floats = NDArray[np.float64]
 
@@ -133,11 +133,7 @@ def with_outliers(scores: ArrayLike, labels: ArrayLike, *, outlier_fraction: Arr
     """
     values, names, _ = _checked(scores, labels)
     share = require_all("outlier_fraction", outlier_fraction, minimum=0, maximum=1)
-    if share.shape not in ((), names.shape):
-        raise ValueError(
-            f"outlier_fraction has shape {share.shape}, but must be one number or one for each of "
-            f"{names.size} templates"
-        )
+    require_shape("outlier_fraction", share, (), names.shape)
     best = values.max(axis=1, keepdims=True, initial=-np.inf)
     _, label, count = np.unique(names, return_inverse=True, return_counts=True)
     weight = 1.0 / (count[label] * len(count))
@@ -261,8 +257,5 @@ def _checked(
             f"{names.size} templates, one for each label"
         )
     left_out = require_flags("exclude", exclude)
-    if left_out.shape not in ((), names.shape, values.shape):
-        raise ValueError(
-            f"exclude has shape {left_out.shape}, but must be {values.shape} or {names.shape}"
-        )
+    require_shape("exclude", left_out, (), names.shape, values.shape)
     return values, names, left_out

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
+from ncti.checks import require, require_all, require_shape
 from ncti.classify.directions import NO_CATEGORY, SAME_DIRECTION, polar
 
 Floats = NDArray[np.float64]
@@ -271,8 +271,7 @@ def cluster(
 def _classes(classes: ArrayLike, count: int) -> Indices:
     """Return the (sample,) classes as integers, or raise `ValueError`."""
     named = require_all("classes", classes, whole=True, minimum=0, below=2**31).astype(np.intp)
-    if named.shape != (count,):
-        raise ValueError(f"classes has shape {named.shape}, but must be ({count},)")
+    require_shape("classes", named, (count,))
     return named
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require_all, require_flags
+from ncti.checks import require_all, require_flags, require_shape
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,7 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
     right = require_flags("correct", correct)
     learned = require_flags("known", known)
     for name, flags in (("correct", right), ("known", learned)):
-        if flags.shape != values.shape:
-            raise ValueError(f"{name} has shape {flags.shape}, but must be {values.shape}")
+        require_shape(name, flags, values.shape)
     ranked = np.sort(values[~learned])
     pairs = np.count_nonzero(learned) * ranked.size
     if not pairs:

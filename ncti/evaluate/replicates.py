@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_flags
+from ncti.checks import require, require_flags, require_shape
 from ncti.evaluate.scores import (
     OVERALL,
     AspectAccuracy,
@@ -102,21 +102,14 @@ def replicated_accuracy(
     np.float64(0.75)
     """
     require("draws", draws, whole=True, minimum=0)
-    right = checked_answers(correct)
     labels, index = aspect_bins(aspects)
-    if right.ndim < draws + 2 or right.shape[-1] != len(index):
-        names = "replicate" if draws == 1 else f"{draws} kinds of draws"
-        raise ValueError(
-            f"correct has shape {right.shape}, but must have the axes (..., {names}, ship, "
-            f"aspect) with {len(index)} aspects"
-        )
+    right = checked_answers(correct, len(index), draws)
 
     # Counts of answers, and of right ones, by bin at every level of every factor.
     member = np.ones((len(index), len(labels) + 1))
     member[:, :-1] = index[:, None] == np.arange(len(labels))
-    count = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape).astype(
-        float
-    )
+    asked = require_flags("answered", answered, right.shape)
+    count = np.broadcast_to(asked, right.shape).astype(float)
     hits = right * count
     kinds = tuple(range(-2 - draws, -2))
 
@@ -202,15 +195,13 @@ def paired_difference(
     >>> [float(one[-1].round(2)) for one in (more.fraction, more.ci_low, more.ci_high)]
     [0.1, -0.01, 0.22]
     """
-    both = [checked_answers(first), checked_answers(second)]
-    if both[0].shape != both[1].shape:
-        raise ValueError(
-            f"second has shape {both[1].shape}, but must have that of first, {both[0].shape}"
-        )
+    labels, index = aspect_bins(aspects)
+    require("draws", draws, whole=True, minimum=0)
+    both = [checked_answers(right, len(index), draws) for right in (first, second)]
+    require_shape("second", both[1], both[0].shape)
     one, other = (
         replicated_accuracy(right, aspects, draws=draws, answered=answered) for right in both
     )
-    labels, index = aspect_bins(aspects)
     count = np.broadcast_to(np.asarray(answered), both[0].shape).astype(float)
     kinds = tuple(range(-2 - draws, -2))
     answers = max(np.prod([count.shape[kind] for kind in kinds]), 1)  # to a view

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require_all, require_flags
+from ncti.checks import require, require_all, require_flags
 
 OVERALL = "overall"
 EDGES = (0.0, 30.0, 60.0, 90.0)  # deg; bins of the article
@@ -114,8 +114,7 @@ def wilson_interval(
             f"successes is {successes!r} of {trials!r} trials, but must be counts with "
             "0 <= successes <= trials"
         )
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence is {confidence!r}, but must be above 0 and below 1")
+    require("confidence", confidence, positive=True, below=1.0)
     # Imported here because scipy takes a tenth of a second.
     from scipy.special import ndtri
 
@@ -247,12 +246,7 @@ def accuracy_by_aspect(
     (array([0.91, 0.91, 0.36, 0.75]), array([1.  , 1.  , 0.64, 0.88]))
     """
     labels, index = aspect_bins(aspects)
-    right = checked_answers(correct)
-    if right.ndim < 2 or right.shape[-1] != len(index):
-        raise ValueError(
-            f"correct has shape {right.shape}, but must have the axes (..., ship, aspect) with "
-            f"{len(index)} aspects"
-        )
+    right = checked_answers(correct, len(index))
     # Counts by bin are products with the membership of aspects in bins; the last bin holds all.
     counted = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
     member = np.ones((len(index), len(labels) + 1), dtype=np.intp)
@@ -264,14 +258,23 @@ def accuracy_by_aspect(
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, n)
 
 
-def checked_answers(correct: ArrayLike) -> NDArray[np.bool_]:
-    """Return answers as an array, or raise `ValueError` unless they are boolean."""
+def checked_answers(correct: ArrayLike, aspects: int, draws: int = 0) -> NDArray[np.bool_]:
+    """Return answers as an array, or raise `ValueError` unless they are boolean.
+
+    Their axes are (..., ship, aspect), with some kinds of draws before the ships.
+    """
     try:
         right = np.asarray(correct)
     except ValueError:
         raise ValueError("correct is ragged, but must be an array of booleans") from None
     if right.dtype != np.bool_:
         raise ValueError(f"correct has dtype {right.dtype}, but must be boolean")
+    if right.ndim < draws + 2 or right.shape[-1] != aspects:
+        axes = ", ".join(("...", *["draw"] * draws, "ship", "aspect"))
+        raise ValueError(
+            f"correct has shape {right.shape}, but must have the axes ({axes}) with {aspects} "
+            "aspects"
+        )
     return right
 
 

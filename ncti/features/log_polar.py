@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
+from ncti.checks import require, require_all, require_word
 
 INTERPOLATIONS = ("bilinear", "nearest")
 _NOWHERE = (1.0, -1e9, -1e9, 0, 0)
@@ -110,11 +110,8 @@ def log_polar(
             f"outer_radius is {outer_radius!r}, but must be above inner_radius, {inner_radius!r}"
         )
     for name, value in (("radii", radii), ("angles", angles), ("oversample", oversample)):
-        require(name, value, minimum=1)
-        if value != int(value):
-            raise ValueError(f"{name} is {value!r}, but must be a whole number")
-    if interpolation not in INTERPOLATIONS:
-        raise ValueError(f"interpolation is {interpolation!r}, but must be bilinear or nearest")
+        require(name, value, whole=True, minimum=1)
+    require_word("interpolation", interpolation, INTERPOLATIONS)
 
     # Sample points for a silhouette of unit radius, the same for all silhouettes.
     cover = _checked(mask)

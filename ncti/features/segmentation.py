@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require_all
+from ncti.checks import require_all, require_word
 
 METHODS = ("matched", "otsu", "li", "isodata")
 
@@ -126,8 +126,7 @@ def segment(
     values = np.asarray(require_all("image", image), order="C")
     if values.ndim < 2 or values.size == 0:
         raise ValueError(f"image has shape {values.shape}, but must have rows and columns")
-    if not isinstance(method, str) or method not in METHODS:
-        raise ValueError(f"method is {method!r}, but must be one of {', '.join(METHODS)}")
+    require_word("method", method, METHODS)
     stack = values.reshape(-1, *values.shape[-2:])
     if method == "matched":
         known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}

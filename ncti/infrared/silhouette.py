@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import NothingSeenError, require
+from ncti.checks import NothingSeenError, require, require_each
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
 from ncti.render.view import MAX_SIDE
@@ -183,7 +183,10 @@ def silhouette(
         # Rounding may put the outermost piece just past the border of its bounding box.
         last = np.array(window.shape[::-1]) - 1
         column, row = np.clip(parts.cell - window.first, 0, last).T
-        return window.filled(column, row, parts.area.sum(axis=1))
+        place = row * window.shape[1] + column
+        area = np.bincount(place, parts.area.sum(axis=1), math.prod(window.shape))
+        per_area = 1.0 / window.side**2
+        return window.silhouette(area.astype(np.float64).reshape(window.shape) * per_area)
     # On the flat image: np.nonzero of two axes would take three times as long as all the rest.
     rows, cols = np.divmod(np.flatnonzero(image.hit), image.down_range.shape[1])
     return coverage_of(
@@ -284,14 +287,6 @@ class _Window(NamedTuple):
     side: float
     origin: tuple[float, float]
 
-    def filled(
-        self, column: NDArray[np.int64], row: NDArray[np.int64], area: NDArray[np.float64]
-    ) -> Silhouette:
-        """Return the silhouette of areas [m^2] in some cells of the window."""
-        rows, columns = self.shape
-        filled = np.bincount(row * columns + column, area, rows * columns).reshape(self.shape)
-        return self.silhouette(filled.astype(np.float64) * (1.0 / self.side**2))
-
     def silhouette(self, coverage: NDArray[np.float64]) -> Silhouette:
         """Return the silhouette of the coverage of all cells."""
         return Silhouette(coverage, self.side, self.origin)
@@ -308,16 +303,9 @@ def _window(
 ) -> _Window:
     """Return the window of whole pixels that contains the points, or the extent, and a margin."""
     require("footprint", footprint, minimum=SMALLEST, maximum=LARGEST)
-    require("margin", margin, minimum=0.0, maximum=MAX_SIDE)
-    if margin != int(margin):
-        raise ValueError(f"margin is {margin!r}, but must be a whole number of pixels")
-    require("subdivision", subdivision, minimum=1.0, maximum=MAX_SIDE)
-    if subdivision != int(subdivision):
-        raise ValueError(f"subdivision is {subdivision!r}, but must be a whole number")
-    for name, part in zip(("phase[0]", "phase[1]"), phase, strict=True):
-        require(name, part, minimum=0.0)
-        if part >= 1:
-            raise ValueError(f"{name} is {part!r}, but must be below 1")
+    require("margin", margin, whole=True, minimum=0.0, maximum=MAX_SIDE)
+    require("subdivision", subdivision, whole=True, minimum=1.0, maximum=MAX_SIDE)
+    require_each("phase", phase, 2, minimum=0.0, below=1.0)
     if extent is None and not horizontal.size:
         raise NothingSeenError("the ship shows no pixel, so an extent must be given")
     cells = int(subdivision)

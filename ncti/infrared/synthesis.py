@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_all, require_each, require_generator
+from ncti.checks import require, require_all, require_each, require_generator, require_word
 from ncti.infrared import radiometry
 from ncti.infrared.radiometry import (
     CONTRAST_AT_ZERO,
@@ -163,7 +163,7 @@ def pixel_sigma(
     0.090 K
     """
     require("spread", spread, minimum=0.0)
-    _require_way(super_resolution)
+    require_word("super_resolution", super_resolution, SUPER_RESOLUTIONS)
     scene, detector = (SCENE_GAIN, NOISE_GAIN) if super_resolution == "shifted" else (1.0, 1.0)
     noise = noise_temperature(frame_count, nedt=nedt)
     sigma = np.hypot(scene * spread, detector * np.asarray(noise))
@@ -273,7 +273,7 @@ def image(
     if extent is not None:
         require_each("extent", extent, 4)
     require("coverage_rule", coverage_rule, positive=True, maximum=1.0)
-    _require_way(super_resolution)
+    require_word("super_resolution", super_resolution, SUPER_RESOLUTIONS)
     made_at = image.slant_range
     if made_at is not None and not math.isclose(made_at, slant_range):
         raise ValueError(
@@ -303,11 +303,3 @@ def image(
         sea_spread=sea_spread,
     )
     return images[0] if counts.ndim == 0 else images
-
-
-def _require_way(super_resolution: str) -> None:
-    """Raise unless the way of super-resolution is known."""
-    if super_resolution not in SUPER_RESOLUTIONS:
-        raise ValueError(
-            f"super_resolution is {super_resolution!r}, but must be none, perfect or shifted"
-        )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.checks import require_word
 from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks, looks_of, median
@@ -73,16 +74,9 @@ class Correction:
 
     def __post_init__(self) -> None:
         """Raise for an unknown method."""
-        choices = {
-            "azimuth": (*MOTION_METHODS, "none"),
-            "mirror": MIRROR_METHODS,
-            "range_filter": RANGE_FILTERS,
-        }
-        for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise ValueError(
-                    f"{name} is {getattr(self, name)!r}, but must be one of {', '.join(allowed)}"
-                )
+        require_word("azimuth", self.azimuth, (*MOTION_METHODS, "none"))
+        require_word("mirror", self.mirror, MIRROR_METHODS)
+        require_word("range_filter", self.range_filter, RANGE_FILTERS)
 
 
 def nearest_ship_range(scan: Scan) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,38 @@ Floats = NDArray[np.float64]
 
 WAVELENGTH = 10.6e-6
 """Wavelength of the CO2 laser [m]."""
+
+
+TURN = {"minimum": -360, "maximum": 360}  # of an angle [deg]
+KELVIN = {"minimum": 0, "maximum": 1000}  # of a difference of temperatures
+BAND = {"minimum": 1e-7, "maximum": 1e-3}  # of a wavelength [m]
+LIMITS: dict[str, dict[str, Any]] = {
+    "slant_range": {"minimum": 100, "maximum": 1e6},
+    "depression": {"positive": True, "maximum": 60},
+    "aircraft_speed": {"positive": True, "maximum": 1000},
+    "ship_speed": {"minimum": 0, "maximum": 50},
+    **dict.fromkeys(("aircraft_heading", "ship_heading", "offset", "aircraft_track"), TURN),
+    "pointing": TURN,
+    "mirror_angle": {"minimum": 1, "maximum": 80},
+    "ifov": {"minimum": 1e-6, "maximum": 0.01},
+    "line_rate": {"minimum": 1, "maximum": 100_000},
+    "samples": {"whole": True, "minimum": 2, "maximum": 10_000},
+    "detectors": {"whole": True, "minimum": 1, "maximum": 1000},
+    "pulse_rate": {"positive": True, "maximum": 1e9},
+    "cnr": {"positive": True, "maximum": 1e9},
+    "pulse_width": {"minimum": 2e-9, "maximum": 1e-6},
+    "range_sigma": {"minimum": 0, "maximum": 100},
+    "range_gate": {"minimum": 10, "maximum": 1e5},
+    "threshold": {"minimum": 0, "maximum": 1e9},
+    **dict.fromkeys(("nedt", "contrast_at_zero", "clutter"), KELVIN),
+    **dict.fromkeys(("band_start", "band_stop"), BAND),
+    "sea_temperature": {"minimum": 100, "maximum": 1000},
+    "band_extinction": {"minimum": 0, "maximum": 0.01},
+    "clutter_length": {"minimum": 0.01, "maximum": 1e5},
+    "jitter": {"minimum": 0, "maximum": 0.01},
+    "jitter_time": {"positive": True, "maximum": 1000},
+}
+"""Bounds of the parameters of a flight, in SI units and degrees."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,49 +192,21 @@ class Flight:
 
     def __post_init__(self) -> None:
         """Raise for parameters that cannot be flown."""
-        require("slant_range", self.slant_range, minimum=100, maximum=1e6)
-        require("depression", self.depression, positive=True, maximum=60)
-        require("aircraft_speed", self.aircraft_speed, positive=True, maximum=1000)
-        require("ship_speed", self.ship_speed, minimum=0, maximum=50)
-        for name in ("aircraft_heading", "ship_heading", "offset"):
-            require(name, getattr(self, name), minimum=-360, maximum=360)
-        if self.aircraft_track is not None:
-            require("aircraft_track", self.aircraft_track, minimum=-360, maximum=360)
-        if self.pointing is not None:
-            require("pointing", self.pointing, minimum=-360, maximum=360)
-        require("mirror_angle", self.mirror_angle, minimum=1, maximum=80)
-        require("ifov", self.ifov, minimum=1e-6, maximum=0.01)
-        require("line_rate", self.line_rate, minimum=1, maximum=100_000)
-        require("samples", self.samples, whole=True, minimum=2, maximum=10_000)
-        require("detectors", self.detectors, whole=True, minimum=1, maximum=1000)
+        for name, limits in LIMITS.items():
+            if (value := getattr(self, name)) is not None:
+                require(name, value, **limits)
         for name in ("samples", "detectors"):  # 160.0 is accepted, but is no array length
             object.__setattr__(self, name, int(getattr(self, name)))
-        require("pulse_rate", self.pulse_rate, positive=True, maximum=1e9)
         if self.pulse_rate < self.line_rate * self.samples:
             raise ValueError(
                 f"pulse_rate is {self.pulse_rate:g}, but must be at least "
                 f"{self.line_rate * self.samples:g}, line_rate times samples"
             )
-        require("cnr", self.cnr, positive=True, maximum=1e9)
-        require("pulse_width", self.pulse_width, minimum=2e-9, maximum=1e-6)
-        require("range_sigma", self.range_sigma, minimum=0, maximum=100)
-        require("range_gate", self.range_gate, minimum=10, maximum=1e5)
-        require("threshold", self.threshold, minimum=0, maximum=1e9)
-        require("nedt", self.nedt, minimum=0, maximum=1000)
-        for name in ("band_start", "band_stop"):
-            require(name, getattr(self, name), minimum=1e-7, maximum=1e-3)
         if not self.band_start < self.band_stop:
             raise ValueError(
                 f"band_start is {self.band_start:g}, but must be below "
                 f"{self.band_stop:g}, band_stop"
             )
-        require("contrast_at_zero", self.contrast_at_zero, minimum=0, maximum=1000)
-        require("sea_temperature", self.sea_temperature, minimum=100, maximum=1000)
-        require("band_extinction", self.band_extinction, minimum=0, maximum=0.01)
-        require("clutter", self.clutter, minimum=0, maximum=1000)
-        require("clutter_length", self.clutter_length, minimum=0.01, maximum=1e5)
-        require("jitter", self.jitter, minimum=0, maximum=0.01)
-        require("jitter_time", self.jitter_time, positive=True, maximum=1000)
         if self.climb <= 0:
             raise ValueError(
                 f"aircraft_speed is {self.aircraft_speed:g}, but must be high enough to close on "

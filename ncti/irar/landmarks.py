@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import NothingSeenError, require
+from ncti.checks import NothingSeenError, require, require_flags, require_shape
 
 MAST = (40.0, 50.0)  # m past the hangar, for frigates of the Perry class
 FORWARD = (57.0, 64.0)
@@ -272,12 +272,8 @@ def profile_correlation(
         raise ValueError(f"second has {b.shape[-1]} bins, but must have {a.shape[-1]} as first")
     kept = np.ones(a.shape[-1], dtype=bool)
     if exclude is not None:
-        left_out = np.asarray(exclude)
-        if left_out.dtype != np.bool_ or left_out.shape != kept.shape:
-            raise ValueError(
-                f"exclude has shape {left_out.shape} of {left_out.dtype}, but must be one "
-                f"boolean for each of {kept.size} bins"
-            )
+        left_out = require_flags("exclude", exclude)
+        require_shape("exclude", left_out, kept.shape)
         kept = ~left_out
     if kept.sum() < 2:
         raise ValueError(f"exclude leaves {kept.sum()} bins, but must leave at least 2")
@@ -324,10 +320,7 @@ def _profile(profile: ArrayLike, down_range: ArrayLike) -> tuple[Floats, Floats,
         raise ValueError(
             f"profile has shape {values.shape}, but must be three or more finite numbers in a row"
         )
-    if centres.shape != values.shape:
-        raise ValueError(
-            f"down_range has shape {centres.shape}, but must have that of profile, {values.shape}"
-        )
+    require_shape("down_range", centres, values.shape)
     steps = np.diff(centres)
     width = float(steps.mean())
     if not (width > 0 and np.allclose(steps, width, rtol=1e-6, atol=0.0)):

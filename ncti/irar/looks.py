@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
+from ncti.checks import require, require_all, require_shape
 
 
 def gather_looks(
@@ -64,8 +64,7 @@ def gather_looks(
            [[ 2, -1]]])
     """
     row, column = np.asarray(row, dtype=np.float64), np.asarray(column, dtype=np.float64)
-    if row.shape != column.shape:
-        raise ValueError(f"column has shape {column.shape}, but must have that of row, {row.shape}")
+    require_shape("column", column, row.shape)
     centres = require_all("rows", rows)
     if centres.ndim != 1 or (np.diff(centres) < 0).any():
         raise ValueError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_word
 
 Floats = NDArray[np.float64]
 
@@ -142,8 +142,7 @@ def mirror_rotation(depression: float, *, mirror_angle: float = 45.0, form: str 
     """
     require("depression", depression, minimum=0, below=90)
     require("mirror_angle", mirror_angle, positive=True, below=90)
-    if form not in MIRROR_FORMS:
-        raise ValueError(f"form is {form!r}, but must be one of {', '.join(MIRROR_FORMS)}")
+    require_word("form", form, MIRROR_FORMS)
     gamma, psi = np.radians(depression), np.radians(mirror_angle)
     if form == "printed":
         return float(-np.degrees(np.arctan(np.sin(gamma) * np.tan(psi))))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.checks import require_word
 from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks
@@ -87,8 +88,7 @@ def correct_as_printed(
     >>> print(f"{tilts(image.infrared, truth.infrared).mast:.0f} deg")
     6 deg
     """
-    if rate not in RATES:
-        raise ValueError(f"rate is {rate!r}, but must be one of {', '.join(RATES)}")
+    require_word("rate", rate, RATES)
     flight = scan.flight if estimate is None else estimate
     # Average N scans at a time, with ranges corrected for the approach.
     scans = max(1, round(flight.lines_per_pixel))

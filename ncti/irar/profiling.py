@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_shape
 
 RANGE_BIN = 1.0  # m; the down-range resolution of the sensor
 
@@ -66,10 +66,7 @@ def range_profile(
     """
     power = np.asarray(intensity, dtype=np.float64)
     distance = np.asarray(down_range, dtype=np.float64)
-    if power.shape != distance.shape:
-        raise ValueError(
-            f"down_range has shape {distance.shape}, but must have that of intensity, {power.shape}"
-        )
+    require_shape("down_range", distance, power.shape)
     require("start", start)
     require("bins", bins, whole=True, minimum=1)
     require("bin_width", bin_width, positive=True)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_word
 from ncti.irar.flight import Flight
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 
@@ -240,8 +240,7 @@ def mirror_displacement(
     >>> print(f"{row[-1] - row[50]:.1f} rows")
     -5.8 rows
     """
-    if form not in MIRROR_FORMS:
-        raise ValueError(f"form is {form!r}, but must be one of {', '.join(MIRROR_FORMS)}")
+    require_word("form", form, MIRROR_FORMS)
     level_row, level_column = raw_places(flight, samples)
     angles = flight.scan_angles(samples)
     if form == "exact":
@@ -333,8 +332,7 @@ def motion_displacement(
     >>> print(f"{row[0, 80]:.0f} pixels")
     12 pixels
     """
-    if method not in MOTION_METHODS:
-        raise ValueError(f"method is {method!r}, but must be one of {', '.join(MOTION_METHODS)}")
+    require_word("method", method, MOTION_METHODS)
     if method == "constant":
         row = flight.climb * time / flight.pixel
         shift = flight.line_rate * azimuth_shift(

@@ -15,6 +15,7 @@ from ncti.irar.flight import Flight
 from ncti.irar.receiver import noiseless, peaks
 from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
 from ncti.irar.speckle import speckle, speckle_correlation
+from ncti.labels import labelled
 
 if TYPE_CHECKING:
     import trimesh
@@ -110,44 +111,32 @@ class Scan:
 
         flight = self.flight
         image = ("line", "sample")
+        lines = self.plan.first + np.arange(self.plan.lines)
+        detectors = np.arange(flight.detectors)
         given = {field.name: getattr(flight, field.name) for field in fields(flight)}
         given["aircraft_track"] = flight.track
         given["aspect"] = flight.aspect
         attributes = given | {f"{name}_units": UNITS.get(name, "1") for name in given}
         return xr.Dataset(
             {
-                "intensity": (
-                    image,
-                    self.intensity,
-                    {"units": "1", "long_name": "peak intensity over mean noise power"},
+                "intensity": labelled(
+                    image, self.intensity, "1", "peak intensity over mean noise power"
                 ),
-                "range": (image, self.range, {"units": "m", "long_name": "range of that peak"}),
-                "infrared": (
-                    ("detector", *image),
-                    self.infrared,
-                    {"units": "K", "long_name": "apparent temperature above the sea"},
+                "range": labelled(image, self.range, "m", "range of that peak"),
+                "infrared": labelled(
+                    ("detector", *image), self.infrared, "K", "apparent temperature above the sea"
                 ),
             },
             coords={
-                "time": (
-                    image,
-                    self.time,
-                    {"units": "s", "long_name": "time after the beam crossed the ship's origin"},
+                "time": labelled(
+                    image, self.time, "s", "time after the beam crossed the ship's origin"
                 ),
-                "line": (
-                    "line",
-                    self.plan.first + np.arange(self.plan.lines),
-                    {"units": "1", "long_name": "line, 0 the first after time 0"},
+                "line": labelled("line", lines, "1", "line, 0 the first after time 0"),
+                "sample": labelled(
+                    "sample", np.arange(flight.samples), "1", "sample of a line, from the left"
                 ),
-                "sample": (
-                    "sample",
-                    np.arange(flight.samples),
-                    {"units": "1", "long_name": "sample of a line, from the left"},
-                ),
-                "detector": (
-                    "detector",
-                    np.arange(flight.detectors),
-                    {"units": "1", "long_name": "passive detector, 0 the leading one"},
+                "detector": labelled(
+                    "detector", detectors, "1", "passive detector, 0 the leading one"
                 ),
             },
             attrs=attributes,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require_all
+from ncti.checks import require_all, require_shape
 from ncti.irar.flight import Flight
 from ncti.render import RayHits, cast_rays
 
@@ -245,11 +245,7 @@ def brightness_of(
     """
     facets = np.ones(len(mesh.faces)) if reflectivity is None else reflectivity
     facets = require_all("reflectivity", facets, minimum=0)
-    if facets.shape != (len(mesh.faces),):
-        raise ValueError(
-            f"reflectivity has shape {facets.shape}, but must have one value for each of the "
-            f"{len(mesh.faces)} facets"
-        )
+    require_shape("reflectivity", facets, (len(mesh.faces),))
     return lambda hits: facets[hits.facet] * (hits.cosine if lambertian else 1.0)
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
+from ncti.checks import require, require_all, require_shape
 from ncti.irar.receiver import noise_below
 
 _STEP = 1 / 32  # noise powers, of one look's distribution
@@ -62,16 +62,9 @@ def segment(
     """
     power = np.asarray(intensity, dtype=np.float64)
     distance = np.asarray(range_, dtype=np.float64)
-    if power.shape != distance.shape:
-        raise ValueError(
-            f"range_ has shape {distance.shape}, but must have that of intensity, {power.shape}"
-        )
+    require_shape("range_", distance, power.shape)
     least = require_all("threshold", threshold, minimum=0.0)
-    if least.ndim and least.shape != power.shape:
-        raise ValueError(
-            f"threshold has shape {least.shape}, but must be one number or have the shape of "
-            f"intensity, {power.shape}"
-        )
+    require_shape("threshold", least, (), power.shape)
     ship = power >= least
     return np.where(ship, power, 0.0), np.where(ship, distance, math.nan)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_each
+from ncti.checks import require, require_each, require_word
 from ncti.ladar.pixels import bin_boxes, boxes, places, tile
 from ncti.ladar.sampling import sampling_error
 from ncti.render.image import RangeImage
@@ -251,10 +251,7 @@ def range_extent(
     require("ifov", ifov, positive=True, maximum=1.0)
     bins_of(window, bin_width)
     require("spread", spread, minimum=0.0)
-    if reflectance not in ("projected_area", "lambertian"):
-        raise ValueError(
-            f"reflectance is {reflectance!r}, but must be projected_area or lambertian"
-        )
+    require_word("reflectance", reflectance, ("projected_area", "lambertian"))
     require_each("shift", shift, 2, minimum=-MOST_SHIFT, maximum=MOST_SHIFT)
     right, up = float(shift[0]), float(shift[1])
     if image.slant_range is not None and not math.isclose(image.slant_range, slant_range):

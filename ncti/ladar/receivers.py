@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_word
 
 RECEIVERS = ("full_profile", "first_pulse", "peak_pulse")
 FALSE_ALARM = 1e-6  # per range bin: one false first pulse in 4,000 IFOVs of 250 bins
@@ -70,8 +70,7 @@ def detect(
     >>> detect(waveform, receiver="peak_pulse")
     array([0., 0., 0., 9.])
     """
-    if receiver not in RECEIVERS:
-        raise ValueError(f"receiver is {receiver!r}, but must be one of {', '.join(RECEIVERS)}")
+    require_word("receiver", receiver, RECEIVERS)
     if receiver == "full_profile":
         return amplitude
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.labels import labelled
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -134,41 +136,28 @@ class RangeImage:
         """Return the image as an xarray data set with units, on its own (rolled) axes."""
         import xarray as xr
 
-        rows, cols = self.down_range.shape
+        rows, cols = map(np.arange, self.down_range.shape)
         horizontal, vertical = self.cross_range()
-        image = ("row", "col")
-        metre = {"units": "m"}
+        image, along = ("row", "col"), "cross-range along the"
         return xr.Dataset(
             {
-                "down_range": (
-                    image,
-                    self.down_range,
-                    metre | {"long_name": "down-range from the ship origin"},
+                "down_range": labelled(
+                    image, self.down_range, "m", "down-range from the ship origin"
                 ),
-                "gradient": (
-                    (*image, "axis"),
-                    self.gradient,
-                    {"units": "1", "long_name": "slope of down-range along the image axes"},
+                "gradient": labelled(
+                    (*image, "axis"), self.gradient, "1", "slope of down-range along the image axes"
                 ),
             },
             coords={
-                "row": (
-                    "row",
-                    self.origin[1] + self.pixel * np.arange(rows),
-                    metre | {"long_name": "cross-range along the rows' axis"},
+                "row": labelled(
+                    "row", self.origin[1] + self.pixel * rows, "m", f"{along} rows' axis"
                 ),
-                "col": (
-                    "col",
-                    self.origin[0] + self.pixel * np.arange(cols),
-                    metre | {"long_name": "cross-range along the columns' axis"},
+                "col": labelled(
+                    "col", self.origin[0] + self.pixel * cols, "m", f"{along} columns' axis"
                 ),
                 "axis": ("axis", ["col", "row"]),
-                "horizontal": (
-                    image,
-                    horizontal,
-                    metre | {"long_name": "horizontal cross-range"},
-                ),
-                "vertical": (image, vertical, metre | {"long_name": "vertical cross-range"}),
+                "horizontal": labelled(image, horizontal, "m", "horizontal cross-range"),
+                "vertical": labelled(image, vertical, "m", "vertical cross-range"),
             },
             attrs={
                 "aspect_deg": self.aspect,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.labels import labelled
 from ncti.render.view import View
 
 if TYPE_CHECKING:
@@ -204,17 +205,17 @@ class LineImage:
         import xarray as xr
 
         horizontal, vertical = self.cross_range()
-        ends, metre = ("piece", "end"), {"units": "m"}
+        ends = ("piece", "end")
         return xr.Dataset(
             {
-                "down_range": (ends, self.down_range, metre | {"long_name": "down-range"}),
-                "area": ("piece", self.area, {"units": "m2", "long_name": "area it stands for"}),
+                "down_range": labelled(ends, self.down_range, "m", "down-range"),
+                "area": labelled("piece", self.area, "m2", "area it stands for"),
             },
             coords={
-                "line": ("piece", self.line, {"units": "1", "long_name": "number of the line"}),
-                "surface": ("piece", self.surface, {"units": "1", "long_name": "surface seen"}),
-                "horizontal": (ends, horizontal, metre | {"long_name": "horizontal cross-range"}),
-                "vertical": (ends, vertical, metre | {"long_name": "vertical cross-range"}),
+                "line": labelled("piece", self.line, "1", "number of the line"),
+                "surface": labelled("piece", self.surface, "1", "surface seen"),
+                "horizontal": labelled(ends, horizontal, "m", "horizontal cross-range"),
+                "vertical": labelled(ends, vertical, "m", "vertical cross-range"),
             },
             attrs={
                 "aspect_deg": self.aspect,

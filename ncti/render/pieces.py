@@ -128,14 +128,12 @@ def bounds_of(
     pieces = len(line)
     for p in range(pieces):
         y = (line[p] + phase) * spacing
-        if p == 0 or line[p] != line[p - 1]:
-            h, v = piece[p, 0] * cos - y * sin + shift[0], piece[p, 0] * sin + y * cos + shift[1]
-            left, right = min(left, h), max(right, h)
-            bottom, top = min(bottom, v), max(top, v)
-        if p == pieces - 1 or line[p] != line[p + 1]:
-            h, v = piece[p, 1] * cos - y * sin + shift[0], piece[p, 1] * sin + y * cos + shift[1]
-            left, right = min(left, h), max(right, h)
-            bottom, top = min(bottom, v), max(top, v)
+        for end, beside in ((0, p - 1), (1, p + 1)):
+            if beside < 0 or beside == pieces or line[p] != line[beside]:
+                x = piece[p, end]
+                h, v = x * cos - y * sin + shift[0], x * sin + y * cos + shift[1]
+                left, right = min(left, h), max(right, h)
+                bottom, top = min(bottom, v), max(top, v)
     if pieces == 0:
         return 0.0, 0.0, 0.0, 0.0
     return left, right, bottom, top

@@ -6,7 +6,6 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.irar.chain import Correction, correct, segmented
@@ -14,8 +13,9 @@ from ncti.irar.flight import Flight, ship_heading
 from ncti.irar.scan import Scan, fly
 from ncti.irar.snapshot import Snapshot, ship_window
 from ncti.irar.time_delay import time_delay_integrate
+from ncti.labels import labelled
 from ncti.ladar.budget import LOUDEST, power_ratio
-from ncti.simulate.subject import Ship, coordinates, generator, mesh_of, seed_of
+from ncti.simulate.subject import Ship, check_known, coordinates, generator, mesh_of, seed_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,12 +95,7 @@ def flight(
     ``scan.intensity.plot()`` draws the raw scan, ``scan.corrected_intensity.plot()`` the ship, and
     ``scan.corrected_range.plot(robust=True)`` its range image without the few false ranges.
     """
-    unknown = sorted(set(parameters) - PARAMETERS)
-    if unknown:
-        raise ValueError(
-            f"{unknown[0]} is no parameter of a flight, but must be one of "
-            f"{', '.join(sorted(PARAMETERS))}"
-        )
+    check_known(parameters, PARAMETERS, "a flight")
     if not isinstance(correction, Correction | None):
         raise ValueError(
             f"correction is {correction!r:.60}, but must be an ncti.irar.Correction or None"
@@ -146,23 +141,16 @@ def _corrected(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
-    images: dict[str, tuple[NDArray[np.float64], str, str]] = {
-        "intensity": (snapshot.intensity, "1", INTENSITY),
-        "range": (snapshot.range - flight.slant_range, "m", "down-range"),
-        "infrared": (snapshot.infrared, "K", TEMPERATURE),
-    }
     places = {"vertical": snapshot.row, "horizontal": snapshot.column}
+    image, ranges = tuple(places), snapshot.range - flight.slant_range
     return xr.Dataset(
         {
-            f"corrected_{name}": (tuple(places), values, {"units": unit, "long_name": label})
-            for name, (values, unit, label) in images.items()
+            "corrected_intensity": labelled(image, snapshot.intensity, "1", INTENSITY),
+            "corrected_range": labelled(image, ranges, "m", "down-range"),
+            "corrected_infrared": labelled(image, snapshot.infrared, "K", TEMPERATURE),
         },
         coords={
-            name: (
-                name,
-                place * flight.pixel,
-                {"units": "m", "long_name": f"{name} cross-range"},
-            )
+            name: labelled(name, place * flight.pixel, "m", f"{name} cross-range")
             for name, place in places.items()
         },
     )

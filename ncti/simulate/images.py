@@ -18,6 +18,7 @@ from ncti.simulate.subject import (
     SPACING,
     Ship,
     check_frames,
+    check_known,
     check_sight,
     coordinates,
     generator,
@@ -117,10 +118,7 @@ def infrared_image(
     >>> float(image.horizontal.diff("horizontal").mean())
     7.5
     """
-    if unknown := sorted(set(scene) - set(SCENE)):
-        raise ValueError(
-            f"{unknown[0]} is no parameter of an image, but must be one of {', '.join(SCENE)}"
-        )
+    check_known(scene, SCENE, "an image")
     require("aspect", aspect, minimum=-360.0, maximum=360.0)
     check_sight(slant_range, ifov)
     frames = check_frames(frames)

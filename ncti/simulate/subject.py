@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,6 +47,14 @@ def check_sight(slant_range: float, ifov: float) -> None:
         raise ValueError(
             f"ifov is {ifov!r} rad, but must be at least {NARROWEST / slant_range:.3g} rad, "
             f"{NARROWEST:g} m at a slant range of {slant_range:g} m"
+        )
+
+
+def check_known(given: Iterable[str], known: Iterable[str], what: str) -> None:
+    """Raise `ValueError` for the first name that is given and not known."""
+    if unknown := sorted(set(given) - set(known)):
+        raise ValueError(
+            f"{unknown[0]} is no parameter of {what}, but must be one of {', '.join(sorted(known))}"
         )
 
 

@@ -172,7 +172,7 @@ def test_a_pass_that_cannot_see_the_ship_is_refused(changes, message):
 @pytest.mark.parametrize(
     ("reflectivity", "message"),
     [
-        (np.ones(5), r"reflectivity has shape \(5,\), but must have one value for each of the 12"),
+        (np.ones(5), r"reflectivity has shape \(5,\), but must be \(12,\)"),
         (np.full(12, -0.1), "reflectivity is -0.1, but must be .* at least 0"),
         (np.full(12, np.nan), "reflectivity is nan"),
     ],
