@@ -209,7 +209,7 @@ def require_shape(name: str, values: NDArray[Any], *shapes: tuple[int, ...]) -> 
     values : (...) ndarray
         Array to check.
     *shapes : tuple of int
-        Shapes that are allowed; () is that of one number.
+        Shapes that are allowed; () is that of one value.
 
     Raises
     ------
@@ -225,10 +225,10 @@ def require_shape(name: str, values: NDArray[Any], *shapes: tuple[int, ...]) -> 
     >>> import numpy as np
     >>> require_shape("weight", np.ones(3), (), (2,))
     Traceback (most recent call last):
-    ValueError: weight has shape (3,), but must be one number or (2,)
+    ValueError: weight has shape (3,), but must be one value or (2,)
     """
     if values.shape not in shapes:
-        allowed = " or ".join(str(shape) if shape else "one number" for shape in shapes)
+        allowed = " or ".join(str(shape) if shape else "one value" for shape in shapes)
         raise ValueError(f"{name} has shape {values.shape}, but must be {allowed}")
 
 

@@ -44,25 +44,30 @@ class Table:
     notes: tuple[str, ...]
 
 
-def ordered(frame: Frame, swept: Sequence[str] = (), *, joined: bool = False) -> list[str]:
-    """Return axes of several values in the order of rows: swept ones, declared ones, others.
+def ordered(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
+    """Return axes of several values in the order of rows, those that are words last.
 
-    With `joined`, the declared ones are last.
+    Of the others swept ones are first, then declared ones.
     """
-    several = [name for name in frame.several if name != frame.across]
+    words = in_words(frame)
+    several = [name for name in frame.several if name not in (frame.across, *words)]
     first = [name for name in several if frame.columns[name].axis in swept]
     first.sort(key=lambda name: list(swept).index(frame.columns[name].axis))
-    declared = [name for name in frame.down if name in several and name not in first]
-    others = [name for name in several if name not in (*first, *declared)]
-    return [*first, *others, *declared] if joined else [*first, *declared, *others]
+    declared = [name for name in frame.down if name in several]
+    return [*dict.fromkeys([*first, *declared, *several]), *words]
 
 
-def laid_out(frame: Frame, swept: Sequence[str] = (), *, joined: bool = False) -> Table:
+def in_words(frame: Frame) -> list[str]:
+    """Return the declared axes down whose values are words, such as classifiers."""
+    return [n for n in frame.down if n in frame.several and frame.rows[n].dtype == object]
+
+
+def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
     """Return a frame as a table: one row for every place on the axes of several values.
 
-    With `joined`, the declared axes down are the last column, of words.
+    The declared axes whose values are words, such as classifiers, are one column, the last.
     """
-    down = ordered(frame, swept, joined=joined)
+    down = ordered(frame, swept)
     across = frame.across if frame.across in frame.several else ""
     heads = values_of(frame.rows, across) if across else []
     main, figures = frame.figures[0], frame.figures
@@ -87,10 +92,11 @@ def laid_out(frame: Frame, swept: Sequence[str] = (), *, joined: bool = False) -
         )
         lines.append(Line(place, keys, tuple(cells)))
     columns = tuple(frame.columns[name] for name in down)
-    first = len(down) - sum(name in frame.down for name in down)
-    if joined and first < len(down) - 1:
+    first = len(down) - len(in_words(frame))
+    if first < len(down) - 1:
         lines = [_joined(line, columns, first) for line in lines]
-        columns = (*columns[:first], replace(columns[first], unit=""))
+        words = ", ".join(column.words for column in columns[first:])
+        columns = (*columns[:first], replace(columns[first], words=words, unit=""))
     return Table(
         frame.name,
         frame.title,

@@ -104,7 +104,7 @@ def comparison(first: Path, second: Path, console: Console, *, html: bool = Fals
         for sentence in sentences(frames):
             note(sentence, aside, style="bold")
         for frame in frames.values():
-            print_table(laid_out(frame, _swept(second), joined=True), aside)
+            print_table(laid_out(frame, _swept(second)), aside)
         line(f"\ntables  {located(tables_folder(name))}", aside)
         if html:
             line(f"report  {located(page_file(name))}", aside)
@@ -148,14 +148,14 @@ def _print_main(path: Path, frames: Mapping[str, Frame], console: Console) -> No
     keep = [*main.down, main_axis(main, axes)]
     at = at_main(main, keep)
     shown = at.of_axes([*keep, main.across])
-    print_table(laid_out(shown, axes, joined=True), console, most=MOST_LINES)
+    print_table(laid_out(shown, axes), console, most=MOST_LINES)
     where = place_of(main, at, but=("kind",))
     note(f"At {where}." if where else "", console)
 
 
 def _print(frame: Frame, swept: Sequence[str], console: Console, *, whole: bool) -> None:
     """Print a table; a long one at the preferred values of most axes, unless it is to be whole."""
-    table = laid_out(frame, swept, joined=True)
+    table = laid_out(frame, swept)
     if whole or len(table.lines) <= MOST:
         print_table(table, console, most=None)
         same = ", ".join(f"{words} {text}" for words, text in table.same.items())
@@ -163,7 +163,7 @@ def _print(frame: Frame, swept: Sequence[str], console: Console, *, whole: bool)
         return
     keep = [name for name in frame.several if frame.columns[name].axis in (*KEPT, *swept)]
     at = at_main(frame, [*frame.down, *keep])
-    print_table(laid_out(at, swept, joined=True), console)
+    print_table(laid_out(at, swept), console)
     where = place_of(frame, at)
     note(f"At {where}; --table {frame.name} prints all." if where else "", console)
 

@@ -93,6 +93,6 @@ def test_templates_left_out_are_as_if_never_there():
         assert similarity[row] == pytest.approx(cosine[0], abs=1e-14)
     for shape in ((9, 30), (30,), (1, 9)):
         with pytest.raises(
-            ValueError, match=r"^exclude has shape .*, but must be \(30, 9\) or \(9,"
+            ValueError, match=r"^exclude has shape .*, but must be one value or \(9,\) or \(30, 9\)"
         ):
             neighbour.match(tests, exclude=np.zeros(shape, bool))

@@ -100,9 +100,7 @@ def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file)
             & (frame.rows.aspect_bin_deg == "overall")
         ]
         expected = [f"{one:.0f}" for one in rows.sort_values("vigilance").percent_correct]
-        lines = [
-            row for row in shown_rows(seen, "scores") if "ACN" in row and "range profile" in row
-        ]
+        lines = [row for row in shown_rows(seen, "scores") if "ACN, range profile, ship" in row]
         assert [row[-1].split()[0] for row in lines] == expected
         assert f"pulse_width_ns={width}" in seen.url or width == "30"
     address = seen.url

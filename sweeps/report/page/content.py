@@ -68,9 +68,8 @@ def curves_of(frame: Frame) -> list[str]:
 
 def colours_of(frame: Frame) -> list[str]:
     """Return the words of the first declared axis down: curves of one of them have one colour."""
-    if frame.down and frame.rows[frame.down[0]].dtype == object:
-        return list(_words_of(frame, frame.down[0]).values())
-    return []
+    words = [name for name in frame.down[:1] if frame.rows[name].dtype == object]
+    return [text for name in words for text in _words_of(frame, name).values()]
 
 
 def against_of(frames: Mapping[str, Frame], swept: Sequence[str]) -> str:
