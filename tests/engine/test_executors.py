@@ -47,7 +47,7 @@ def running(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scheduler")
     files = written(Security.temporary(), folder)
     tls = ("--tls-ca-file", files["ca_file"], "--tls-cert", files["cert"], "--tls-key")
-    shared = ("--scheduler-file", folder / "scheduler.json", *QUIET, *tls, files["key"])
+    shared = ("--scheduler-file", folder / "scheduler.json", *QUIET, *tls, files["private_key"])
     commands = [("scheduler", *shared, "--protocol", "tls://", "--port", "0")] + [
         ("worker", *shared, "--nthreads", "2", "--no-nanny")
     ] * 2
