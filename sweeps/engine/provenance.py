@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -51,7 +52,8 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     }
     if choices.joint:
         attributes["joint"] = [
-            [one.name, one.keys, _numbers(one, choices), one.labels] for one in choices.joint
+            [one.name, one.keys, [[*map(str, point)] for point in one.points], one.labels]
+            for one in choices.joint
         ]
     if failures:
         attributes["failures"] = dict(sorted(failures.items()))
@@ -104,31 +106,6 @@ def _version(name: str) -> list[str]:
         return []
 
 
-def choices_of(experiment: Experiment, attributes: Mapping[str, Any]) -> Choices:
-    """Return the choices that a store was made with, from its attributes.
-
-    Raises ConfigurationError if they are not of this experiment.
-    """
-    declared = _identity(experiment)
-    choices = read_choices(declared, flatten(declared, attributes["configuration"]))
-    joint = []
-    for name, keys, numbers, labels in attributes.get("joint", ()):
-        columns = [
-            [choices.values[key][number] for number in column]
-            for key, column in zip(keys, numbers, strict=True)
-        ]
-        points = tuple(zip(*columns, strict=True))
-        joint.append(Joint(name, tuple(keys), points, tuple(labels) if labels else None))
-    return Choices(choices.values, tuple(joint))
-
-
-def _numbers(joint: Joint, choices: Choices) -> list[list[int]]:
-    """Return which of its values each setting has at the points of joint settings."""
-    columns = zip(joint.keys, zip(*joint.points, strict=True), strict=True)
-    numbers = {key: {one: k for k, one in enumerate(choices.values[key])} for key in joint.keys}
-    return [[numbers[key][value] for value in column] for key, column in columns]
-
-
 def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], plan: Plan) -> None:
     """Refuse a store, by its attributes, of another configuration or other code.
 
@@ -140,7 +117,9 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             f"store is {path!r}, which holds other data; it must be a new path, or a store of "
             f"{experiment.name}"
         )
-    before = choices_of(experiment, old)
+    before = read_choices(
+        _identity(experiment), flatten(_identity(experiment), old["configuration"])
+    )
     for setting in _identity(experiment):
         there, asked = before[setting], plan.choices[setting]
         lacking = sorted(set(there).difference(asked), key=there.index)
@@ -155,8 +134,14 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             f"{setting.key} is {', '.join(map(spelt, asked))}, but the store {path!r} has "
             f"{', '.join(map(spelt, lacking))}: {advice}"
         )
+    texts = replace(
+        before,
+        values={key: tuple(map(str, values)) for key, values in before.values.items()},
+        joint=tuple(Joint(*one) for one in old.get("joint", ())),
+    )
     for joint in plan.choices.joint:
-        if not set(before.points(joint.keys)) <= set(joint.points):
+        points = {tuple(map(str, point)) for point in joint.points}
+        if not set(texts.points(joint.keys)) <= points:
             raise ConfigurationError(
                 f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
                 "together; have these among those that run together, too, or give another store"

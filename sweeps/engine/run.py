@@ -182,8 +182,8 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     damaged: set[str] = set()
     failures: list[tuple[str, str]] = []
     under_way: dict[int, Task] = {}
-    # A worker that dies, for example out of memory, takes other tasks with it. So each of them is
-    # run again, alone, when all others have finished, and then each of its calls.
+    # A worker that dies, for example out of memory, takes other tasks with it. So each of their
+    # calls is run again, alone, when all others have finished.
     suspects: deque[Task] = deque()
     alone = False  # whether what is under way is a suspect
     numbers = count()
@@ -213,9 +213,6 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
         for number, report, error in finished:
             jobs, calls = under_way.pop(number)
             if error is not None and not alone:
-                suspects.append((jobs, calls))
-                continue
-            if error is not None and len(jobs) > 1:
                 suspects += [([job], (call,)) for job, call in zip(jobs, calls, strict=True)]
                 continue
             if error is not None:

@@ -10,10 +10,8 @@ from small_stores import files, opened
 from toys import CALLS, SPRINGS, go, run
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.provenance import choices_of
 from sweeps.engine.settings import Joint, Settings, count, read_choices, text
 from sweeps.engine.stage import Experiment, Group, Output, plain, stage
-from sweeps.engine.store import read_attributes
 
 CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
 GROWN = {
@@ -226,5 +224,3 @@ def test_settings_that_run_together_grow_by_whole_points(tmp_path):
     crossed = ((1.0, 8.0), (1.5, 9.0), (2.0, 8.0))
     with pytest.raises(ConfigurationError, match=r"spring\.limit, spring\.stiffness together"):
         run(NOT_GATHERED, joined(crossed), store)
-    attributes = read_attributes(store)
-    assert choices_of(NOT_GATHERED, attributes).joint == joined(more).joint

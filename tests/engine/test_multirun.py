@@ -74,7 +74,12 @@ def test_the_choices_of_a_group_run_together_under_its_name(command, tmp_path):
         np.testing.assert_array_equal(springs.period.sel(spring=name), expected)
     joint = read_attributes(tmp_path / "m.zarr")["joint"]
     assert joint == [
-        ["spring", ["spring.mass", "spring.limit"], [[1, 0], [1, 0]], ["hard", "soft"]]
+        [
+            "spring",
+            ["spring.mass", "spring.limit"],
+            [["2.0", "90.0"], ["1.0", "50.0"]],
+            ["hard", "soft"],
+        ]
     ]
 
 
