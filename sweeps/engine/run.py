@@ -40,8 +40,8 @@ AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 QUICK = 1.0  # s of work that finishes before worker processes would have started
 
 Task = tuple[list[Job], tuple[Call, ...]]
-Outcome = tuple[set[str], list[tuple[str, str]]]
-"""Keys of cells that could not be read back; names of those that failed, and why."""
+Failures = list[tuple[str, str]]
+"""Names of cells or tables that failed, and why."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Finished:
     """
 
     progress: Mapping[str, Progress] = field(default_factory=dict)
-    failures: list[tuple[str, str]] = field(default_factory=list)
+    failures: Failures = field(default_factory=list)
     written: bool = False  # whether the store is new or changed
     seconds: float = 0.0
     axes: Mapping[str, int] = field(default_factory=dict)
@@ -118,17 +118,16 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
         for _ in range(ROUNDS):
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule = Schedule(plan, costs, place.verify)
-            damaged, failures = _compute(schedule, place, index, watch, thread)
-            if not damaged:
-                try:
-                    failures += _write(schedule, place, watch)
-                except Damaged as error:
-                    damaged = set(error.keys)
-                else:
-                    index.used(path for path, *_ in schedule.spots.values())
-                    return Finished(schedule.progress, failures, written=True)
-            watch.say(f"{len(damaged):,} results in the cache are damaged and are computed again")
-            index.forget(sorted(damaged))
+            try:
+                failures = _compute(schedule, place, index, watch, thread)
+                failures += _write(schedule, place, watch)
+            except Damaged as error:
+                lost = f"{len(error.keys):,} results in the cache are damaged"
+                watch.say(f"{lost} and are computed again")
+                index.forget(error.keys)
+            else:
+                index.used(path for path, *_ in schedule.spots.values())
+                return Finished(schedule.progress, failures, written=True)
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
 
 
@@ -138,8 +137,8 @@ def _compute(
     index: CellIndex,
     watch: Watch,
     thread: ThreadPoolExecutor,
-) -> Outcome:
-    """Compute missing cells on workers; return the outcome of `execute`."""
+) -> Failures:
+    """Compute missing cells on workers; return and raise what `execute` does."""
     plan, choice = schedule.plan, place.cluster
     stack = ExitStack()
     try:
@@ -151,7 +150,7 @@ def _compute(
         watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
         watch.step(schedule)
         if not missing:
-            return set(), []
+            return []
         measured = all(bound.name in schedule.costs for bound, _ in missing)
         if choice.kind == "local" and measured and schedule.work_left() < QUICK:
             choice = ClusterChoice("inline")
@@ -173,14 +172,14 @@ def _compute(
         thread.submit(stack.close)
 
 
-def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Outcome:
+def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
     """Run all calls of a schedule, and record finished cells in the index, whose folder has them.
 
-    Returns the keys of cells that could not be read back, and the names of those that failed, with
-    the reasons. Raises OSError if results cannot be written.
+    Returns the names of cells that failed, with the reasons. Raises `Damaged`, when all is done, if
+    cells could not be read back, and OSError if results cannot be written.
     """
     damaged: set[str] = set()
-    failures: list[tuple[str, str]] = []
+    failures: Failures = []
     under_way: dict[int, Task] = {}
     # A worker that dies, for example out of memory, takes other tasks with it. So each of their
     # calls is run again, alone, when all others have finished.
@@ -192,13 +191,6 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
         number = next(numbers)
         executor.submit(number, run_calls, task[1], index.folder)
         under_way[number] = task
-
-    def take_down(job: Job, done: Done) -> None:
-        schedule.finish(job, done.cells, done.seconds)
-        for cell, why in zip(job.cells, done.cells, strict=True):
-            if isinstance(why, str):
-                failures.append((schedule.plan.described(job.bound, cell), why))
-                watch.failed(Failure(*failures[-1], done.arguments, done.traceback))
 
     while schedule.ready or under_way or suspects:
         if not under_way and (alone := bool(suspects)):
@@ -223,15 +215,22 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
             for job, done in zip(jobs, report.calls, strict=True):
                 if done.damaged:
                     damaged.update(done.damaged)
-                elif done.traceback and error is None and len(job.cells) > 1:
+                    continue
+                if done.traceback and error is None and len(job.cells) > 1:
                     for one in job.apart:  # one of its values may be the cause
                         schedule.make_ready(one)
-                else:
-                    take_down(job, done)
+                    continue
+                schedule.finish(job, done.cells, done.seconds)
+                for cell, why in zip(job.cells, done.cells, strict=True):
+                    if isinstance(why, str):
+                        failures.append((schedule.plan.described(job.bound, cell), why))
+                        watch.failed(Failure(*failures[-1], done.arguments, done.traceback))
             for pack in report.packs:
                 index.add(pack)
         watch.step(schedule)
-    return damaged, failures
+    if damaged:
+        raise Damaged(tuple(sorted(damaged)))
+    return failures
 
 
 # the store --------------------------------------------------------------------------------------
@@ -261,7 +260,7 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     return Finished(progress)
 
 
-def _write(schedule: Schedule, place: Place, watch: Watch) -> list[tuple[str, str]]:
+def _write(schedule: Schedule, place: Place, watch: Watch) -> Failures:
     """Assemble the store with its tables, and move it to its place; return tables that failed."""
     heed()
     plan, failed = schedule.plan, schedule.failed

@@ -49,7 +49,7 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
         index = CellIndex(folder, quiet.say)
         schedule.resolve(index.find)
         with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
-            _, failures = execute(schedule, one, index, quiet)
+            failures = execute(schedule, one, index, quiet)
             assert not failures, failures[0]
             forget_all()  # a stage must not owe anything to what another has left in memory
             for bound in plan.bound.values():
