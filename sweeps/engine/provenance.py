@@ -12,7 +12,7 @@ from typing import Any
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word, spelt
 from sweeps.engine.plan import Plan, digest
-from sweeps.engine.settings import Choices, Joint, Run, Setting, flatten, nested, read_choices
+from sweeps.engine.settings import Joint, Run, Setting, flatten, nested, read_choices
 from sweeps.engine.stage import Experiment
 
 EVERYWHERE = ("version", "seed")  # attributes that every group of a store repeats
