@@ -128,6 +128,17 @@ class Group:
 NOWHERE = Group("")
 
 
+@dataclass(frozen=True, eq=False)
+class At:
+    """A stage that is read at other settings' values, such as training at one range for all.
+
+    Settings that run together with such a setting are as they are there.
+    """
+
+    stage: str
+    settings: Mapping[Setting, Setting]
+
+
 @dataclass(frozen=True)
 class Stream:
     """Settings whose values key a stream of random numbers, besides `seed` and a name.
@@ -151,7 +162,7 @@ class Stage:
     function: Callable[..., Any]
     outputs: tuple[Output, ...]
     uses: tuple[type[Settings], ...] = ()  # where arguments are looked up; then among the stages
-    reads: Mapping[str, Any] = field(default_factory=dict)  # argument: setting or name of a stage
+    reads: dict[str, Any] = field(default_factory=dict)  # argument: setting, name of a stage, `At`
     # Axes computed together: it gets a tuple of the missing values, and its arrays have
     # these as leading axes. A result must not depend on the other values.
     along: tuple[Setting, ...] = ()
@@ -164,8 +175,6 @@ class Stage:
     # or none (0), because it is called while planning: a quick function of settings, whose
     # result, a number, text or tuple of them, counts as a value, whatever its inputs.
     keep: float = EVERY
-    # Inputs are of the other's value; settings that run together with it are as they are there.
-    at: Mapping[Setting, Setting] = field(default_factory=dict)
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
@@ -186,6 +195,12 @@ class Stage:
             )
         )
         return named + tuple(name for name in self.reads if takes_any and name not in named)
+
+    @property
+    def at(self) -> dict[Setting, Setting]:
+        """Return settings of whose inputs the values are others'."""
+        elsewhere = (one.settings for one in self.reads.values() if isinstance(one, At))
+        return {one: other for settings in elsewhere for one, other in settings.items()}
 
     def place_of(self, output: Output) -> str:
         """Return the group of the store that has one of its outputs; empty if none has."""
@@ -369,6 +384,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
         """Return an argument's setting or stage: from `reads`, else the one of that name."""
         what = f"stage {declared.name}: argument {name!r} is"
         source = declared.reads.get(name, name)
+        source = source.stage if isinstance(source, At) else source
         settings = (getattr(group, name, None) for group in declared.uses if source == name)
         setting = next((one for one in (source, *settings) if isinstance(one, Setting)), None)
         if setting is not None:

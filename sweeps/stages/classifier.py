@@ -15,26 +15,17 @@ from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
-from sweeps.engine.stage import (
-    STATE,
-    Condition,
-    Declare,
-    Group,
-    Output,
-    Stage,
-    Status,
-    Table,
-    coordinate,
-    in_memory,
-    plain,
-)
+from sweeps.engine.stage import STATE, Group, Output, Status, coordinate, in_memory, plain
 from sweeps.stages import scores
-from sweeps.stages.ladar import FULL, Ladar
+from sweeps.stages.images import OF_VIEWS
+from sweeps.stages.ladar import FULL, PROFILE, Ladar
 from sweeps.stages.scores import VIEW
-from sweeps.stages.views import INFRARED, RANGE, Grid, looks, refuse, require, require_among, ships
+from sweeps.stages.views import RANGE, Grid, looks, refuse, require, require_among, ships
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from sweeps.engine.stage import Condition, Declare, Stage, Table
 
 Arrays = dict[str, NDArray[Any]]
 Views = NDArray[np.bool_]
@@ -163,16 +154,16 @@ def training_aspects(
     return learned
 
 
-def training_marks(sensor: str, group: str) -> tuple[Stage, Stage]:
+def training_marks(of: Group) -> tuple[Stage, Stage]:
     """Declare the coordinates `learned` and `known` of a group that classifiers read."""
-    of = Group(group, looks(sensor), (Grid, Classifier))
+    of = replace(of, uses=(Grid, Classifier))
     learned = "in the training set, at ships that are known; others are tests only"
     known = "in the training set; others are unknown to classifiers"
     aspects = coordinate("learned", ("aspect",), "?", learned, fill=0, without=(Run.seed.name,))
     ships = coordinate("known", ("ship",), "?", known, fill=0)
     return (
-        of.stage(aspects, gather=GATHERED[1:], name=f"{group}_learned")(training_aspects),
-        of.stage(ships, gather=GATHERED[:1], name=f"{group}_known")(training_ships),
+        of.stage(aspects, gather=GATHERED[1:], name=f"{of.path}_learned")(training_aspects),
+        of.stage(ships, gather=GATHERED[:1], name=f"{of.path}_known")(training_ships),
     )
 
 
@@ -406,5 +397,4 @@ def of_profiles(name: str, *own: str) -> ClassifierGroup:
     return ClassifierGroup.of(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
 
 
-PROFILE_MARKS = training_marks(RANGE, "range_profile")
-IMAGE_MARKS = training_marks(INFRARED, "infrared")
+PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))

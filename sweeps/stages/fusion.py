@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ncti.classify.fusion import fuse, label_posterior, similarity_between_phases, with_outliers
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stream, coordinate, stage
+from sweeps.engine.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Arrays, Classifier, Floats, Views
 from sweeps.stages.images import OF_SILHOUETTES
@@ -124,7 +124,10 @@ ANSWERS = classifier.ClassifierGroup.of(
     Output("outlier_fraction", OF_DRAWS, label="mean probability that a sensor is uninformative"),
     uses=(Grid,),
     gather=(Grid.replicate, *GATHERED),
-    at={Infrared.range: Grid.range},
+    reads={
+        name: At(name, {Infrared.range: Grid.range})
+        for name in ("silhouette_scores", "silhouette_constants")
+    },
 )
 def fusion(
     profile_scores: Floats,

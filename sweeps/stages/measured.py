@@ -21,17 +21,7 @@ from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar
 from sweeps.stages.mnn import mnn, mnn_training
 from sweeps.stages.scores import tabulate_scores
 from sweeps.stages.signatures import KINDS, signature_kinds
-from sweeps.stages.views import (
-    IRAR,
-    RANGE,
-    Grid,
-    Keywords,
-    by_key,
-    keywords,
-    looks,
-    refuse,
-    require,
-)
+from sweeps.stages.views import IRAR, Grid, Keywords, by_key, keywords, looks, refuse, require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -161,4 +151,4 @@ def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     return tabulate_scores(known, classifier.aspects_of(choices), classifier.PROFILES)
 
 
-TABLES = ANSWERS.tables(tabulate_measured, labels={"channel": RANGE}, scored="own rule")
+TABLES = ANSWERS.tables(tabulate_measured, labels={"channel": views.RANGE}, scored="own rule")

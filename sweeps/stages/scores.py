@@ -10,7 +10,7 @@ import numpy as np
 
 from ncti import evaluate
 from sweeps.engine.display import Display, Figure
-from sweeps.stages.views import data_set, described
+from sweeps.stages.views import data_set
 
 if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
     import xarray as xr
@@ -22,16 +22,15 @@ DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
 ENDS = {"_ci_low": "lower", "_ci_high": "upper"}
 
 
-def formed(classified: xr.Dataset, shown: str) -> dict[str, xr.DataArray]:
+def formed(classified: xr.Dataset, shown: str) -> xr.Dataset:
     """Return the numbers of categories and of views of every training."""
     category = classified.training_category
-    return {
-        "category_count": described((category.max(VIEW) + 1).astype("i4"), "categories formed"),
-        "view_count": described((category >= 0).sum(VIEW).astype("i4"), f"training {shown}"),
-        "settled": described(
-            (classified.passes > 0).astype("i1"), "1 where the categories settled"
-        ),
+    columns = {
+        "category_count": ((category.max(VIEW) + 1).astype("i4"), "categories formed"),
+        "view_count": ((category >= 0).sum(VIEW).astype("i4"), f"training {shown}"),
+        "settled": ((classified.passes > 0).astype("i1"), "1 where the categories settled"),
     }
+    return data_set(columns)
 
 
 def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
@@ -89,9 +88,9 @@ def scored(
         spread = xr.DataArray(of_draws, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
         said = f"standard deviation of that fraction over {' and '.join(draws)}"
         figures["spread"] = spread.values, said
-    return xr.Dataset(
+    return data_set(
         {
-            prefix + name: described(xr.DataArray(values, cells.coords, cells.dims), said)
+            prefix + name: (xr.DataArray(values, cells.coords, cells.dims), said)
             for name, (values, said) in figures.items()
         }
     )
@@ -106,9 +105,9 @@ def tabulate_scores(
     """
     import xarray as xr
 
-    arrays: dict[Any, xr.DataArray] = (
-        formed(classified, shown) if "training_category" in classified else {}
-    )
+    arrays: dict[Any, xr.DataArray] = {}
+    if "training_category" in classified:
+        arrays |= formed(classified, shown).data_vars.items()
     for name, prefix, what, kinds in (
         ("training_correct", "training_", f"training {shown}", None),
         ("ship_correct", "ship_", f"ships of test {shown}", aspects),
@@ -182,14 +181,8 @@ def tabulate_rejection(
             input_core_dims=[pooled],
             output_core_dims=[["least_rejected"]],
         ).assign_coords(least_rejected=LEAST)
-        auroc, oscr = over(
-            _areas,
-            of_all,
-            right,
-            of_known,
-            input_core_dims=[pooled] * 3,
-            output_core_dims=[[], []],
-        )
+        pools: Any = {"input_core_dims": [pooled] * 3, "output_core_dims": [[], []]}
+        auroc, oscr = over(_areas, of_all, right, of_known, **pools)
         part = {
             "n_unknown": of_unknown.sum(pooled),
             "n_known": of_known.sum(pooled),

@@ -27,30 +27,22 @@ KINDS = ("learned", "test", "measured")
 flight_images = views.image_stages("flight_image", range=Irar.profile_range, below=Irar.depression)
 flight_cnr = replace(ladar.cnr_at_range, name="flight_cnr", reads={"range": Irar.profile_range})
 FLIGHT_SIGNAL = ladar.RECEIVED | {"cnr": "flight_cnr"}
-flight_reads = {"image": "flight_image", "slant_range": Irar.profile_range}
-flight_extent = replace(
-    ladar.extent, name="flight_extent", reads={**ladar.extent.reads, **flight_reads}
-)
+FLIGHT_IMAGE = {"image": "flight_image", "slant_range": Irar.profile_range}
+flight_extent = replace(ladar.extent, name="flight_extent", reads=ladar.extent.reads | FLIGHT_IMAGE)
 flight_ifovs = replace(ladar.ifovs, name="flight_ifovs", reads={"extent": "flight_extent"})
 learned_signature = replace(
     ladar.expected,
     name="learned_signature",
-    reads={"extent": "flight_ifovs", **FLIGHT_SIGNAL},
+    reads=FLIGHT_SIGNAL | {"extent": "flight_ifovs"},
     group=NOWHERE,
 )
+DRAWN = (Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate)
 test_signature = replace(
     ladar.averaged,
     name="test_signature",
-    reads={
-        "ifovs": "flight_ifovs",
-        "frame_count": Irar.profile_frames,
-        **FLIGHT_SIGNAL,
-    },
+    reads=FLIGHT_SIGNAL | {"ifovs": "flight_ifovs", "frame_count": Irar.profile_frames},
     along=(Irar.profile_frames,),
-    stream=Stream(
-        (Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate),
-        "flight_signature",
-    ),
+    stream=Stream(DRAWN, "flight_signature"),
     group=NOWHERE,
 )
 

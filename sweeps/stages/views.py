@@ -24,16 +24,7 @@ from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import SetOf, spelt
-from sweeps.engine.settings import (
-    Choices,
-    Setting,
-    Settings,
-    count,
-    draws,
-    number,
-    set_of,
-    word,
-)
+from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
 from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
 from sweeps.stages.ships import ShipFile, ShipName, ships
 

@@ -1,4 +1,4 @@
-"""Inputs taken at another setting's value (`Stage.at`), also where settings run together."""
+"""Inputs taken at another setting's value (`At`), also where settings run together."""
 
 from dataclasses import replace
 

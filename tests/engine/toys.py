@@ -17,6 +17,7 @@ from sweeps.engine.run import Place, sweep
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import Settings, count, draws, number, read_choices, switch, word
 from sweeps.engine.stage import (
+    At,
     Experiment,
     Group,
     Output,
@@ -145,7 +146,7 @@ def answers(noisy, length, rule, doubled, valid):
 @stage(
     Output("ratio", label="period by that of the reference", dtype="f8"),
     uses=(Spring,),
-    at={Spring.stiffness: Spring.reference},
+    reads={"period": At("period", {Spring.stiffness: Spring.reference})},
     group=Group(
         "references",
         lambda choices: choices[Spring.reference] != (None,),
