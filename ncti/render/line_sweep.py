@@ -190,6 +190,91 @@ def cross(
     return lowest, start, order, crossing
 
 
+@inlined
+def sort(order: Indices, crossing: NDArray[np.void], at: Floats, place: Indices) -> None:
+    """Write the coordinates of a line's crossings to `at` and their numbers to `place`, in order.
+
+    They nearly are in order, so insertion is quick.
+    """
+    for m in range(len(order)):
+        value = crossing[order[m]].t
+        i = m
+        while i > 0 and at[i - 1] > value:
+            at[i], place[i] = at[i - 1], place[i - 1]
+            i -= 1
+        at[i], place[i] = value, order[m]
+
+
+@inlined
+def outline(
+    crossing: NDArray[np.void],
+    place: Indices,
+    line: tuple[Floats, Floats, Floats, Floats],
+    surfaces: tuple[Indices, Indices],
+    begun: NDArray[np.int64],
+) -> None:
+    """Write where each surface that begins on a line will end, and so how it slopes.
+
+    An outline is closed, so that a surface ends as often as it begins, and leaves no mark.
+
+    Parameters
+    ----------
+    line
+        Of each crossing, in order: its coordinate; depth, slope and end of what begins there.
+    surfaces
+        The surfaces that end and that begin there.
+    begun : (surface + 1,) int64 ndarray
+        How often each has begun more than ended, over the crossing where it began.
+    """
+    (at, z, slope, stop), (ending, beginning) = line, surfaces
+    for m in range(len(place)):
+        c = crossing[place[m]]
+        z[m], ending[m], beginning[m] = c.depth, c.ends, c.begins
+        stop[m] = -np.inf
+        count = begun[ending[m]] - ONCE
+        if count >> 32 == 0:
+            i, count = count - 1, 0
+            stop[i] = at[m]
+            if at[m] > at[i]:
+                slope[i] = (z[m] - z[i]) / (at[m] - at[i])
+        begun[ending[m]] = count
+        count = begun[beginning[m]] + ONCE
+        begun[beginning[m]] = count | (m + 1) if count == ONCE else count
+
+
+@inlined
+def overtaking(
+    front: int, over: tuple[Floats, Floats, Floats], since: float, now: float
+) -> tuple[int, float]:
+    """Return which surface that a line is over is the first to get before the front one, and where.
+
+    Parameters
+    ----------
+    front : int
+        Place in the list of the surface that is seen.
+    over : three ndarrays
+        Of the surfaces in the list: where each began, its depth there, and how that grows.
+    since, now : float
+        Where the front one came to be seen, and a place by which the other is ahead.
+
+    Returns
+    -------
+    place, when
+        Its place in the list, -1 if there is none; and the coordinate.
+    """
+    origin, base, tilt = over
+    seen_at, first, when = base[front] + tilt[front] * (now - origin[front]), -1, now
+    for i in range(len(origin)):
+        ahead = seen_at - (base[i] + tilt[i] * (now - origin[i]))
+        if ahead > NEARER:
+            closing = tilt[front] - tilt[i]
+            passing = now - ahead / closing if closing > 0.0 else since
+            passing = max(passing, since)
+            if first < 0 or passing < when:
+                first, when = i, passing
+    return first, when
+
+
 @compiled
 def sweep(
     start: NDArray[np.int64],
@@ -239,30 +324,8 @@ def sweep(
     number = 0
     for k in range(lines):
         first, n = start[k], start[k + 1] - start[k]
-        # They nearly are in order, so insertion is quick.
-        for m in range(n):
-            c = order[first + m]
-            value = crossing[c].t
-            i = m
-            while i > 0 and at[i - 1] > value:
-                at[i], place[i] = at[i - 1], place[i - 1]
-                i -= 1
-            at[i], place[i] = value, c
-        # Where each surface that begins will end, and so how it slopes. Its outline is closed, so
-        # that it ends as often as it begins, and leaves no mark.
-        for m in range(n):
-            c = crossing[place[m]]
-            z[m], ending[m], beginning[m] = c.depth, c.ends, c.begins
-            stop[m] = -np.inf
-            count = begun[ending[m]] - ONCE
-            if count >> 32 == 0:
-                i, count = count - 1, 0
-                stop[i] = at[m]
-                if at[m] > at[i]:
-                    slope[i] = (z[m] - z[i]) / (at[m] - at[i])
-            begun[ending[m]] = count
-            count = begun[beginning[m]] + ONCE
-            begun[beginning[m]] = count | (m + 1) if count == ONCE else count
+        sort(order[first : first + n], crossing, at, place)
+        outline(crossing, place[:n], (at, z, slope, stop), (ending, beginning), begun)
         # The sweep: `shown` began what is seen, from `since` on; it is at `front` in the list.
         active, front, shown, since = 0, -1, -1, 0.0
         for m in range(n):
@@ -280,16 +343,8 @@ def sweep(
             if not changes and slot >= 0:
                 changes = base[slot] + tilt[slot] * (now - origin[slot]) < nearest - NEARER
             while changes and active > 1:
-                seen_at, found, when = base[front] + tilt[front] * (now - origin[front]), -1, now
-                for i in range(active):
-                    ahead = seen_at - (base[i] + tilt[i] * (now - origin[i]))
-                    if ahead > NEARER:
-                        closing = tilt[front] - tilt[i]
-                        passing = now - ahead / closing if closing > 0.0 else since
-                        passing = max(passing, since)
-                        if found < 0 or passing < when:
-                            found, when = i, passing
-                if found < 0:
+                nearer, when = overtaking(front, (origin[:active], base, tilt), since, now)
+                if nearer < 0:
                     break
                 if when > since:
                     if number == capacity:
@@ -301,7 +356,7 @@ def sweep(
                     seen[number] = beginning[shown]
                     number += 1
                     pieces[k] += 1
-                front, shown, since = found, over[found], when
+                front, shown, since = nearer, over[nearer], when
             old = shown
             if slot >= 0:
                 where[ending[m]] = -1
