@@ -1,19 +1,22 @@
-"""Executors of tasks: this process, local processes, or a cluster."""
+"""Executors of tasks: this process, local processes, or a cluster; and what they must share."""
 
 from __future__ import annotations
 
 import re
 import sys
+import uuid
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from sweeps.engine.code import ENGINE, package_digest
+from sweeps.engine.code import ENGINE, OtherCode, check_code, package_digest
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.forking import fork_server, worth_importing
+from sweeps.engine.packs import ROOM, is_own, write_whole
 from sweeps.engine.process import one_thread
 
 # Settings that each kind of cluster reads; all others must be null.
@@ -178,7 +181,6 @@ def executor(
         if choice.kind == "local":  # it imports while this process imports dask
             settings["method"] = stack.enter_context(fork_server(worth_importing(modules)))
         from sweeps.engine import workers  # which imports dask
-        from sweeps.engine.shared import Shared, marked
 
         shared = Shared()
         if choice.kind != "local":
@@ -186,3 +188,62 @@ def executor(
             shared = Shared(code, stack.enter_context(marked(folder)) if folder else "")
         start = getattr(workers, choice.kind)
         yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
+
+
+# what workers elsewhere share with this command ---------------------------------------------------
+
+
+class Apart(RuntimeError):
+    """A worker does not see the folder of the command."""
+
+
+class Shared(NamedTuple):
+    """Digests of packages by name, and the file that marks the folder; empty if there is none."""
+
+    code: Mapping[str, str] = {}
+    mark: str = ""
+
+    def check(self) -> None:
+        """Raise `OtherCode` or `Apart` if this process has other code or sees no such folder."""
+        check_code(self.code)
+        if self.mark:
+            _check_mark(self.mark)
+
+
+UNSHARED = (OtherCode, Apart)
+"""Errors of `Shared.check`."""
+
+
+@contextmanager
+def marked(folder: Path) -> Iterator[str]:
+    """Write a file of a unique name into a folder, and remove it afterwards; yield its path.
+
+    Raises ConfigurationError if files there belong to another user than that of this process, and
+    OSError if none can be written.
+    """
+    # By this name it is found after a crash, as one of an unfinished pack.
+    mark = folder.absolute() / ROOM / f"{uuid.uuid4().hex}.partial"
+    write_whole(folder.absolute(), f"{ROOM}/{mark.name}", [])
+    try:
+        _check_mark(str(mark))
+        yield str(mark)
+    except Apart as error:
+        raise ConfigurationError(f"this process {error}") from None
+    finally:
+        with suppress(OSError):
+            mark.unlink()
+
+
+@cache
+def _check_mark(path: str) -> None:
+    """Raise `Apart` if the file that marks a folder is not seen by this process, or another's."""
+    folder = str(Path(path).parent.parent)
+    try:
+        is_seen = is_own(Path(path))
+    except OSError:
+        raise Apart(
+            f"does not see the folder {folder!r} of this command; it must be on a file system that "
+            "all of them share"
+        ) from None
+    if not is_seen:
+        raise Apart(f"sees files of another user in {folder!r}; it must run as the same user")

@@ -24,8 +24,7 @@ from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepInco
 from sweeps.engine.failures import FailureLog, reason
 from sweeps.engine.folders import check_apart, check_folder, check_target
 from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
-from sweeps.engine.multirun import fused
-from sweeps.engine.overrides import STORE, Job, job_of, read_jobs
+from sweeps.engine.overrides import STORE, Job, fused, job_of, read_jobs
 from sweeps.engine.packs import SHORTAGES, CellIndex
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment, forgiving, say, show

@@ -34,7 +34,7 @@ PRIVATE = 0o700  # mode of the folders of a cache
 # Errors of this process or machine, not of a file: what they hide is not damaged.
 SHORTAGES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR})
 
-Cell = dict[str, NDArray[Any]]
+Arrays = dict[str, NDArray[Any]]
 
 
 class Spot(NamedTuple):
@@ -162,7 +162,7 @@ def raise_shortage(error: Exception) -> None:
         raise error
 
 
-def read_cells(folder: Path, requests: Sequence[Spot]) -> list[Cell | None]:
+def read_cells(folder: Path, requests: Sequence[Spot]) -> list[Arrays | None]:
     """Return outputs of cells; open each pack once.
 
     None for a cell that is absent, is another than that of its key, or differs from its checksum;
@@ -173,7 +173,7 @@ def read_cells(folder: Path, requests: Sequence[Spot]) -> list[Cell | None]:
     OSError
         If this process or machine lacks something, such as file descriptors.
     """
-    found: list[Cell | None] = [None] * len(requests)
+    found: list[Arrays | None] = [None] * len(requests)
     places: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
     for place, (path, row, key) in enumerate(requests):
         places[path].append((row, place, key))

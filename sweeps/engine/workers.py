@@ -26,10 +26,10 @@ from distributed.security import Security
 from distributed.threadpoolexecutor import ThreadPoolExecutor
 from tornado.ioloop import PeriodicCallback
 
+from sweeps.engine.cluster import UNSHARED, Shared
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.forking import ENVIRONMENT, interrupts_held
 from sweeps.engine.process import environment, one_thread
-from sweeps.engine.shared import UNSHARED, Shared
 
 SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",

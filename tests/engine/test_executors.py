@@ -26,7 +26,7 @@ from small_stores import files
 from threadpoolctl import threadpool_limits
 from toys import go
 
-from sweeps.engine import shared
+from sweeps.engine import cluster
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.process import ONE_THREAD
@@ -157,7 +157,7 @@ def elsewhere(folder):
 
 def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path, monkeypatch):
     folder = tmp_path / "cache"
-    monkeypatch.setattr(shared, "marked", lambda folder: nullcontext(elsewhere(folder)))
+    monkeypatch.setattr(cluster, "marked", lambda folder: nullcontext(elsewhere(folder)))
     with (
         pytest.raises(ConfigurationError) as refused,
         executor(running, folder=folder, say=silent),

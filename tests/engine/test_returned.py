@@ -5,9 +5,9 @@ import pytest
 from toys import run
 
 from sweeps.engine.errors import DeclarationError
-from sweeps.engine.returned import arrays_of
 from sweeps.engine.settings import Settings, count, read_choices
 from sweeps.engine.stage import Experiment, Group, Output, stage
+from sweeps.engine.tasks import arrays_of
 
 
 def returned(dtype, value, dims=0, along=()):
