@@ -22,10 +22,10 @@ from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Run, Settings, count, draws, number, switch, word
 from sweeps.engine.stage import Output, in_memory, inner, plain
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, VIEW, Arrays, Floats, Profiles, Ships, Views
+from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views
 from sweeps.stages.images import OF_SILHOUETTES
 from sweeps.stages.infrared import LOOK, Infrared
-from sweeps.stages.views import INFRARED, RANGE, Grid
+from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 
 if TYPE_CHECKING:
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork

@@ -16,22 +16,19 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
 from sweeps.engine.stage import STATE, Group, Output, Status, coordinate, in_memory, plain
-from sweeps.stages import scores
+from sweeps.stages import scores, views
 from sweeps.stages.images import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar
 from sweeps.stages.scores import VIEW
-from sweeps.stages.views import RANGE, Grid, looks, refuse, require, require_among, ships
+from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles, refuse, require_among, ships
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from sweeps.engine.stage import Condition, Declare, Stage, Table
 
-Arrays = dict[str, NDArray[Any]]
 Views = NDArray[np.bool_]
 Ships = NDArray[np.integer]
-Floats = NDArray[np.float64]
-Profiles = NDArray[np.float32]
 
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 GATHERED = (Grid.ship, Grid.aspect)
@@ -108,7 +105,7 @@ SPACING = Classifier.template_spacing
 
 def names_by(name: str, sensor: str) -> Condition:
     """Return the condition that a classifier and a sensor are selected."""
-    return lambda choices: name in choices[Classifier.name] and looks(sensor)(choices)
+    return lambda choices: name in choices[Classifier.name] and views.looks(sensor)(choices)
 
 
 # Training views
@@ -239,7 +236,7 @@ def require_another_aspect(training_views: Views, left_out: bool) -> None:
 def check_receiver(choices: Choices, name: str) -> None:
     """Refuse receivers whose moments a classifier needs and lacks."""
     reason = f"for the classifier {name}, which knows the moments of no other"
-    require(choices, Ladar.receiver, FULL, reason)
+    views.require(choices, Ladar.receiver, FULL, reason)
 
 
 # Inputs

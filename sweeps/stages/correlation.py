@@ -7,8 +7,8 @@ import numpy as np
 from sweeps.engine.settings import Choices, Settings, word
 from sweeps.engine.stage import Output, in_memory
 from sweeps.stages import classifier
-from sweeps.stages.classifier import NONE, Arrays, Classifier, Floats, Profiles, Views
-from sweeps.stages.views import Grid, refuse
+from sweeps.stages.classifier import NONE, Classifier, Views
+from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
 
 IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
 NAME = "correlation"

@@ -23,10 +23,10 @@ from sweeps.engine.kinds import Value
 from sweeps.engine.settings import Choices, Run, Setting
 from sweeps.engine.stage import Output, coordinate, in_memory, inner, plain
 from sweeps.stages import irar, views
-from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Arrays, Error, Irar, flight_of
+from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Error, Irar, flight_of
 from sweeps.stages.ladar import BEAM, Ladar, profile_bins
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import IRAR, Grid, Keywords, keywords, looks, refuse
+from sweeps.stages.views import IRAR, Arrays, Grid, Keywords, keywords, looks, refuse
 
 if TYPE_CHECKING:
     import trimesh

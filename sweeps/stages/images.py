@@ -19,7 +19,7 @@ from sweeps.stages import infrared
 from sweeps.stages.infrared import HALVES, VIEW, Infrared, Look, looks_infrared, whole_window
 from sweeps.stages.ladar import subpixel_offset
 from sweeps.stages.scores import with_bins
-from sweeps.stages.views import STATUS, Grid, data_set
+from sweeps.stages.views import STATUS, Arrays, Floats, Grid, data_set
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +37,6 @@ STEPS = 255  # of a cell between empty and full
 OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
 
 Bytes = NDArray[np.uint8]
-Floats = NDArray[np.float64]
 
 _shares = {"scale_factor": 1 / STEPS}  # of which xarray makes numbers from 0 to 1
 _map = partial(Output, dims=("angle", "radius"), dtype="u1", fill=0, attrs=_shares)
@@ -228,7 +227,7 @@ def log_polar(
     along=(Infrared.inner_radius, Infrared.interpolation, Infrared.subpixel_offsets),
 )
 def template_log_polar(
-    hits: infrared.Bits,
+    hits: Arrays,
     aspect: float,
     drawn_aspect: float,
     training_range: float,

@@ -22,7 +22,7 @@ from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import Output, in_memory, plain, stage
 from sweeps.stages import views
-from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, SI, Grid, looks, quantity, refuse
+from sweeps.stages.views import INFRARED, MOST_FRAMES, SHAPES, Arrays, Floats, Grid, looks, quantity
 
 if TYPE_CHECKING:
     from ncti.render.mask import Mask
@@ -37,8 +37,6 @@ MOST_OFFSETS = 1000  # of the ship on the pixels
 MARGIN = 4  # pixels of sea around a ship
 
 SubpixelOffset = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
-Bits = dict[str, NDArray[Any]]
-Floats = NDArray[np.float64]
 
 HALVES = {"none": 2, "perfect": 1, "shifted": 1}
 """By way of super-resolution: how many half pixels of the detector a pixel is wide."""
@@ -127,7 +125,7 @@ looks_infrared = looks(INFRARED)
 # A ship on the detector: its positions on the pixels, and its images
 
 
-def pack_hits(image: RangeImage | LineImage | Mask) -> Bits:
+def pack_hits(image: RangeImage | LineImage | Mask) -> Arrays:
     """Return where a range image, lines or a mask show the ship.
 
     Returns
@@ -167,7 +165,7 @@ class Patches:
     lines: LineImage | None = None
 
     @classmethod
-    def of(cls, hits: Bits, *, mirrored: bool = False) -> Patches:
+    def of(cls, hits: Arrays, *, mirrored: bool = False) -> Patches:
         """Patches of a stage `hits`, with left and right swapped or not."""
         pixel, left, bottom, roll = hits["lattice"].tolist()
         if not hits["columns"]:
@@ -341,7 +339,7 @@ imager = plain(uses=(Infrared,), name="imager")(Imager)
 
 @in_memory(uses=(Infrared, Grid, Run))
 def look(
-    hits: Bits,
+    hits: Arrays,
     imager: Imager,
     ship: str,
     aspect: float,
@@ -351,7 +349,7 @@ def look(
     seed: int,
 ) -> Look:
     """Return a ship on the detector."""
-    name = {"ship": str(ship), "aspect": aspect, "range": range / SI["km"]}
+    name = {"ship": str(ship), "aspect": aspect, "range": range / views.SI["km"]}
     patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
     contrast = imager.contrast(range)
     return Look(patches, library.footprint(range, ifov), contrast, imager, seed, name)
@@ -379,4 +377,4 @@ def check_window(choices: Choices, ship: Value) -> None:
         allowed = choices.one(setting)
         if needed > allowed:
             hold = f"at least {math.ceil(needed)} m to hold {ship}{views.hint(ship)}"
-            refuse(setting, allowed, hold)
+            views.refuse(setting, allowed, hold)

@@ -27,7 +27,6 @@ from sweeps.stages.views import IRAR, MOST_FRAMES, SI, STATUS, Grid, Render, loo
 if TYPE_CHECKING:
     import trimesh
 
-Arrays = dict[str, NDArray[Any]]
 Values = Mapping[str, Any]  # by dimension
 
 SENSOR = IRAR

@@ -8,7 +8,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncti import ladar as library
 from ncti.features.profile import EDGE, estimated_floor
@@ -19,11 +18,7 @@ from ncti.render import LineImage, RangeImage
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
-from sweeps.stages.views import RANGE, STATUS, Grid, Render, Sweep, looks, quantity
-
-Arrays = dict[str, NDArray[Any]]
-Floats = NDArray[np.float64]
-Profiles = NDArray[np.float32]
+from sweeps.stages.views import RANGE, STATUS, Arrays, Floats, Grid, Render, Sweep, looks, quantity
 
 SENSOR = RANGE
 # Imported by stages when they are called, because it takes long.
@@ -203,7 +198,7 @@ expected = PROFILE.stage(
     Output("noise_floor", label="noise floor of range profiles"),
     Output("floor_removed", ("down_range",), label="expected range profile above the noise floor"),
 )
-def above_floor(expected: Profiles) -> Arrays:
+def above_floor(expected: views.Profiles) -> Arrays:
     """Return the noise floor, read off both ends of the window, and the profile above it."""
     floor = estimated_floor(expected)
     return {"noise_floor": floor[0], "floor_removed": expected - floor}

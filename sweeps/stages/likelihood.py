@@ -13,9 +13,9 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Choices, Settings, number, switch
 from sweeps.engine.stage import Output, Stream, in_memory, plain, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Arrays, Classifier, Floats, Profiles, Views
+from sweeps.stages.classifier import GATHERED, NONE, Classifier, Views
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Grid
+from sweeps.stages.views import Arrays, Floats, Grid, Profiles
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
@@ -71,13 +71,19 @@ prior = plain(uses=(Likelihood,), name="prior")(Prior)
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Moments of profiles by (ship, aspect), and which views are learned."""
+    """Moments of profiles by (ship, aspect), and which views exist and are in training."""
 
     expected: Profiles
     covariance: Profiles
-    known: Views
+    valid: Views
+    training_views: Views
     aspect: tuple[float, ...]
     prior: Prior
+
+    @property
+    def known(self) -> Views:
+        """The (ship, aspect) mask of what is learned."""
+        return self.valid & self.training_views
 
     def templates(
         self, template_error: float | None, rng: np.random.Generator | None = None
@@ -100,17 +106,7 @@ class Moments:
         ).fit(means, self.covariance[self.known], ship, floor=means[:, :1], aspect=at, rng=rng)
 
 
-@in_memory(uses=(Grid,), gather=GATHERED, keep=2)
-def profile_moments(
-    expected: Profiles,
-    covariance: Profiles,
-    valid: Views,
-    training_views: Views,
-    aspect: tuple[float, ...],
-    prior: Prior,
-) -> Moments:
-    """Return the moments of all profiles."""
-    return Moments(expected, covariance, valid & training_views, aspect, prior)
+profile_moments = in_memory(uses=(Grid,), gather=GATHERED, name="profile_moments")(Moments)
 
 
 @stage(

@@ -14,14 +14,14 @@ from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Output, Stream, in_memory, plain
 from sweeps.stages import acn, classifier, views
 from sweeps.stages.acn import Network, TrainingSet
-from sweeps.stages.classifier import NONE, Arrays, Classifier, ClassifierGroup, Profiles, Views
+from sweeps.stages.classifier import NONE, Classifier, ClassifierGroup, Views
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flights import flown
 from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar
 from sweeps.stages.mnn import mnn, mnn_training
 from sweeps.stages.scores import tabulate_scores
 from sweeps.stages.signatures import KINDS, signature_kinds
-from sweeps.stages.views import IRAR, Grid, Keywords, by_key, keywords, looks, refuse, require
+from sweeps.stages.views import IRAR, Arrays, Grid, Keywords, Profiles, by_key, looks, require
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,7 +46,7 @@ LEARNING = ("presentation", "vigilance", "learning_rate", "max_passes", "label_r
 acn_settings = plain(
     reads=by_key(Network) | {"presentation": "profile_order", "vigilance": Grid.vigilance},
     name="acn_settings",
-)(keywords)
+)(views.keywords)
 
 TRAINED = ("acn", "mnn", "correlation")
 """Classifiers of measured profiles: those that need no moments, which are unknown for them."""
@@ -136,7 +136,7 @@ def check(choices: Choices) -> Choices:
     names = tuple(name for name in choices[Classifier.name] if name in TRAINED)
     if not names:
         allowed = f"one of {', '.join(TRAINED)} where sensor is irar"
-        refuse(Classifier.name, ", ".join(choices[Classifier.name]), allowed)
+        views.refuse(Classifier.name, ", ".join(choices[Classifier.name]), allowed)
     require(choices, Correlation.training, EXPECTED, "where sensor is irar")
     require(choices, Classifier.left_out, False, "where sensor is irar")
     if set(choices.one(views.Sweep.sensor)) == {IRAR}:

@@ -13,9 +13,9 @@ from ncti.features import profile_vector
 from sweeps.engine.settings import Settings, count, number, switch, word
 from sweeps.engine.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Arrays, Profiles, Views
+from sweeps.stages.classifier import GATHERED, NONE, Views
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Grid, Keywords, by_key, keywords
+from sweeps.stages.views import Arrays, Grid, Keywords, Profiles, by_key, keywords
 
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork

@@ -19,21 +19,13 @@ from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
 from sweeps.engine.settings import Choices, Settings, count
-from sweeps.engine.stage import (
-    MEASURED,
-    Group,
-    Output,
-    Stream,
-    in_memory,
-    inner,
-    plain,
-    stage,
-)
+from sweeps.engine.stage import MEASURED, Group, Output, Stream, in_memory, inner, plain, stage
 from sweeps.stages import views
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
-from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Arrays, Floats, Ladar, check_pulses
-from sweeps.stages.views import RUN_TIME, Grid, Keywords, Render, keywords, looks, refuse
+from sweeps.stages.correlation import match_views
+from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Ladar, check_pulses
+from sweeps.stages.views import RUN_TIME, Arrays, Floats, Grid, Keywords, Render, looks, refuse
 
 if TYPE_CHECKING:
     import trimesh
@@ -104,8 +96,8 @@ def profile_noise(
 # Samplings
 
 
-timed_view = plain(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view")(keywords)
-timed_beam = plain(reads=BINNED, name="timed_beam")(keywords)
+timed_view = plain(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view")(views.keywords)
+timed_beam = plain(reads=BINNED, name="timed_beam")(views.keywords)
 
 
 @in_memory()
@@ -214,23 +206,15 @@ def changed(
     sampled: Arrays, exact_signature: Floats, profile_noise: Floats, valid: NDArray[np.bool_]
 ) -> Floats:
     """Return the (ship, aspect) shares of answers that change with the sampling."""
-    named, exact = (
-        _nearest_ships(one, profile_noise, valid) for one in (sampled["signature"], exact_signature)
-    )
-    return np.where(valid, np.mean(named != exact, axis=-1), np.nan)
 
+    def named(signature: Floats) -> NDArray[np.integer]:
+        noisy = np.moveaxis(signature[..., None, :] + profile_noise, -2, 0)  # draws lead
+        vectors, templates = map(profile_vectors, (noisy, signature))
+        found = (match_views(templates[None], one, valid, valid, left_out=False) for one in vectors)
+        return np.array([one["predicted"] for one in found])
 
-def _nearest_ships(signature: Floats, noise: Floats, valid: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return the (ship, aspect, draw) ships with the expected profile nearest to the noisy one."""
-    # Imported here because scikit-learn takes a second.
-    from ncti.classify.baselines import CorrelationNeighbour
-
-    ship, known = np.indices(valid.shape)[0].ravel(), valid.ravel()
-    neighbour = CorrelationNeighbour().fit(profile_vectors(signature)[known], ship[known])
-    noisy = np.moveaxis(signature[..., None, :] + noise, -2, 0)  # draws lead
-    vectors = profile_vectors(noisy)
-    names = neighbour.predict(vectors.reshape(-1, vectors.shape[-1]))
-    return np.moveaxis(names.reshape(-1, *valid.shape), 0, -1)
+    differ = named(sampled["signature"]) != named(exact_signature)
+    return np.where(valid, differ.mean(axis=0), np.nan)
 
 
 # Checks

@@ -25,9 +25,9 @@ from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, pl
 from sweeps.stages import views
 from sweeps.stages.classifier import check_receiver
 from sweeps.stages.infrared import Infrared, check_window
-from sweeps.stages.ladar import Arrays, Ladar
+from sweeps.stages.ladar import Ladar
 from sweeps.stages.likelihood import Likelihood
-from sweeps.stages.views import SCAN, SI, STATUS, Grid, Render, Scene, looks, quantity, refuse
+from sweeps.stages.views import SCAN, SI, Arrays, Grid, Render, Scene, looks, quantity, refuse
 
 if TYPE_CHECKING:
     import trimesh
@@ -69,7 +69,7 @@ class Scan(Settings, key="scan"):
 
 
 USED = (Scan, Grid, Render, Ladar)
-FIELD = Group(SCAN, looks(SCAN), USED, status=STATUS)
+FIELD = Group(SCAN, looks(SCAN), USED, status=views.STATUS)
 
 
 @FIELD.stage(

@@ -19,7 +19,7 @@ VIEW = ("ship", "aspect")
 OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
 # Draws of noise, positions and orders, over which accuracies are means.
 DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
-ENDS = {"_ci_low": "lower", "_ci_high": "upper"}
+ENDS = ("_ci_low", "_ci_high")
 
 
 def formed(classified: xr.Dataset, shown: str) -> xr.Dataset:
@@ -136,13 +136,10 @@ MEANINGS = {
     "correct_known": "fraction of answers to known ships that are right and not rejected",
     "n_unknown": "answers to unknown ships",
     "n_known": "answers to known ships",
-    "correct_where_rejected": "fraction of answers to known ships that are right and not rejected "
-    "where at least so many of those to unknown ones are",
+    "correct_where_rejected": "the same where at least so many of those to unknown ones are",
     "rejected_up_to": "largest cosine that must be rejected for that, none where all are accepted",
-    "auroc": "probability that an answer to a known ship is more similar than one to an unknown "
-    "ship (area under the receiver operating characteristic)",
-    "oscr": "probability that an answer to a known ship is right and more similar than one to an "
-    "unknown ship (area under the open-set classification rate)",
+    "auroc": "probability that an answer to a known ship is more similar than to an unknown one",
+    "oscr": "probability that it is right, too (area under the open-set classification rate)",
     "test_vigilance": "cosine that an answer must reach",
     "least_rejected": "fraction of answers to unknown ships that is rejected at least",
 }
@@ -200,16 +197,13 @@ def tabulate_rejection(
             # All aspects together, as if they were the same.
             hits, asked = xr.broadcast(hits, asked)
             answers = hits.where(asked, -1).assign_coords(aspect=np.zeros(hits.sizes["aspect"]))
-            share = scored(answers, "", name).sel(aspect_bin="overall", drop=True)
-            part[name] = share.accuracy
-            part |= {name + end: share[end.removeprefix("_")] for end in ENDS}
+            share = scored(answers, f"{name}_", name).sel(aspect_bin="overall", drop=True)
+            part[name] = share[f"{name}_accuracy"]
+            part |= {name + end: share[name + end] for end in ENDS}
         parts.append(xr.Dataset(part).expand_dims(aspects=[kind]))
     table = xr.concat(parts, "aspects")
     for name, meaning in MEANINGS.items():
         table[name].attrs = {"units": "1", "long_name": meaning}
-        for suffix, end in ENDS.items() if name + "_ci_low" in table else ():
-            interval = f"{end} end of the 95 % Wilson interval of the {meaning}"
-            table[name + suffix].attrs = {"units": "1", "long_name": interval}
     table.aspects.attrs = OF_ASPECTS
     return table
 

@@ -18,9 +18,9 @@ from ncti.irar.corrected import image_of
 from ncti.ladar import expected_profile, no_return
 from sweeps.engine.stage import NOWHERE, Output, Stream, coordinate
 from sweeps.stages import ladar, views
-from sweeps.stages.irar import FLIGHTS, Arrays, Irar, flight_of
+from sweeps.stages.irar import FLIGHTS, Irar, flight_of
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Grid, Keywords
+from sweeps.stages.views import Arrays, Grid, Keywords
 
 KINDS = ("learned", "test", "measured")
 

@@ -10,6 +10,8 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+import numpy as np
+from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 import ncti.render
@@ -41,6 +43,9 @@ AS_IT_IS = Transform()  # of a mesh that is in the ship frame
 SHAPES = "it shapes arrays"  # why a setting takes one value only
 
 Keywords = tuple[tuple[str, Any], ...]  # values with their names
+Arrays = dict[str, NDArray[Any]]
+Floats = NDArray[np.float64]
+Profiles = NDArray[np.float32]
 
 CACHE_VARIABLE = "NCTI_CACHE"
 """Name of the environment variable with the cache folder, whose `meshes` keeps built ships."""
@@ -282,16 +287,14 @@ def by_key(settings: type[Settings]) -> dict[str, Setting]:
     return {one.key.rpartition(".")[2]: one for one in settings.declared}
 
 
-def described(array: xr.DataArray, long_name: str, units: str = "1") -> xr.DataArray:
-    """Return an array of a table with its label and its unit."""
-    return array.assign_attrs(units=units, long_name=long_name)
-
-
 def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
     """Return a table of arrays, each with its label and perhaps its unit."""
     import xarray as xr
 
-    return xr.Dataset({name: described(*column) for name, column in columns.items()})
+    found = xr.Dataset({name: array for name, (array, *_) in columns.items()})
+    for name, (_, label, *unit) in columns.items():
+        found[name].attrs |= {"units": unit[0] if unit else "1", "long_name": label}
+    return found
 
 
 def cache_folder() -> Path:
