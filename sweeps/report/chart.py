@@ -9,7 +9,7 @@ from sweeps.report.frames import Column, Frame, values_of
 
 SERIES = "series"  # field of the name of a curve
 SHIFT = "shift"  # field of its offset [pixel], so that intervals stand side by side
-SPAN = 30  # ratio of the ends from which an axis is logarithmic
+ALONG, UP = 6, 30  # ratio of its ends from which an axis is logarithmic
 
 
 def specification(frame: Frame, figure: str) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def specification(frame: Frame, figure: str) -> dict[str, Any]:
         "field": figure,
         "type": "quantitative",
         "title": column.heading,
-        "scale": scale_of(frame.rows[figure].dropna().tolist()),
+        "scale": scale_of(frame.rows[figure].dropna().tolist(), UP),
     }
     if column.unit == "%":
         y["scale"] = {"domain": [0, 100], "nice": False}
@@ -63,9 +63,9 @@ def specification(frame: Frame, figure: str) -> dict[str, Any]:
     }
 
 
-def scale_of(values: Sequence[Any]) -> dict[str, Any]:
-    """Return the scale of some numbers: logarithmic if they are positive and span much."""
-    logarithmic = bool(values) and min(values) > 0 and max(values) > SPAN * min(values)
+def scale_of(values: Sequence[Any], span: float) -> dict[str, Any]:
+    """Return the scale of some numbers: logarithmic if positive and of ends of a large ratio."""
+    logarithmic = bool(values) and min(values) > 0 and max(values) > span * min(values)
     return {"type": "log"} if logarithmic else {"zero": False}
 
 
@@ -76,12 +76,10 @@ def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
     found: dict[str, Any] = {"field": column.name, "title": column.heading}
     if not numeric:
         return found | {"type": "nominal", "sort": values, "axis": {"labelAngle": 0}}
-    spread = min(values, default=0) > 0 and max(values) > 6 * min(values)
-    scale = {"type": "log"} if spread else {"zero": False}
     ticks = {"values": values} if len(values) <= 8 else {"tickCount": 6}
     labels = {"labelExpr": "format(datum.value, '~g')", "labelOverlap": True}
     return found | {
         "type": "quantitative",
-        "scale": {**scale, "padding": 14, "nice": False},
+        "scale": {**scale_of(values, ALONG), "padding": 14, "nice": False},
         "axis": {**ticks, **labels},
     }

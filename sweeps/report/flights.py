@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import product
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -73,32 +74,25 @@ class Stage:
     square: bool = True
 
 
-@dataclass(frozen=True)
-class Place:
-    """A flight of a store: its ship's label, aspect [deg] and range [km]."""
+def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
+    """Return every flight of `validation`, by ship (slowest), range and aspect, with its title.
 
-    ship: str
-    aspect: float
-    range: float
-
-
-def flights_of(flights: xr.Dataset) -> list[Place]:
-    """Return the places of all flights of `validation`: ship (slowest), range and aspect."""
+    Its first draw, at the preferred value of all other axes.
+    """
     there = np.isfinite(flights.looks)
-    flown = there.any([dim for dim in there.dims if dim != "ship"]).values
-    ranges, aspects = (np.atleast_1d(flights[name].values) for name in ("range", "aspect"))
-    return [
-        Place(str(ship), float(aspect), float(kilometres))
-        for ship in np.atleast_1d(flights.ship.values)[np.atleast_1d(flown)]
-        for kilometres in ranges
-        for aspect in aspects
-    ]
-
-
-def one_flight(flights: xr.Dataset, place: Place) -> xr.Dataset:
-    """Return the flight at a place: the first draw, at the preferred value of all other axes."""
-    one = flights.sel(ship=place.ship, aspect=place.aspect, range=place.range)
-    return nominal(one, keep=("source", "kind", "pulse_width"))
+    flown = np.atleast_1d(there.any([dim for dim in there.dims if dim != "ship"]).values)
+    others = set(map(str, flights.looks.dims)) - {"ship", "aspect", "range", "replicate"}
+    draws, found = flights.sizes.get("replicate", 1), {}
+    places = (np.atleast_1d(flights[name].values) for name in ("range", "aspect"))
+    for ship, *at in product(np.atleast_1d(flights.ship.values)[flown], *places):
+        here = flights.sel(ship=ship, range=at[0], aspect=at[1])
+        one = nominal(here, keep=("source", "kind", "pulse_width"))
+        title = f"{ship} at {at[0]:g} km, aspect {at[1]:g}°, simulated"
+        for axis in sorted(others):
+            if flights.sizes[axis] > 1 and axis in one.looks.coords:
+                title += f", {axis.replace('_', ' ')} {one[axis].item()}"
+        found[title + f", first of {draws} draws" * (draws > 1)] = one
+    return found
 
 
 def _setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
@@ -127,26 +121,6 @@ def scan_of(
         threshold=_setting(flight, given["irar"], "segmentation_threshold"),
         surface=surface(mesh, values, reflectance),
     )
-
-
-def draw_flight(
-    attributes: Mapping[str, Any],
-    flights: xr.Dataset,
-    place: Place,
-    mesh: trimesh.Trimesh | None = None,
-) -> Figure:
-    """Draw stages of a flight of a store, by its attributes and group `validation`.
-
-    Raises ValueError if no mesh is given and the known ship differs from that of the store.
-    """
-    mesh = known_ship(attributes, place.ship) if mesh is None else mesh
-    scan, way = scan_of(attributes, one_flight(flights, place), mesh)
-    title = f"{place.ship} at {place.range:g} km, aspect {place.aspect:g}°, simulated"
-    one, draws = one_flight(flights, place).looks, flights.sizes.get("replicate", 1)
-    for axis in set(map(str, flights.looks.dims)) - {"ship", "aspect", "range", "replicate"}:
-        if flights.sizes[axis] > 1 and axis in one.coords:
-            title += f", {axis.replace('_', ' ')} {one[axis].item()}"
-    return draw_stages(mesh, scan, way, title=title + f", first of {draws} draws" * (draws > 1))
 
 
 def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:

@@ -107,19 +107,24 @@ def draw_flights(
     store has no flights, or its ships are unknown.
     """
     # Imported here, since only flights need it and it is slow to import.
-    from sweeps.report.flights import draw_flight, flights_of, known_ship
+    from sweeps.report.flights import draw_stages, flights_of, known_ship, scan_of
 
     whole = opened(Path(store))
     if "validation" not in whole:
         raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
-    given, flights = attributes(whole), read(whole, "validation")
-    load, places = ship or partial(known_ship, given), flights_of(flights)
-    meshes = {place.ship: load(place.ship) for place in places}
+    given, load = attributes(whole), ship or partial(known_ship, attributes(whole))
+    flights = flights_of(read(whole, "validation"))
+    meshes = {label: load(label) for label in {one.ship.item() for one in flights.values()}}
+
+    def drawn(title: str, one: xr.Dataset) -> Figure:
+        mesh = meshes[one.ship.item()]
+        return draw_stages(mesh, *scan_of(given, one, mesh), title=title)
+
     return {
         "flight_{}_{:g}km_{:g}deg.png".format(
-            re.sub(r"[^\w.-]", "_", place.ship), place.range, place.aspect
-        ): partial(draw_flight, given, flights, place, meshes[place.ship])
-        for place in places
+            re.sub(r"[^\w.-]", "_", one.ship.item()), one.range.item(), one.aspect.item()
+        ): partial(drawn, title, one)
+        for title, one in flights.items()
     }
 
 

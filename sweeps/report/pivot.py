@@ -40,7 +40,6 @@ class Table:
     down: tuple[Column, ...]
     heads: tuple[str, ...]
     lines: tuple[Line, ...]
-    same: Mapping[str, str]  # words of axes and figures of one value
     notes: tuple[str, ...]
 
 
@@ -103,7 +102,6 @@ def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
         columns,
         tuple(headings),
         tuple(lines),
-        constants(frame),
         (*frame.notes, *([chance] if (chance := chance_in_words(frame)) else [])),
     )
 

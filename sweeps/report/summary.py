@@ -15,7 +15,7 @@ from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, chosen, read_frames
 from sweeps.report.headline import headline, main_axis
 from sweeps.report.own import is_free
-from sweeps.report.pivot import at_main, laid_out, place_of
+from sweeps.report.pivot import at_main, constants, laid_out, place_of
 from sweeps.report.screen import line, note, page
 from sweeps.report.stores import (
     attributes,
@@ -158,7 +158,7 @@ def _print(frame: Frame, swept: Sequence[str], console: Console, *, whole: bool)
     table = laid_out(frame, swept)
     if whole or len(table.lines) <= MOST:
         print_table(table, console, most=None)
-        same = ", ".join(f"{words} {text}" for words, text in table.same.items())
+        same = ", ".join(f"{words} {text}" for words, text in constants(frame).items())
         note(f"In all rows: {same}." if same and whole else "", console)
         return
     keep = [name for name in frame.several if frame.columns[name].axis in (*KEPT, *swept)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -13,21 +13,15 @@ from sweeps.report.frames import Column, Frame
 from sweeps.report.own import OwnFiles
 from sweeps.report.stores import tables_folder
 
+if TYPE_CHECKING:
+    from sweeps.engine.schedule import Progress
+
 NAME = "stages"
 COLUMNS = {
     "stage": Column("stage", "stage", "stage"),
     **{name: Column(name, name, name, role="figure") for name in ("done", "reused", "failed")},
     "work_s": Column("work_s", "work", "work", "s", role="figure", format=".1f", digits=3),
 }
-
-
-class Progress(Protocol):
-    """Cells of a stage, and the time [s] that they took."""
-
-    done: int
-    reused: int
-    failed: int
-    seconds: float
 
 
 def write_work(store: Path, stages: Mapping[str, Progress]) -> list[Path]:

@@ -22,23 +22,6 @@ from sweeps.report.stores import tables_folder
 from sweeps.report.summary import report
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]
-CLASSIFIERS = [
-    "grid.ship=[duncan,spruance]",
-    "grid.aspect=[0,45,90]",
-    "grid.pulse_width=[30,50]",
-    "grid.frame_count=[2,4]",
-    "grid.vigilance=[0.9,0.95]",
-    "grid.replicate=2",
-    "classifier=all",
-    "classifier.training=[expected,noisy]",
-    "classifier.left_out=[false,true]",
-    "classifier.gain_sigma=[0,1]",
-    "classifier.template_error=0",
-    "classifier.mnn.inputs=[raw,standardised]",
-    "classifier.mnn.annealing=[true,false]",
-    "classifier.mnn.epochs=40",
-    *COARSE,
-]
 # Small flights: coarse pixels and few lines, in a tenth of a second each.
 SMALL = {"ifov": 500.0, "samples": 60, "line_rate": 60.0, "detectors": 3, "pulse_rate": 4000.0}
 FLIGHTS = [

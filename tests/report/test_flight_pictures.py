@@ -14,9 +14,7 @@ import ncti.ships
 from ncti.irar import Correction, Flight, fly, ship_heading
 from sweeps.report.flights import (
     BRIGHTEST,
-    Place,
     Way,
-    draw_flight,
     draw_stages,
     flights_of,
     known_ship,
@@ -87,11 +85,11 @@ def test_a_ship_that_is_no_longer_the_same_is_not_drawn(sisters):
 
 
 def test_titles_say_which_of_several_flights_is_drawn(sisters):
-    flights = opened(sisters, "validation")
-    places = sorted(flights_of(flights), key=lambda place: place.ship)
-    assert places == [Place("duncan", 175.0, 3.0), Place("roberts", 175.0, 3.0)]
-    title = draw_flight(attributes_of(sisters), flights, places[1]).get_suptitle()
-    assert title == "roberts at 3 km, aspect 175°, simulated, transom gain 1.0, first of 2 draws"
+    titles = flights_of(opened(sisters, "validation"))
+    assert sorted(titles) == [
+        f"{ship} at 3 km, aspect 175°, simulated, transom gain 1.0, first of 2 draws"
+        for ship in ("duncan", "roberts")
+    ]
 
 
 TOGETHER = "grid.zip=[[irar.azimuth,irar.mirror,irar.range_filter]]"

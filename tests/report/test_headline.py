@@ -46,12 +46,12 @@ def test_the_best_classifier_is_named_and_few_answers_are_said(tmp_path):
     assert re.search(r"Few answers \(n = 8\)", said)
 
 
-def test_any_table_has_a_headline(smoke_store, misled, tmp_path):
+def test_any_table_has_a_headline(smoke_store, sisters, tmp_path):
     import xarray as xr
 
     table = xr.Dataset({"height": ("ripeness", [1.0, 4.0])}, {"ripeness": [1.0, 2.0]})
     table.height.attrs["units"] = "m"
     said = sentence(tmp_path, {"swept": ["ripeness"]}, tables__apples=table)
     assert said == "Height: 1 m at ripeness 1 and 4 m at ripeness 2."
-    for path in (smoke_store, misled):
+    for path in (smoke_store, sisters):
         assert headline(read_frames(path), {})[0].endswith((".", "wide."))

@@ -396,19 +396,3 @@ def test_a_list_of_files_that_is_damaged_costs_no_file(listed, tmp_path):
     assert write(folder, "scores") == [folder / WRITTEN]
     assert set(contents(tmp_path)) == {"theirs.csv", "s-tables/theirs.csv"}
     assert (folder / WRITTEN).read_bytes() == listed
-
-
-def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):
-    folder = tmp_path / "s-tables"
-    write(folder, "scores")
-
-    def failing(self, content):
-        with self.open("wb") as file:
-            file.write(content[:2])
-        raise OSError("no more room")
-
-    monkeypatch.setattr("pathlib.Path.write_bytes", failing)
-    with pytest.raises(OSError, match="no more room"):
-        write(folder, "scores", value=2)
-    monkeypatch.undo()
-    assert contents(folder) == {"scores.csv": b"a\r\n1\r\n"}

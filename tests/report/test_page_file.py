@@ -81,38 +81,6 @@ def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, 
         assert not write.is_current(path)
 
 
-DAMAGED = {  # what is broken, and how the sentence begins
-    "empty": "store is ",
-    "metadata": "store is ",
-    "table": "store is ",
-    "answers": "store is ",
-}
-
-
-@pytest.mark.parametrize("what", DAMAGED)
-def test_a_damaged_store_has_no_page_but_a_sentence(what, tmp_path, monkeypatch, capsys):
-    path, table = tmp_path / "s.zarr", scores(a=[1, 2])
-    if what == "empty":
-        path.mkdir()
-    else:
-        named = xr.Dataset(
-            {"predicted": (("ship", "aspect"), np.ones((2, 2), dtype="i2"))},
-            {"ship": [0, 1], "aspect": [0.0, 90.0]},
-        )
-        stored(path, tables__o=table, classification__acn=named)
-    if what == "metadata":
-        (path / "zarr.json").write_text("{")
-    group = {"table": "tables/o/accuracy", "answers": "classification/acn/predicted"}.get(what, "c")
-    for one in (path / group / "c").rglob("*"):
-        if one.is_file():
-            one.write_bytes(b"?")
-    assert reported(monkeypatch, "--html", path) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"ncti-report: {DAMAGED[what]}") and told.count("\n") == 1
-    assert "JSON" not in told.partition("(")[0] and "Traceback" not in told
-    assert not page_file(path).exists()
-
-
 @pytest.mark.parametrize("name", ["manifest", "0", "zarr.json"])
 def test_a_store_that_cannot_be_read_now_is_still_a_store(name, tmp_path, monkeypatch, capsys):
     path, read = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2])), Path.read_bytes

@@ -4,14 +4,10 @@ import io
 import re
 import shlex
 
-import pytest
-from made import categories, scores, shown
 from rich.cells import cell_len
 from rich.console import Console
 from stores import reported, rows_of
 
-from sweeps.report.own import PAGE, UNKNOWN, sealed
-from sweeps.report.stores import page_file
 from sweeps.report.summary import summarize, tables_of
 
 AXES = {"grid.ship": 2, "grid.aspect": 7, "grid.pulse_width": 3}
@@ -57,23 +53,6 @@ def test_the_next_commands_would_run(smoke_store, monkeypatch):
     commands = text[text.index("next    ") :].removeprefix("next    ")
     for command, *words in (shlex.split(line) for line in commands.splitlines()):
         assert command == "ncti-report" and reported(monkeypatch, *words) == 0
-
-
-@pytest.mark.parametrize("name", ["[red]x.zarr", "a b\x1b[31mc.zarr", "[/].zarr"])
-def test_names_of_paths_are_shown_as_they_are(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / name
-    table = shown(scores(frame_count=[4], range=[100.0]))
-    table.to_zarr(path, group="tables/acn", mode="w", consolidated=False)
-    formed = categories(7, pulse_width=[30.0], vigilance=[0.95])
-    formed.to_zarr(path, group="tables/categories_acn", mode="w", consolidated=False)
-    page_file(path).write_bytes(sealed(f'<meta name="{PAGE}" content="{UNKNOWN}">'))
-    console = Console(file=io.StringIO(), width=100, force_terminal=True)
-    summarize(path, tables_of(path), {}, console)
-    text = console.file.getvalue()
-    name = name.replace("\x1b", "\\x1b")
-    assert f"store   {name}\n" in text and "\x1b[31m" not in text
-    assert f"report  {name.removesuffix('.zarr')}-report.html\n" in text
 
 
 def test_one_table_is_printed_by_the_name_of_its_file(smoke_store, monkeypatch, capsys):

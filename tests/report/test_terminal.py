@@ -26,10 +26,18 @@ def printed(frame, width, swept=()):
     return console.file.getvalue()
 
 
-@pytest.mark.parametrize("name", ["smoke_store", "classified", "misled"])
+@pytest.fixture(scope="module")
+def frames(smoke_store, sisters):
+    """All tables of two stores, and one along many axes."""
+    axes = {"vigilance": [0.9, 0.95], "cnr": [20.0, 30.0], "frame_count": [4, 16]}
+    more = {"pulse_width": [30.0, 50.0], "gain_sigma": [0.0, 1.0], "left_out": [False, True]}
+    many = tidy(scores(**axes, **more), DISPLAY, "tables/acn")
+    return [*tables_of(smoke_store).values(), *tables_of(sisters).values(), many]
+
+
 @pytest.mark.parametrize("width", [60, 80, 200])
-def test_no_line_is_wider_and_no_word_is_broken(name, width, request):
-    for frame in tables_of(request.getfixturevalue(name)).values():
+def test_no_line_is_wider_and_no_word_is_broken(width, frames):
+    for frame in frames:
         laid, text = laid_out(frame), printed(frame, width)
         assert max(map(cell_len, text.splitlines())) <= width, frame.name
         words = set(text.split())

@@ -32,7 +32,7 @@ def number_at(path, part, column, row):
     return array.values
 
 
-@pytest.mark.parametrize("name", ["smoke_store", "misled"])
+@pytest.mark.parametrize("name", ["smoke_store", "sisters"])
 def test_every_figure_is_the_number_of_the_store_at_its_place(name, request):
     path = request.getfixturevalue(name)
     frames, rng = read_frames(path), np.random.default_rng(0)

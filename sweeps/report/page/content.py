@@ -35,7 +35,11 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
     tables = {name: one for name, one in frames.items() if name != WORK}
     said = headline(tables, about)
     tables |= {CONFUSION: matrix} if matrix is not None else {}
-    axes, against = list(about.get("swept", ())), against_of(tables, about.get("swept", ()))
+    axes, first = list(about.get("swept", ())), next(iter(tables.values()))
+    # Rows and charts run along the swept axis, or else that of frames.
+    ordinary = [name for name in first.several if name not in curves_of(first)]
+    names = [main_axis(first, axes), main_axis(first, [FALLBACK]), *ordinary]
+    against = next(filter(None, names), "")
     settings = list(flat(about.get("configuration", {})))
     return {
         "store": path.name,
@@ -70,14 +74,6 @@ def colours_of(frame: Frame) -> list[str]:
     """Return the words of the first declared axis down: curves of one of them have one colour."""
     words = [name for name in frame.down[:1] if frame.rows[name].dtype == object]
     return [text for name in words for text in _words_of(frame, name).values()]
-
-
-def against_of(frames: Mapping[str, Frame], swept: Sequence[str]) -> str:
-    """Return the axis down and along charts at first: the swept one, else that of frames."""
-    first = next(iter(frames.values()))
-    names = [name for name in first.several if name not in (first.across, *curves_of(first))]
-    found = main_axis(first, swept) or (FALLBACK if FALLBACK in names else "")
-    return found or next(iter([*names, *first.several]), "")
 
 
 def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:

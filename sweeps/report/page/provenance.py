@@ -13,7 +13,6 @@ from sweeps.report.stores import attributes, failed_cells, groups, read
 from sweeps.report.words import printable, shown, unit_of
 
 CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
-LISTED = 20  # failures that are listed; all are in the store
 STATES = (1, 0, -1)  # of a cell: done, failed, missing
 VALUES = 8  # of a setting that are listed; of more numbers, the ends
 TABLES = {
@@ -58,11 +57,6 @@ class Status:
         said = [f"{done:,} of {sum(self.counts):,} cells done"]
         said += [f"{failed:,} failed"] * bool(failed) + [f"{missing:,} missing"] * bool(missing)
         return ", ".join(said)
-
-    @property
-    def listed(self) -> list[tuple[str, str]]:
-        """The first failures: names of cells, and reasons."""
-        return list(self.failures.items())[:LISTED]
 
 
 def status_of(store: Any) -> Status:
