@@ -23,7 +23,6 @@ from sweeps.engine.kinds import Draws, Kind, SetOf, Word
 from sweeps.engine.process import environment
 from sweeps.engine.settings import Choices, Run, Setting, Settings
 from sweeps.engine.stage import Experiment, Stage
-from sweeps.stages import flights
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.infrared import silhouette_engine
 from sweeps.stages.views import (
@@ -39,7 +38,6 @@ from sweeps.stages.views import (
     drawing_engines,
     hull,
     looks,
-    read_mesh,
 )
 
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
@@ -102,7 +100,6 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
             for module in modules:
                 if hasattr(module, "check"):
                     choices = module.check(choices)
-            flights.check_meshes(choices, lambda ship: read_mesh(hull.function(ship)))
             # A store records the engine that rendered, not the choice "auto".
             return choices.having(Render.engine, drawing_engines(choices))
 

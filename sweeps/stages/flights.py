@@ -26,7 +26,17 @@ from sweeps.stages import irar, views
 from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Error, Irar, flight_of
 from sweeps.stages.ladar import BEAM, Ladar, profile_bins
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import IRAR, Arrays, Grid, Keywords, keywords, looks, refuse
+from sweeps.stages.views import (
+    IRAR,
+    Arrays,
+    Grid,
+    Keywords,
+    hull,
+    keywords,
+    looks,
+    read_mesh,
+    refuse,
+)
 
 if TYPE_CHECKING:
     import trimesh
@@ -318,17 +328,13 @@ def check(choices: Choices) -> Choices:
         for error in choices[Irar.errors]:
             _check_estimate(flight, error)
     views.check_beam(choices, Irar.profile_range, Ladar.ifov)
+    _check_meshes(choices)
     return choices
 
 
-def check_meshes(choices: Choices, load: Callable[[Any], trimesh.Trimesh]) -> None:
-    """Refuse (`ConfigurationError`) flights that do not see a whole ship of those that are loaded.
-
-    The loader makes a mesh of a value of `grid.ship`.
-    """
-    if not looks(IRAR)(choices):
-        return
-    hulls = {ship: load(ship).convex_hull for ship in flown(choices)}
+def _check_meshes(choices: Choices) -> None:
+    """Refuse (`ConfigurationError`) flights that do not see a whole ship."""
+    hulls = {ship: read_mesh(hull.function(ship)).convex_hull for ship in flown(choices)}
     for values in combinations(choices, (Grid.ship, Grid.aspect, *FLOWN)):
         ship, aspect = values.pop("ship"), values.pop("aspect")
         if ship not in hulls:

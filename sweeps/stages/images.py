@@ -178,53 +178,37 @@ def map_cells() -> dict[str, NDArray[Any]]:
 @stage(
     Output("silhouettes", ("row", "byte"), "u1"),
     uses=(Infrared,),
-    along=(Infrared.segmentation, Infrared.subpixel_offsets, Infrared.frame_count),
+    along=(Infrared.subpixel_offsets, Infrared.frame_count),
 )
 def silhouettes(
     look: Look,
     super_resolution: str,
-    segmentation: tuple[str, ...],
+    segmentation: str,
     subpixel_offsets: tuple[int, ...],
     frame_count: tuple[int, ...],
 ) -> Bytes:
-    """Return (segmentation, offset, frame_count, row, byte) masks of images, one bit per pixel."""
+    """Return (offset, frame_count, row, byte) masks of images, one bit per pixel."""
     shown = look.images(super_resolution, subpixel_offsets, frame_count)
     known: Any = look.imager.sigmas(np.array(frame_count), super_resolution)
-    known["contrast"] = look.contrast
-    masks = [features.segment(shown, method=method, **known) for method in segmentation]
+    masks = features.segment(shown, method=segmentation, contrast=look.contrast, **known)
     return np.packbits(masks, axis=-1)
 
 
 @OF_VIEWS.stage(
     _map("log_polar", label="log-polar map of the segmented silhouette"),
-    along=(
-        *(Infrared.segmentation, Infrared.inner_radius, Infrared.interpolation),
-        *(Infrared.subpixel_offsets, Infrared.frame_count),
-    ),
+    along=(Infrared.subpixel_offsets, Infrared.frame_count),
 )
-def log_polar(
-    silhouettes: Bytes,
-    segmentation: tuple[str, ...],
-    inner_radius: tuple[float, ...],
-    interpolation: tuple[str, ...],
-    subpixel_offsets: tuple[int, ...],
-    frame_count: tuple[int, ...],
-) -> Bytes:
-    """Return maps by segmentation, inner radius, interpolation, offset and number of frames.
-
-    (segmentation, inner_radius, interpolation, offset, frame_count, angle, radius).
-    """
+def log_polar(silhouettes: Bytes, inner_radius: float, interpolation: str) -> Bytes:
+    """Return (offset, frame_count, angle, radius) maps."""
     # Padding bits beyond the last column are sea, which does not change the map.
-    masks = np.unpackbits(silhouettes, axis=-1).astype(bool)
-    # (inner_radius, interpolation, segmentation, ...)
-    return np.moveaxis(maps_of(masks, inner_radius, interpolation), 2, 0)
+    return maps_of(np.unpackbits(silhouettes, axis=-1).astype(bool), inner_radius, interpolation)
 
 
 @OF_VIEWS.stage(
     _map("template_log_polar", label="log-polar map of the noiseless training silhouette"),
     uses=(Infrared, Grid),
     reads={"hits": "training_hits"},
-    along=(Infrared.inner_radius, Infrared.interpolation, Infrared.subpixel_offsets),
+    along=(Infrared.subpixel_offsets,),
 )
 def template_log_polar(
     hits: Arrays,
@@ -234,11 +218,11 @@ def template_log_polar(
     ifov: float,
     coverage_rule: float,
     *,
-    inner_radius: tuple[float, ...],
-    interpolation: tuple[str, ...],
+    inner_radius: float,
+    interpolation: str,
     subpixel_offsets: tuple[int, ...],
 ) -> Bytes:
-    """Return (inner_radius, interpolation, offset, angle, radius) noiseless maps."""
+    """Return (offset, angle, radius) noiseless maps."""
     patches = infrared.Patches.of(hits, mirrored=aspect != drawn_aspect)
     side = library.footprint(training_range, ifov)
     shown = [
@@ -249,22 +233,14 @@ def template_log_polar(
     return maps_of(features.segment(shown, method="otsu"), inner_radius, interpolation)
 
 
-def maps_of(
-    masks: NDArray[np.bool_], inner_radius: tuple[float, ...], interpolation: tuple[str, ...]
-) -> Bytes:
-    """Return (inner_radius, interpolation, ..., angle, radius) maps of (..., row, col) masks.
+def maps_of(masks: NDArray[np.bool_], inner_radius: float, interpolation: str) -> Bytes:
+    """Return (..., angle, radius) maps of (..., row, col) masks.
 
     In 255ths of a cell: half a step is nothing beside what a pixel's noise does.
     """
-    size = {"angles": ANGLES, "radii": RADII}
-    cells: Any = [
-        [
-            features.log_polar(masks, inner_radius=radius, interpolation=between, **size)
-            for between in interpolation
-        ]
-        for radius in inner_radius
-    ]
-    return np.rint(STEPS * np.array(cells)).astype(np.uint8)
+    how: Any = {"inner_radius": inner_radius, "interpolation": interpolation}
+    cells = features.log_polar(masks, **how, angles=ANGLES, radii=RADII)
+    return np.rint(STEPS * cells).astype(np.uint8)
 
 
 # Tables
