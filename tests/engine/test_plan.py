@@ -1,9 +1,11 @@
 """Plans: what depends on what, the cells that follow, and their keys."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toys import SPRINGS
+from toys import SPRINGS, period
 
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import Settings, number, read_choices
@@ -75,6 +77,16 @@ def test_another_value_changes_the_keys_of_what_depends_on_it_alone(key):
     before, after = planned(), planned(**{key: value})
     other = {one.name for one in before.targets if keys(before, one.name) != keys(after, one.name)}
     assert other == stages
+
+
+@pytest.mark.parametrize("change", [{"dtype": "f2"}, {"fill": 0.0}, {"name": "swing"}])
+def test_how_an_output_is_kept_counts(change):
+    """Its declaration is no part of the function's code."""
+    (output,) = period.outputs
+    other = replace(period, outputs=(replace(output, **change),))
+    stages = tuple(other if one is period else one for one in SPRINGS.stages)
+    after = Plan(replace(SPRINGS, stages=stages), read_choices(SPRINGS.declared, {}))
+    assert not set(keys(after, "period")) & set(keys(planned(), "period"))
 
 
 def test_the_order_of_axes_given_to_a_function_counts():

@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 from toys import SPRINGS, noisy
 
-from sweeps.engine import plan as planning
 from sweeps.engine.plan import Plan
-from sweeps.engine.seeds import STREAM_VERSION, cell_rng
+from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Group, Stream
 
@@ -74,11 +73,13 @@ def test_the_names_of_streams_are_pinned():
         assert plan.stream(plan.bound[one.name], cell) == (3, expected[kind]), RAISE
 
 
-def test_a_version_of_streams_changes_the_keys_of_what_draws(monkeypatch):
-    def keys(version):
-        monkeypatch.setattr(planning, "STREAM_VERSION", version)
+@pytest.mark.parametrize("version", ["STREAM_VERSION", "np.__version__"])
+def test_a_version_of_streams_changes_the_keys_of_what_draws(monkeypatch, version):
+    def keys():
         plan = Plan(SPRINGS, read_choices(SPRINGS.declared, {}))
         return {one.name: plan.fingerprint(one) for one in plan.bound.values()}
 
-    before, after = keys(STREAM_VERSION), keys(STREAM_VERSION + 1)
+    before = keys()
+    monkeypatch.setattr(f"sweeps.engine.plan.{version}", "another")
+    after = keys()
     assert {name for name in before if before[name] != after[name]} == {"noisy", "trace", "answers"}
