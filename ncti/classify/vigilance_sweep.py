@@ -130,7 +130,8 @@ class Clustering:
 
     def names(self, classes: Indices) -> Indices:
         """Return the most frequent class in each category, (category,), from (sample,) classes."""
-        named = _classes(classes, len(self.labels))
+        named = require_all("classes", classes, whole=True, minimum=0, below=2**31).astype(np.intp)
+        require_shape("classes", named, (len(self.labels),))
         there = self.labels != NO_CATEGORY
         votes = np.zeros((len(self.weights), int(named.max()) + 1), dtype=np.intp)
         np.add.at(votes, (self.labels[there], named[there]), 1)
@@ -266,13 +267,6 @@ def cluster(
     labels = np.full(count, NO_CATEGORY)
     labels[turn] = category
     return Clustering(labels, rows[live, count:], passes, converged)
-
-
-def _classes(classes: ArrayLike, count: int) -> Indices:
-    """Return the (sample,) classes as integers, or raise `ValueError`."""
-    named = require_all("classes", classes, whole=True, minimum=0, below=2**31).astype(np.intp)
-    require_shape("classes", named, (count,))
-    return named
 
 
 def _places(order: ArrayLike, count: int) -> Indices:

@@ -273,7 +273,7 @@ def checked_answers(correct: ArrayLike, aspects: int, draws: int = 0) -> NDArray
         axes = ", ".join(("...", *["draw"] * draws, "ship", "aspect"))
         raise ValueError(
             f"correct has shape {right.shape}, but must have the axes ({axes}) with {aspects} "
-            "aspects"
+            f"aspects, where draws is {draws}"
         )
     return right
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -25,6 +24,7 @@ from ncti.infrared.silhouette import Extent, silhouette
 from ncti.infrared.super_resolution import NOISE_GAIN, SCENE_GAIN, shifted_images
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
+from ncti.render.view import check_made_at
 
 SUPER_RESOLUTIONS = ("none", "perfect", "shifted")
 
@@ -274,12 +274,7 @@ def image(
         require_each("extent", extent, 4)
     require("coverage_rule", coverage_rule, positive=True, maximum=1.0)
     require_word("super_resolution", super_resolution, SUPER_RESOLUTIONS)
-    made_at = image.slant_range
-    if made_at is not None and not math.isclose(made_at, slant_range):
-        raise ValueError(
-            f"slant_range is {slant_range!r}, but must be the {made_at!r} m at which the range "
-            "image was made"
-        )
+    check_made_at(image.slant_range, slant_range)
     footprint = ifov * slant_range * (1.0 if super_resolution == "none" else 0.5)
     if footprint < image.resolution:
         raise ValueError(

@@ -57,6 +57,9 @@ LIMITS: dict[str, dict[str, Any]] = {
 }
 """Bounds of the parameters of a flight, in SI units and degrees."""
 
+OPTIONAL = ("aircraft_track", "pointing")
+"""Parameters that may be None."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Flight:
@@ -193,8 +196,8 @@ class Flight:
     def __post_init__(self) -> None:
         """Raise for parameters that cannot be flown."""
         for name, limits in LIMITS.items():
-            if (value := getattr(self, name)) is not None:
-                require(name, value, **limits)
+            if getattr(self, name) is not None or name not in OPTIONAL:
+                require(name, getattr(self, name), **limits)
         for name in ("samples", "detectors"):  # 160.0 is accepted, but is no array length
             object.__setattr__(self, name, int(getattr(self, name)))
         if self.pulse_rate < self.line_rate * self.samples:

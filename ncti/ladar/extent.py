@@ -16,7 +16,7 @@ from ncti.ladar.pixels import bin_boxes, boxes, places, tile
 from ncti.ladar.sampling import sampling_error
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
-from ncti.render.view import View, far_field_error
+from ncti.render.view import View, check_made_at, far_field_error
 
 Floats = NDArray[np.float64]
 
@@ -254,11 +254,7 @@ def range_extent(
     require_word("reflectance", reflectance, ("projected_area", "lambertian"))
     require_each("shift", shift, 2, minimum=-MOST_SHIFT, maximum=MOST_SHIFT)
     right, up = float(shift[0]), float(shift[1])
-    if image.slant_range is not None and not math.isclose(image.slant_range, slant_range):
-        raise ValueError(
-            f"slant_range is {slant_range!r}, but must be the {image.slant_range!r} m at which "
-            "the range image was made"
-        )
+    check_made_at(image.slant_range, slant_range)
     side = ifov * slant_range
     if side < image.resolution:
         raise ValueError(
@@ -362,13 +358,8 @@ def bins_of(window: float, bin_width: float) -> tuple[float, int]:
     ValueError
         If there would be too many.
     """
-    require("bin_width", bin_width, positive=True)
     require("window", window, positive=True)
-    if window > MOST_BINS * bin_width:
-        raise ValueError(
-            f"bin_width is {bin_width!r} m, but must be at least {window / MOST_BINS:.3g} m in a "
-            f"window of {window:g} m, which may have {MOST_BINS} bins"
-        )
+    require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
     bin_count = max(1, round(window / bin_width))
     return bin_count * bin_width / 2, bin_count
 

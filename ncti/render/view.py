@@ -108,6 +108,15 @@ class View:
         return np.array([right * cos_g + up * sin_g, up * cos_g - right * sin_g, away])
 
 
+def check_made_at(made_at: float | None, slant_range: float) -> None:
+    """Raise `ValueError` unless an image is of the far field, or made at a slant range [m]."""
+    if made_at is not None and not math.isclose(made_at, slant_range):
+        raise ValueError(
+            f"slant_range is {slant_range!r}, but must be the {made_at!r} m at which the range "
+            "image was made"
+        )
+
+
 def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) -> float:
     """Return a bound on the error of a range extent drawn in the far field.
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.infrared.radiometry import IFOV, contrast
 from ncti.infrared.silhouette import silhouette
 from ncti.infrared.synthesis import image
+from ncti.labels import labelled
 from ncti.render import drawn_range, line_image
 from ncti.render.far_field import reach_of
 from ncti.render.flight import DEPRESSION
@@ -157,27 +157,15 @@ def infrared_image(
         "contrast_K": contrast(float(slant_range), **air),
         **seed_of(rng),
     }
-    seen = coordinates(mesh, aspect=aspect)
-    return _labelled(temperature, seen, attrs, origin=(left, bottom), footprint=footprint)
-
-
-def _labelled(
-    temperature: NDArray[np.float64],
-    coords: dict[str, Any],
-    attrs: dict[str, Any],
-    *,
-    origin: tuple[float, float],
-    footprint: float,
-) -> xr.DataArray:
-    """Return an image with its coordinates across and up, of pixels from an origin on [m]."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     rows, columns = temperature.shape
-    left, bottom = origin
-    for name, first, count in (("vertical", bottom, rows), ("horizontal", left, columns)):
-        about = {"units": "m", "long_name": f"{name} cross-range"}
-        coords[name] = (name, first + footprint * np.arange(count), about)
-    return xr.DataArray(
-        temperature, coords, dims=("vertical", "horizontal"), name="image", attrs=attrs
-    )
+    places = {
+        "vertical": bottom + footprint * np.arange(rows),
+        "horizontal": left + footprint * np.arange(columns),
+    }
+    coords = coordinates(mesh, aspect=aspect)
+    for name, place in places.items():
+        coords[name] = labelled(name, place, "m", f"{name} cross-range")
+    return xr.DataArray(temperature, coords, dims=tuple(places), name="image", attrs=attrs)

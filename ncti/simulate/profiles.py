@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
+from ncti.labels import labelled
 from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
-from ncti.ladar.extent import RangeExtent
+from ncti.ladar.extent import RangeExtent, bins_of
 from ncti.ladar.frames import cumulative_average, frame_blocks
-from ncti.ladar.pulse import MOST_BINS, noise_floor, shortest_pulse
+from ncti.ladar.pulse import noise_floor, shortest_pulse
 from ncti.ladar.tolerance import extent_within
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
@@ -30,7 +31,6 @@ from ncti.simulate.subject import (
 )
 
 if TYPE_CHECKING:
-    import trimesh
     import xarray as xr
 
 Floats = NDArray[np.float64]
@@ -185,15 +185,8 @@ def range_profile(
         **seed_of(rng),
         **_achieved(extents, pulse_width, accuracy),
     }
-    single = np.ndim(aspect) == 0
-    return _labelled(
-        mesh,
-        averaged[0] if single else np.stack(averaged),
-        expected[0] if single else np.stack(expected),
-        extents[0].down_range,
-        aspect=aspect,
-        attributes=attributes,
-    )
+    profiles = (extents[0].down_range, averaged, expected)
+    return _labelled(profiles, coordinates(mesh, aspect=aspect), attributes)
 
 
 def _above_floor(
@@ -218,31 +211,22 @@ def _achieved(extents: list[RangeExtent], pulse_width: float, accuracy: float) -
 
 
 def _labelled(
-    mesh: trimesh.Trimesh,
-    averaged: Floats,
-    expected: Floats,
-    down_range: Floats,
-    *,
-    aspect: float | Sequence[float],
+    profiles: tuple[Floats, list[Floats], list[Floats]],
+    coords: dict[str, Any],
     attributes: dict[str, Any],
 ) -> xr.DataArray:
     """Return profiles with their coordinates and attributes."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
+    down_range, *both = profiles
+    one = coords["aspect"][1].ndim == 0
+    averaged, expected = (each[0] if one else np.stack(each) for each in both)
     dims = ("aspect", "down_range")[-averaged.ndim :]
     label = {"units": "1", "long_name": "amplitude above the noise floor"}
-    return xr.DataArray(
-        averaged,
-        dims=dims,
-        name="averaged",
-        coords={
-            **coordinates(mesh, aspect=aspect),
-            "down_range": ("down_range", down_range, {"units": "m", "long_name": "down-range"}),
-            "expected": (dims, expected, label),
-        },
-        attrs={**label, **attributes},
-    )
+    coords["down_range"] = labelled("down_range", down_range, "m", "down-range")
+    coords["expected"] = (dims, expected, label)
+    return xr.DataArray(averaged, coords, dims, name="averaged", attrs={**label, **attributes})
 
 
 def _checked_aspects(aspect: ArrayLike) -> list[float]:
@@ -256,8 +240,7 @@ def _checked_aspects(aspect: ArrayLike) -> list[float]:
 
 def _check_binning(window: float, bin_width: float, pulse_width: float) -> None:
     """Raise `ValueError` for a window [m] of too many bins, or a pulse [s] that they miss."""
-    require("window", window, positive=True)
-    require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
+    bins_of(window, bin_width)
     # A hair less than the shortest pulse is a rounding of it.
     shortest = shortest_pulse(bin_width) * (1 - 1e-9)
     require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
