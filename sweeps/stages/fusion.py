@@ -77,17 +77,17 @@ def silhouette_constants(silhouette_scores: NDArray[np.float32], training_views:
 @stage(
     Output("profile_outlier_fraction", ("view",), "f8"),
     uses=(Grid, Likelihood),
-    along=(Likelihood.gain_sigma, Grid.frame_count),
+    along=(Grid.frame_count,),
     # Of its first name, so that it draws as it always did.
     stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs), "profile_doubt"),
 )
 def profile_outlier_fraction(
     profile_templates: tuple[GaussianTemplates, Views],
-    gain_sigma: tuple[float, ...],
+    gain_sigma: float,
     frame_count: tuple[int, ...],
     rng: np.random.Generator,
 ) -> Floats:
-    """Return (gain_sigma, frame_count, view) outlier fractions of profiles.
+    """Return (frame_count, view) outlier fractions of profiles.
 
     See `ncti.classify.calibration.fit_outlier_fraction`; NaN for views that are not learned.
     """
@@ -96,12 +96,11 @@ def profile_outlier_fraction(
 
     templates, known = profile_templates
     seed = int(rng.integers(2**63))
-    found = np.full((len(gain_sigma), len(frame_count), known.size), np.nan)
-    for f, count in enumerate(frame_count):
+    found = np.full((len(frame_count), known.size), np.nan)
+    for of_count, count in zip(found, frame_count, strict=True):
         drawn = np.random.default_rng(seed)
-        found[:, f, known.reshape(-1)] = fit_outlier_fraction(
-            templates, count, drawn, gain_sigma=gain_sigma
-        )
+        fraction = fit_outlier_fraction(templates, count, drawn, gain_sigma=gain_sigma)
+        of_count[known.reshape(-1)] = fraction
     return found
 
 

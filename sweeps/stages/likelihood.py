@@ -140,29 +140,30 @@ def profile_templates(
 @stage(
     Output("log_density", ("view", "template"), "f8"),
     uses=(Grid, Likelihood),
-    along=(Likelihood.gain_sigma, Grid.frame_count),
+    along=(Grid.frame_count,),
     gather=GATHERED,
 )
 def profile_scores(
     profile_templates: tuple[GaussianTemplates, Views],
     averaged: Profiles,
     valid: Views,
-    gain_sigma: tuple[float, ...],
+    gain_sigma: float,
     frame_count: tuple[int, ...],
     prior: Prior,
 ) -> Floats:
-    """Return (gain_sigma, frame_count, view, template) log densities.
+    """Return (frame_count, view, template) log densities.
 
     NaN for missing views and for templates that are not learned. `gain_sigma` is the prior
     standard deviation of the gain.
     """
     templates, known = profile_templates
     views = valid.reshape(-1)
-    scores = np.full((len(gain_sigma), len(frame_count), views.size, views.size), np.nan)
-    for f, count in enumerate(frame_count):
-        seen = prior.levelled(averaged[f][valid])
-        logs = templates.log_likelihood(seen, count, gain_sigma=gain_sigma)
-        scores[:, f, views[:, None] & known.reshape(-1)] = logs.reshape(len(gain_sigma), -1)
+    scores = np.full((len(frame_count), views.size, views.size), np.nan)
+    for of_count, count, profiles in zip(scores, frame_count, averaged, strict=True):
+        logs = templates.log_likelihood(
+            prior.levelled(profiles[valid]), count, gain_sigma=gain_sigma
+        )
+        of_count[np.outer(views, known.reshape(-1))] = logs.reshape(-1)
     return scores
 
 
@@ -171,7 +172,7 @@ def profile_scores(
     Output("similarity", classifier.VIEW, label="posterior probability of the predicted ship"),
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
-    along=(Likelihood.gain_sigma, Grid.frame_count),
+    along=(Grid.frame_count,),
 )
 def likelihood(
     profile_templates: tuple[GaussianTemplates, Views],
@@ -180,7 +181,7 @@ def likelihood(
     valid: Views,
     prior: Prior,
     *,
-    gain_sigma: tuple[float, ...],
+    gain_sigma: float,
     frame_count: tuple[int, ...],
     left_out: bool,
     aspect_known: bool,
@@ -194,29 +195,27 @@ def likelihood(
     classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(valid), np.nonzero(known)
     pairs: Any = np.ix_(valid.reshape(-1), known.reshape(-1))
-    whole = (len(gain_sigma), len(frame_count), *valid.shape)
+    whole = (len(frame_count), *valid.shape)
     named, (probability, similarity) = np.full(whole, NONE), np.full((2, *whole), np.nan)
     same = of_view[:, None] == of_template
     exclude = (same & left_out) | (~same & aspect_known)
     for f, count in enumerate(frame_count):
-        logs = profile_scores[:, f, *pairs]
+        logs = profile_scores[f][pairs]
         if left_out and templates.template_error_:
             seen = prior.levelled(averaged[f][valid])
             for column in np.unique(of_view):
                 rows, others = of_view == column, of_template != column
                 rest = templates.without(~others)
-                logs[(..., *np.ix_(rows, others))] = rest.log_likelihood(
+                logs[np.ix_(rows, others)] = rest.log_likelihood(
                     seen[rows], count, gain_sigma=gain_sigma
                 )
-        for g, of_gain in enumerate(logs):
-            posterior = label_posterior(of_gain, of_ship, exclude=exclude)
-            best, of_true = classifier.most_probable(posterior, true)
-            named[g, f][valid], probability[g, f][valid] = best, of_true
-            similarity[g, f][valid] = posterior[1].max(axis=1)
+        posterior = label_posterior(logs, of_ship, exclude=exclude)
+        named[f][valid], probability[f][valid] = classifier.most_probable(posterior, true)
+        similarity[f][valid] = posterior[1].max(axis=1)
     return classifier.judged(named, valid) | {
         "probability": probability,
         "similarity": similarity,
-        "calibrated_error": np.full(whole[:2], templates.template_error_),
+        "calibrated_error": np.full(len(frame_count), templates.template_error_),
     }
 
 

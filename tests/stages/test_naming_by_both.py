@@ -43,13 +43,18 @@ def maps():
     return templates.astype(np.uint8), seen.astype(np.uint8)
 
 
+def scores_of(moments, averaged, valid, frames=FRAMES):
+    """Scores of profiles (gain, count, view, template)."""
+    of_gains = [profile_scores(moments, averaged, valid, one, frames, PRIOR) for one in GAINS]
+    return np.stack(of_gains)
+
+
 def compared(cell, templates, seen, valid=None, **training_views):
     """Scores of profiles (replicate, gain, count, view, template); of silhouettes; constants."""
     valid = np.ones((PHASES, *GRID), dtype=bool) if valid is None else valid
     known = cell.expected, bands(cell, VARIANCE), cell.valid, learned(**training_views), ASPECTS
     moments = profile_templates(profile_moments(*known, PRIOR), np.array(0.0))  # exact, as by hand
-    given = cell.valid, GAINS, FRAMES, PRIOR
-    profiles = np.stack([profile_scores(moments, averaged, *given) for averaged in cell.averaged])
+    profiles = np.stack([scores_of(moments, one, cell.valid) for one in cell.averaged])
     silhouettes = fusion.silhouette_scores(templates, seen, valid)
     constants = [fusion.silhouette_constants(one, learned(**training_views)) for one in silhouettes]
     return profiles, silhouettes, constants
@@ -196,18 +201,15 @@ def test_by_hand(unknown):
 
 
 def test_a_score_does_not_depend_on_its_company():
-    """Gains and numbers of frames, to the last bit."""
+    """Numbers of frames, to the last bit."""
     cell, (templates, seen) = made(noise=5.0), maps()
     known = cell.expected, bands(cell, VARIANCE), cell.valid, learned(), ASPECTS
     moments = profile_templates(profile_moments(*known, PRIOR), np.array(0.0))  # exact, as by hand
     valid = np.ones((PHASES, *GRID), dtype=bool)
-    profiles = profile_scores(moments, cell.averaged[0], cell.valid, GAINS, FRAMES, PRIOR)
+    profiles = scores_of(moments, cell.averaged[0], cell.valid)
     silhouettes = fusion.silhouette_scores(templates, seen, valid)
     for k in range(2):
-        for g in range(2):
-            alone = profile_scores(
-                moments, cell.averaged[0, [k]], cell.valid, (GAINS[g],), (FRAMES[k],), PRIOR
-            )
-            np.testing.assert_array_equal(alone[0, 0], profiles[g, k])
+        alone = scores_of(moments, cell.averaged[0, [k]], cell.valid, (FRAMES[k],))
+        np.testing.assert_array_equal(alone[:, 0], profiles[:, k])
         alone = fusion.silhouette_scores(templates, seen[[k]], valid)
         np.testing.assert_array_equal(alone[0], silhouettes[k])

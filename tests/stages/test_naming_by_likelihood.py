@@ -1,5 +1,7 @@
 """Maximum likelihood on profiles made up, against densities by hand."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from range_channel import ASPECTS, BINS, FRAMES, SHIPS, bands, dense, learned, made
@@ -45,11 +47,17 @@ def answered(
     templates = templates_of(cell, covariance, diagonal_loading, **given)
     averaged = cell.averaged[replicate, [FRAMES.index(count) for count in frames]]
     prior = likelihood.Prior(diagonal_loading, 1.0, floor_estimated=False)
-    scores = likelihood.profile_scores(templates, averaged, cell.valid, gains, frames, prior)
-    axes = {"gain_sigma": gains, "frame_count": frames, "aspect_known": aspect_known}
-    given = templates, scores, averaged, cell.valid, prior
-    found = [likelihood.likelihood(*given, **axes, left_out=leave) for leave in left_out]
-    return {name: np.stack([one[name] for one in found], axis=1) for name in found[0]}
+    given = averaged, cell.valid
+    found = []
+    for gain, leave in product(gains, left_out):
+        scores = likelihood.profile_scores(templates, *given, gain, frames, prior)
+        how = {"gain_sigma": gain, "frame_count": frames, "aspect_known": aspect_known}
+        found.append(likelihood.likelihood(templates, scores, *given, prior, left_out=leave, **how))
+    axes = len(gains), len(left_out)
+    return {
+        name: np.stack([one[name] for one in found]).reshape(*axes, *values.shape)
+        for name, values in found[0].items()
+    }
 
 
 @pytest.mark.parametrize(("place", "gain"), list(enumerate(GAINS)))
@@ -136,7 +144,7 @@ def test_an_estimated_floor_is_whatever_the_edges_hold():
             given = here.expected, covariance, here.valid, learned(), ASPECTS, prior
             moments = likelihood.profile_moments(*given)
             templates = likelihood.profile_templates(moments, np.array(0.0))
-            seen = here.averaged[0], here.valid, (0.0,), FRAMES, prior
+            seen = here.averaged[0], here.valid, 0.0, FRAMES, prior
             found[name, estimated] = likelihood.profile_scores(templates, *seen)
     scale = np.nanmax(np.abs(found["as it is", True]))
     np.testing.assert_allclose(found["lifted", True], found["as it is", True], atol=1e-4 * scale)
