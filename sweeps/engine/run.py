@@ -39,7 +39,7 @@ ROUNDS = 100  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 QUICK = 1.0  # s of work that finishes before worker processes would have started
 
-Task = tuple[list[Job], tuple[Call, ...]]
+Task = list[tuple[Job, Call]]
 Failures = list[tuple[str, str]]
 """Names of cells or tables that failed, and why."""
 
@@ -189,7 +189,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
 
     def hand_out(task: Task) -> None:
         number = next(numbers)
-        executor.submit(number, run_calls, task[1], index.folder)
+        executor.submit(number, run_calls, tuple(call for _, call in task), index.folder)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
@@ -197,22 +197,21 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
             hand_out(suspects.popleft())
         most = 0 if alone or suspects else AHEAD * executor.workers
         while schedule.ready and len(under_way) < most:
-            task = schedule.batch(executor.workers)
-            if task[0]:
+            if task := schedule.batch(executor.workers):
                 hand_out(task)
         with interruptible():
             finished = executor.finished()
         for number, report, error in finished:
-            jobs, calls = under_way.pop(number)
+            task = under_way.pop(number)
             if error is not None and not alone:
-                suspects += [([job], (call,)) for job, call in zip(jobs, calls, strict=True)]
+                suspects += [[one] for one in task]
                 continue
             if error is not None:
-                why = (reason(error),) * len(jobs[0].cells)
+                why = (reason(error),) * len(task[0][0].cells)
                 report = Report((Done(0.0, why, traceback=traceback_of(error)),))
             if report.unwritten is not None:
                 raise report.unwritten
-            for job, done in zip(jobs, report.calls, strict=True):
+            for (job, _), done in zip(task, report.calls, strict=True):
                 if done.damaged:
                     damaged.update(done.damaged)
                     continue

@@ -183,7 +183,7 @@ class Schedule:
         self._ready.setdefault(job.affinity, deque()).append(job)
         self._load[job.bound.name] += len(job.cells)
 
-    def batch(self, workers: int) -> tuple[list[Job], tuple[Call, ...]]:
+    def batch(self, workers: int) -> list[tuple[Job, Call]]:
         """Remove and return the next task of the calls that are ready; empty if there is none.
 
         `workers` tasks run at once: towards the end they get shorter, so that none idles.
@@ -191,13 +191,13 @@ class Schedule:
         costs = defaultdict(lambda: UNKNOWN, self.costs)
         left = sum(costs[name] * cells for name, cells in self._load.items())
         size = min(max(left / (3 * workers), SHORTEST), LONGEST)
-        jobs: list[Job] = []
-        calls: list[Call] = []
+        task: list[tuple[Job, Call]] = []
         seconds, cells = 0.0, 0
         # At least one, even if a damaged index has wrong costs.
         while self._ready and cells < MOST_CELLS:
             affinity, queue = next(iter(self._ready.items()))
-            shared = bool(jobs) and len(affinity) > 2 and affinity[:2] == jobs[-1].affinity[:2]
+            before = task[-1][0].affinity if task else ()
+            shared = len(affinity) > 2 and affinity[:2] == before[:2]
             longest = min(TOGETHER, max(left / workers / 2, size)) if shared else size
             if cells and seconds >= longest:
                 break
@@ -206,12 +206,10 @@ class Schedule:
                 del self._ready[affinity]
             self._missing.pop(job, None)
             self._load[job.bound.name] -= len(job.cells)
-            for part, call in self._calls(job):
-                jobs.append(part)
-                calls.append(call)
+            task += self._calls(job)
             seconds += costs[job.bound.name] * len(job.cells)
             cells += len(job.cells)
-        return jobs, tuple(calls)
+        return task
 
     def _calls(self, job: Job) -> Iterator[tuple[Job, Call]]:
         """Yield a job's calls: one, or one per cell if some input has failed."""

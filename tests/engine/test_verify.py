@@ -102,6 +102,5 @@ def test_a_share_is_chosen_by_key(tmp_path):
     schedule.resolve(lambda keys: {})
     chosen = 0
     while schedule.ready:
-        _, calls = schedule.batch(1)
-        chosen += sum(len(call.again) for call in calls)
+        chosen += sum(len(call.again) for _, call in schedule.batch(1))
     assert abs(chosen - 200) < 5 * np.sqrt(2000 * 0.1 * 0.9)

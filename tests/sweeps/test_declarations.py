@@ -7,10 +7,8 @@ import pytest
 from commands import COMMAND, ran
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rich.cells import cell_len
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import spelt
 from sweeps.engine.provenance import written
 from sweeps.engine.stage import bind
 from sweeps.experiment import EXPERIMENT
@@ -97,19 +95,6 @@ def test_the_table_in_the_docs_is_current(monkeypatch):
     assert PAGE.read_text(encoding="utf-8") == page(), (
         "not current: python docs/_extensions/settings_table.py"
     )
-
-
-def test_the_printed_settings_are_whole_in_80_columns(capsys):
-    assert ran("--settings") == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert max(map(cell_len, lines)) < 80
-    words = " ".join(" ".join(lines).split())
-    for setting in DECLARED:
-        assert f"{setting.key}={spelt(setting.default)}" in words
-        assert setting.label in words and setting.help in words and setting.kind.allowed in words
-    assert ran("--settings", "cnr") == 0
-    found = capsys.readouterr().out
-    assert "ladar.cnr=" in found and "irar.cnr=" in found and "grid.ship" not in found
 
 
 # On the command line ------------------------------------------------------------------------
