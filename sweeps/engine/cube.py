@@ -1,4 +1,4 @@
-"""The cube of a sweep: its cells laid out as labelled arrays, one dimension an axis."""
+"""The cube of a sweep: its cells laid out as labelled arrays, with coordinates of their axes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Packs: files on disk, each with finished results of many cells.
+"""Packs: files on disk, each with finished results of many cells; and which pack has which cell.
 
 A pack has two sealed lines, one with its stage, the keys of its cells and the time that they took,
 one with the place, checksum and layout of each, followed by the records: the arrays of a cell, one

@@ -1,4 +1,4 @@
-"""Modules as compiled statements, read from their files without importing anything.
+"""Modules as compiled statements, read from their files without importing anything; libraries.
 
 Comments, docstrings, layout, and what is only for types are no part of a statement.
 """

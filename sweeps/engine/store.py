@@ -17,7 +17,6 @@ from typing import Any
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import (
     MANIFEST,
-    OPEN,
     PARTIAL,
     check_target,
     hidden,
@@ -28,7 +27,7 @@ from sweeps.engine.folders import (
     write_file,
 )
 from sweeps.engine.interrupts import interruptible
-from sweeps.engine.packs import make_folder, raise_shortage, seal
+from sweeps.engine.packs import raise_shortage, seal
 from sweeps.engine.zarr_array import (
     METADATA,
     Group,
@@ -59,7 +58,6 @@ def write_store(
     """
     check_target(path)
     place = real_place(path)
-    make_folder(place.parent, OPEN)
     partial = hidden(place, PARTIAL)
     try:
         files = _write_metadata(partial, _nodes(groups, attributes, everywhere))
