@@ -7,7 +7,6 @@ import io
 import re
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -149,60 +148,27 @@ def write_pictures(
     return files.kept
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of picture of the page: the group that it shows, who draws it, and its texts."""
-
-    group: str
-    draw: Callable[[Path], Figure]
-    title: str
-    source: str
-    alt: str
+DRAWN: dict[str, Callable[[Path], Figure]] = {
+    "range_profile": draw_profiles,
+    "infrared": draw_silhouettes,
+    "validation": lambda path: next(iter(draw_flights(path).values()))(),
+}
+"""Pictures of the page, by the group of a store that they show."""
 
 
-KINDS = (
-    Kind(
-        "range_profile",
-        draw_profiles,
-        "Range profiles by aspect, by ship and by number of frames",
-        "the article's Figures 3 to 5",
-        "Range profiles stacked above each other in three panels: one ship from bow to beam, all "
-        "ships at one aspect, and averages of several numbers of frames.",
-    ),
-    Kind(
-        "infrared",
-        draw_silhouettes,
-        "Infrared images and log-polar maps by range and super-resolution",
-        "the article's Figures 6 to 8",
-        "Rows of passive infrared images of one ship by range and super-resolution, each with the "
-        "log-polar map of the silhouette cut out of it.",
-    ),
-    Kind(
-        "validation",
-        lambda path: next(iter(draw_flights(path).values()))(),
-        "Every stage of the corrections of a simulated flight, beside the truth",
-        "the article's Figures 10, 11 and 13",
-        "Intensity and range images of one simulated flight: as scanned, segmented, corrected for "
-        "motion and for the mirror, and the truth.",
-    ),
-)
-
-
-def pictures_of(path: Path, store: Any) -> list[tuple[Kind, str, str]]:
-    """Return the pictures for which a store has the groups, and why one could not be drawn.
+def pictures_of(path: Path, store: Any) -> dict[str, tuple[str, str]]:
+    """Return the pictures of the groups that a store has, and why one could not be drawn.
 
     As PNG in base64; a picture that fails is empty, and does not prevent the page.
     """
-    found = []
-    for kind in KINDS:
-        if kind.group not in groups(store):
-            continue
+    found = {}
+    for group in (one for one in DRAWN if one in groups(store)):
         content, why = io.BytesIO(), ""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # of figures smaller than labels
-                kind.draw(path).savefig(content, format="png", dpi=DPI)
+                DRAWN[group](path).savefig(content, format="png", dpi=DPI)
         except Exception as error:
             content, why = io.BytesIO(), f"{type(error).__name__}: {error}".partition("\n")[0]
-        found.append((kind, base64.b64encode(content.getvalue()).decode("ascii"), why))
+        found[group] = base64.b64encode(content.getvalue()).decode("ascii"), why
     return found

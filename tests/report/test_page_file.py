@@ -30,8 +30,8 @@ from sweeps.report.work import read_work, write_work
 
 def test_a_picture_that_fails_says_why(tmp_path):
     path = stored(tmp_path / "s.zarr", validation=xr.Dataset({"looks": ("ship", np.ones(1))}))
-    ((kind, picture, why),) = pictures_of(path, zarr.open_group(path, mode="r"))
-    assert kind.group == "validation" and not picture and why
+    ((group, (picture, why)),) = pictures_of(path, zarr.open_group(path, mode="r")).items()
+    assert group == "validation" and not picture and why
 
 
 # files --------------------------------------------------------------------------------------------

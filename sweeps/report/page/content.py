@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sweeps.report.chart import axis_of, specification
+from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import headline, main_axis
-from sweeps.report.page.provenance import flat, provenance, status_of, swept, written
+from sweeps.report.page.provenance import flat, status_of, swept, written
 from sweeps.report.page.ships import ships_of
 from sweeps.report.pictures import pictures_of
 from sweeps.report.pivot import at_main, laid_out
@@ -43,7 +43,7 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
     settings = list(flat(about.get("configuration", {})))
     return {
         "store": path.name,
-        "title": str(about.get("title", "Parameter sweep")),
+        "about": about,
         "headline": said,
         "status": status_of(store),
         "settings": [(key, written(value)) for key, value in settings],
@@ -54,8 +54,6 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
         "pictures": pictures_of(path, store),
         "ships": ships_of(store),
         "work": None if work is None else laid_out(work),
-        "provenance": provenance(store),
-        "seed": about.get("seed"),
         "data": {
             "store": path.name,
             "tables": {name: data_of(one) for name, one in tables.items()},
@@ -135,8 +133,8 @@ def data_of(frame: Frame) -> dict[str, Any]:
             for name in frame.several
             if name not in curves or name in numeric
         },
-        "specs": {
-            name: specification(frame, name) for name in frame.figures if frame.name != CONFUSION
+        "charts": {
+            name: figure_of(frame, name) for name in frame.figures if frame.name != CONFUSION
         },
         "parts": [
             {

@@ -1,4 +1,4 @@
-"""Swept axes, states of cells, and provenance of a store."""
+"""Settings and swept axes of a store, and the states of its cells."""
 
 from __future__ import annotations
 
@@ -9,20 +9,12 @@ from typing import Any
 
 import zarr
 
-from sweeps.report.stores import attributes, failed_cells, groups, read
+from sweeps.report.stores import failed_cells, groups, read
 from sweeps.report.words import printable, shown, unit_of
 
 CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
 STATES = (1, 0, -1)  # of a cell: done, failed, missing
 VALUES = 8  # of a setting that are listed; of more numbers, the ends
-TABLES = {
-    "versions": "Versions",
-    "mesh_digests": "Digests of the ships' meshes",
-    "mesh_transforms": "Transforms of the ships' meshes",
-    "code": "Digests of code by stage",
-    "cells": "Digests of results by stage",
-}
-"""Titles of attributes: everything that results depend on besides the configuration."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +39,6 @@ class Status:
         if not done:
             return "failed" if failed else "partial"
         return "partial" if failed or missing else "complete"
-
-    @property
-    def sentence(self) -> str:
-        """The numbers of cells, in words."""
-        if not self.parts:
-            return "the store has no record of its cells"
-        done, failed, missing = self.counts
-        said = [f"{done:,} of {sum(self.counts):,} cells done"]
-        said += [f"{failed:,} failed"] * bool(failed) + [f"{missing:,} missing"] * bool(missing)
-        return ", ".join(said)
 
 
 def status_of(store: Any) -> Status:
@@ -107,13 +89,3 @@ def _several(values: list[Any], unit: str) -> str:
 def written(value: Any) -> str:
     """Return a value of the configuration as YAML, on one line."""
     return printable(json.dumps(value, ensure_ascii=False))
-
-
-def provenance(store: Any) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return tables, by title, of everything that results depend on besides the configuration."""
-    given = attributes(store)
-    return [
-        (title, [(str(key), str(value)) for key, value in dict(given[name]).items()])
-        for name, title in TABLES.items()
-        if given.get(name)
-    ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,7 +18,7 @@ from sweeps.report.words import printable
 
 FOLDER = Path(sweeps.report.__file__).parent
 TEMPLATES = FOLDER / "page" / "templates"
-SOURCES = (".py", ".html", ".css", ".js", ".yaml")
+SOURCES = (".py", ".html", ".css", ".js", ".json", ".yaml")
 STAMP = "ncti-store"  # name of the meta element that identifies the store of a page
 
 
@@ -88,6 +89,7 @@ def page_of(path: Path, frames: Mapping[str, Frame], headline: Sequence[str] = (
         for name in ("page.css", "vega.js", "page.js")
     )
     content = content_of(path, frames)
+    content["data"]["chart"] = json.loads((TEMPLATES / "chart.json").read_text(encoding="utf-8"))
     return environment.get_template("page.html").render(
         content | ({"headline": headline} if headline else {}),
         stamp=_stamp(path),

@@ -120,7 +120,7 @@
     const table = data.tables[section.dataset.table], figure = section.querySelector(".chart");
     if (!figure) return;
     const axis = axisOf(table), which = section.querySelector("select.figure");
-    const name = which ? which.value : Object.keys(table.specs)[0];
+    const name = which ? which.value : Object.keys(table.charts)[0];
     const rows = axis && name ? valuesOf(table, axis, name) : [];
     figure.hidden = !rows.length;
     if (!rows.length) return;
@@ -129,7 +129,7 @@
     // A tip shows the axis, the figure and what belongs to it, and axes that differ.
     const differing = table.axes.filter((one) => new Set(rows.map((row) => row[one])).size > 1);
     const tipped = ["series", ...differing, ...Object.keys(rows[0]).filter((one) => !table.axes.includes(one) && one.length && (one === name || /ci_|^n$|source|chance|spread/.test(one)))];
-    const spec = structuredClone(table.specs[name]);
+    const spec = structuredClone(data.chart), { y, low, high, chance } = table.charts[name];
     // A classifier has one colour in every chart; its curves differ by their dashes.
     const number = (one) => {
       const place = data.colours.indexOf(rows.find((row) => row.series === one).colour);
@@ -138,18 +138,19 @@
     const dash = (one, place) => DASHES[series.slice(0, place).filter((other) => number(other) === number(one)).length % DASHES.length];
     const domain = { domain: series, range: series.map((one) => colour(`--c${number(one)}`)) };
     const dashes = { domain: series, range: series.map(dash) };
-    for (const layer of spec.layer) {
-      if (layer.encoding.color) {
-        layer.encoding.x = table.x[axis];
-        layer.encoding.color.scale = domain;
-        if (layer.encoding.strokeDash) {
-          layer.encoding.strokeDash.scale = dashes;
-          if (series.length < 2) layer.encoding.strokeDash.legend = null;
-        }
-        if (series.length < 2) layer.encoding.color.legend = null;
-      }
-      if (layer.mark.tooltip) layer.encoding.tooltip = [...new Set(tipped)].map((field) => ({ field, title: table.headings[field] ?? field }));
-    }
+    const legend = series.length < 2 ? { legend: null } : {};
+    const shared = {
+      x: table.x[axis],
+      color: { field: "series", type: "nominal", title: null, scale: domain, ...legend },
+      opacity: { condition: { param: "picked", value: 1 }, value: 0.08 },
+    };
+    const { interval, line, point, chance: level } = spec.layer;
+    interval.encoding = { ...shared, y: { ...y, field: low }, y2: { field: high } };
+    line.encoding = { ...shared, y, strokeDash: { field: "series", title: null, scale: dashes, ...legend } };
+    const tooltip = [...new Set(tipped)].map((field) => ({ field, title: table.headings[field] ?? field }));
+    point.encoding = { ...shared, y, shape: { field: "series", legend: null }, tooltip };
+    level.encoding.y = { field: chance, type: "quantitative", aggregate: "max", title: y.title };
+    spec.layer = [...(low && high ? [interval] : []), line, point, ...(chance ? [level] : [])];
     spec.data = { values: rows };
     spec.width = Math.max(200, Math.min(620, figure.clientWidth - 70));
     if (series.length < 2 || figure.clientWidth < 500) spec.config.legend.columns = 1;
