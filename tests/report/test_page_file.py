@@ -121,10 +121,11 @@ def test_ships_have_their_measures_and_a_picture(tmp_path):
     table.length.attrs["units"] = "m"
     path = stored(tmp_path / "s.zarr", ships=table, tables__o=scores(a=[1, 2]))
     one, other = ships_of(zarr.open_group(path))
-    assert one.measures == [("length", "135.6 m"), ("facets", "43,672")]
-    assert other.picture == "" and other.warning == "stands on its stern"
-    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(one.picture))))
+    assert other["picture"] == "" and other["warning"] == "stands on its stern"
+    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(one["picture"]))))
     assert pixels.shape == (3, 5, 4)
     assert (pixels[2, :, 3] == 255).all() and (pixels[:2, :, 3] == 0).all()
     page = parsed(page_of(path))
-    assert "own: length 20.0 m, facets 12" in page.root.one("section", id="ships").text
+    text = page.root.one("section", id="ships").text
+    assert "duncan: length 135.6 m, facets 43,672" in text
+    assert "own: length 20.0 m, facets 12" in text

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,34 +17,23 @@ MEASURES = ("length", "beam", "height", "facets")
 DARK, BRIGHT = (52, 72, 92), (178, 202, 222)  # visible on light and dark pages
 
 
-@dataclass(frozen=True)
-class Ship:
-    """A ship: its measures in words, its picture as PNG in base64, and its warnings."""
+def ships_of(store: Any) -> list[dict[str, Any]]:
+    """Return the ships that a store describes; none where it has no such group.
 
-    label: str
-    measures: list[tuple[str, str]]
-    picture: str
-    warning: str
-
-
-def ships_of(store: Any) -> list[Ship]:
-    """Return the ships that a store describes; none where it has no such group."""
+    With label, measures by name as numbers with their units, picture as PNG in base64, and warning.
+    """
     if GROUP not in groups(store):
         return []
     table = read(store, GROUP).load()
+    units = {n: unit_of(str(table[n].attrs.get("units", "1"))) for n in MEASURES if n in table}
     found = []
     for label in table.ship.values.tolist():
         here = table.sel(ship=label)
-        measures = []
-        for name in MEASURES:
-            value = float(here[name]) if name in here else math.nan
-            if math.isfinite(value):
-                text = f"{value:,.1f}" if name != "facets" else f"{value:,.0f}"
-                unit = unit_of(str(here[name].attrs.get("units", "1")))
-                measures.append((name, f"{text} {unit}".strip()))
+        measures = {name: (float(here[name]), unit) for name, unit in units.items()}
         picture = drawn(here.picture.values) if "picture" in here else ""
         warning = str(here.warning.item()) if "warning" in here else ""
-        found.append(Ship(str(label), measures, picture, warning))
+        ship = {"label": str(label), "measures": measures, "picture": picture, "warning": warning}
+        found.append(ship)
     return found
 
 
