@@ -136,20 +136,12 @@ def pack_hits(image: RangeImage | LineImage | Mask) -> Arrays:
         line : (piece,) int32 and span : (piece, 2) float64, begin and end of what lines see.
     """
     if isinstance(image, LineImage):
-        return {
-            "lattice": np.array([image.spacing, 0.0, image.phase, image.roll]),
-            "bits": np.zeros(0, np.uint8),
-            "columns": np.array(0),
-            "line": image.line,
-            "span": image.piece[:, :2],
-        }
-    return {
-        "lattice": np.array([image.pixel, *image.origin, image.roll]),
-        "bits": np.packbits(image.hit),
-        "columns": np.array(image.hit.shape[1]),
-        "line": np.zeros(0, np.int32),
-        "span": np.zeros((0, 2)),
-    }
+        lattice = np.array([image.spacing, 0.0, image.phase, image.roll])
+        pieces: Arrays = {"line": image.line, "span": image.piece[:, :2]}
+        return {"bits": np.zeros(0, np.uint8), "columns": np.array(0), "lattice": lattice, **pieces}
+    lattice = np.array([image.pixel, *image.origin, image.roll])
+    pixels: Arrays = {"bits": np.packbits(image.hit), "columns": np.array(image.hit.shape[1])}
+    return {"line": np.zeros(0, np.int32), "span": np.zeros((0, 2)), "lattice": lattice, **pixels}
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +164,10 @@ class Patches:
             span = hits["span"]
             if mirrored:
                 span, roll = -span[:, ::-1], -roll
-            lines = _flat(hits["line"], span, spacing=pixel, phase=bottom, roll=roll)
+            line = hits["line"]
+            # Only the place across the line of sight counts.
+            flat = np.concatenate([span, np.zeros_like(span)], axis=1), np.zeros_like(line)
+            lines = LineImage(line, *flat, np.zeros((1, 3)), pixel, bottom, 0.0, 0.0, roll)
             return cls(*lines.bounds, pixel**2, lines)
         from ncti.infrared.cells import places_of_bits  # numba takes long to import
 
@@ -195,16 +190,6 @@ class Patches:
         if self.lines is not None:
             return library.silhouette(self.lines, **window)
         return library.coverage_of(self.horizontal, self.vertical, area=self.area, **window)
-
-
-def _flat(
-    line: NDArray[np.int32], span: Floats, *, spacing: float, phase: float, roll: float
-) -> LineImage:
-    """Lines of which only the place across the line of sight counts."""
-    nothing = np.zeros_like(span)
-    surface = np.zeros(len(line), np.int32)
-    piece = np.concatenate([span, nothing], axis=1)
-    return LineImage(line, piece, surface, np.zeros((1, 3)), spacing, phase, 0.0, 0.0, roll)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,30 +1,114 @@
-"""Identification of simulated flights' profiles by classifiers trained on synthetic ones.
+"""Range profiles of the proposed sensor, and their identification.
 
-Article, 'Conclusions': measured profiles of ships that synthetic ones were learned of.
+Of synthetic ships, made by the stages of the laser radar at the range that measured images stand in
+for, and of ships in simulated flights (the source, 'Conclusions': synthetic profiles are learned).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ncti.checks import NothingSeenError
+from ncti.irar import measured_extent
+from ncti.irar.corrected import image_of
+from ncti.ladar import expected_profile, no_return
 from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Output, Stream, in_memory, plain
-from sweeps.stages import acn, classifier, views
+from sweeps.engine.stage import NOWHERE, Output, Stream, coordinate, in_memory, plain
+from sweeps.stages import acn, classifier, ladar, views
 from sweeps.stages.acn import Network, TrainingSet
 from sweeps.stages.classifier import NONE, Classifier, ClassifierGroup, Views
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flights import flown
-from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar
+from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar, flight_of
+from sweeps.stages.ladar import Ladar
 from sweeps.stages.mnn import mnn, mnn_training
 from sweeps.stages.scores import tabulate_scores
-from sweeps.stages.signatures import KINDS, signature_kinds
 from sweeps.stages.views import IRAR, Arrays, Grid, Keywords, Profiles, by_key, looks, require
 
 if TYPE_CHECKING:
     import xarray as xr
+
+KINDS = ("learned", "test", "measured")
+
+flight_images = views.image_stages("flight_image", range=Irar.profile_range, below=Irar.depression)
+flight_cnr = replace(ladar.cnr_at_range, name="flight_cnr", reads={"range": Irar.profile_range})
+FLIGHT_SIGNAL = ladar.RECEIVED | {"cnr": "flight_cnr"}
+FLIGHT_IMAGE = {"image": "flight_image", "slant_range": Irar.profile_range}
+flight_extent = replace(ladar.extent, name="flight_extent", reads=ladar.extent.reads | FLIGHT_IMAGE)
+flight_ifovs = replace(ladar.ifovs, name="flight_ifovs", reads={"extent": "flight_extent"})
+learned_signature = replace(
+    ladar.expected,
+    name="learned_signature",
+    reads=FLIGHT_SIGNAL | {"extent": "flight_ifovs"},
+    group=NOWHERE,
+)
+DRAWN = (Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate)
+test_signature = replace(
+    ladar.averaged,
+    name="test_signature",
+    reads=FLIGHT_SIGNAL | {"ifovs": "flight_ifovs", "frame_count": Irar.profile_frames},
+    along=(Irar.profile_frames,),
+    stream=Stream(DRAWN, "flight_signature"),
+    group=NOWHERE,
+)
+
+
+@FLIGHTS.stage(
+    Output("signature", ("kind", "down_range"), label="range profile, noise floor included"),
+    uses=(Grid, Irar, Ladar),
+    reads={"ladar_ifov": Ladar.ifov, **FLIGHT_SIGNAL},
+)
+def signature(
+    corrected: Arrays,
+    learned_signature: Profiles,
+    test_signature: Profiles,
+    course: Keywords | None,
+    receivers: Keywords,
+    *,
+    aspect: float,
+    pulse_width: float,
+    profile_range: float,
+    ladar_ifov: float,
+    bin_width: float,
+    window: float,
+    **signal: Any,
+) -> Profiles:
+    """Return (kind, bin) training, test and measured profiles.
+
+    Measured ones are NaN of a ship that is not flown past.
+    """
+    measured = np.full_like(learned_signature, np.nan)
+    if course is not None:
+        flight = flight_of(aspect, dict(course + receivers))
+        try:
+            seen = measured_extent(
+                image_of(corrected),
+                flight,
+                slant_range=profile_range,
+                ifov=ladar_ifov,
+                bin_width=bin_width,
+                window=window,
+            )
+        except NothingSeenError:
+            seen = no_return(window, bin_width)
+        measured[:] = expected_profile(seen, pulse_width=pulse_width, **signal)
+    return np.stack([learned_signature, test_signature, measured])
+
+
+@FLIGHTS.stage(
+    coordinate("kind", ("kind",), "U8", "kind of profile; measured: in a simulated flight"),
+)
+def signature_kinds() -> NDArray[np.str_]:
+    """Return the kinds of signatures."""
+    return np.array(KINDS)
+
+
+# Identification
 
 Namer = Callable[[Profiles, Views], Arrays]
 """Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ncti.ships import Transform
 
 GROUP = "ships"
+MEASURES = ("length", "beam", "height")
 ASPECT, DEPRESSION = 57.0, 12.0  # of the picture [deg]: from the port bow, which is on the left
 ROWS, COLUMNS = 80, 200  # of the picture
 LIGHT = np.array([0.4, 0.6, 0.69])  # towards the light: right, up, towards the eye
@@ -37,9 +38,7 @@ MOST_LINES = 12  # of ships, on the screen
 
 
 @stage(
-    Output("length", dtype="f8", label="length above the waterline", unit="m"),
-    Output("beam", dtype="f8", label="beam above the waterline", unit="m"),
-    Output("height", dtype="f8", label="height above the waterline", unit="m"),
+    *(Output(name, dtype="f8", label=f"{name} above the waterline", unit="m") for name in MEASURES),
     Output("facets", dtype="i4", label="facets of the mesh"),
     Output("pixel", dtype="f8", label="pixel of the picture", unit="m"),
     Output(
@@ -53,13 +52,10 @@ MOST_LINES = 12  # of ships, on the screen
 )
 def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
     """Return a ship's measures, its picture, and what looks wrong with its mesh."""
-    length, beam, height = mesh.extents
-    pixel, picture = drawn(mesh)
-    return {
-        **{"length": length, "beam": beam, "height": height},
-        **{"facets": len(mesh.faces), "pixel": pixel, "picture": picture},
-        "warning": warning(mesh.metadata["findings"], mesh.metadata["mend"])[:LONGEST_WARNING],
-    }
+    measures = dict(zip(MEASURES, mesh.extents, strict=True))
+    words = warning(mesh.metadata["findings"], mesh.metadata["mend"])
+    found = {"facets": len(mesh.faces), "warning": words[:LONGEST_WARNING]}
+    return measures | found | dict(zip(("pixel", "picture"), drawn(mesh), strict=True))
 
 
 def drawn(mesh: trimesh.Trimesh) -> tuple[float, NDArray[np.float32]]:

@@ -12,9 +12,8 @@ from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.stages import classifier
 from sweeps.stages.acn import profile_order
-from sweeps.stages.measured import acn_settings, lesson, measured, namer
+from sweeps.stages.measured import KINDS, acn_settings, lesson, measured, namer
 from sweeps.stages.mnn import Mnn, mnn_settings
-from sweeps.stages.signatures import KINDS
 
 SHIPS, ASPECTS, BINS = ("a", "b", "c"), (0.0, 30.0, 60.0, 90.0), 120
 VIEWS = (len(SHIPS), len(ASPECTS))
