@@ -1,8 +1,11 @@
 """What stages return is checked against their declarations, at once and by name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from toys import run
+from small_stores import opened
+from toys import CALLS, run
 
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.settings import Settings, count, read_choices
@@ -79,22 +82,23 @@ class Few(Settings, key="few"):
 
 @stage(Output("x", ("place",), label="x"), uses=(Few,), group=Group("all"))
 def growing(size):
-    """An array that is longer for larger sizes, without padding."""
-    if size > 3:
-        raise AssertionError("computed after the mistake was known")
+    """An array that is longer for larger sizes."""
+    CALLS["growing"] += 1
     return np.zeros(size)
 
 
-def test_padding_that_is_not_declared_stops_the_sweep_at_once(tmp_path, monkeypatch):
-    from sweeps.engine import schedule
-
-    monkeypatch.setattr(schedule, "MOST_CELLS", 3)  # of a task
+def test_padding_that_is_not_declared_is_refused_and_costs_no_results(tmp_path):
     declared = Experiment("few", "Few", (Few,), (growing,))
-    many = read_choices(declared.declared, {"few.size": list(range(1, 20))})
+    choices = read_choices(declared.declared, {})
     with pytest.raises(DeclarationError) as refused:
-        run(declared, many, tmp_path / "s.zarr")
+        run(declared, choices, tmp_path / "s.zarr", tmp_path / "cache")
     assert str(refused.value) == (
         "stage growing: x has the shape (2,) in one cell and (1,) in another, but no value to pad "
         "it with; declare pad=... or origin=..."
     )
     assert not (tmp_path / "s.zarr").exists()
+    padded = replace(growing, outputs=(replace(growing.outputs[0], pad=-1.0),))
+    CALLS.clear()
+    run(replace(declared, stages=(padded,)), choices, tmp_path / "s.zarr", tmp_path / "cache")
+    assert not CALLS
+    assert opened(tmp_path / "s.zarr", "all").x.sum() == -3

@@ -90,17 +90,6 @@ def test_local_workers_make_the_same_store(store, tmp_path, workers):
     assert files(tmp_path / "s.zarr") == files(store)
 
 
-def test_the_order_of_values_does_not_matter(store, tmp_path):
-    go(
-        tmp_path / "s.zarr",
-        spring__stiffness=[4, 1, 2],
-        spring__mass=[2, 1],
-        measured__length=[4, 2],
-        measured__rule=["mean", "max"],
-    )
-    assert files(tmp_path / "s.zarr") == files(store)
-
-
 def test_values_alone_and_in_company_are_equal():
     choices = read_choices(SPRINGS.declared, {"measured.rule": ["max", "mean", "min"]})
     assert company(SPRINGS, choices) == {"noisy": 24, "answers": 24}
