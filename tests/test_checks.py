@@ -48,19 +48,10 @@ def test_a_number_is_refused_exactly_if_out_of_bounds(
     ("value", "bounds", "sentence"),
     [
         (math.nan, {}, "wind is nan, but must be a finite number"),
-        (0, {"positive": True}, "wind is 0, but must be a finite number above 0"),
-        (3, {"maximum": 2}, "wind is 3, but must be a finite number at most 2"),
         (1.5, {"whole": True, "minimum": 1}, "wind is 1.5, but must be a whole number at least 1"),
-        (
-            1.0,
-            {"minimum": 0, "below": 1},
-            "wind is 1.0, but must be a finite number at least 0 and below 1",
-        ),
+        (1.0, {"below": 1}, "wind is 1.0, but must be a finite number below 1"),
         ("3", {}, "wind is '3', but must be a finite number"),
-        (b"3", {}, "wind is b'3', but must be a finite number"),
         (None, {}, "wind is None, but must be a finite number"),
-        ([1, 2], {}, "wind is [1, 2], but must be a finite number"),
-        (2j, {}, "wind is 2j, but must be a finite number"),
         # More than a float holds, and more digits than Python prints.
         (10**400, {}, "wind is inf, but must be a finite number"),
         pytest.param(-(10**5000), {}, "wind is -inf, but must be a finite number", id="-1e5000"),

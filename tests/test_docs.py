@@ -20,7 +20,11 @@ from sweeps.experiment import EXPERIMENT
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
 
 ELSEWHERE = {"engine.md"}  # tests/engine/test_sweep.py runs what is on it
-WITH_CODE = [page for page in DOCS if fences(page, "python", "sh") and page.name not in ELSEWHERE]
+WITH_CODE = [
+    page
+    for page in (ROOT / "README.md", *DOCS)
+    if fences(page, "python", "sh") and page.name not in ELSEWHERE
+]
 
 
 @pytest.fixture(scope="module")
@@ -66,10 +70,10 @@ def test_what_is_on_the_page_runs(page, smoke_store, results, tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     namespace = {}
-    for language, block in fences(page, "python", "sh"):
-        if language == "python" and (name := of_file(block)):
+    for language, block in fences(page, "python", "py", "sh"):
+        if language != "sh" and (name := of_file(block)):
             Path(name).write_text(block, encoding="utf-8")
-        elif language == "python":
+        elif language != "sh":
             exec(compile(block, page.name, "exec"), namespace)
         for line in commands(block, "ncti-sweep") if language == "sh" else ():
             if not re.search(r" (--|-sc)", line):  # options that print something and end

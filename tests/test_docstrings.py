@@ -1,6 +1,7 @@
 """Public names of the library are documented alike: summary, example, See Also, reference."""
 
 import inspect
+import pydoc
 import re
 from collections.abc import Iterator
 from importlib import import_module
@@ -31,29 +32,18 @@ def see_also(text: str) -> Iterator[str]:
             yield from re.split(r",\s*", line.split(" : ")[0].strip())
 
 
-def resolves(name: str, package: Any, owner: Any) -> bool:
+def resolves(name: str, owner: Any) -> bool:
     """Whether a name is found from its class, its package, or by its full path."""
-    for start in (owner, package):
-        found = start
-        try:
-            for part in name.split("."):
-                found = getattr(found, part)
-        except AttributeError:
-            continue
-        return True
-    module, _, rest = name.rpartition(".")
-    while module:
-        try:
-            found = import_module(module)
-        except ImportError:
-            module, _, first = module.rpartition(".")
-            rest = f"{first}.{rest}"
-            continue
-        return resolves(rest, found, found)
-    return False
+    starts = (f"{owner.__module__}.{owner.__qualname__}.", f"{package_of(owner)}.", "")
+    return any(pydoc.locate(f"{start}{name}") is not None for start in starts)
 
 
-def problems(name: str, thing: Any, package: Any) -> Iterator[str]:
+def package_of(owner: Any) -> str:
+    """Name of the package below `ncti` that a public name belongs to."""
+    return ".".join(owner.__module__.split(".")[:2])
+
+
+def problems(name: str, thing: Any) -> Iterator[str]:
     """What one public function or class lacks."""
     text = inspect.cleandoc(thing.__doc__ or "")
     summary, *after = text.split("\n", 2)
@@ -68,7 +58,7 @@ def problems(name: str, thing: Any, package: Any) -> Iterator[str]:
     if not listed:
         yield f"{name}: no See Also"
     for other in listed:
-        if not resolves(other, package, thing):
+        if not resolves(other, thing):
             yield f"{name}: See Also names '{other}', which is not found"
     yield from sources(name, text, found)
 
@@ -99,5 +89,5 @@ def test_public_names_are_documented(package):
         if inspect.isclass(thing) or inspect.isroutine(inspect.unwrap(thing))
     }
     assert documented
-    found = [one for name, thing in documented.items() for one in problems(name, thing, module)]
+    found = [one for name, thing in documented.items() for one in problems(name, thing)]
     assert not found, "\n".join(found)

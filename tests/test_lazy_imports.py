@@ -6,7 +6,6 @@ from importlib import metadata
 from pathlib import Path
 
 import ncti
-from ncti import classify
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -31,11 +30,6 @@ def test_the_library_alone_loads_nothing_but_itself():
 
 def test_the_library_has_the_version_of_its_distribution():
     assert ncti.__version__ == metadata.version("ncti-sweep")
-
-
-def test_every_public_name_of_the_classifiers_is_found():
-    assert set(classify.__all__) <= {*dir(classify)}
-    assert [getattr(classify, name).__name__ for name in classify.__all__] == classify.__all__
 
 
 def test_the_command_line_loads_no_library_that_takes_long():

@@ -44,8 +44,3 @@ def test_every_table_of_a_page_has_its_command(page):
 def test_every_report_of_the_pages_has_one_place(name):
     texts = [page.read_text(encoding="utf-8") for page in pages.pages()]
     assert sum(text.count(pages.begin(name)) for text in texts) == 1
-
-
-def test_the_page_of_fits_stays_short():
-    text = (pages.ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 25 * len(fits.REPORTS)

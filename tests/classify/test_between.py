@@ -36,16 +36,6 @@ def test_a_parabola_has_its_own_tangent_and_half_its_second_difference(aspect):
     np.testing.assert_allclose(found.residual, np.outer(0.02 * step**2 / 2, bins), rtol=1e-9)
 
 
-def test_the_moment_is_that_of_an_aspect_uniform_within_its_cell():
-    """10^5 draws: a variance of a uniform number errs by 0.9/sqrt(n) of itself."""
-    before, behind = 3.0, 8.0
-    aspect = np.array([-before, 0.0, behind]) + 50
-    means = np.outer(aspect, np.ones(BINS))
-    tangent = cells(means, np.zeros(3), aspect, WHITE).tangent[1, 0]
-    drawn = np.random.default_rng(0).uniform(-before / 2, behind / 2, 10**5)
-    assert tangent**2 == pytest.approx(np.mean(drawn**2), rel=5 * 0.9 / np.sqrt(10**5))
-
-
 def test_the_band_of_a_residual_is_positive_semidefinite():
     rng = np.random.default_rng(3)
     factor = np.tril(np.triu(rng.normal(size=(BINS, BINS)), -6))

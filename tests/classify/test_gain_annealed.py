@@ -134,35 +134,6 @@ def test_a_step_follows_the_gradient_with_momentum():
         np.testing.assert_allclose(values(layers(network), i, name), expected, rtol=1e-13)
 
 
-@pytest.mark.parametrize("gain", [0.25, 3.0])
-def test_a_gain_is_larger_weights_and_a_larger_step(gain):
-    """Thimm, Moerland and Fiesler: gain g at step s is gain 1, weights times g, at step g^2 s.
-
-    A node's own factor multiplies w.x + theta as it stands in either network: its step is s in
-    both.
-    """
-    rng = np.random.default_rng(3)
-    network, (X, targets) = random_network(rng), random_task(rng)
-    twin = deepcopy(network)
-    for layer in layers(twin):
-        layer.weights *= gain
-        layer.offsets *= gain
-    for _ in range(50):
-        loss, gradient = network.loss_and_gradient(X, targets, gain)
-        twin_loss, twin_gradient = twin.loss_and_gradient(X, targets, 1.0)
-        np.testing.assert_allclose(twin_loss, loss, rtol=1e-10)
-        network.step(gradient, 0.02)
-        for slope in twin_gradient:
-            slope.weights *= gain**2
-            slope.offsets *= gain**2
-        twin.step(twin_gradient, 0.02)
-    for mine, theirs in zip(layers(network), layers(twin), strict=True):
-        # Fifty steps of a smooth map, each good to a few units in the last place.
-        np.testing.assert_allclose(theirs.weights, gain * mine.weights, rtol=1e-9, atol=1e-10)
-        np.testing.assert_allclose(theirs.offsets, gain * mine.offsets, rtol=1e-9, atol=1e-10)
-        np.testing.assert_allclose(theirs.factors, mine.factors, rtol=1e-9)
-
-
 # Growing ---------------------------------------------------------------------------------------
 
 

@@ -66,35 +66,7 @@ def test_log_likelihood_is_that_of_a_dense_gaussian(
         np.testing.assert_allclose(logs[:, t], by_hand, rtol=1e-10)
 
 
-def test_an_average_of_frames_is_one_frame_of_less_noise():
-    means, floor, dense = templates()
-    X = means[::-1] + 0.1
-    # A shift of the floor is no noise of the frames: its unit is set apart.
-    known = GaussianTemplates(floor_sigma=0.0)
-    eight = clone(known).fit(means, lower_band(dense), LABELS, floor)
-    one = clone(known).fit(means, lower_band(dense) / 8, LABELS, floor)
-    np.testing.assert_allclose(eight.log_likelihood(X, 8), one.log_likelihood(X, 1), rtol=1e-12)
-
-
 # ------------------------------------------------------------------ unknown gain and floor
-
-
-def logs_at(X, **parameters):
-    means, floor, dense = templates()
-    classifier = GaussianTemplates(**parameters)
-    return classifier.fit(means, lower_band(dense), LABELS, floor).log_likelihood(X, 4)
-
-
-@pytest.mark.parametrize("name", ["gain_sigma", "floor_sigma"])
-def test_a_prior_that_closes_leaves_the_known_value(name):
-    """The difference falls as the square of the prior's width: slope 2 within 1 %."""
-    X = templates()[0][::-1] + 0.1
-    other = {"gain_sigma": 0.0, "floor_sigma": 0.0}
-    differences = [
-        np.abs(logs_at(X, **other | {name: sigma}) - logs_at(X, **other)) for sigma in (1e-3, 1e-4)
-    ]
-    slope = np.log10(differences[0] / differences[1])
-    np.testing.assert_allclose(slope, 2.0, rtol=0.01)
 
 
 # ------------------------------------------------------------------ probabilities and answers

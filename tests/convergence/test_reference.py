@@ -94,16 +94,6 @@ def test_outline_of_a_box_at_a_finite_range(aspect, depression, slant_range):
     assert found.area.sum() == pytest.approx(ConvexHull(corners).volume, abs=GRID_AREA)
 
 
-def test_what_is_nearer_hides_what_is_farther():
-    far = rectangle(-6.0, 6.0, -4.0, 4.0, 5.5, **VIEW)
-    near = rectangle(-1.0, 2.0, -5.0, 1.0, -3.5, **VIEW)
-    for order in ([far, near], [near, far]):
-        scene = trimesh.util.concatenate(order)
-        found = reference_range_extent(scene, **VIEW, bin_edges=EDGES)
-        assert found.area[0, 96] == pytest.approx(18.0, abs=GRID_AREA)
-        assert found.area[0, 105] == pytest.approx(96.0 - 15.0, abs=GRID_AREA)
-
-
 def boxes_at_odds() -> list[trimesh.Trimesh]:
     rng = np.random.default_rng(5)
     solids = []

@@ -80,16 +80,6 @@ def test_whole_pixels_of_shift_change_nothing(mask, down, right, interpolation):
     )
 
 
-def test_angle_0_is_along_columns_and_grows_towards_rows():
-    heavy = np.zeros((41, 41), dtype=bool)
-    heavy[19:22, 18:34] = True
-    heavy[16:25, 14:20] = True  # the centroid is near this end: the arm points away from it
-    # The arm straddles the border of two of 16 sectors.
-    for mask, sectors in ((heavy, {15, 0}), (heavy.T, {3, 4}), (heavy[:, ::-1], {7, 8})):
-        reach = log_polar(mask, angles=16, inner_radius=1.3).sum(axis=1)
-        assert set(np.argsort(reach)[-2:].tolist()) == sectors
-
-
 # Closed forms
 
 
@@ -104,19 +94,6 @@ def ellipse(pixel, *, finer=16, long=40.0, short=15.0, turn=0.4, centre=(0.0, 0.
 def inside_ellipse(x, y, long, short, turn):
     along, aside = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
     return (along / long) ** 2 + (aside / short) ** 2 <= 1
-
-
-def test_a_disc_gives_a_step_at_radius_one():
-    disc = ellipse(1.0, long=40.0, short=40.0, centre=(0.3, -0.2))
-    found = log_polar(disc, radii=48, inner_radius=0.75)
-    edges = 0.75 * 4 ** (np.arange(49) / 48)  # of the cells
-    blur = 1.5 / 40  # a pixel's half diagonal, and one pixel of interpolation
-    inside, outside = edges[1:] < 1 - blur, edges[:-1] > 1 + blur
-    assert inside.sum() + outside.sum() >= 43
-    np.testing.assert_allclose(found[:, inside], 1.0, atol=1e-12)
-    np.testing.assert_array_equal(found[:, outside], 0.0)
-    # Between them the map depends on the radius alone, up to a few shares of pixels.
-    assert np.ptp(found, axis=0).max() < 0.25
 
 
 def test_error_falls_as_the_pixel():

@@ -41,11 +41,3 @@ def test_neither_gain_nor_floor_matters(profile, gain, floor):
 @pytest.mark.parametrize("flat", [0.0, 4000.1, 1e300, 5e-324])
 def test_a_profile_without_a_peak_is_zero(flat):
     np.testing.assert_array_equal(profile_vector(np.full(250, flat)), np.zeros(250))
-
-
-def test_edges_and_not_the_median_find_the_floor_of_a_long_ship():
-    profile = np.full(250, 100.0)
-    profile[36:214] += 50.0  # 178 of 250 bins, a ship seen from the bow
-    vector = profile_vector(profile)
-    assert vector[:20].tolist() == [0.0] * 20
-    assert vector[100] == 1.0

@@ -98,13 +98,6 @@ def test_thresholds_know_neither_gain_nor_offset(method, gain, offset):
 # The likelihood ratio
 
 
-def test_threshold_is_the_mid_level_at_equal_sigmas():
-    known = {"contrast": 0.27, "target_sigma": 0.14, "sea_sigma": 0.14}
-    around = 0.135 * np.array([[1 - 1e-9, 1 + 1e-9]])
-    below, above = ratio_of(around, **known)[0]
-    assert below < 0 < above
-
-
 @given(contrasts, sigmas, sigmas)
 def test_ratio_is_that_of_two_gaussians_up_to_the_vertex(contrast, target_sigma, sea_sigma):
     x = np.linspace(-3 * sea_sigma, contrast + 3 * target_sigma, 50)[None]
@@ -116,24 +109,6 @@ def test_ratio_is_that_of_two_gaussians_up_to_the_vertex(contrast, target_sigma,
     # Terms of the difference reach 1e6 and more, and cancel.
     size = (x / sea_sigma) ** 2 + ((x - contrast) / target_sigma) ** 2 + 10
     assert (np.abs(found - exact)[rising] <= 1e-12 * size[rising]).all()
-
-
-@pytest.mark.parametrize(("target_sigma", "sea_sigma"), [(0.1, 0.1), (0.3, 0.1), (0.1, 0.3)])
-def test_errors_of_single_pixels_are_those_of_theory(target_sigma, sea_sigma):
-    # Binomial counts of 200,000 pixels, within 4 standard deviations (two-sided 6e-5 each).
-    contrast, n = 0.27, 200_000
-    known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
-    a = 1 / sea_sigma**2 - 1 / target_sigma**2
-    b, c = contrast / target_sigma**2, -(contrast**2) / target_sigma**2 / 2
-    c -= np.log(target_sigma / sea_sigma)
-    roots = np.roots([a / 2, b, c]) if a else np.array([-c / b])
-    threshold = min(root for root in roots if root > 0)  # the rising branch
-    rng = np.random.default_rng(5)
-    for mean, sigma in ((contrast, target_sigma), (0.0, sea_sigma)):
-        x = rng.normal(mean, sigma, (1, n))
-        hits = (ratio_of(x, **known) > 0).sum()
-        p = stats.norm.sf(threshold, mean, sigma)
-        assert abs(hits - n * p) < 4 * np.sqrt(n * p * (1 - p))
 
 
 # Iterated conditional modes
@@ -165,15 +140,6 @@ def slow_modes(target, ratio, *, beta=0.5, passes=10):
 @given(ratios)
 def test_conditional_modes_equal_a_plain_loop(ratio):
     np.testing.assert_array_equal(modes(ratio > 0, ratio), slow_modes(ratio > 0, ratio))
-
-
-def test_neighbours_fill_gaps_and_remove_specks():
-    target = ship()
-    ratio = np.where(target, 5.0, -5.0)
-    ratio[14, 20], ratio[2, 2] = -1.0, 1.0  # weak doubts against 8 neighbours
-    np.testing.assert_array_equal(modes(ratio > 0, ratio), target)
-    ratio[14, 20], ratio[2, 2] = -2.5, 2.5  # beyond what 8 neighbours outvote
-    np.testing.assert_array_equal(modes(ratio > 0, ratio), ratio > 0)
 
 
 # Regions

@@ -51,26 +51,6 @@ def test_an_image_does_not_depend_on_its_company(drawer, counts, seed):
         assert other.bit_generator.seed_seq.state == rng.bit_generator.seed_seq.state
 
 
-COUNTS = (1, 3, 4, 10, 16, 24, 64)
-
-
-def test_joint_law_of_the_sums():
-    """Means and all 28 covariances over 40,000 pixels, z-tests at 1e-3.
-
-    The sums over the first M and N frames have covariance min(M, N).
-    """
-    sums = noise(COUNTS, seed=31) * np.array(COUNTS)[:, None]
-    pixels = sums.shape[1]
-    expected = np.minimum.outer(COUNTS, COUNTS).astype(float)
-    variances = np.diagonal(expected)
-    z_mean = sums.mean(axis=1) / np.sqrt(variances / pixels)
-    # Wick: Var(x y) = Cov^2 + Var x Var y.
-    error = np.sqrt((expected**2 + np.outer(variances, variances)) / pixels)
-    z_covariance = (sums @ sums.T / pixels - expected) / error
-    z = np.concatenate([z_mean, z_covariance[np.triu_indices(len(COUNTS))]])
-    assert np.abs(z).max() < stats.norm.isf(LEVEL / 2 / z.size)
-
-
 def test_every_frame_is_one_white_normal():
     """Frames 1 to 70, differences of sums: KS of each, and all pairs uncorrelated, at 1e-3.
 

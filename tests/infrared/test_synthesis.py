@@ -30,29 +30,6 @@ def z_of_variance(sample, variance):
     return (np.mean(sample**2) / variance - 1) / np.sqrt(2 / sample.size)
 
 
-def box_muller(first, second):
-    """The article's pair, Appendix 2."""
-    radius = np.sqrt(-2 * np.log(first))
-    return radius * np.cos(2 * np.pi * second), radius * np.sin(2 * np.pi * second)
-
-
-def test_box_muller_pairs_are_numpy_normals():
-    """Two-sample KS over 50,000 at 1e-3 for either of the pair, and their independence."""
-    rng = np.random.default_rng(21)
-    # random() may return 0, whose logarithm does not exist: 1 - U is as uniform.
-    pair = box_muller(1 - rng.random(50_000), rng.random(50_000))
-    ours = np.random.default_rng(22).standard_normal(50_000)
-    for one in pair:
-        assert stats.ks_2samp(one, ours).pvalue > LEVEL / 2
-    # Zero correlation, also of magnitudes; and the angle of the pair, uniform only if the joint
-    # density has no direction.
-    limit = stats.norm.isf(LEVEL / 2 / 2) / np.sqrt(50_000)
-    assert abs(np.corrcoef(*pair)[0, 1]) < limit
-    assert abs(np.corrcoef(*np.abs(pair))[0, 1]) < limit
-    angle = np.arctan2(pair[1], pair[0]) / (2 * np.pi) % 1
-    assert stats.kstest(angle, "uniform").pvalue > LEVEL
-
-
 @pytest.mark.parametrize("frame_count", [1, 4, 16, 32])
 def test_both_gaussians(frame_count):
     """KS over 20,000 pixels at 1e-3, and z-tests of mean and variance, of ship and of sea."""
@@ -70,25 +47,12 @@ def test_both_gaussians(frame_count):
 COUNTS = (1, 4, 5, 16)
 
 
-def plain_average(seed, target, frame_counts, *, nedt, spread):
-    """The definition: one scene, as many frames as asked for, averages of the first N."""
-    rng = np.random.default_rng(seed)
-    scene = rng.normal(np.where(target, 0.7, 0.0), spread)
-    frames = scene + rng.normal(0.0, nedt, (max(frame_counts), *target.shape))
-    return np.stack([frames[:n].mean(axis=0) for n in frame_counts])
-
-
-@pytest.mark.parametrize("way", ["walk", "plain"])
-def test_moments_of_prefix_averages(way):
+def test_moments_of_prefix_averages():
     """Mean and covariance between frame counts, z-tests over 40,000 pixels at 1e-3.
 
-    Cov(average of M, average of N) = spread^2 + nedt^2 / max(M, N), by the walk and by the
-    definition alike.
+    Cov(average of M, average of N) = spread^2 + nedt^2 / max(M, N).
     """
-    if way == "walk":
-        averages = draw(8, frame_counts=COUNTS, nedt=0.4, target_spread=0.1, sea_spread=0.1)
-    else:
-        averages = plain_average(9, HALF, COUNTS, nedt=0.4, spread=0.1)
+    averages = draw(8, frame_counts=COUNTS, nedt=0.4, target_spread=0.1, sea_spread=0.1)
     deviation = (averages - np.where(HALF, 0.7, 0.0)).reshape(len(COUNTS), -1)
     count = deviation.shape[1]
     expected = 0.1**2 + 0.4**2 / np.maximum.outer(COUNTS, COUNTS)

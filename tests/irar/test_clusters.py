@@ -37,24 +37,6 @@ def test_it_is_the_mean_of_the_most_populated_window(ranges, window):
     np.testing.assert_allclose(found.ravel(), expected, rtol=0, atol=1e-13)
 
 
-def test_ties_go_to_the_tightest_then_the_nearest():
-    assert histogram_cluster_average([0.0, 3.0, 50.0, 51.0], window=4.0) == 50.5
-    assert histogram_cluster_average([0.0, 1.0, 50.0, 51.0], window=4.0) == 0.5
-    assert histogram_cluster_average([7.0, 90.0], window=4.0) == 7.0
-    # Two windows of three share two looks; the tighter one is the farther.
-    assert histogram_cluster_average([0.0, 3.0, 4.0, 5.0], window=4.0) == 4.0
-
-
-def test_limits():
-    looks = np.random.default_rng(0).normal(3900, 1, (50, 9))
-    wide = histogram_cluster_average(looks, window=1e6)
-    np.testing.assert_allclose(wide, looks.mean(axis=-1), rtol=1e-14)
-    narrow = histogram_cluster_average(looks, window=1e-12)
-    np.testing.assert_array_equal(narrow, looks.min(axis=-1))  # nine clusters of one
-    same = np.full((2, 10), 3900.1)
-    np.testing.assert_array_equal(histogram_cluster_average(same, window=4.0), [3900.1, 3900.1])
-
-
 @pytest.mark.parametrize("shape", [(0,), (3, 0), (0, 4)])
 def test_no_look_is_no_range(shape):
     found = histogram_cluster_average(np.zeros(shape), window=4.0)

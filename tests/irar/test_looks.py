@@ -40,13 +40,6 @@ def listed(index):
     return found
 
 
-def scanned(lines, samples, overscan, seed=0):
-    """Places of samples that climb as a flight does, uneven by a tenth of a pixel."""
-    jitter = np.random.default_rng(seed).uniform(-0.05, 0.05, (2, lines, samples))
-    row = (np.arange(lines)[:, None] + 0.5) / overscan - 0.5 + jitter[0] / overscan
-    return row, np.arange(samples) + jitter[1]
-
-
 @given(
     st.lists(st.tuples(places, places), max_size=40),
     st.sampled_from([np.arange(6), np.arange(0, 6, 1 / 8), np.arange(0, 6, 1 / 3), np.arange(0)]),
@@ -58,23 +51,6 @@ def test_looks_are_those_of_the_definition(samples, rows, columns):
     expected = plain_looks(row, column, rows, columns)
     assert listed(index) == expected
     assert index.shape == (len(rows), columns, max([1, *map(len, expected.values())]))
-
-
-def test_output_pixels_share_no_sample_and_lose_none():
-    row, column = scanned(lines=240, samples=50, overscan=9.7)
-    column = column + 0.37  # across the pixels' edges
-    index = gather_looks(row, column, rows=np.arange(25), columns=51)
-    held = index[index >= 0]
-    assert len(held) == len(set(held.tolist()))
-    assert sorted(held.tolist()) == list(range(row.size))
-
-
-def test_windows_at_line_rate_overlap():
-    row, column = scanned(lines=120, samples=4, overscan=12)
-    index = gather_looks(row, column, rows=np.arange(1, 8, 1 / 12), columns=4)
-    assert (index >= 0).sum(axis=-1).min() >= 11 and index.shape[-1] <= 13
-    shared = np.intersect1d(index[0, 0], index[1, 0])
-    assert len(shared[shared >= 0]) >= 10
 
 
 @given(

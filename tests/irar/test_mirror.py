@@ -74,11 +74,3 @@ def test_the_printed_form_is_the_limit_for_small_depressions(mirror_angle):
             for form in ("exact", "printed")
         )
         assert exact / printed - 1 == pytest.approx(bend * gamma**2, rel=2 * bend * gamma**2 + 1e-9)
-
-
-def test_compass_points():
-    np.testing.assert_allclose(
-        compass([0, 90, 180, 270, 0], [0, 0, 0, 0, 90]),
-        [[0, 1, 0], [1, 0, 0], [0, -1, 0], [-1, 0, 0], [0, 0, 1]],
-        atol=1e-15,
-    )

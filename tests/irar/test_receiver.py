@@ -49,22 +49,6 @@ def below(level, *, depth, pulse_length):
     return -np.expm1(-level) * np.exp(-depth / pulse_length * rate)
 
 
-def simulated_peaks(depth, pulse_length, *, count, seed, oversampling=16):
-    """Largest intensity of a Gaussian process of range, 16 samples a pulse."""
-    rng = np.random.default_rng(seed)
-    step = pulse_length / oversampling
-    inside = round(depth / step) + 1
-    size = 1 << math.ceil(math.log2(inside + 6 * oversampling))  # wraps beyond the depth
-    lag = np.minimum(np.arange(size), size - np.arange(size)) * step
-    power = np.fft.fft(np.exp(-2 * (lag / pulse_length) ** 2)).real.clip(0)
-    found = []
-    for _ in range(0, count, 500):
-        white = rng.standard_normal((500, size, 2)).view(complex)[..., 0] * math.sqrt(0.5)
-        field = np.fft.ifft(white * np.sqrt(power * size), axis=1)[:, :inside]
-        found.append((np.abs(field) ** 2).max(axis=1))
-    return np.concatenate(found)
-
-
 def single_look_snr(intensity):
     return intensity.mean() / intensity.std()
 
@@ -94,20 +78,6 @@ def test_a_deck_has_the_largest_of_its_returns():
     nearest = np.abs(range_[:, None] - apart).argmin(axis=1)
     np.testing.assert_allclose(range_, apart[nearest], rtol=0, atol=0.01)
     assert stats.chisquare(np.bincount(nearest, minlength=9)).pvalue > LEVEL
-
-
-@pytest.mark.parametrize(
-    ("depth", "off"), [(4.5, 0.04), (20.0, 0.04), (100.0, 0.025), (300.0, 0.01), (1000.0, 0.01)]
-)
-def test_noise_peaks_have_their_distribution(depth, off):
-    """4,000 peaks of a simulated process against the closed form.
-
-    A Kolmogorov-Smirnov distance up to 0.031 is chance at the level 1e-3; the rest is the closed
-    form's own error, which its docstring states.
-    """
-    found = simulated_peaks(depth, 4.5, count=4000, seed=int(depth))
-    distance = stats.kstest(found, lambda u: below(u, depth=depth, pulse_length=4.5)).statistic
-    assert distance < off + 1.95 / math.sqrt(4000)
 
 
 @pytest.mark.parametrize("range_sigma", [0.5, 1.0])

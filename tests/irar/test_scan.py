@@ -1,6 +1,5 @@
 """A scan as it is recorded: trailing detectors, what averaging gains, jitter, and its metadata."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -36,16 +35,6 @@ def test_detectors_trail_each_other_over_the_ship(flown):
         np.testing.assert_allclose(scan.infrared[k], expected[:, columns], rtol=1e-6)
     np.testing.assert_array_equal(scan.infrared[5, :, 5:], scan.infrared[0, :, :-5])
     assert scan.infrared[0].max() == pytest.approx(warmth, rel=1e-6)
-
-
-def test_dropouts_have_neither_intensity_nor_range(flown):
-    dim = dataclasses.replace(flown, plan=ScanPlan(
-        dataclasses.replace(flown.plan.flight, threshold=6.0), flown.plan.first, flown.plan.lines
-    ))  # fmt: skip
-    scan = dim.record(np.random.default_rng(8))
-    np.testing.assert_array_equal(scan.intensity == 0, np.isnan(scan.range))
-    assert 0.1 < np.isnan(scan.range).mean() < 0.9
-    assert scan.intensity[scan.intensity > 0].min() >= 6
 
 
 @pytest.mark.parametrize("jitter_time", [0.004, 0.1, 10.0])

@@ -9,7 +9,7 @@ from flown import crossing, flight, pole_on_box, scanned_at
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from ncti.irar.scene import RAYS, ScanPlan, plan_scan, scan_scene
+from ncti.irar.scene import RAYS, plan_scan, scan_scene
 from ncti.render import cast_rays
 
 BOX = trimesh.creation.box((60.0, 9.0, 5.0)).apply_translation((0, 0, 2.5))
@@ -90,16 +90,7 @@ def test_each_line_sees_the_ship_where_it_then_is():
         assert found == pytest.approx(column, abs=0.34)
         drifted.append(column)
     assert len(drifted) > 200
-    frozen = scan_scene(mesh, _frozen(plan)).coverage()
-    lines = np.flatnonzero(frozen.sum(axis=1) > 0)
-    assert len(lines) in (0, plan.lines)  # every line sees the same
     assert abs(drifted[-1] - drifted[0]) > 10
-
-
-def _frozen(plan):
-    """The same lines, all taken within a microsecond."""
-    fast = dataclasses.replace(plan.flight, line_rate=1e5, pulse_rate=1e9)
-    return ScanPlan(fast, 0, plan.lines)
 
 
 @settings(deadline=None, max_examples=40)

@@ -60,19 +60,7 @@ def speckled(image, rng):
     return image * ship + SEA * sea
 
 
-SHEARS = [
-    (0.0, 0.0),
-    (0.1, 0.0),
-    (0.0, 0.1),
-    (0.5, 0.0),
-    (0.0, -0.5),
-    (2.0, 0.0),
-    (0.0, 2.0),
-    (-5.0, 0.0),
-    (0.0, 5.0),
-    (2.0, 0.5),
-    (5.0, -5.0),
-]
+SHEARS = [(0.0, 0.0), (0.1, 0.0), (0.0, -0.5), (-5.0, 0.0), (2.0, 0.5), (5.0, -5.0)]
 
 
 @pytest.mark.parametrize(("mast", "waterline"), SHEARS)
@@ -91,14 +79,14 @@ def test_coarser_truth_is_as_good_as_said(truth):
 
 
 def test_speckle_leaves_what_the_standard_error_says(truth):
-    """24 images of 10 looks at 20 dB: masts within 0.2 deg each, both as wide as their errors.
+    """12 images of 10 looks at 20 dB: masts within 0.2 deg each, both as wide as their errors.
 
-    Squared errors over squared standard errors sum to a chi-squared of 24 degrees, which
+    Squared errors over squared standard errors sum to a chi-squared of 12 degrees, which
     exceeds its bound once in 10,000 times. The standard error may be twice too large.
     """
     rng = np.random.default_rng(1)
     image = sheared(truth, 0.5, -0.5)
-    found = [tilts(speckled(image, rng), truth) for _ in range(24)]
+    found = [tilts(speckled(image, rng), truth) for _ in range(12)]
     mast = np.array([t.mast - 0.5 for t in found])
     waterline = np.array([t.waterline + 0.5 for t in found])
     assert np.abs(mast).max() < 0.2
@@ -109,8 +97,8 @@ def test_speckle_leaves_what_the_standard_error_says(truth):
         (waterline, np.array([t.waterline_error for t in found])),
     ):
         squares = np.sum((error / said) ** 2)
-        assert squares < stats.chi2(24).isf(1e-4)
-        assert squares > stats.chi2(24).ppf(1e-4) / 4
+        assert squares < stats.chi2(12).isf(1e-4)
+        assert squares > stats.chi2(12).ppf(1e-4) / 4
 
 
 def test_image_without_a_ship_has_no_tilt(truth):

@@ -1,9 +1,7 @@
-"""What flights past whole ships still lean by once corrected: by geometry, and against the truth.
+"""What flights past whole ships still lean by once corrected, by geometry.
 
 Connole at 3 km, Roberts at 3.9 km and Duncan at 4 km, at 6.7 deg, with the defaults of a flight.
 """
-
-from functools import cache, cached_property
 
 import numpy as np
 import pytest
@@ -12,62 +10,24 @@ from flown import flight
 from ncti import ships
 from ncti.irar import (
     Correction,
-    correct,
     fly,
-    ship_window,
-    tilts,
-    true_snapshot,
 )
 from ncti.irar.chain import places
 from ncti.irar.scene import RAYS
 
 SLANT_RANGE = {"connole": 3000.0, "roberts": 3900.0, "duncan": 4000.0}
-CELLS = 8
 
 
-class Flown:
-    """A pass by a ship, its noiseless scan and the truth."""
-
-    def __init__(self, ship, aspect):
-        wide = {} if aspect == 175 else {"samples": 240, "pulse_rate": 30e3}
-        self.mesh = ships.load(ship)
-        seen = flight(aspect, slant_range=SLANT_RANGE[ship], cnr=100.0, **wide)
-        self.passed = fly(self.mesh, seen)
-        self.window = ship_window(self.mesh, seen, margin=6)
-
-    @cached_property
-    def truth(self):
-        return true_snapshot(self.mesh, self.passed.plan.flight, self.window, cells=CELLS)
-
-    @cached_property
-    def noiseless(self):
-        return self.corrected(self.passed.noiseless())
-
-    def corrected(self, scan, **how):
-        """Image of a scan, and the places of its samples in it."""
-        row, column, _ = places(scan, Correction(**how))
-        image = correct(scan, Correction(**how), window=self.window)
-        return image, (row - self.window.bottom, column - self.window.left)
-
-    def tilt(self, corrected, *channels):
-        """Of a corrected scan, by some of its images together."""
-        image, spots = corrected
-        return tilts(
-            [getattr(image, name) for name in channels],
-            [getattr(self.truth, name) for name in channels],
-            places=spots,
-        )
-
-
-@cache
 def flown(ship, aspect):
-    return Flown(ship, aspect)
+    """A pass by a ship."""
+    wide = {} if aspect == 175 else {"samples": 240, "pulse_rate": 30e3}
+    return fly(ships.load(ship), flight(aspect, slant_range=SLANT_RANGE[ship], cnr=100.0, **wide))
 
 
 NEAR_STERN = [(ship, 175) for ship in SLANT_RANGE]
 
 
-def leans(passed, how=None):
+def leans(passed):
     """Mast and waterline [deg] by where rays' points are put, no image; and those places' scatter.
 
     Where samples are put, and where the snapshot shows what their rays meet, in pixels: slopes of
@@ -83,7 +43,7 @@ def leans(passed, how=None):
     ways = seen.directions(along + part[rightward], part[upward])
     points = seen.position(time) + returns.distance[:, None] * ways
     shown = pictured(seen, points - seen.position(np.zeros(())))
-    row, column, _ = places(passed.noiseless(), how or Correction())
+    row, column, _ = places(passed.noiseless(), Correction())
     # A ray is beside the middle of its sample by as much as their directions are apart.
     middle = pictured(seen, seen.directions(along, np.zeros_like(along)))
     put = np.stack([row[line, sample], column[line, sample]]) + pictured(seen, ways) - middle
@@ -109,7 +69,7 @@ def test_corrections_put_what_rays_meet_where_the_snapshot_shows_it(ship, aspect
     A sample has one range, for rays that on a deck are metres apart: 10 m of it, seen from 20 m
     aside, at 4 km, are 10 / 4000 * 20 m, a sixteenth of a pixel.
     """
-    mast, waterline, scatter = leans(flown(ship, aspect).passed)
+    mast, waterline, scatter = leans(flown(ship, aspect))
     assert abs(mast) < 0.01
     assert abs(waterline) < 0.01
     assert scatter < 1 / 16

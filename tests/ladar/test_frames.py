@@ -1,7 +1,5 @@
 """Frames do not depend on how many are drawn with them, and are those of the plain computation."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -131,8 +129,8 @@ def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
     assert np.abs(ours - plain).max() < 16 * np.finfo(np.float32).eps * plain.max()
 
 
-@pytest.mark.parametrize("pulse_width", [1e-9, 1.8e-9, 2e-9, 3e-9, 10e-9, 30e-9, 50e-9, 1e-6])
-@pytest.mark.parametrize("bins", [1, 2, 7, 250, 501])
+@pytest.mark.parametrize("pulse_width", [1e-9, 1.8e-9, 30e-9, 1e-6])
+@pytest.mark.parametrize("bins", [1, 2, 7, 250])
 def test_noise_is_even_and_odd_in_turn(pulse_width, bins):
     """Halves make the whole covariance, up to the eigenvalues left out and the rounding."""
     pulse = {"pulse_width": pulse_width, "bin_width": 1.0, "bin_count": bins}
@@ -146,15 +144,6 @@ def test_noise_is_even_and_odd_in_turn(pulse_width, bins):
     tolerance = 1e-6 * largest + 8 * np.finfo(np.float32).eps * wanted[0, 0]
     assert np.abs(lower - wanted[:half, :half]).max() < tolerance
     assert np.abs(upper - wanted[:half, bins - half :]).max() < tolerance
-
-
-def factors_of(speckle):
-    """What the normals of the occupied bins of each IFOV are multiplied by, (bin, bin) each."""
-    bins = (speckle.response.size + 1) // 2
-    lag = np.arange(bins) - speckle.occupied[:, None]
-    size = speckle.amplitude[:, None] * speckle.response[bins - 1 + lag]
-    whole = np.where(np.abs(lag) < speckle.reach[:, None], size, np.float32(0.0))
-    return np.split(whole, speckle.first[1:-1])
 
 
 @pytest.mark.parametrize("target_free_ifovs", [0, 4000])
@@ -182,18 +171,3 @@ def test_covariance_of_what_is_drawn(pulse_width, target_free_ifovs):
     z_variance = (square.mean(axis=0) - wanted) / (square.std(axis=0) / np.sqrt(count))
     z = np.concatenate([z_mean, z_variance])
     assert np.abs(z).max() < stats.norm.isf(level / 2 / z.size)
-
-
-@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
-def test_bins_outside_the_target_add_nothing(pulse_width):
-    """Speckle drawn in every bin has the covariance of that on occupied ones, up to rounding."""
-    seen = extent(bins=250, ifovs=4)
-    everywhere = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
-    signal = {"pulse_width": pulse_width, "cnr": 1e3}
-    for few, whole in zip(
-        *(factors_of(fields.Speckle.of(one, **signal)) for one in (seen, everywhere)), strict=True
-    ):
-        assert len(few) < len(whole)
-        found, plain = (part.astype(float).T @ part for part in (few, whole))
-        # Less than the noise's deviation times `UNFELT` is cut off; products are of float32.
-        np.testing.assert_allclose(found, plain, atol=1e-6 * plain.max())

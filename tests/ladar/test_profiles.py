@@ -8,7 +8,6 @@ from scipy import stats
 from ncti.ladar import (
     RangeExtent,
     carrier_to_noise,
-    cumulative_average,
     expected_profile,
     frame_moments,
     noise_floor,
@@ -164,16 +163,6 @@ def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, mon
     assert parameters["target_free_ifovs"] >= GAUSSIAN_FROM
     for bin_index in (0, 60, 85, 100):
         assert stats.ks_2samp(shortcut[:, bin_index], plain[:, bin_index]).pvalue > 1e-3 / 4
-
-
-def test_cumulative_averages_are_prefixes():
-    frames = np.random.default_rng(0).random((8, 5))
-    averages = cumulative_average(frames, (1, 4, 8))
-    np.testing.assert_allclose(averages[0], frames[0])
-    np.testing.assert_allclose(averages[1], frames[:4].mean(axis=0))
-    np.testing.assert_allclose(averages[2], frames.mean(axis=0))
-    with pytest.raises(ValueError, match="frame_count is 9"):
-        cumulative_average(frames, (4, 9))
 
 
 def test_carrier_to_noise_of_a_filled_beam():

@@ -1,11 +1,9 @@
 """The store of flights that a notebook opens."""
 
-from contextlib import chdir
 from pathlib import Path
 
 import pytest
-
-from sweeps.app import command
+from commands import swept
 
 # Two ships of which the second is flown past, several values on two of the axes that the notebook
 # asks for and one on the third; few and coarse lines, in a tenth of a second a flight.
@@ -31,7 +29,5 @@ FLIGHTS = [
 def flight_store(tmp_path_factory) -> Path:
     """Finished store of a small sweep of flights."""
     folder = tmp_path_factory.mktemp("flights")
-    with chdir(folder):
-        own = ("store=flights.zarr", "cache=cache", "cluster=inline")
-        assert command().main([*FLIGHTS, *own]) == 0
+    assert not swept(folder / "flights.zarr", folder / "cache", *FLIGHTS).failures
     return folder / "flights.zarr"

@@ -38,12 +38,6 @@ for _number in _figures:
 """
 
 
-def run(notebook, folder):
-    NotebookClient(
-        notebook, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
-    ).execute()
-
-
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs_and_every_panel_shows_something(path, request, tmp_path, monkeypatch):
     store = request.getfixturevalue(STORES.get(path.stem, "smoke_store"))
@@ -51,15 +45,17 @@ def test_notebook_runs_and_every_panel_shows_something(path, request, tmp_path, 
     notebook = nbformat.read(path, as_version=4)
     new_cell = nbformat.v4.new_code_cell
     notebook.cells = [new_cell(KEEP_FIGURES), *notebook.cells, new_cell(LOOK_AT_FIGURES)]
-    run(notebook, tmp_path)
+    here = {"metadata": {"path": str(tmp_path)}}
+    NotebookClient(notebook, timeout=120, kernel_name="python3", resources=here).execute()
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_says_what_is_missing(path, tmp_path, monkeypatch):
     monkeypatch.setenv("NCTI_STORE", str(tmp_path / "absent.zarr"))
-    notebook = nbformat.read(path, as_version=4)
-    with pytest.raises(Exception, match="run a sweep first, or set NCTI_STORE"):
-        run(notebook, tmp_path)
+    cells = nbformat.read(path, as_version=4).cells
+    first = next(cell for cell in cells if cell.cell_type == "code")
+    with pytest.raises(FileNotFoundError, match="run a sweep first, or set NCTI_STORE"):
+        exec(first.source, {})
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

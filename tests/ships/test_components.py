@@ -87,22 +87,6 @@ def test_component_is_in_the_mesh(slabs, name, index) -> None:
     assert missing(name, index, slabs(name)) < MISSING
 
 
-@pytest.mark.parametrize("name", ships.names())
-def test_dropped_component_is_missed(name) -> None:
-    """Every fifteenth component, and every cut, is left out in turn: the check says so.
-
-    The ship without it is built of what is near it alone; all else is outside its room.
-    """
-    all_pieces = pieces(name)
-    dropped = [i for i, p in enumerate(all_pieces) if i and (i % 15 == 0 or p.cuts)]
-    for index in dropped:
-        own = all_pieces[index].solid
-        rest = [p for i, p in enumerate(all_pieces) if i != index and meets(p.solid, own)]
-        without = union([p.solid for p in rest if not p.cuts])
-        without -= union([p.solid for p in rest if p.cuts])
-        assert missing(name, index, [without]) > 0.99, all_pieces[index].name
-
-
 def listed(name: str) -> list[dict]:
     """Lines of a sheet as they stand in the file."""
     lines = yaml.safe_load(packaged_text(name))["components"]

@@ -1,12 +1,10 @@
 """Ships that simulations keep: read again only when their content changes."""
 
 import numpy as np
-import pytest
 import trimesh
 
 import ncti.ships
 from ncti import simulate
-from ncti.simulate import subject
 
 
 def barge(length):
@@ -19,22 +17,7 @@ def profile(ship):
     return simulate.range_profile(ship, aspect=30.0, frames=1, target_free_ifovs=0)
 
 
-@pytest.fixture
-def loaded(monkeypatch):
-    """Ships that were read, in order."""
-    subject._loaded.cache_clear()
-    log = []
-
-    def load(ship):
-        log.append(ship)
-        return ncti.ships.load(ship)
-
-    monkeypatch.setattr(subject, "load", load)
-    yield log
-    subject._loaded.cache_clear()
-
-
-def test_no_mesh_of_a_caller_is_kept(tmp_path, loaded):
+def test_no_mesh_of_a_caller_is_kept(tmp_path):
     """A mesh that is loaded, or given, and changed afterwards changes no later result."""
     path = tmp_path / "barge.stl"
     barge(40.0).export(path)

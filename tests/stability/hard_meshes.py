@@ -20,26 +20,6 @@ def mesh(vertices, faces):
     return trimesh.Trimesh(np.asarray(vertices, dtype=np.float64), faces, process=False)
 
 
-def flat_subdivided(count):
-    """The box with `count` x `count` x 2 facets a side, all of them flat."""
-    k = np.arange(count + 1) / count
-    across, along = (part.ravel() for part in np.meshgrid(k, k, indexing="ij"))
-    first = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).ravel()
-    halves = ([0, count + 1, count + 2], [0, count + 2, 1])
-    side = np.concatenate([first[:, None] + np.array(half) for half in halves])
-    vertices, faces = [], []
-    for axis in range(3):
-        for end, level in enumerate((LOW, HIGH)):
-            place = np.empty((len(across), 3))
-            b, c = (axis + 1) % 3, (axis + 2) % 3
-            place[:, axis] = level[axis]
-            place[:, b] = LOW[b] + (HIGH - LOW)[b] * across
-            place[:, c] = LOW[c] + (HIGH - LOW)[c] * along
-            faces.append((side if end else side[:, ::-1]) + len(across) * len(vertices))
-            vertices.append(place)
-    return mesh(np.concatenate(vertices), np.concatenate(faces))
-
-
 def with_slivers(share):
     """The box, each facet split at a point this share of its height above its longest edge."""
     corners = np.asarray(box().triangles)

@@ -16,11 +16,11 @@ from ncti.render import available_engines
 from ncti.render.choice import engines
 from sweeps.engine.kinds import Word
 from sweeps.experiment import EXPERIMENT, conf_folder
-from sweeps.report.summary import report, tables_of
+from sweeps.report.summary import report
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.irar import Irar
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Grid, Sweep
+from sweeps.stages.views import Grid
 
 GROUPS = sorted(
     (path.parent.name, path.stem)
@@ -87,17 +87,6 @@ def test_every_experiment_composes_whole(name):
     missing = len(engines()) - len(available_engines())
     skipped = [line for line in EXPERIMENT.about(choices) if "without" in line]
     assert len(skipped) == (missing if name == "runtime_vs_error" else 0)
-
-
-def test_paper_is_the_sources_grid():
-    choices = chosen("+experiment=paper")
-    assert choices.one(Sweep.sensor) == ("infrared", "range")
-    assert choices[Grid.ship] == ("duncan", "horne", "spruance", "texas")
-    assert choices[Grid.aspect] == tuple(range(0, 91, 3))
-    assert choices[Grid.pulse_width] == (10, 30, 50)
-    assert choices[Grid.frame_count] == (4, 8, 16, 32)
-    assert choices[Grid.range] == (100,)
-    assert choices[Grid.vigilance] == (0.80, 0.85, 0.90, 0.95, 0.99)
 
 
 def test_sensitivity_is_one_parameter_at_a_time():
@@ -172,12 +161,10 @@ def assert_on_a_page(text):
 
 
 def assert_tables_fit(store):
-    """Every table is printed in 80 columns, with all others and alone."""
-    for table in (None, [*tables_of(store)][-1]):
-        console = Console(file=io.StringIO(), width=80)
-        report(store, console, table=table)
-        lines = console.file.getvalue().splitlines()
-        assert max(map(cell_len, lines)) <= 80, table
+    """The tables are printed in 80 columns."""
+    console = Console(file=io.StringIO(), width=80)
+    report(store, console)
+    assert max(map(cell_len, console.file.getvalue().splitlines())) <= 80
 
 
 # Ships that are not flown past have no answers.

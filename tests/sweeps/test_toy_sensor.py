@@ -5,7 +5,6 @@ is named. None of its words stands anywhere else in the project.
 """
 
 import csv
-import re
 import sys
 
 import numpy as np
@@ -118,14 +117,6 @@ def test_its_table_is_reported(store, capsys):
     rows = list(csv.DictReader(files["toy.csv"].open()))
     assert len(rows) == 4
     assert [float(row["share"]) for row in rows if float(row["scatter_m"]) == 0] == [1, 1]
-
-
-def test_its_axes_have_curves_and_selectors_on_the_page(store):
-    text = store.with_name("s-report.html").read_text(encoding="utf-8")
-    (against,) = re.findall(r'<select id="against">(.*?)</select>', text)
-    assert set(re.findall(r'<option value="(\w+)"', against)) >= {"echoes", "scatter_m"}
-    assert set(re.findall(r'<select data-axis="(\w+)"', text)) >= {"echoes", "scatter_m"}
-    assert '"group": "tables/toy"' in text  # of which the page's script writes Python
 
 
 def test_it_extends_and_is_found_again(store, capsys):

@@ -19,7 +19,7 @@ main(sys.argv[1:])
 """
 TINY = (
     *("grid.ship=duncan", "grid.aspect=[0,90]", "grid.frame_count=4", "store=s.zarr"),
-    *("cache=cache", "cluster=inline"),
+    "cluster=inline",
 )
 
 
@@ -54,9 +54,9 @@ def test_code_and_data_of_users_are_in_the_wheel(unpacked):
         assert found == below(ROOT / package, *kinds)
 
 
-def test_the_command_runs_from_the_wheel(unpacked, folder):
+def test_the_command_runs_from_the_wheel(unpacked, folder, cache):
     done = subprocess.run(
-        [sys.executable, "-c", COMMAND, *TINY],
+        [sys.executable, "-c", COMMAND, *TINY, f"cache={cache}"],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(unpacked)},
         capture_output=True,
