@@ -90,7 +90,7 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     """Return a frame with the article's figures where they may be compared, and the bound."""
     frame = _with_bound(_with_frames_in_all(frame))
     axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
-    found: dict[str, dict[Any, float]] = {name: {} for name in frame.of_role("figure")}
+    theirs: dict[str, dict[Any, float]] = {name: {} for name in frame.of_role("figure")}
     for number, part in enumerate(frame.parts):
         defaults = _defaults(part, attributes)
         if defaults is None:
@@ -104,9 +104,9 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
             row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED} | row
             row["bin"] = _bin_start(str(row.get("aspect_bin")))
             for _, figure, at, value in printed:
-                if figure in found and all(row.get(name) == one for name, one in at.items()):
-                    found[figure][label] = value
-    for name, values in found.items():
+                if figure in theirs and all(row.get(name) == one for name, one in at.items()):
+                    theirs[figure][label] = value
+    for name, values in theirs.items():
         if values:
             numbers = pd.Series(values).reindex(frame.rows.index)
             frame = _with_column(frame, name, f"source_{name}", "source", numbers)
@@ -132,7 +132,7 @@ def _defaults(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] 
     if source not in GROUPS or not _has_source_views(part, attributes):
         return None
     settings = {one.key: one for group in GROUPS[source] for one in group.declared}
-    found = {}
+    defaults = {}
     for key, written in flatten(settings.values(), attributes.get("configuration", {})).items():
         setting = settings[key]
         derived = setting.fallback is not None or isinstance(setting.kind, Draws)
@@ -142,8 +142,8 @@ def _defaults(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] 
         if not given & default:
             return None
         if given - default:
-            found[setting.name] = default
-    return found
+            defaults[setting.name] = default
+    return defaults
 
 
 def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:

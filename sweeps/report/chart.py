@@ -19,7 +19,7 @@ def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
     column = frame.columns[figure]
     beside = {role: next(iter(frame.of_role(role, figure)), "") for role in BESIDE}
     scale = scale_of(frame.rows[figure].dropna().tolist(), UP)
-    if column.unit == "%":
+    if column.unit == "%" and not column.format.startswith("+"):  # a difference may be below 0
         scale = {"domain": [0, 100], "nice": False}
     y = {"field": figure, "type": "quantitative", "title": column.heading, "scale": scale}
     return {"y": y, **beside}
@@ -29,12 +29,12 @@ def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
     """Return the encoding of an axis: of numbers a scale, of words their places."""
     values = [value for value in values_of(frame.rows, column.name) if value != "overall"]
     numeric = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-    found: dict[str, Any] = {"field": column.name, "title": column.heading}
+    encoding: dict[str, Any] = {"field": column.name, "title": column.heading}
     if not numeric:
-        return found | {"type": "nominal", "sort": values, "axis": {"labelAngle": 0}}
+        return encoding | {"type": "nominal", "sort": values, "axis": {"labelAngle": 0}}
     ticks = {"values": values} if len(values) <= 8 else {"tickCount": 6}
     labels = {"labelExpr": "format(datum.value, '~g')", "labelOverlap": True}
-    return found | {
+    return encoding | {
         "type": "quantitative",
         "scale": {**scale_of(values, ALONG), "padding": 14, "nice": False},
         "axis": {**ticks, **labels},

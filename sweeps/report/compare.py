@@ -59,25 +59,25 @@ def compare(first: Path, second: Path) -> dict[str, Frame]:
         If a store has no tables, or the stores have nothing in common.
     """
     ours, theirs = read_frames(first), read_frames(second)
-    said = f"{printable(second.name)} less {printable(first.name)}"
+    stores = f"{printable(second.name)} less {printable(first.name)}"
     known = {_key(part): part for part in _scored(first, ours)}
     parts = []
     for part in _scored(second, theirs):
         if (other := known.get(_key(part))) is not None:
             table = _differences(_answers(first, other), _answers(second, part))
-            title = f"{DISPLAY.title}: {said}"
+            title = f"{DISPLAY.title}: {stores}"
             display = replace(DISPLAY, title=title, labels=part.display.labels)
             parts.append(tidy(table, display, "") if table is not None else None)
     paired = [part for part in parts if part is not None]
-    found = {NAME: stacked(paired)} if paired else {}
+    frames = {NAME: stacked(paired)} if paired else {}
     for name in (one for one in theirs if one in ours and one != SCORES):
-        rest = _subtracted(ours[name], theirs[name], said)
-        found |= {rest.name: rest} if len(rest.rows) and rest.figures else {}
-    if not found:
+        rest = _subtracted(ours[name], theirs[name], stores)
+        frames |= {rest.name: rest} if len(rest.rows) and rest.figures else {}
+    if not frames:
         raise ConfigurationError(
             f"store is {str(second)!r}, but must have answers in common with {str(first)!r}"
         )
-    return found
+    return frames
 
 
 def compared_name(first: Path, second: Path) -> Path:
@@ -104,7 +104,7 @@ def sentences(frames: Mapping[str, Frame]) -> list[str]:
     ]
 
 
-def _subtracted(first: Frame, second: Frame, said: str) -> Frame:
+def _subtracted(first: Frame, second: Frame, stores: str) -> Frame:
     """Return the figures of a table, second less first, at the places that both have."""
     figures = [
         name
@@ -128,7 +128,7 @@ def _subtracted(first: Frame, second: Frame, said: str) -> Frame:
     return replace(
         second,
         name=f"{second.name}_{NAME}",
-        title=f"{second.title}: {said}",
+        title=f"{second.title}: {stores}",
         rows=rows.assign(**{PART: 0}),
         columns=columns,
         parts=(replace(second.parts[0], group=""),),
@@ -182,16 +182,16 @@ def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None
         return None
     one, other = (answers.transpose(..., *draws, *VIEW) for answers in (one, other))
     asked = (one.values >= 0) & (other.values >= 0)
-    found = paired_difference(
+    difference = paired_difference(
         one.values == 1, other.values == 1, one.aspect.values, draws=len(draws), answered=asked
     )
     cells = one.isel(dict.fromkeys((*draws, *VIEW), 0), drop=True)
-    cells = cells.expand_dims(aspect_bin=list(found.labels), axis=-1)
+    cells = cells.expand_dims(aspect_bin=list(difference.labels), axis=-1)
     figures = {
-        "difference": (found.fraction, "fraction of ships identified, second less first"),
-        "ci_low": (found.ci_low, "lower end of its 95 % interval"),
-        "ci_high": (found.ci_high, "upper end of its 95 % interval"),
-        "n": (found.n, "number of pairs of answers"),
+        "difference": (difference.fraction, "fraction of ships identified, second less first"),
+        "ci_low": (difference.ci_low, "lower end of its 95 % interval"),
+        "ci_high": (difference.ci_high, "upper end of its 95 % interval"),
+        "n": (difference.n, "number of pairs of answers"),
     }
     return xr.Dataset(
         {

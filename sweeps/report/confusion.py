@@ -34,8 +34,8 @@ def confusion_of(store: Any) -> Frame | None:
             labels = {"classifier": name.removesuffix("_infrared"), "channel": channel}
             own = {key: text for key, text in labels.items() if key not in counted.coords}
             parts.append(tidy(counted, replace(DISPLAY, labels=own), ""))
-    found = [part for part in parts if part is not None]
-    return stacked(found) if found else None
+    answered = [part for part in parts if part is not None]
+    return stacked(answered) if answered else None
 
 
 def _counted(predicted: xr.DataArray) -> xr.Dataset:

@@ -82,7 +82,7 @@ def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
     there = np.isfinite(flights.looks)
     flown = np.atleast_1d(there.any([dim for dim in there.dims if dim != "ship"]).values)
     others = set(map(str, flights.looks.dims)) - {"ship", "aspect", "range", "replicate"}
-    draws, found = flights.sizes.get("replicate", 1), {}
+    draws, titled = flights.sizes.get("replicate", 1), {}
     places = (np.atleast_1d(flights[name].values) for name in ("range", "aspect"))
     for ship, *at in product(np.atleast_1d(flights.ship.values)[flown], *places):
         here = flights.sel(ship=ship, range=at[0], aspect=at[1])
@@ -91,8 +91,8 @@ def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
         for axis in sorted(others):
             if flights.sizes[axis] > 1 and axis in one.looks.coords:
                 title += f", {axis.replace('_', ' ')} {one[axis].item()}"
-        found[title + f", first of {draws} draws" * (draws > 1)] = one
-    return found
+        titled[title + f", first of {draws} draws" * (draws > 1)] = one
+    return titled
 
 
 def _setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
@@ -157,11 +157,11 @@ def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[St
     )
     window = irar.ship_window(mesh, scan.flight, margin=MARGIN)
     truth = irar.true_snapshot(mesh, scan.flight, window, **way.surface)
-    found = [overscanned]
+    images = [overscanned]
     for title, image in _corrected(scan, way, estimate):
         ship = irar.segmented(image, estimate, threshold=way.threshold)
-        found.append(_stage(title, ship, estimate.slant_range))
-    return [*found, _stage("truth, noiseless", truth, scan.flight.slant_range)]
+        images.append(_stage(title, ship, estimate.slant_range))
+    return [*images, _stage("truth, noiseless", truth, scan.flight.slant_range)]
 
 
 def _corrected(scan: Scan, way: Way, estimate: irar.Flight) -> Iterator[tuple[str, Snapshot]]:
@@ -186,10 +186,10 @@ def _corrected(scan: Scan, way: Way, estimate: irar.Flight) -> Iterator[tuple[st
 def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
     """Return a stage, cropped to its ship: the largest bright or warm region."""
     warm = np.nan_to_num(image.infrared)
-    found = (np.nan_to_num(image.intensity) > 0) | (warm > warm.max() / 4)
-    pieces, count = connected(found, structure=np.ones((3, 3)))
+    bright = (np.nan_to_num(image.intensity) > 0) | (warm > warm.max() / 4)
+    pieces, count = connected(bright, structure=np.ones((3, 3)))
     largest = 1 + np.bincount(pieces.ravel(), minlength=2)[1:].argmax()
-    seen = pieces == largest if count else np.ones(found.shape, dtype=bool)
+    seen = pieces == largest if count else np.ones(bright.shape, dtype=bool)
     part = tuple(
         slice(max(0, lit[0] - MARGIN // 2), lit[-1] + 1 + MARGIN // 2)
         for lit in (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
@@ -237,8 +237,8 @@ def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, ti
             bar = figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02, extend=extend)
             bar.set_label(label, fontsize=SMALL)
             bar.ax.tick_params(labelsize=SMALL - 1)
-        said = stage.title if wide else fill(stage.title, NARROW)
-        row[0].set_title(said, fontsize=SMALL, loc="left")
+        heading = stage.title if wide else fill(stage.title, NARROW)
+        row[0].set_title(heading, fontsize=SMALL, loc="left")
     figure.suptitle(title, fontsize=TITLE)
     if any(stage.unseen.any() for stage in every):
         figure.supxlabel(UNSEEN, fontsize=LABEL, color="0.3")

@@ -151,11 +151,11 @@ def frame(path: str | Path, name: str) -> pd.DataFrame:
     ConfigurationError
         If the store has no such table.
     """
-    found = chosen(read_frames(Path(path)), name)
-    rows = found.rows.drop(columns=PART, errors="ignore")
+    table = chosen(read_frames(Path(path)), name)
+    rows = table.rows.drop(columns=PART, errors="ignore")
     rows.attrs["columns"] = {
         key: {"label": one.meaning or one.words, "unit": one.unit}
-        for key, one in found.columns.items()
+        for key, one in table.columns.items()
     }
     return rows
 
@@ -249,7 +249,7 @@ def _columns_of_figures(
 ) -> dict[str, tuple[str, Column]]:
     """Return the variable and the column of each figure, and of what belongs to it, by name."""
     bounded = sum(bool(one.low) for one in figures)
-    found: dict[str, tuple[str, Column]] = {}
+    columns: dict[str, tuple[str, Column]] = {}
     for one in figures:
         prefix = "" if bounded == 1 else f"{one.column}_"
         variables = {one.column: ("figure", one.variable)}
@@ -272,8 +272,8 @@ def _columns_of_figures(
                 TENTHS if is_percent else one.digits,
                 100 if is_percent else 1,
             )
-            found[name] = variable, column
-    return found
+            columns[name] = variable, column
+    return columns
 
 
 def column_of_axis(data: xr.Dataset, name: str) -> Column:

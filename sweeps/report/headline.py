@@ -29,8 +29,8 @@ def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list
     channels = values_of(overall.rows, "channel")
     if "both" in channels:
         channels = [preferred("channel", channels)]
-    found = [_of_scores(overall.at({"channel": one}), axis, attributes) for one in channels]
-    return [sentence for sentence in found if sentence]
+    sentences = [_of_scores(overall.at({"channel": one}), axis, attributes) for one in channels]
+    return [sentence for sentence in sentences if sentence]
 
 
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:
@@ -85,13 +85,13 @@ def _of_any(frame: Frame, swept: Sequence[str]) -> str:
 def _ends(frame: Frame, axis: str) -> str:
     """Return the main figure at the ends of an axis in words, or in the first row without one."""
     rows = frame.rows.sort_values(axis) if axis else frame.rows[:1]
-    figure, said = frame.columns[frame.figures[0]], []
+    figure, ends = frame.columns[frame.figures[0]], []
     for label in dict.fromkeys([rows.index[0], rows.index[-1]]):
         one = cell(frame, label, figure.name)
         words = [one.text, figure.unit, f"[{one.interval}]" * bool(one.interval)]
         words += [f"at {frame.columns[axis].in_words(rows.at[label, axis])}"] if axis else []
-        said.append(" ".join(word for word in words if word))
-    return " and ".join(said)
+        ends.append(" ".join(word for word in words if word))
+    return " and ".join(ends)
 
 
 def ships_in_words(attributes: Mapping[str, Any]) -> str:

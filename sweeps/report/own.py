@@ -119,14 +119,6 @@ def sealed(page: str) -> bytes:
     return content.replace(UNKNOWN.encode(), _digest(content).encode(), 1)
 
 
-def put_page(path: Path, content: bytes) -> bool:
-    """Write a sealed page, unless another file is in its place; return whether it was written."""
-    if not is_free(path):
-        return False
-    write_whole(path, content)
-    return True
-
-
 def is_free(path: Path) -> bool:
     """Return whether a page may be written to a path: nothing or an unchanged page is there."""
     if not os.path.lexists(path):
@@ -134,11 +126,11 @@ def is_free(path: Path) -> bool:
     if path.is_symlink() or not path.is_file():
         return False
     content = path.read_bytes()
-    found = _PAGE.search(content[:BEGINNING])
-    if not found:
+    sealed_by = _PAGE.search(content[:BEGINNING])
+    if not sealed_by:
         return False
-    begin, end = found.span(2)
-    return _digest(content[:begin] + UNKNOWN.encode() + content[end:]) == found[2].decode()
+    begin, end = sealed_by.span(2)
+    return _digest(content[:begin] + UNKNOWN.encode() + content[end:]) == sealed_by[2].decode()
 
 
 def sentence_of(kept: Sequence[Path]) -> str:

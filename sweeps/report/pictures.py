@@ -161,7 +161,7 @@ def pictures_of(path: Path, store: Any) -> dict[str, tuple[str, str]]:
 
     As PNG in base64; a picture that fails is empty, and does not prevent the page.
     """
-    found = {}
+    pictures = {}
     for group in (one for one in DRAWN if one in groups(store)):
         content, why = io.BytesIO(), ""
         try:
@@ -170,5 +170,5 @@ def pictures_of(path: Path, store: Any) -> dict[str, tuple[str, str]]:
                 DRAWN[group](path).savefig(content, format="png", dpi=DPI)
         except Exception as error:
             content, why = io.BytesIO(), f"{type(error).__name__}: {error}".partition("\n")[0]
-        found[group] = base64.b64encode(content.getvalue()).decode("ascii"), why
-    return found
+        pictures[group] = base64.b64encode(content.getvalue()).decode("ascii"), why
+    return pictures

@@ -135,8 +135,10 @@ def chance_in_words(frame: Frame) -> str:
             by = frame.rows.groupby(name)[chance]
             if (by.nunique() <= 1).all():
                 words = frame.columns[name].text
-                said = [f"{words(value)} {text(level)} {unit}" for value, level in by.max().items()]
-                return f"By chance: {', '.join(said)}."
+                texts = [
+                    f"{words(value)} {text(level)} {unit}" for value, level in by.max().items()
+                ]
+                return f"By chance: {', '.join(texts)}."
     return ""
 
 
@@ -153,14 +155,14 @@ def _is_constant(frame: Frame, name: str, down: Sequence[str]) -> bool:
 
 def constants(frame: Frame) -> dict[str, str]:
     """Return the values of axes of one value, with their units, by the words of the axis."""
-    found = {}
+    values_in_words = {}
     for name in frame.of_role("axis"):
         values = frame.rows[name].dropna().unique()
         column = frame.columns[name]
         if len(values) == 1 and not frame.rows[name].isna().any():
             unit = f" {column.unit}".rstrip()
-            found[column.words] = column.text(values.tolist()[0]) + unit
-    return found
+            values_in_words[column.words] = column.text(values.tolist()[0]) + unit
+    return values_in_words
 
 
 def cell(frame: Frame, label: Any, figure: str) -> Cell:
@@ -216,9 +218,9 @@ def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
 
 def place_of(whole: Frame, at: Frame, *, but: Sequence[str] = ()) -> str:
     """Return in words the values at which a frame is, of axes along which the whole differs."""
-    found = []
+    values_in_words = []
     for name in whole.several:
         values = at.rows[name].dropna().unique().tolist()
         if len(values) == 1 and name not in (*whole.down, whole.across, *but):
-            found.append(whole.columns[name].in_words(values[0]))
-    return ", ".join(found)
+            values_in_words.append(whole.columns[name].in_words(values[0]))
+    return ", ".join(values_in_words)

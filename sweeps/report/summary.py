@@ -135,8 +135,8 @@ def written_page(path: Path, frames: Mapping[str, Frame], *place: Path, **more: 
 
 def _swept(path: Path) -> Sequence[str]:
     """Return the names of the axes that were swept."""
-    found: Sequence[str] = attributes(opened(path)).get("swept", ())
-    return found
+    axes: Sequence[str] = attributes(opened(path)).get("swept", ())
+    return axes
 
 
 def _print_main(path: Path, frames: Mapping[str, Frame], console: Console) -> None:

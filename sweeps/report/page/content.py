@@ -33,7 +33,7 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
     about = attributes(store)
     work, matrix = frames.get(WORK), confusion_of(store)
     tables = {name: one for name, one in frames.items() if name != WORK}
-    said = headline(tables, about)
+    sentences = headline(tables, about)
     tables |= {CONFUSION: matrix} if matrix is not None else {}
     axes, first = list(about.get("swept", ())), next(iter(tables.values()))
     # Rows and charts run along the swept axis, or else that of frames.
@@ -44,7 +44,7 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
     return {
         "store": path.name,
         "about": about,
-        "headline": said,
+        "headline": sentences,
         "status": status_of(store),
         "settings": [(key, written(value)) for key, value in settings],
         "swept": swept(store, settings),
@@ -84,14 +84,14 @@ def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
             columns.setdefault(name, one.columns[name])
             known = values.setdefault(name, [])
             known += [value for value in values_of(one.rows, name) if value not in known]
-    found = []
+    selectors = []
     for name, column in columns.items():
         if all(isinstance(value, int | float) for value in values[name]):
             values[name].sort()
         first = preferred(column.axis, values[name])
         options = [(json.dumps(_for_json(v)), column.text(v), v == first) for v in values[name]]
-        found.append({"name": name, "column": column, "options": options})
-    return found
+        selectors.append({"name": name, "column": column, "options": options})
+    return selectors
 
 
 def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]:

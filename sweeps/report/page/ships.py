@@ -26,15 +26,15 @@ def ships_of(store: Any) -> list[dict[str, Any]]:
         return []
     table = read(store, GROUP).load()
     units = {n: unit_of(str(table[n].attrs.get("units", "1"))) for n in MEASURES if n in table}
-    found = []
+    ships = []
     for label in table.ship.values.tolist():
         here = table.sel(ship=label)
         measures = {name: (float(here[name]), unit) for name, unit in units.items()}
         picture = drawn(here.picture.values) if "picture" in here else ""
         warning = str(here.warning.item()) if "warning" in here else ""
         ship = {"label": str(label), "measures": measures, "picture": picture, "warning": warning}
-        found.append(ship)
-    return found
+        ships.append(ship)
+    return ships
 
 
 def drawn(brightness: NDArray[np.floating]) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import sweeps.report
 from sweeps.report.frames import Frame
-from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, put_page, sealed
+from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, sealed, write_whole
 from sweeps.report.stores import page_file
 from sweeps.report.words import printable
 
@@ -38,7 +38,11 @@ def write_page(
     path = page_file(beside or store)
     if not is_free(path):  # found before drawing
         return [path]
-    return [] if put_page(path, sealed(page_of(store, frames, headline))) else [path]
+    content = sealed(page_of(store, frames, headline))
+    if not is_free(path):
+        return [path]
+    write_whole(path, content)
+    return []
 
 
 def is_current(store: Path) -> bool:
@@ -105,8 +109,8 @@ def _policy(styles: list[str], scripts: list[str]) -> str:
     """Return a content security policy that allows these styles, scripts and embedded pictures."""
 
     def digests(texts: list[str]) -> str:
-        found = (hashlib.sha256(one.encode()).digest() for one in texts)
-        return " ".join(f"'sha256-{base64.b64encode(one).decode()}'" for one in found)
+        hashes = (hashlib.sha256(one.encode()).digest() for one in texts)
+        return " ".join(f"'sha256-{base64.b64encode(one).decode()}'" for one in hashes)
 
     allowed = (f"style-src {digests(styles)}", f"script-src {digests(scripts)}")
     rest = ("img-src data:", "base-uri 'none'", "form-action 'none'")
