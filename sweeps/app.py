@@ -67,11 +67,12 @@ def command(*modules: Any) -> Command:
 
     heed()
     from sweeps.experiment import EXPERIMENT, MODULES, assemble
+    from sweeps.report.places import beside
 
     heed()
     packages = tuple(one.__name__ for one in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    return Command(experiment, report)
+    return Command(experiment, report, beside)
 
 
 def report(store: Path, choices: Choices, finished: Finished) -> None:

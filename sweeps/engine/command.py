@@ -6,7 +6,7 @@ import errno
 import logging
 import sys
 import threading
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -47,10 +47,14 @@ Sweep = tuple[Plan, Path]  # what is swept, and its store
 
 @dataclass(frozen=True)
 class Command:
-    """The command line of an experiment; `report` is called with the store, choices and outcome."""
+    """The command line of an experiment; `report` is called with the store, choices and outcome.
+
+    `beside` returns the paths that the report of a store writes to.
+    """
 
     experiment: Experiment
     report: Report = lambda path, choices, finished: None
+    beside: Callable[[Path], Iterable[Path]] = lambda store: ()
 
     @property
     def name(self) -> str:
@@ -148,7 +152,7 @@ class Command:
                 _cluster(choices)
                 cache = self._cache_folder(choices)
                 check_folder("cache", cache)
-                check_apart(map(Path, stores), Path(cache))
+                check_apart(map(Path, stores), Path(cache), self.beside)
                 with self._variables(choices):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)

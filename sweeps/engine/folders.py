@@ -16,7 +16,7 @@ import socket
 import tempfile
 import uuid
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -65,12 +65,20 @@ def check_folder(key: str, path: str | Path) -> None:
     _checked_place(key, path, inside=False)
 
 
-def check_apart(stores: Iterable[Path], cache: Path) -> None:
-    """Refuse stores of one command in one another, or around its cache.
+def check_apart(
+    stores: Iterable[Path], cache: Path, beside: Callable[[Path], Iterable[Path]]
+) -> None:
+    """Refuse stores of one command in one another, around its cache, or where reports are written.
 
-    `check_target` and `check_folder` refuse those that are there already.
+    `check_target` and `check_folder` refuse those that are there already. `beside` returns the
+    paths that the report of a store writes to, which may be a store that is there, too.
     """
     places = {real_place(path): path for path in stores}
+    for path in places.values():
+        for written in beside(path):
+            if real_place(written) in places or is_store(written):
+                reason = f"whose report would be written into the store {str(written)!r}"
+                raise _wrong("store", path, f"{reason}; give another path")
     for key, path in (("cache", cache), *(("store", path) for path in places.values())):
         place = real_place(path)
         around = [place, *place.parents][key == "store" :]

@@ -11,7 +11,7 @@ from typing import Any
 
 from sweeps.report.frames import PART, Frame
 from sweeps.report.own import OwnFiles
-from sweeps.report.stores import tables_folder
+from sweeps.report.places import tables_folder
 from sweeps.report.words import missing
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets

@@ -19,8 +19,9 @@ from rich.console import Console
 from rich.progress import track
 
 from sweeps.report.own import OwnFiles
+from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page
-from sweeps.report.stores import attributes, groups, nominal, opened, read, tables_folder
+from sweeps.report.stores import attributes, groups, nominal, opened, read
 from sweeps.report.words import printable
 
 if TYPE_CHECKING:

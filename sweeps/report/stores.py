@@ -1,4 +1,4 @@
-"""Finished stores: their groups, attributes and damage, and where their reports are."""
+"""Finished stores: their groups, attributes and damage."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from sweeps.engine.folders import verify
 from sweeps.engine.zarr_array import nested
 from sweeps.report.words import MAIN, preferred, printable
 
-SUFFIX = ".zarr"
 READ = ("tables",)  # groups that the report prints
 # Dimensions of profiles and images.
 OF_ARRAYS = (
@@ -90,22 +89,6 @@ def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> 
         if value:
             place[dim] = value.index(chosen if chosen in value else preferred(names[0], value))
     return dataset.isel(place)
-
-
-def tables_folder(path: Path) -> Path:
-    """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
-    return _beside(path, "tables")
-
-
-def page_file(path: Path) -> Path:
-    """Return the file of a store's page: of `q.zarr` `q-report.html`, of `q` `q.report.html`."""
-    return _beside(path, "report.html")
-
-
-def _beside(path: Path, what: str) -> Path:
-    if path.name.endswith(SUFFIX):
-        return path.with_name(f"{path.name.removesuffix(SUFFIX)}-{what}")
-    return path.with_name(f"{path.name}.{what}")
 
 
 def located(path: Path) -> str:

@@ -16,16 +16,9 @@ from sweeps.report.frames import Frame, chosen, read_frames
 from sweeps.report.headline import headline, main_axis
 from sweeps.report.own import is_free
 from sweeps.report.pivot import at_main, constants, laid_out, place_of
+from sweeps.report.places import page_file, tables_folder
 from sweeps.report.screen import line, note, page
-from sweeps.report.stores import (
-    attributes,
-    check_whole,
-    failed_cells,
-    located,
-    opened,
-    page_file,
-    tables_folder,
-)
+from sweeps.report.stores import attributes, check_whole, failed_cells, located, opened
 from sweeps.report.terminal import MOST, print_table
 from sweeps.report.work import NAME as WORK
 from sweeps.report.work import read_work

@@ -11,7 +11,7 @@ import pandas as pd
 from sweeps.report.files import csv_of
 from sweeps.report.frames import Column, Frame
 from sweeps.report.own import OwnFiles
-from sweeps.report.stores import tables_folder
+from sweeps.report.places import tables_folder
 
 if TYPE_CHECKING:
     from sweeps.engine.schedule import Progress

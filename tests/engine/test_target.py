@@ -69,14 +69,23 @@ def test_a_foreign_folder_is_never_touched(tmp_path, appears):
     assert os.listdir(tmp_path) == ["s.zarr"]
 
 
-def test_stores_and_caches_are_apart(tmp_path):
+def test_stores_caches_and_reports_are_apart(tmp_path):
+    def apart(*names, cache="cache"):
+        def beside(store):
+            return [store.with_name(f"{store.name.removesuffix('.zarr')}-tables")]
+
+        check_apart([tmp_path / name for name in names], tmp_path / cache, beside)
+
     def refused(sentence, *names, cache="cache"):
         with pytest.raises(ConfigurationError, match=sentence):
-            check_apart([tmp_path / name for name in names], tmp_path / cache)
+            apart(*names, cache=cache)
 
     refused(r"^store is .*in the store '.*x\.zarr'$", "x.zarr", "x.zarr/a/b")
     refused("^cache is .* must not be in the store", "x.zarr", cache="x.zarr/cache")
-    check_apart([tmp_path / "x.zarr", tmp_path / "y.zarr"], tmp_path / "x-tables")
+    refused("whose report would be written into the store '.*z-tables'", "z-tables", "z.zarr")
+    write_store(tmp_path / "y-tables", small(1), {})
+    refused("whose report would be written into the store '.*y-tables'", "y.zarr")
+    apart("x.zarr", "w", cache="x-tables")
 
 
 @pytest.mark.parametrize("umask", [0, 0o022, 0o077])

@@ -18,7 +18,7 @@ from sweeps.engine.folders import MANIFEST
 from sweeps.engine.packs import seal
 from sweeps.report import stores as of_stores
 from sweeps.report.command import main
-from sweeps.report.stores import tables_folder
+from sweeps.report.places import tables_folder
 from sweeps.report.summary import report
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]

@@ -22,7 +22,7 @@ from sweeps.report.flights import (
     stages,
 )
 from sweeps.report.pictures import write_pictures
-from sweeps.report.stores import tables_folder
+from sweeps.report.places import tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png"]
 

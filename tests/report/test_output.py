@@ -21,7 +21,7 @@ from sweeps.report.files import neutral, write_tables
 from sweeps.report.frames import Column, Frame, read_frames
 from sweeps.report.own import WRITTEN
 from sweeps.report.pivot import laid_out
-from sweeps.report.stores import page_file, tables_folder
+from sweeps.report.places import page_file, tables_folder
 from sweeps.report.summary import report
 from sweeps.report.terminal import text_of
 

@@ -12,7 +12,7 @@ from made import scores
 from pages import page_of, parsed, read_page, stored
 
 from sweeps.report.frames import frame, read_frames
-from sweeps.report.stores import page_file
+from sweeps.report.places import page_file
 
 LARGEST = 5_000_000  # bytes of the page of the smoke experiment, 0.9 MB of them for charts
 

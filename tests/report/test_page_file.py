@@ -21,7 +21,7 @@ from sweeps.engine.schedule import Progress
 from sweeps.report.page import write
 from sweeps.report.page.ships import ships_of
 from sweeps.report.pictures import pictures_of
-from sweeps.report.stores import page_file
+from sweeps.report.places import page_file
 from sweeps.report.summary import tables_of
 from sweeps.report.work import read_work, write_work
 

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from sweeps.report.frames import read_frames
-from sweeps.report.stores import page_file
+from sweeps.report.places import page_file
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (

@@ -13,7 +13,7 @@ from typing import Any
 import sweeps.report
 from sweeps.report.frames import Frame
 from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, sealed, write_whole
-from sweeps.report.stores import page_file
+from sweeps.report.places import page_file
 from sweeps.report.words import printable
 
 FOLDER = Path(sweeps.report.__file__).parent
