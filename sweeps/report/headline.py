@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sweeps.report.frames import Frame, values_of
-from sweeps.report.pivot import at_main, cell, constants, ordered
+from sweeps.report.pivot import FEW, at_main, cell, constants, ordered
 from sweeps.report.words import MAIN, preferred
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 NAMED = ("range", "pulse width", "vigilance", "frame count", "infrared frame count", "aspects")
 BY = {"range": "range profiles", "infrared": "silhouettes", "both": "both sensors"}
-FEW = 30  # answers below which a score is said to rest on few
 
 
 def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list[str]:

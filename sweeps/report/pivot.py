@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.words import NOTHING, WORDED, missing, preferred
+from sweeps.report.words import MAIN, NOTHING, WORDED, missing, preferred
+
+FEW = 30  # answers below which a score is said to rest on few
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
         columns,
         tuple(headings),
         tuple(lines),
-        (*frame.notes, *([chance] if (chance := chance_in_words(frame)) else [])),
+        notes_of(frame),
     )
 
 
@@ -122,6 +124,20 @@ def _joined(line: Line, columns: Sequence[Column], first: int) -> Line:
         if text
     ]
     return replace(line, keys=(*line.keys[:first], ", ".join(words)))
+
+
+def notes_of(frame: Frame) -> tuple[str, ...]:
+    """Return the notes of a table, its level of chance, and why its intervals are wide."""
+    notes = [*frame.notes, chance_in_words(frame)]
+    whole = MAIN["aspect_bin"]
+    if frame.of_role("low") and frame.across and (frame.rows[frame.across] == whole).any():
+        notes.append(
+            "An interval of the whole takes in how much bins differ, and may be the widest."
+        )
+    least = frame.rows["n"][frame.rows["n"] > 0].min() if "n" in frame.rows else FEW
+    if least < FEW:
+        notes.append(f"Where answers are few (n = {least:.0f} at the least), intervals are wide.")
+    return tuple(note for note in notes if note)
 
 
 def chance_in_words(frame: Frame) -> str:

@@ -69,3 +69,10 @@ def test_nothing_is_read_as_markup_and_chance_is_said():
     text = printed(tidy(scores(word=["[red]x", "\x1b[31my"]), DISPLAY, "tables/acn"), 80)
     assert "By chance: 25 %." in text
     assert "[red]x" in text and "\\x1b[31my" in text and "\x1b" not in text
+
+
+def test_wide_intervals_have_a_word_why():
+    table = scores(size=[1.0, 2.0])
+    assert "how much bins differ" in printed(tidy(table, DISPLAY, "tables/acn"), 200)
+    table.n[:] = 4
+    assert "few (n = 4" in printed(tidy(table, DISPLAY, "tables/acn"), 200)
