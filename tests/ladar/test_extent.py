@@ -144,25 +144,6 @@ def test_a_mirrored_shift_is_that_of_the_mirrored_face():
     assert found.mirrored().shift == there.shift
 
 
-def test_mirrored_ship_gives_mirrored_ifovs():
-    # A lattice without roll is its own mirror image.
-    right = range_extent(plane(width=50, height=9, slope=(1.5, 0), roll=0.0), slant_range=1e5)
-    left = range_extent(plane(width=50, height=9, slope=(-1.5, 0), roll=0.0), slant_range=1e5)
-    mirrored = np.lexsort((-left.cell[:, 0], left.cell[:, 1]))
-    np.testing.assert_allclose(left.fraction[mirrored], right.fraction, atol=1e-9)
-
-
-def test_point_sampling_leaves_the_comb_that_spreading_fills():
-    # A deck at 3.84 deg: a 0.25 m row is 3.7 m of range, so point samples of rows along the
-    # waterline leave two bins of three empty; spread over the whole row none is.
-    slope = 1 / np.tan(np.radians(3.84))
-    deck = plane(width=20, height=3, slope=(0.0, slope), roll=0.0)
-    for spread, empty in ((0.0, True), (1.0, False)):
-        profile = range_extent(deck, slant_range=1e8, ifov=150e-9, spread=spread).fraction.sum(0)
-        middle = profile[115:135]
-        assert (middle == 0).any() == empty
-
-
 @pytest.mark.parametrize("spread", [0.25, 0.5, 1.0])
 def test_a_row_is_spread_over_that_share_of_its_range(spread):
     """The outermost rows of a deck, 0.25 m high, end half a spread row beyond their middles."""

@@ -139,42 +139,6 @@ def test_sphere(engine):
 
 
 @every_engine
-def test_tilted_plate_is_a_plane(engine):
-    """Neighbours differ by slope times pixel, rolled or not, and the slope is that of the plate."""
-    normal = np.array([0.6, 0.3, 0.7416198487095663])
-    plate = box((-20, -20, -0.5), (20, 20, 0))
-    plate.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], normal))
-    for roll in (0.0, ROLL, 77.0):
-        image = range_image(plate, aspect=40, depression=25, roll=roll, engine=engine)
-        view = view_of(image)
-        facing = view.axes @ normal
-        slope = -facing[:2] / facing[2]
-        on_plate = np.abs(image.gradient - slope).max(axis=-1) < 1e-5
-        assert on_plate.sum() > 0.8 * image.hit.sum()
-        horizontal, vertical = image.cross_range()
-        right, up = View(40, 25, roll=0).axes[:2]
-        plane = -(horizontal * (right @ normal) + vertical * (up @ normal)) / facing[2]
-        assert np.abs(image.down_range - plane)[on_plate].max() < 1e-12 * 100
-
-
-@every_engine
-def test_what_is_left_and_right_up_and_down(engine):
-    """Three balls of different size: one to port, one aloft, one at the bow."""
-    at = {2.0: (0, 30, 0), 1.0: (0, 0, 25), 3.0: (40, 0, 0)}
-    mesh = trimesh.util.concatenate(
-        [trimesh.creation.icosphere(3, radius=r).apply_translation(p) for r, p in at.items()]
-    )
-    image = range_image(mesh, aspect=0, depression=0, engine=engine)
-    horizontal, vertical = image.cross_range()
-    # From ahead, port is to the right.
-    for radius, (x, y, z) in at.items():
-        near = image.hit & (np.hypot(horizontal - y, vertical - z) < radius + 1)
-        assert near.sum() * image.pixel**2 == pytest.approx(np.pi * radius**2, rel=0.1)
-        assert np.nanmin(image.down_range[near]) == pytest.approx(-x - radius, abs=0.05)
-    assert image.hit.sum() * image.pixel**2 == pytest.approx(14 * np.pi, rel=0.05)
-
-
-@every_engine
 def test_far_field_is_approached_as_one_over_distance(engine):
     """The difference to the far field falls with slope -1, to a micrometre and without noise."""
     kwargs = {"aspect": 63.0, "depression": 8.0, "engine": engine}

@@ -2,10 +2,12 @@
 
 import importlib
 import math
+from dataclasses import fields
 
 import numpy as np
 from hard_meshes import box
 
+from ncti.irar import Flight
 from ncti.render import range_image
 
 NAN, INF = math.nan, math.inf
@@ -25,6 +27,15 @@ OF_VIEW = {
     "aspect": [NAN, INF, math.nextafter(360.0, 361.0), -361.0],
     "depression": [NAN, INF, math.nextafter(90.0, 91.0), -5e-324],
     "slant_range": [NAN, INF, -INF, 0.0, 40.0],
+}
+HEADINGS = ("aircraft_heading", "ship_heading", "aircraft_track", "offset", "pointing")
+FROM_ZERO = ("ship_speed", "range_sigma", "threshold", "nedt", "contrast_at_zero", "clutter")
+FROM_ZERO += ("band_extinction", "jitter")
+OF_FLIGHT = {
+    one.name: [361, -361, NAN]
+    if one.name in HEADINGS
+    else [-1 if one.name in FROM_ZERO else 0, 1e30, NAN]
+    for one in fields(Flight)
 }
 OF_PHASE = [(1.5, 0.0), (0.0, 1.0), (NAN, 0.0)]
 SHIFT = {
@@ -262,37 +273,17 @@ CASES = {
     "irar.Correction": ({}, {"azimuth": ["row"], "mirror": ["x"], "range_filter": ["mode"]}),
     "irar.Flight": (
         {"slant_range": 3900.0, "ship_heading": 0.0},
-        {
-            "slant_range": [99, 1.1e6, *NO_NUMBER.values()],
-            "depression": [0, 61],
-            "aircraft_speed": [0, -90, 1001, 5.0],
-            "ship_speed": [-1, 51],
-            "aircraft_heading": [361, -361],
+        OF_FLIGHT
+        | {
+            "slant_range": [99, *NO_NUMBER.values()],
+            "aircraft_speed": [0, 5.0],
             "ship_heading": [361, -361, "1"],
-            "aircraft_track": [361, -361],
-            "offset": [361, -361],
-            "pointing": [361, -361],
-            "mirror_angle": [0, 81],
-            "ifov": [0, -1e-4, 0.02],
-            "line_rate": [0, -1, 2e5],
-            "samples": [1, 160.5, 20_000],
-            "pulse_rate": [0, -1, 2e9, 19_000],
-            "cnr": [0, -1, 2e9, INF],
-            "pulse_width": [0, -1e-9, 2e-6],
-            "range_sigma": [-1, 101],
-            "range_gate": [0, 9, 2e5],
-            "threshold": [-1, 2e9],
-            "detectors": [0, 1.5, 2000],
-            "nedt": [-0.1, 1001],
-            "band_start": [0, 12e-6, 2e-3],
-            "band_stop": [0, 2e-3],
-            "contrast_at_zero": [-1, 1001],
-            "sea_temperature": [0, 99, 1001],
-            "band_extinction": [-1e-4, 0.02],
-            "clutter": [-0.1, 1001],
-            "clutter_length": [0, 2e5],
-            "jitter": [-1e-6, 0.02],
-            "jitter_time": [0, -1, 2000],
+            "samples": [1, 160.5],
+            "pulse_rate": [0, 19_000],
+            "range_gate": [9],
+            "detectors": [0, 1.5],
+            "band_start": [0, 12e-6],
+            "sea_temperature": [99],
         },
     ),
     "irar.azimuth_shift": (
