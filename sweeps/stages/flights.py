@@ -311,9 +311,8 @@ def check(choices: Choices) -> Choices:
     views.require_among(choices, Irar.flown, Grid.ship)
     printed = next((name for name in choices[Irar.chain] if name != comparison.EXACT), None)
     for one in OF_EXACT if printed else ():
-        if choices[one] != (one.default,):
-            reason = f"where irar.chain has {printed}, which has a way of its own"
-            refuse(one, ", ".join(choices[one]), f"{one.default} {reason}")
+        reason = f"where irar.chain has {printed}, which has a way of its own"
+        views.require(choices, one, one.default, reason)
     if not looks(IRAR)(choices):
         return choices
     for values in combinations(choices, (Irar.band_start, Irar.band_stop)):
