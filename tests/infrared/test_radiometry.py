@@ -79,7 +79,3 @@ def test_limits():
     )
     assert noise_temperature(1) == NEDT
     assert noise_temperature(7, nedt=0.0) == 0.0
-
-
-def test_snr_is_proportional_to_the_frames():
-    assert snr(60e3, frame_count=48) == pytest.approx(3 * snr(60e3, frame_count=16), rel=1e-14)

@@ -96,18 +96,3 @@ def test_the_scene_is_that_of_the_perfect_image():
     seen = shift_and_add(detector_samples(perfect))
     np.testing.assert_array_equal(shifted[:, 1:-1, 1:-1], seen)
     assert shifted.shape == perfect.shape
-
-
-def test_the_detector_sees_the_same_sea_with_and_without_super_resolution():
-    """Variances of 100 x 100 detector pixels of either, against the spread asked for; z at 1e-3.
-
-    Shift-and-add of pixels that overlap in half have its (3/4)^2; every third half pixel of the
-    result shares nothing with the next.
-    """
-    quiet = {"contrast": 1.0, "frame_counts": (16,), "nedt": 0.0, "sea_spread": 0.3}
-    rng = np.random.default_rng(24)
-    (plain,) = thermal_images(np.zeros((100, 100), bool), rng=rng, **quiet)
-    (shifted,) = shifted_images(np.zeros((300, 300), bool), rng=rng, **quiet)
-    for pixels, share in ((plain, 1.0), (shifted[::3, ::3], 9 / 16)):
-        z = (np.mean(pixels**2) / (share * 0.3**2) - 1) / np.sqrt(2 / pixels.size)
-        assert abs(z) < stats.norm.isf(LEVEL / 2 / 2)

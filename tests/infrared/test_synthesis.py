@@ -96,18 +96,3 @@ def test_sigma_of_a_pixel_by_drawing(way):
             assert pixels.size == 10_000
             z = z_of_variance(pixels, one**2)
             assert abs(z) < stats.norm.isf(LEVEL / 2 / (2 * len(mixes) * len(WAYS)))
-
-
-@pytest.mark.parametrize(("spread", "nedt"), [(0.1, 0.4), (0.1, 0.0), (0.0, 0.4)])
-def test_neighbours_of_shift_and_add_correlate(spread, nedt):
-    """Fisher's z at 1e-3 over all of 10,000 independent pairs, in a row and in a column."""
-    (pixels,) = sea("shifted", side=400, seed=25, frame_counts=(16,), sea_spread=spread, nedt=nedt)
-    variances = (0.75 * spread) ** 2, (0.5 * nedt) ** 2 / 16
-    expected = (variances[0] * 2 / 3 + variances[1] / 2) / sum(variances)
-    if spread and nedt:
-        assert round(expected, 2) == 0.62
-    for across in (pixels, pixels.T):
-        first, second = across[::4, ::4].ravel(), across[::4, 1::4].ravel()
-        ours = np.corrcoef(first, second)[0, 1]
-        z = (np.arctanh(ours) - np.arctanh(expected)) * np.sqrt(first.size - 3)
-        assert abs(z) < stats.norm.isf(LEVEL / 2 / 6)

@@ -59,7 +59,7 @@ def test_threshold_of_a_gate_without_depth_is_that_of_exponential_looks(
     assert found == pytest.approx(expected / looks, rel=1e-4)
 
 
-@pytest.mark.parametrize("looks", [1, 8, 30])
+@pytest.mark.parametrize("looks", [1, 30])
 @pytest.mark.parametrize(
     "change",
     [
@@ -70,7 +70,7 @@ def test_threshold_of_a_gate_without_depth_is_that_of_exponential_looks(
     ],
 )
 def test_the_sea_reaches_its_threshold_as_seldom_as_stated(change, looks):
-    """50,000 averages of the receiver's own looks at the sea: binomial, 1e-3 over the 24 cases."""
+    """50,000 averages of the receiver's own looks at the sea: binomial, 1e-3 over the 16 cases."""
     seen = flight(**change)
     shape = (50_000, looks)
     nothing = Returns(shape, *[np.empty(0, np.intp)] * 2, *[np.empty(0)] * 2, 9)
@@ -88,4 +88,4 @@ def test_the_sea_reaches_its_threshold_as_seldom_as_stated(change, looks):
     image = average(intensity, index)
     kept, _ = segment(image, average(range_, index), threshold=least)
     alarms = np.count_nonzero(kept)
-    assert stats.binomtest(alarms, image.size, FALSE_ALARM).pvalue > 1e-3 / 24
+    assert stats.binomtest(alarms, image.size, FALSE_ALARM).pvalue > 1e-3 / 16

@@ -12,7 +12,6 @@ from scipy.ndimage import binary_erosion
 from ncti import ships
 from ncti.irar import (
     Correction,
-    Window,
     correct,
     fly,
     mirror_rotation,
@@ -21,8 +20,7 @@ from ncti.irar import (
     ship_window,
     true_snapshot,
 )
-from ncti.irar.chain import RANGE_FILTERS, nearest_ship_range
-from ncti.irar.registration import motion_displacement
+from ncti.irar.chain import RANGE_FILTERS
 
 CELLS = 4
 HANGAR = 4.0
@@ -146,36 +144,6 @@ def test_clusters_are_better_than_the_median_and_the_mean(scans, window, true_pr
         for part in (slice(None), beside):
             cluster, median, mean = (correlation(p[part], true_profile[part]) for p in found)
             assert cluster > median > mean
-
-
-def test_the_motion_must_be_corrected(scans, window, true_profile):
-    """Without the ranges' correction the profile is spread over 300 m; one rate for all of the
-    pass does nearly as well as each pixel's. Without the columns' correction masts lean, but what
-    they are summed into is the same: a profile hardly tests it."""
-    scan = scans[20][0]
-    reach = nearest_ship_range(scan)
-    by_pixel, by_rate = (
-        motion_displacement(scan.flight, scan.time, reach, method=method)[2]
-        for method in ("pixel", "constant")
-    )
-    # The chain adds `by_pixel` to the ranges.
-    uncorrected = dataclasses.replace(scan, range=scan.range - by_pixel)
-    assert correlation(measured(uncorrected, window), true_profile) < 0.5
-    at_one_rate = dataclasses.replace(scan, range=scan.range - by_pixel + by_rate)
-    assert correlation(measured(at_one_rate, window), true_profile) > 0.95
-    wide = Window(window.bottom, window.left - 60, window.rows, window.columns + 120)
-    assert correlation(measured(scan, wide, azimuth="none"), true_profile) > 0.9
-
-
-def test_a_wrong_belief_of_the_closing_speed_spoils_the_profile(scans, window, true_profile):
-    scan = scans[20][0]
-    scores = []
-    for factor in (1.0, 1.01, 1.02, 1.05):
-        estimate = dataclasses.replace(scan.flight, aircraft_speed=90.0 * factor)
-        found = correct(scan, estimate=estimate, window=window, overscanned=True)
-        scores.append(correlation(profile(segmented(found, scan.flight), estimate), true_profile))
-    assert scores[0] > 0.95 and scores == sorted(scores, reverse=True)
-    assert scores[1] < 0.95 and scores[2] < 0.9 and scores[3] < 0.7
 
 
 def test_frames_and_delays_gain_the_roots_of_their_numbers(plate):

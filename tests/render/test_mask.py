@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,28 +48,3 @@ def test_a_centre_on_a_border_belongs_to_one_side(seed, steps):
             inside &= (left > 0) | ((left == 0) & (v < y or (v == y and u > x)))
         expected |= inside
     assert np.array_equal(hit, expected)
-
-
-def test_two_halves_fill_a_rectangle_once():
-    """A level lattice with its centres on the diagonal: facets that share a side share no pixel."""
-    corners = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]])
-    halves = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    filled = np.zeros((2, 9, 9), np.bool_)
-    for half, hit in enumerate(filled):
-        mask.fill(corners, halves, np.array([half], np.int32), hit)
-    assert not filled.all(axis=0).any()
-    assert filled.any(axis=0)[:8, :8].all() and filled.sum() == 64
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"pixel": 0.0}, "pixel"),
-        ({"depression": 91.0}, "depression"),
-        ({"slant_range": 5.0}, "slant_range"),
-    ],
-)
-def test_invalid_arguments_are_refused(given, message):
-    box = trimesh.creation.box((40.0, 8.0, 6.0))
-    with pytest.raises(ValueError, match=message):
-        mask.ship_mask(box, **{"aspect": 0.0, "depression": 0.0, "pixel": 0.5} | given)

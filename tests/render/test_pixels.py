@@ -45,10 +45,7 @@ def triangles(seed, size):
 @settings(max_examples=30)
 @given(st.integers(0, 2**32), st.floats(-1.5, 1.2), st.floats(-4, -1))
 def test_facets_left_out_have_no_centre_however_vertices_move(seed, size, margin):
-    """Moved by the margin or less, none of them is counter-clockwise about a pixel centre.
-
-    And those that are kept may be: a square about a centre meets them, by separating axes.
-    """
+    """Moved by the margin or less, none of them is counter-clockwise about a pixel centre."""
     seen, faces = triangles(seed, 10**size)
     margin = 10**margin
     kept = pixels.sampled(seen, faces, margin)
@@ -68,20 +65,6 @@ def test_facets_left_out_have_no_centre_however_vertices_move(seed, size, margin
             for i in range(3)
         ]
         assert not np.all(inside, axis=0).any()
-
-    x, y = corners(seen, faces[kept])
-    run, rise = sides(x, y)
-    slack = margin * (1 + 1e-6) + 1e-9
-    meets = np.ones((len(kept), len(at_x)), dtype=bool)
-    for axis_x, axis_y in [(1.0, 0.0), (0.0, 1.0), *zip(rise.T, -run.T, strict=True)]:
-        n_x, n_y = (np.broadcast_to(n, len(kept))[:, None] for n in (axis_x, axis_y))
-        along = n_x * x + n_y * y
-        place = n_x * at_x + n_y * at_y
-        wide = slack * (np.abs(n_x) + np.abs(n_y)) + 1e-12 * reach
-        meets &= (place >= along.min(axis=1)[:, None] - wide) & (
-            place <= along.max(axis=1)[:, None] + wide
-        )
-    assert meets.any(axis=1).all()
 
 
 @pytest.mark.skipif("osmesa" not in available_engines(), reason="no osmesa library here")

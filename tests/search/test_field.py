@@ -97,16 +97,6 @@ def test_detections_and_false_alarms_are_as_probable_as_the_library_says(false_a
     assert abs(alarms - sea * false_alarm) < 4 * math.sqrt(sea * false_alarm)
 
 
-def test_equal_seeds_give_equal_fields_and_others_do_not():
-    own = {"nedt": 0.4, "target_spread": 0.1, "sea_spread": 0.1, "frame_count": 16}
-    one, again, other = (
-        thermal_field(field_of(8, 9), [], [], rng=np.random.default_rng(seed), **own)
-        for seed in (1, 1, 2)
-    )
-    assert np.array_equal(one, again)
-    assert not np.array_equal(one, other)
-
-
 def test_what_is_farther_on_a_flat_sea_is_higher():
     here = {"middle_range": 100e3, "depression": math.radians(3.84)}
     assert elevation(100e3, **here) == pytest.approx(0.0, abs=1e-15)

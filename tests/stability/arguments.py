@@ -164,6 +164,7 @@ CASES = {
         VIEW,
         OF_VIEW | {"roll": [INF], "pixel": [0.0, -0.25, NAN], "engine": ["vulkan"]},
     ),
+    "render.mask.ship_mask": (VIEW | {"pixel": 0.5}, OF_VIEW | {"pixel": [0.0, NAN]}),
     "render.line_image": (VIEW, OF_VIEW | {"spacing": [0.0, 1e-9, NAN], "phase": [1e10]}),
     "render.cast_rays": (
         {"mesh": BOX, "origin": np.ones((4, 3)), "direction": np.ones((4, 3))},
