@@ -115,8 +115,10 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         digests = {str(ship): hull.function(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
         given = {label: words for label, words in transforms.items() if words}
-        swept = [setting.name for setting in settings if _is_swept(setting, choices)]
-        shown = {"swept": swept} if swept else {}
+        axes = [setting for setting in settings if _is_swept(setting, choices)]
+        # Those that the command line names come before those of an experiment.
+        axes.sort(key=lambda setting: setting.key not in choices.given)
+        shown = {"swept": [setting.name for setting in axes]} if axes else {}
         return shown | {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
 
     return Experiment(

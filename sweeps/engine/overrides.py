@@ -12,7 +12,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice, product
 from typing import Any
 
@@ -72,8 +72,8 @@ def job_of(
     experiment: Experiment, configuration: DictConfig, lines: Iterable[str], store: str
 ) -> Job:
     """Return a job of a composed configuration; `store` is where it goes if that names none."""
-    choices = read_configuration(experiment, configuration)
     by_key = dict(line.partition("=")[::2] for line in lines)
+    choices = replace(read_configuration(experiment, configuration), given=tuple(by_key))
     return Job(by_key, choices, choices.one(Run.store) or store)
 
 
@@ -234,7 +234,9 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
         union[setting] = tuple(sorted(values, key=rank))
     values_of = {setting.key: values for setting, values in union.items()}
     joint = _bound_together(jobs, union) if union else []
-    return Choices({**first.values, **values_of}, (*first.joint, *joint))
+    return replace(
+        first, values={**first.values, **values_of}, joint=(*first.joint, *joint), asked=set()
+    )
 
 
 def _check_alike(setting: Setting, values: Sequence[Value]) -> None:

@@ -243,6 +243,7 @@ class Choices:
 
     values: Mapping[str, tuple[Value, ...]]
     joint: tuple[Joint, ...] = ()
+    given: tuple[str, ...] = field(default=(), compare=False)  # keys of the command line
     asked: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
 
     def __getitem__(self, setting: Setting) -> tuple[Value, ...]:

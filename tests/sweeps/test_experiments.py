@@ -89,6 +89,11 @@ def test_every_experiment_composes_whole(name):
     assert len(skipped) == (missing if name == "runtime_vs_error" else 0)
 
 
+def test_what_the_command_line_sweeps_comes_before_the_axes_of_an_experiment():
+    swept = EXPERIMENT.attributes(chosen("+experiment=smoke", "ladar.cnr=[23,26]"))["swept"]
+    assert swept[0] == "cnr" and "pulse_width" in swept
+
+
 def test_sensitivity_is_one_parameter_at_a_time():
     errors = chosen("+experiment=sensitivity")[Irar.errors]
     assert len(errors) == 1 + 8 + 4 + 6 + 4 + 4 and errors[0] == ("none", 0.0)
