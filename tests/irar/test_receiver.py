@@ -80,6 +80,16 @@ def test_a_deck_has_the_largest_of_its_returns():
     assert stats.chisquare(np.bincount(nearest, minlength=9)).pvalue > LEVEL
 
 
+def test_noise_about_a_target_too_faint_to_be_seen_has_the_distribution_of_its_peaks():
+    """In a gate of 20 m: Kolmogorov-Smirnov at 1e-3, and 0.01 for the closed form's own error."""
+    intensity, _ = received(rays([RANGE] * 9), cnr=1e-9, range_gate=20.0)
+    length = flight().pulse_length
+    distance = stats.kstest(
+        intensity, lambda u: below(u, depth=20.0, pulse_length=length)
+    ).statistic
+    assert distance < 0.01 + 1.95 / math.sqrt(COUNT)
+
+
 @pytest.mark.parametrize("range_sigma", [0.5, 1.0])
 def test_ranges_of_a_wall_have_the_error_of_the_sensor(range_sigma):
     """Chi-square of 3,000 ranges at the level 1e-3, and no bias beyond 3.3 standard errors."""

@@ -15,7 +15,7 @@ from ncti.ladar import (
     sample_frames,
 )
 from ncti.ladar.frames import GAUSSIAN_FROM
-from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance
+from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel, target_response
 
 CNR = 10**3.2
 
@@ -56,6 +56,14 @@ def test_noise_is_white_noise_through_the_matched_filter():
     filters = [np.exp(-4 * ((x - lag) / length) ** 2) / length**0.5 for lag in range(12)]
     found = noise_covariance(pulse_width=30e-9, bin_width=1.0, bin_count=12)[0]
     np.testing.assert_allclose(found, step * np.array(filters) @ filters[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("pulse_width", [10e-9, 50e-9])
+def test_the_response_is_a_row_of_the_kernel(pulse_width):
+    pulse = {"pulse_width": pulse_width, "bin_width": 1.0}
+    response = target_response(**pulse)
+    row = target_kernel(**pulse, bin_count=response.size)[response.size // 2]
+    np.testing.assert_allclose(response, row, rtol=1e-13)
 
 
 def test_without_signal_only_the_floor_remains(stepped):
