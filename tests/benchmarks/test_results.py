@@ -35,9 +35,7 @@ def seeds_of(rng, experiments, *, seeds, views, draws, hopeless):
     return 100 * right.mean(axis=2), 100 * (0.1 * hopeless + 0.98 * (1 - hopeless))
 
 
-@pytest.mark.parametrize(
-    ("views", "hopeless"), [(40, 0.2), (120, 0.2), (40, 0.6), (120, 0.5), (40, 0.01), (120, 0.003)]
-)
+@pytest.mark.parametrize(("views", "hopeless"), [(40, 0.2), (40, 0.6), (120, 0.5), (40, 0.01)])
 def test_intervals_cover_in_95_of_100_repetitions(views, hopeless):
     """Of 2,000 experiments of all seeds; a binomial test at 1e-4 against 94 %.
 
