@@ -75,7 +75,7 @@ def sweep(overrides: Sequence[str], folder: Path) -> Swept:
         If it fails, or does not say what it did.
     """
     keys = {"cache": folder / "cache"}
-    if any(one.startswith("hydra/") for one in overrides):
+    if any(override.startswith("hydra/") for override in overrides):
         keys["hydra.sweep.dir"] = folder / "hydra"
     else:
         keys["store"] = folder / "sweep.zarr"

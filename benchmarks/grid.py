@@ -85,14 +85,14 @@ def measure(*, repeats: int, grid: Values = GRID, part: Values = HUNDREDTH) -> R
     rows = []
     for way, (values, _) in ways.items():
         seconds = [one.run.seconds for one in found[way]]
-        whole = [cells(grid) * one / cells(values) for one in seconds]
+        whole = [cells(grid) * second / cells(values) for second in seconds]
         alone = zip(whole, found[ONE_JOB], strict=True)
         rows.append(
             {
                 "way": way,
                 "cells": cells(values),
                 "wall_s": Sample.of(seconds),
-                "cell_ms": Sample.of(1e3 * one / cells(values) for one in seconds),
+                "cell_ms": Sample.of(1e3 * second / cells(values) for second in seconds),
                 "whole_s": Sample.of(whole),
                 "ratio": Sample.of(one / first.run.seconds for one, first in alone),
                 "efficiency": Sample.of(one.efficiency for one in found[way]),

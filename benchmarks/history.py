@@ -205,7 +205,7 @@ def _rounded(value: float | np.floating) -> float:
 
 def read(file: Path = FILE) -> list[Entry]:
     """Return the entries of a file, in order; ValueError names what is wrong with it."""
-    names = [one.name for one in fields(Entry)]
+    names = [field.name for field in fields(Entry)]
     with file.open(encoding="utf-8", newline="") as lines:
         table = csv.DictReader(lines)
         if table.fieldnames != names:
@@ -229,7 +229,7 @@ def append(entries: Sequence[Entry], file: Path = FILE) -> None:
     if not new:
         read(file)
     with file.open("a", encoding="utf-8", newline="") as lines:
-        table = csv.DictWriter(lines, [one.name for one in fields(Entry)], lineterminator="\n")
+        table = csv.DictWriter(lines, [field.name for field in fields(Entry)], lineterminator="\n")
         if new:
             table.writeheader()
         table.writerows(asdict(entry) for entry in entries)
@@ -239,7 +239,7 @@ def report(entries: Sequence[Entry]) -> Report:
     """Return a table of entries."""
     return Report(
         f"Views of {', '.join(SHIPS)} at {SLANT_RANGE / 1e3:g} km, "
-        f"aspects {', '.join(f'{one:g}' for one in ASPECTS)}°, 30 ns",
+        f"aspects {', '.join(f'{aspect:g}' for aspect in ASPECTS)}°, 30 ns",
         (
             Column("date", "date"),
             Column("version", "version"),
@@ -266,7 +266,7 @@ def draw(entries: Sequence[Entry]) -> Figure:
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     panels = figure.subplots(1, 2)
     for way, (label, _) in WAYS.items():
-        own = {(one.date, one.version): one for one in entries if one.way == way}
+        own = {(entry.date, entry.version): entry for entry in entries if entry.way == way}
         for panel, name in zip(panels, ("error", "time"), strict=True):
             values = [getattr(own.get(day), name, None) for day in days]
             if any(value is not None for value in values):

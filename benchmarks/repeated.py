@@ -119,7 +119,7 @@ def swept(
 
 def listed(values: Sequence[float]) -> str:
     """Return numbers as a list of a command line."""
-    return f"[{','.join(f'{one:.10g}' for one in values)}]"
+    return f"[{','.join(f'{value:.10g}' for value in values)}]"
 
 
 def aspects_of(learned: Sequence[float], fresh: int, seed: int) -> list[float]:

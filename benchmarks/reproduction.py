@@ -105,7 +105,7 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
         [*common, "classifier.learn_in_test=[true,false]"],
         [*common, f"grid.random_aspects={fresh}"],
     ]
-    regular, drawn = ([*swept(one, *groups)] for one in commands)
+    regular, drawn = ([*swept(command, *groups)] for command in commands)
     rows: list[dict[str, Any]] = []
     for name, learned, random in zip(groups, regular, drawn, strict=True):
         new = ~np.isin(random.aspect.values, learned.aspect.values)
@@ -135,7 +135,8 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
         ),
         rows,
         [
-            " and ".join(f"`ncti-sweep {' '.join(one)}`" for one in commands) + ". Percent correct "
+            " and ".join(f"`ncti-sweep {' '.join(command)}`" for command in commands)
+            + ". Percent correct "
             "by bin, ± two standard errors of the mean over draws. Templates every 3°."
         ],
     )
@@ -263,7 +264,7 @@ def figures(replicates: int = 8) -> Report:
             "rms noise of 1, 4, 8, 16 frames over the peak, Duncan at 30°",
             "speckle dominates below eight frames",
             "; ".join(
-                ", ".join(f"{one:.0f}" for one in noise.sel(target_free_ifovs=free).values)
+                ", ".join(f"{value:.0f}" for value in noise.sel(target_free_ifovs=free).values)
                 + f" % at G = {free}"
                 for free in noise.target_free_ifovs.values
             ),

@@ -58,7 +58,7 @@ def text_of(draws: xr.DataArray, digits: int, bounds: tuple[float, float]) -> st
 
 def joined(flights: Mapping[str, xr.Dataset], name: str, **places: float) -> xr.DataArray:
     """Return a figure of all ships, (ship, replicate)."""
-    found = [at(one[name], **places).squeeze(drop=True) for one in flights.values()]
+    found = [at(flight[name], **places).squeeze(drop=True) for flight in flights.values()]
     return xr.concat(found, "ship")
 
 

@@ -278,7 +278,10 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         ("silhouettes", "Silhouettes, the source's protocol", silhouettes),
     ):
         heading = f"percent correct, mean of {seeds} seeds [95 % interval]"
-        columns = (Column("what", heading), *(Column(one, one) for one in SOURCE_BINS))
+        columns = (
+            Column("what", heading),
+            *(Column(source_bin, source_bin) for source_bin in SOURCE_BINS),
+        )
         masks = dict(zip(SOURCE_BINS, bins_of([0.0]), strict=True))
         made[name] = Report(
             title,
@@ -296,7 +299,7 @@ def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return the numbers of categories by pulse width; orders of presentation are redrawn."""
     category = found["classification/acn"]["training_category"].max(("ship", "aspect")) + 1
     category = category.isel(order=slice(1, None))  # the first is the grid's own, of every seed
-    width = [int(one) for one in category.pulse_width.values]
+    width = [int(value) for value in category.pulse_width.values]
     row: dict[str, Any] = {"what": "here"}
     for ns in width:
         of = category.sel(pulse_width=ns)
@@ -342,10 +345,10 @@ def unknown(found: Answers) -> dict[str, Report]:
         ("likelihood, posterior probability", "likelihood"),
     ):
         scores = [open_set(one[f"classification/{name}"]) for one in found]
-        kept = [one["kept"] for one in scores]
+        kept = [score["kept"] for score in scores]
         row = {"what": label, "kept": text_of(kept)}
         for area in ("auroc", "oscr"):
-            row[area] = over_seeds([one[area] for one in scores], bounds=(0, 1)).text(2)
+            row[area] = over_seeds([score[area] for score in scores], bounds=(0, 1)).text(2)
         rows.append(row)
     columns = (
         Column("what", f"similarity, mean of {len(found)} seeds [95 % interval]"),

@@ -289,7 +289,9 @@ def sea_window(image: LineImage) -> Skip:
 
     # Of half pixels at 25 km: what the ship touches, and 200 m by 50 m.
     windows = (None, (-100.0, 100.0, -7.0, 43.0))
-    ours, whole = (silhouette(image, footprint=1.875, extent=one).target(0.25) for one in windows)
+    ours, whole = (
+        silhouette(image, footprint=1.875, extent=window).target(0.25) for window in windows
+    )
 
     def drawn(target: NDArray[np.bool_]) -> Array:
         rng = np.random.default_rng(0)

@@ -301,7 +301,7 @@ def require_labels(name: str, values: Any) -> NDArray[Any]:
     except (ValueError, OverflowError):
         array = np.asarray(None)
     if array.dtype.kind in "OT":  # as pandas, xarray and numpy 2 keep texts
-        texts = array.size and all(isinstance(one, str) for one in array.ravel())
+        texts = array.size and all(isinstance(value, str) for value in array.ravel())
         array = array.astype(str) if texts else np.asarray(None)
     if array.dtype.kind not in "biufUS" or (array.dtype.kind == "f" and np.isnan(array).any()):
         raise ValueError(f"{name} is {_line(values)}, but must be an array of numbers or of texts")

@@ -70,7 +70,7 @@ def command(*modules: Any) -> Command:
     from sweeps.report.places import beside
 
     heed()
-    packages = tuple(one.__name__ for one in modules)
+    packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
     return Command(experiment, report, beside)
 

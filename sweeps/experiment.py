@@ -170,9 +170,9 @@ def _variables(choices: Choices) -> dict[str, str]:
 
 def groups_of(module: Any) -> tuple[type[Settings], ...]:
     """Return the groups of settings that a module declares, in the order in which it does."""
-    values = [one for one in vars(module).values() if isinstance(one, type)]
-    own = [one for one in values if one.__module__ == module.__name__]
-    return tuple(one for one in own if issubclass(one, Settings))
+    values = [var for var in vars(module).values() if isinstance(var, type)]
+    own = [value for value in values if value.__module__ == module.__name__]
+    return tuple(setting for setting in own if issubclass(setting, Settings))
 
 
 def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:

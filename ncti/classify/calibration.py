@@ -102,7 +102,7 @@ def fit_outlier_fraction(
         samples, rest = templates.drawn(out, frame_count, rng), templates.without(out)
         own = templates.labels_[out]  # every label keeps templates
         logs = rest.log_likelihood(samples, frame_count, gain_sigma=given.ravel())
-        posteriors = [label_posterior(one, rest.labels_)[1] for one in logs]
+        posteriors = [label_posterior(log, rest.labels_)[1] for log in logs]
         true.append([posterior[np.arange(len(own)), own] for posterior in posteriors])
     answers = np.concatenate(true, axis=1)
     # Their weights at the aspect of each template.

@@ -189,11 +189,11 @@ def fuse(*scores: ArrayLike, inverse_temperature: Sequence[float]) -> Floats:
     >>> int(fused.argmax()), label_posterior(fused, labels)[1].round(2).tolist()
     (1, [[0.9, 0.1]])
     """
-    values = [require_all("scores", one) for one in scores]
+    values = [require_all("scores", score) for score in scores]
     factors = require_all("inverse_temperature", inverse_temperature, minimum=0)
-    shapes = {one.shape for one in values}
+    shapes = {value.shape for value in values}
     if factors.shape != (len(values),) or len(shapes) != 1 or values[0].ndim != 2:
-        listed = ", ".join(str(one.shape) for one in values)
+        listed = ", ".join(str(value.shape) for value in values)
         raise ValueError(
             f"scores have shapes {listed} for inverse_temperature of shape {factors.shape}, but "
             "must be as many of one shape (sample, template)"

@@ -294,7 +294,7 @@ def compare_profiles(
             with suppress(NothingSeenError):
                 end = ENDS[SOURCES[k]]
                 marks[k] = landmarks(line, down_range, hangar=near, end=end)
-    figures = [_figures(one, ship in PERRY) for one in marks]
+    figures = [_figures(mark, ship in PERRY) for mark in marks]
     alike = partial(profile_correlation, measured, noiseless)
     near_spike = np.abs(down_range - spike) <= HANGAR
     return {
@@ -303,7 +303,7 @@ def compare_profiles(
         "hangar_spike_offset": np.array(
             figures[0].get("hangar", math.nan) - figures[1].get("hangar", math.nan)
         ),
-        **{name: np.array([one.get(name, math.nan) for one in figures]) for name in MEASURED},
+        **{name: np.array([figure.get(name, math.nan) for figure in figures]) for name in MEASURED},
     }
 
 

@@ -190,8 +190,8 @@ def observe(
     for number, pixels in enumerate(shown):
         owners[pixels[:, 1], pixels[:, 0]] = number
     hot = np.bincount(owners[image > threshold] + 1, minlength=len(targets) + 1)
-    boxes = [one.box for one in detections]
-    visits = [cue(one, reach=survey.reach, detector=detector) for one in boxes]
+    boxes = [detection.box for detection in detections]
+    visits = [cue(box, reach=survey.reach, detector=detector) for box in boxes]
     return {
         "column": origins[:, 0],
         "row": origins[:, 1],
@@ -201,7 +201,7 @@ def observe(
         "hot": hot[1:],
         "detection_probability": np.array(probabilities),
         "alarms": hot[0],
-        "source": np.array([owner(one.pixel, owners) for one in detections], dtype=int),
+        "source": np.array([owner(detection.pixel, owners) for detection in detections], dtype=int),
         "box": _edges(boxes),
         "visit": _edges(visits),
     }

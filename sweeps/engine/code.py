@@ -293,7 +293,7 @@ def package_digest(name: str) -> str:
     """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
     spec = place(name)
     folders = list(spec.submodule_search_locations or ()) if spec else []
-    found = [one for of in folders for one in _files(name, Path(of), SHADERS | {".py"})]
+    found = [file for of in folders for file in _files(name, Path(of), SHADERS | {".py"})]
     if spec and spec.has_location and spec.origin and not folders:
         found = [(name, _hash(Path(spec.origin).read_bytes()))]
     return _hash(repr(found).encode()) if found else ""

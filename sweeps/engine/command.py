@@ -267,4 +267,4 @@ def _check_size(plan: Plan) -> None:
 
 
 def _cluster(choices: Choices) -> ClusterChoice:
-    return ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared})
+    return ClusterChoice(**{setting.name: choices.one(setting) for setting in Cluster.declared})

@@ -94,7 +94,7 @@ def replaceable(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
     `++spring.mass=null spring.mass=[0,45]` (with `++`, since a multirun keeps one override of
     each spelling).
     """
-    keys = {one.key for one in experiment.declared if not members(one)}
+    keys = {setting.key for setting in experiment.declared if not members(setting)}
     found = []
     for override in overrides:
         plain = override.lstrip("+")  # a setting is always there, so nothing is added
@@ -176,7 +176,7 @@ def unknown(
     """Return the error of a key that its group, of the keys of `tree`, does not have."""
     last = key.rpartition(".")[2]
     wrong = f"{key} is not a key of the configuration"
-    elsewhere = [one.key for one in experiment.declared if one.key.endswith(f".{last}")]
+    elsewhere = [setting.key for setting in experiment.declared if setting.key.endswith(f".{last}")]
     meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=ALIKE) or elsewhere
     if not meant:
         near = difflib.get_close_matches(last, tree, n=1, cutoff=ALIKE)
@@ -191,8 +191,8 @@ def unknown(
 
 def _joint(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
     """Return the joint axis of settings that run together."""
-    keys = [one.key for one in settings]
-    listed = [_as_written(one, given.get(one.key, one.default)) for one in settings]
+    keys = [setting.key for setting in settings]
+    listed = [_as_written(setting, given.get(setting.key, setting.default)) for setting in settings]
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
         raise ConfigurationError(
@@ -204,7 +204,7 @@ def _joint(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
         raise ConfigurationError(
             f"grid.zip has {', '.join(keys)}, which have the same values together twice"
         )
-    return Joint("_".join(one.name for one in settings), tuple(keys), tuple(points))
+    return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
 def _as_written(setting: Setting, given: Any) -> list[Any]:
@@ -217,7 +217,9 @@ def _as_written(setting: Setting, given: Any) -> list[Any]:
 def _named(experiment: Experiment, name: str) -> Setting:
     """Return the setting of a key, or of the last word of one."""
     exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Together.key}.{name}")
-    found = [exact] if exact else [one for one in experiment.declared if one.name == name]
+    found = (
+        [exact] if exact else [setting for setting in experiment.declared if setting.name == name]
+    )
     if len(found) != 1:
         several = ", ".join(one.key for one in found)
         hint = f"several keys: {several}" if found else "not a setting"

@@ -57,7 +57,7 @@ def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
     def rank(number: int) -> int:
         axis = plan.axes[number]
         renamed = of.names.get(axis.settings[0], "")
-        words = [renamed, axis.name, *(one.name for one in axis.settings)]
+        words = [renamed, axis.name, *(setting.name for setting in axis.settings)]
         return min((order[word] for word in words if word in order), default=-1)
 
     layouts = []
@@ -69,7 +69,7 @@ def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
         axes = [
             number
             for number in sorted(_dimensions(plan, bound), key=rank)
-            if not {one.name for one in plan.axes[number].settings} <= left_out
+            if not {setting.name for setting in plan.axes[number].settings} <= left_out
         ]
         ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
         places = tuple(np.argsort(ranks, kind="stable").tolist())
@@ -81,7 +81,9 @@ def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
     """Return numbers of the axes that become dimensions, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
     axes = [(number, plan.axes[number]) for number in sorted(numbers)]
-    return [n for n, axis in axes if axis.several or any(one.shown for one in axis.settings)]
+    return [
+        n for n, axis in axes if axis.several or any(setting.shown for setting in axis.settings)
+    ]
 
 
 @dataclass
@@ -117,7 +119,7 @@ class Cube:
         names, arrays = self._names(layouts), dict[str, Array]()
         starts, lengths = self._extents[layouts[0].group] = self._extents_of(layouts)
         for layout in layouts:
-            named = {one.name: one for one in layout.bound.stage.outputs}
+            named = {output.name: output for output in layout.bound.stage.outputs}
             for dim, name in layout.output.origin.items():
                 values = starts.get(dim, 0) + np.arange(lengths[dim])
                 about = {"units": named[name].unit, "long_name": named[name].label}
@@ -130,11 +132,15 @@ class Cube:
         axes, number_of = self.plan.axes, self.plan.axis_number
         names = {
             number_of(key): axes[number_of(key)].name
-            for one in layouts
-            for key in one.bound.gather
-            if axes[number_of(key)].name in one.output.dims
+            for layout in layouts
+            for key in layout.bound.gather
+            if axes[number_of(key)].name in layout.output.dims
         }
-        bounds = {number_of(key): one.bound for one in reversed(layouts) for key in one.bound.needs}
+        bounds = {
+            number_of(key): layout.bound
+            for layout in reversed(layouts)
+            for key in layout.bound.needs
+        }
         for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
             setting = axes[number].settings[0]
             name = bounds[number].stage.group.names.get(setting) or axes[number].name
@@ -256,10 +262,10 @@ class Cube:
     def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
         """Return coordinates of all axes: along dimensions, or scalar if `noted`."""
         found: dict[str, Array] = {}
-        dims = {dim for one in layouts for dim in one.output.dims}
+        dims = {dim for layout in layouts for dim in layout.output.dims}
         for number, name in names.items():
             axis = self.plan.axes[number]
-            if name in dims or any(number in one.axes for one in layouts):
+            if name in dims or any(number in layout.axes for layout in layouts):
                 found |= axis_coordinates(axis, name)
             elif not axis.several:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
@@ -273,14 +279,14 @@ class Cube:
         members: dict[tuple[str, str, tuple[int, ...]], list[Bound]] = defaultdict(list)
         for bound in self.plan.targets:
             of = bound.stage.group
-            if all(one.role == COORDINATE for one in bound.stage.outputs):
+            if all(output.role == COORDINATE for output in bound.stage.outputs):
                 continue
             if of.status is None:
                 name = f"status_{of.path}".replace("/", "_") + f":{bound.name}"
                 over = tuple(_dimensions(self.plan, bound))
                 members[name, f"state of {bound.name}", over].append(bound)
             elif of.status.over:
-                over = tuple(self.plan.axis_number(one.key) for one in of.status.over)
+                over = tuple(self.plan.axis_number(setting.key) for setting in of.status.over)
                 members[of.status.name, of.status.label, over].append(bound)
         for (name, label, over), bounds in members.items():
             group, _, variable = name.partition(":")

@@ -29,10 +29,10 @@ def check_declarations(settings: Iterable[Any], stages: Stages, tables: Iterable
     keys = _once((one.key for one in settings), "settings")
     _once((one.name for one in stages), "stages")
     outputs = [
-        f"{stage.place_of(one)}/{one.name}"
+        f"{stage.place_of(output)}/{output.name}"
         for stage in stages
-        for one in stage.outputs
-        if stage.place_of(one)
+        for output in stage.outputs
+        if stage.place_of(output)
     ]
     _once(outputs, "outputs of a group of the store")
     for setting in settings:

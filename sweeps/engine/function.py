@@ -79,11 +79,11 @@ def sweep(
         raise ConfigurationError(f"function is {name or function}, but must be defined by def")
     settings = {one: _setting(f"{name}.{one}", given) for one, given in values.items()}
     known = inspect.signature(function).parameters
-    if unknown := [one for one in settings if one not in known]:
+    if unknown := [setting for setting in settings if setting not in known]:
         raise ConfigurationError(f"values has {unknown[0]!r}, but {name} takes {', '.join(known)}")
     result = Output(name, dims, dtype, label=name)
     stage = Stage(name, function, (result,), reads=settings, group=Group(name))
-    if lacking := [one for one in stage.arguments if one not in (*settings, RNG)]:
+    if lacking := [argument for argument in stage.arguments if argument not in (*settings, RNG)]:
         raise ConfigurationError(f"values lacks {lacking[0]!r}, which {name} takes")
     package = function.__module__.partition(".")[0]
     try:

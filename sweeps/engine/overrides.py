@@ -159,7 +159,7 @@ def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator
         If an axis, or the jobs, would be too many.
     """
     lines = [str(one.input_line) for one in overrides]
-    axes = {one.key for one in experiment.declared if not one.fixed}
+    axes = {setting.key for setting in experiment.declared if not setting.fixed}
     options: dict[str, list[str]] = {}  # the last of a key counts
     for override, line in zip(overrides, lines, strict=True):
         key, name = override.get_key_element(), override.key_or_group
@@ -168,7 +168,11 @@ def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator
             continue
         values = _values(override, MOST_VALUES)
         refers = any(f"{{{name}}}" in other for other in lines)
-        if name in axes and not refers and not any(one.startswith(("[", "{")) for one in values):
+        if (
+            name in axes
+            and not refers
+            and not any(value.startswith(("[", "{")) for value in values)
+        ):
             options[key] = [f"{key}=[{','.join(values)}]"]
         else:
             options[key] = [f"{key}={value}" for value in values]

@@ -136,7 +136,7 @@ class Plan:
         """Return the number of values of every axis of several that a stage depends on."""
         read = {self.axis_number(key) for key in _read_by(self.bound.values())}
         return {
-            "+".join(one.key for one in axis.settings): len(axis.points)
+            "+".join(setting.key for setting in axis.settings): len(axis.points)
             for number, axis in enumerate(self.axes)
             if axis.several and number in read
         }
@@ -280,7 +280,10 @@ class Plan:
 
     def _plain_value(self, bound: Bound, cell: int) -> Value:
         """Return the result of a plain stage in one of its cells."""
-        given = {one.name: self.plain_argument(bound, one, cell) for one in bound.arguments}
+        given = {
+            argument.name: self.plain_argument(bound, argument, cell)
+            for argument in bound.arguments
+        }
         try:
             return bound.stage.checked_value(bound.stage.function(**given))
         except (ConfigurationError, DeclarationError):
@@ -360,7 +363,9 @@ class Plan:
         found = {}
         for name, bound in self.bound.items():
             place = functions[name].__module__, functions[name].__qualname__
-            outputs = [(one.name, one.dtype, repr(one.empty)) for one in bound.stage.outputs]
+            outputs = [
+                (output.name, output.dtype, repr(output.empty)) for output in bound.stage.outputs
+            ]
             own = [name] if len(named[place]) > 1 else []
             order = (bound.along, bound.gather)  # of the axes of arguments and results
             found[name] = digest(repr([[*place, *outputs, *own], order, self.digests[name].digest]))
@@ -369,8 +374,10 @@ class Plan:
     @cached_property
     def source_code(self) -> Code:
         """Return the code of the experiment's packages."""
-        functions = (one.function for one in self.experiment.stages)
-        declared = frozenset(place_of(one) for one in functions if inspect.unwrap(one) is one)
+        functions = (stage.function for stage in self.experiment.stages)
+        declared = frozenset(
+            place_of(function) for function in functions if inspect.unwrap(function) is function
+        )
         return Code(frozenset(self.experiment.code), declared)
 
     @cached_property

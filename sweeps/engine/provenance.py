@@ -63,14 +63,16 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
 def _shown_digest(plan: Plan) -> str:
     """Return the hash of what a store shows of its results: labels, units and tables."""
     experiment = plan.experiment
-    settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
-    outputs = [list(map(repr, one.stage.outputs)) for one in plan.targets]
-    tables = [
-        (one.group, one.of, _code_of(one.make, plan), *map(repr, one.displays))
-        for one in experiment.tables
+    settings = [
+        (setting.key, setting.name, setting.label, setting.unit) for setting in experiment.declared
     ]
-    statuses = [one.stage.group.status for one in plan.targets]
-    labels = [(one.name, one.label) for one in statuses if one is not None]
+    outputs = [list(map(repr, target.stage.outputs)) for target in plan.targets]
+    tables = [
+        (table.group, table.of, _code_of(table.make, plan), *map(repr, table.displays))
+        for table in experiment.tables
+    ]
+    statuses = [target.stage.group.status for target in plan.targets]
+    labels = [(status.name, status.label) for status in statuses if status is not None]
     return digest(repr([settings, outputs, tables, labels]))
 
 
@@ -87,7 +89,7 @@ def _code_of(function: Callable[..., Any], plan: Plan) -> str:
 
 def _identity(experiment: Experiment) -> tuple[Setting, ...]:
     """Return the settings that results depend on."""
-    return tuple(one for one in experiment.declared if one.identity)
+    return tuple(setting for setting in experiment.declared if setting.identity)
 
 
 def versions(plan: Plan) -> dict[str, str]:

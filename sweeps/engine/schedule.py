@@ -284,7 +284,7 @@ class Schedule:
             if setting is not None and setting.key in along:
                 rows = np.moveaxis(grid, along.index(setting.key), 0)
                 firsts = rows.reshape(len(rows), -1)[:, 0].tolist()
-                values = tuple(plan.value(bound, setting.key, one) for one in firsts)
+                values = tuple(plan.value(bound, setting.key, first) for first in firsts)
                 sources[argument.name] = (setting.in_si(values),)
             elif source is None or source.stage.plain:
                 sources[argument.name] = (plan.plain_argument(bound, argument, cell),)

@@ -265,7 +265,9 @@ class Choices:
         joint = [one for one in self.joint if not set(one.keys).isdisjoint(keys)]
         axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
         together = {key for one in joint for key in one.keys}
-        axes += [[{key: one} for one in self.values[key]] for key in keys if key not in together]
+        axes += [
+            [{key: value} for value in self.values[key]] for key in keys if key not in together
+        ]
         for point in product(*axes):
             found = ChainMap(*point)
             yield tuple(found[key] for key in keys)
@@ -302,7 +304,7 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
     ConfigurationError
         Naming the first invalid key, its value and what is allowed.
     """
-    by_name = {one.name: one for one in entries}
+    by_name = {entry.name: entry for entry in entries}
     for name in given:
         if name not in by_name:
             raise ConfigurationError(

@@ -100,7 +100,9 @@ class Module:
             if isinstance(node, ast.ClassDef) and _names(node.bases) & engine:
                 for call in (getattr(inner, "value", None) for inner in node.body):
                     if isinstance(call, ast.Call):
-                        call.keywords = [one for one in call.keywords if one.arg not in LABELS]
+                        call.keywords = [
+                            keyword for keyword in call.keywords if keyword.arg not in LABELS
+                        ]
                 statements[number] = Statement(ast.Module([node], []), self.package)
             statements[number].acts = _acts(node, harmless)
         return statements
@@ -131,7 +133,9 @@ def _acts(node: ast.stmt, harmless: set[str]) -> bool:
     """Return whether a statement may do more than bind names."""
     match node:
         case ast.ClassDef():
-            metaclass = [one.value for one in node.keywords if one.arg in {None, "metaclass"}]
+            metaclass = [
+                keyword.value for keyword in node.keywords if keyword.arg in {None, "metaclass"}
+            ]
             called = _names([*node.decorator_list, *node.bases, *metaclass])
             return not called <= harmless or any(_acts(inner, harmless) for inner in node.body)
         case ast.FunctionDef() | ast.AsyncFunctionDef():
@@ -151,7 +155,7 @@ def _acts(node: ast.stmt, harmless: set[str]) -> bool:
 
 def _names(expressions: Iterable[ast.expr]) -> set[str]:
     """Return the names of variables in some expressions."""
-    inside = (inner for one in expressions for inner in ast.walk(one))
+    inside = (inner for expression in expressions for inner in ast.walk(expression))
     return {inner.id for inner in inside if isinstance(inner, ast.Name)}
 
 
@@ -177,8 +181,12 @@ def _imports(code: CodeType, package: str) -> Iterator[Reference]:
         above = accumulate(owner.split("."), "{}.{}".format)
         yield from ((owner, one) for one in names) if names else ((one, "") for one in above)
     if not {"import_module", "__import__"}.isdisjoint(code.co_names):
-        texts = (one for one in code.co_consts if isinstance(one, str) and one.strip("."))
-        named = (_absolute(one, package) for one in texts)
+        texts = (
+            constant
+            for constant in code.co_consts
+            if isinstance(constant, str) and constant.strip(".")
+        )
+        named = (_absolute(text, package) for text in texts)
         yield from ((name, "") for name in named if place(name) is not None)
 
 
@@ -197,10 +205,14 @@ def _text(value: object) -> str:
         names = (value.co_name, value.co_names, value.co_varnames, value.co_freevars)
         rest = (value.co_cellvars, value.co_flags, value.co_code, value.co_exceptiontable)
         constants = [*value.co_consts]
-        loads = (one for one in dis.get_instructions(value) if one.opname == "LOAD_CONST")
-        if "__firstlineno__" in value.co_names and sum(one.arg == 1 for one in loads) == 1:
+        loads = (
+            instruction
+            for instruction in dis.get_instructions(value)
+            if instruction.opname == "LOAD_CONST"
+        )
+        if "__firstlineno__" in value.co_names and sum(load.arg == 1 for load in loads) == 1:
             constants[1] = None  # the line of a class, which Python keeps from 3.13 on
-        return repr((numbers, names, rest, [_text(one) for one in constants]))
+        return repr((numbers, names, rest, [_text(constant) for constant in constants]))
     if isinstance(value, frozenset):
         return f"frozenset({sorted(map(_text, value))})"
     if isinstance(value, tuple):

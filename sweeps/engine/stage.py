@@ -183,15 +183,15 @@ class Stage:
         A function of any arguments (`**values`) takes those of `reads`.
         """
         parameters = inspect.signature(self.function).parameters.values()
-        takes_any = any(one.kind is one.VAR_KEYWORD for one in parameters)
+        takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
         named = tuple(
-            one.name
-            for one in parameters
-            if one.kind is not one.VAR_KEYWORD
+            parameter.name
+            for parameter in parameters
+            if parameter.kind is not parameter.VAR_KEYWORD
             and (
-                one.default is one.empty
-                or one.name in self.reads
-                or any(hasattr(group, one.name) for group in self.uses)
+                parameter.default is parameter.empty
+                or parameter.name in self.reads
+                or any(hasattr(group, parameter.name) for group in self.uses)
             )
         )
         return named + tuple(name for name in self.reads if takes_any and name not in named)
@@ -199,7 +199,7 @@ class Stage:
     @property
     def at(self) -> dict[Setting, Setting]:
         """Return settings of whose inputs the values are others'."""
-        elsewhere = (one.settings for one in self.reads.values() if isinstance(one, At))
+        elsewhere = (read.settings for read in self.reads.values() if isinstance(read, At))
         return {one: other for settings in elsewhere for one, other in settings.items()}
 
     def place_of(self, output: Output) -> str:
@@ -312,18 +312,21 @@ class Experiment:
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
         """Every setting, including those of the engine."""
-        return (*self.own, *(one for group in ENGINE_SETTINGS for one in group.declared))
+        return (*self.own, *(setting for group in ENGINE_SETTINGS for setting in group.declared))
 
     @cached_property
     def own(self) -> tuple[Setting, ...]:
         """Every setting of the experiment."""
-        groups = ((one,) if isinstance(one, Setting) else one.declared for one in self.settings)
+        groups = (
+            (setting,) if isinstance(setting, Setting) else setting.declared
+            for setting in self.settings
+        )
         return tuple(setting for group in groups for setting in group)
 
     @cached_property
     def by_key(self) -> dict[str, Setting]:
         """Every setting by its key."""
-        return {one.key: one for one in self.declared}
+        return {setting.key: setting for setting in self.declared}
 
     @cached_property
     def by_name(self) -> dict[str, Stage]:
@@ -413,8 +416,8 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
 def _bound(
     declared: Stage, arguments: tuple[Argument, ...], together: Mapping[str, tuple[str, ...]]
 ) -> Bound:
-    inputs = tuple(one.source for one in arguments if one.source is not None)
-    needs = {one.setting.key for one in arguments if one.setting is not None}
+    inputs = tuple(argument.source for argument in arguments if argument.source is not None)
+    needs = {argument.setting.key for argument in arguments if argument.setting is not None}
     at = {one.key: other.key for one, other in declared.at.items()}
     for source in inputs:
         taken = set(source.needs)
@@ -424,9 +427,9 @@ def _bound(
     if RNG in declared.arguments:
         needs.add(Run.seed.key)
         stream = declared.stream or Stream(())
-        needs.update(one.key for one in (*stream.settings, *stream.optional))
-    along = tuple(one.key for one in declared.along)
-    gather = tuple(one.key for one in declared.gather)
+        needs.update(setting.key for setting in (*stream.settings, *stream.optional))
+    along = tuple(setting.key for setting in declared.along)
+    gather = tuple(setting.key for setting in declared.gather)
     whole = {*along, *gather}
     if missing := whole - needs:
         raise DeclarationError(f"stage {declared.name} does not need {', '.join(sorted(missing))}")

@@ -47,7 +47,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                     )
                 if made is not None:
                     if table.displays:
-                        shown = [one.written(plan.choices) for one in table.displays]
+                        shown = [display.written(plan.choices) for display in table.displays]
                         made = made.assign_attrs({ATTRIBUTE: shown})
                     groups[table.group] = group_of(made)
         except (Damaged, DeclarationError):  # of cells, not of the table

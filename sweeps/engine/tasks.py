@@ -204,7 +204,7 @@ def _differing(call: Call, cells: Sequence[Cell], folder: Path) -> Iterator[tupl
 
 def _difference(step: Step, first: Arrays, again: Arrays) -> str:
     """Return the first difference of two results, bit by bit; empty if there is none."""
-    for name in (one.name for one in step.outputs if one.role != MEASURED):
+    for name in (output.name for output in step.outputs if output.role != MEASURED):
         one, other = first[name], again[name]
         if one.shape != other.shape:
             return f"{name} has the shape {one.shape}, and then {other.shape}"
@@ -245,7 +245,7 @@ def _read(recipes: Sequence[Recipe], folder: Path) -> list[Inputs]:
 
 
 def _spots(recipe: Recipe) -> list[Spot]:
-    reads = (one for one in recipe.sources.values() if isinstance(one, Read))
+    reads = (source for source in recipe.sources.values() if isinstance(source, Read))
     return [spot for read in reads for spot in read.spots]
 
 
@@ -345,7 +345,7 @@ def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[in
         raise TypeError(
             f"{stage} returned {', '.join(map(str, given))}, but must return {', '.join(names)}"
         )
-    return {one.name: _array(stage, one, found[one.name], along) for one in outputs}
+    return {output.name: _array(stage, output, found[output.name], along) for output in outputs}
 
 
 def _array(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
@@ -371,9 +371,11 @@ def _array(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> ND
 
 def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return an array in another dtype; digits of floats may go, and nothing else."""
-    texts = dtype.kind in "SU" and all(isinstance(one, str | bytes) for one in array.flat)
+    texts = dtype.kind in "SU" and all(isinstance(value, str | bytes) for value in array.flat)
     if not texts and array.dtype.kind not in CAST.get(dtype.kind, dtype.kind) and array.size:
-        odd = next((one for one in array.flat if one is None), f"values of dtype {array.dtype}")
+        odd = next(
+            (value for value in array.flat if value is None), f"values of dtype {array.dtype}"
+        )
         raise _refused(stage, output, str(odd))
     with np.errstate(all="ignore"):
         cast = array.astype(dtype)

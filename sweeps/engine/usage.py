@@ -42,7 +42,9 @@ def usage(experiment: Experiment) -> str:
     sections: dict[str, Iterable[tuple[str, str]]] = {
         "Examples:": [(f"{name} {given}".strip(), about) for given, about in experiment.examples],
         "Experiments (+experiment=NAME):": descriptions(conf, "experiment"),
-        f"Main keys ({several}):": [(one.key, _about(one)) for one in main_settings(experiment)],
+        f"Main keys ({several}):": [
+            (setting.key, _about(setting)) for setting in main_settings(experiment)
+        ],
         "Groups of settings (GROUP=NAME):": groups.items(),
         "Options:": OPTIONS,
     }
@@ -60,9 +62,9 @@ def main_settings(experiment: Experiment) -> list[Setting]:
     """Return the settings that `--help` lists: the main keys, and those of every run."""
     keys = experiment.main
     own = [
-        one
-        for one in experiment.own
-        if not keys or one.key in keys or one.key.partition(".")[0] in keys
+        setting
+        for setting in experiment.own
+        if not keys or setting.key in keys or setting.key.partition(".")[0] in keys
     ]
     return [*own, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
 
@@ -74,8 +76,8 @@ def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:
     """
     for path in sorted((conf / group).glob("*.yaml")) if conf is not None else ():
         lines = path.read_text(encoding="utf-8").splitlines()
-        comments = (one[1:].strip() for one in lines if one.startswith("#"))
-        yield path.stem, next((one for one in comments if not one.startswith("@")), "")
+        comments = (line[1:].strip() for line in lines if line.startswith("#"))
+        yield path.stem, next((comment for comment in comments if not comment.startswith("@")), "")
 
 
 def _about(setting: Setting) -> str:

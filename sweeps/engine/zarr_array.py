@@ -54,7 +54,8 @@ def nested(attributes: Mapping[str, Any]) -> dict[str, Any]:
 def _is_plain(value: Any) -> bool:
     numbers = value if isinstance(value, list) and value else [value]
     return isinstance(value, str) or all(
-        type(one) is float or (type(one) is int and -(2**63) <= one < 2**63) for one in numbers
+        type(number) is float or (type(number) is int and -(2**63) <= number < 2**63)
+        for number in numbers
     )
 
 

@@ -70,7 +70,7 @@ def compare(first: Path, second: Path) -> dict[str, Frame]:
             parts.append(tidy(table, display, "") if table is not None else None)
     paired = [part for part in parts if part is not None]
     frames = {NAME: stacked(paired)} if paired else {}
-    for name in (one for one in theirs if one in ours and one != SCORES):
+    for name in (their for their in theirs if their in ours and their != SCORES):
         rest = _subtracted(ours[name], theirs[name], stores)
         frames |= {rest.name: rest} if len(rest.rows) and rest.figures else {}
     if not frames:

@@ -23,7 +23,7 @@ def write_tables(store: Path, frames: Iterable[Frame]) -> list[Path]:
     Files that were changed since a report wrote them stay. Returns the paths at which other files
     are in the way. Raises OSError if it fails.
     """
-    contents = {f"{one.name}.csv": csv_of(one) for one in frames}
+    contents = {f"{frame.name}.csv": csv_of(frame) for frame in frames}
     files = OwnFiles(tables_folder(store))
     for name, content in contents.items():
         files.put(name, content)

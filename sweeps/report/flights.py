@@ -110,7 +110,7 @@ def scan_of(
     """Return noisy raw images of one flight of a store, and its corrections."""
     given = attributes["configuration"]
     reflectance = _setting(flight, given["ladar"], "reflectance")
-    values = {one.name: _setting(flight, {}, one.name) for one in (*FLOWN, *RECORDED)}
+    values = {setting.name: _setting(flight, {}, setting.name) for setting in (*FLOWN, *RECORDED)}
     place = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
     place["seed"] = _setting(flight, given, "seed")
     methods = {name: flight[name].item() for name in ("azimuth", "mirror", "range_filter")}

@@ -201,7 +201,9 @@ def displays_of(table: xr.Dataset, name: str) -> list[Display]:
 
 def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     """Return the frame of one display of a group; None if the group lacks its main figure."""
-    figures = [one for one in display.figures or _all_figures(table) if one.variable in table]
+    figures = [
+        figure for figure in display.figures or _all_figures(table) if figure.variable in table
+    ]
     if not figures or (display.figures and figures[0] != display.figures[0]):
         return None
     wanted = _columns_of_figures(table, figures)
@@ -248,7 +250,7 @@ def _columns_of_figures(
     table: xr.Dataset, figures: Sequence[Figure]
 ) -> dict[str, tuple[str, Column]]:
     """Return the variable and the column of each figure, and of what belongs to it, by name."""
-    bounded = sum(bool(one.low) for one in figures)
+    bounded = sum(bool(figure.low) for figure in figures)
     columns: dict[str, tuple[str, Column]] = {}
     for one in figures:
         prefix = "" if bounded == 1 else f"{one.column}_"
@@ -312,9 +314,9 @@ def _plain(values: pd.Series) -> pd.Series:
 
 def stacked(parts: Sequence[Frame]) -> Frame:
     """Return one frame of several: labels first, then axes, the one across last, then figures."""
-    columns = {name: column for one in parts for name, column in one.columns.items()}
-    across = next((one.across for one in parts if one.across), "")
-    labels = [name for one in parts for name in one.parts[0].display.labels]
+    columns = {name: column for part in parts for name, column in part.columns.items()}
+    across = next((part.across for part in parts if part.across), "")
+    labels = [name for part in parts for name in part.parts[0].display.labels]
     axes = [name for name, one in columns.items() if one.role == "axis" and name != across]
     figures = [name for name, one in columns.items() if one.role != "axis"]
     names = [*dict.fromkeys([*labels, *axes]), *[across] * bool(across), *figures]
@@ -325,15 +327,15 @@ def stacked(parts: Sequence[Frame]) -> Frame:
         rows=rows[[*names, PART]],
         columns={name: columns[name] for name in names},
         parts=tuple(part for one in parts for part in one.parts),
-        down=tuple(dict.fromkeys(name for one in parts for name in one.down)),
+        down=tuple(dict.fromkeys(name for part in parts for name in part.down)),
         across=across,
-        notes=tuple(dict.fromkeys(note for one in parts for note in one.notes)),
+        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
     )
 
 
 def values_of(rows: pd.DataFrame, name: str) -> list[Any]:
     """Return the values of an axis in some rows, numbers in ascending order."""
     values = rows[name].dropna().unique().tolist()
-    if all(isinstance(one, int | float) and not isinstance(one, bool) for one in values):
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         values.sort()
     return values

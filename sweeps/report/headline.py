@@ -28,7 +28,9 @@ def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list
     channels = values_of(overall.rows, "channel")
     if "both" in channels:
         channels = [preferred("channel", channels)]
-    sentences = [_of_scores(overall.at({"channel": one}), axis, attributes) for one in channels]
+    sentences = [
+        _of_scores(overall.at({"channel": channel}), axis, attributes) for channel in channels
+    ]
     return [sentence for sentence in sentences if sentence]
 
 

@@ -114,7 +114,7 @@ def draw_flights(
         raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
     given, load = attributes(whole), ship or partial(known_ship, attributes(whole))
     flights = flights_of(read(whole, "validation"))
-    meshes = {label: load(label) for label in {one.ship.item() for one in flights.values()}}
+    meshes = {label: load(label) for label in {flight.ship.item() for flight in flights.values()}}
 
     def drawn(title: str, one: xr.Dataset) -> Figure:
         mesh = meshes[one.ship.item()]

@@ -68,7 +68,7 @@ def report(
     """
     check_whole(path, **({"groups": None} if html else {}))
     frames = tables_of(path)
-    shown = [one for one in frames.values() if one.name != WORK]
+    shown = [frame for frame in frames.values() if frame.name != WORK]
     if table is not None:
         shown = [chosen(frames, table)]
     kept = written_page(path, frames) if html else []

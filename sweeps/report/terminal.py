@@ -91,7 +91,7 @@ def _beside(labels: Sequence[_Column], figures: Sequence[_Column], width: int) -
 
     As many as leave space for all figures, or at least for the widest; the last one may fold.
     """
-    widest = max((one.width for one in figures), default=0)
+    widest = max((figure.width for figure in figures), default=0)
     last = min(_sum(labels[-1:]), FOLDED)
     needed = GAP + (_sum(figures) if last + GAP + _sum(figures) <= width else widest)
     shown = labels
@@ -104,7 +104,7 @@ def _beside(labels: Sequence[_Column], figures: Sequence[_Column], width: int) -
 
 
 def _sum(columns: Sequence[_Column]) -> int:
-    return sum(one.width for one in columns) + GAP * max(len(columns) - 1, 0)
+    return sum(column.width for column in columns) + GAP * max(len(columns) - 1, 0)
 
 
 def _print_row(

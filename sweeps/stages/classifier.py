@@ -166,7 +166,7 @@ def training_marks(of: Group) -> tuple[Stage, Stage]:
 
 def _learned(choices: Choices) -> list[Views]:
     """Return the (ship, aspect) mask of a sweep's training views for every template spacing."""
-    of_all = (*(choices[one] for one in GATHERED), choices.one(Classifier.unknown))
+    of_all = (*(choices[setting] for setting in GATHERED), choices.one(Classifier.unknown))
     drawn = random_test_aspects(choices, choices[Grid.aspect])
     given = choices.one(Classifier.training_aspect)
     return [training_views(*of_all, given, spacing, drawn) for spacing in choices[SPACING]]

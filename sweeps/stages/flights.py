@@ -287,8 +287,8 @@ def _nothing(bins: int) -> Arrays:
     """Return the empty results of a ship that is not flown past."""
     lengths = {"source": len(comparison.SOURCES), "down_range": bins, "place": 2, "value": 2}
     return {
-        one.name: np.full([lengths.get(dim, 0) for dim in one.dims], one.empty)
-        for one in corrected.outputs
+        output.name: np.full([lengths.get(dim, 0) for dim in output.dims], output.empty)
+        for output in corrected.outputs
     }
 
 
@@ -310,9 +310,9 @@ def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) flights, and errors of them, that are impossible."""
     views.require_among(choices, Irar.flown, Grid.ship)
     printed = next((name for name in choices[Irar.chain] if name != comparison.EXACT), None)
-    for one in OF_EXACT if printed else ():
+    for setting in OF_EXACT if printed else ():
         reason = f"where irar.chain has {printed}, which has a way of its own"
-        views.require(choices, one, one.default, reason)
+        views.require(choices, setting, setting.default, reason)
     if not looks(IRAR)(choices):
         return choices
     for values in combinations(choices, (Irar.band_start, Irar.band_stop)):
@@ -357,7 +357,7 @@ def flown(choices: Choices) -> tuple[Value, ...]:
 
 def combinations(choices: Choices, settings: tuple[Setting, ...]) -> Iterator[dict[str, Value]]:
     """Yield values of some settings, by dimension, for all places of a sweep's axes."""
-    for point in choices.points([one.key for one in settings]):
+    for point in choices.points([setting.key for setting in settings]):
         yield {one.name: value for one, value in zip(settings, point, strict=True)}
 
 

@@ -244,7 +244,7 @@ FLIGHTS = Group(
 
 def parameters(values: Values) -> dict[str, Any]:
     """Return parameters of a `Flight`, in SI, of values of `FLOWN` and `RECORDED`."""
-    units = {one.name: SI.get(one.unit) for one in (*FLOWN, *RECORDED)}
+    units = {setting.name: SI.get(setting.unit) for setting in (*FLOWN, *RECORDED)}
     found = {
         LIBRARY.get(name, name): value if units[name] is None else value * units[name]
         for name, value in values.items()
@@ -304,7 +304,7 @@ def recorded(flown: Pass, course: Values, receivers: Values, *, seed: int, **vie
 
     All else is one draw, for any passive band.
     """
-    shown = {one.name for one in Passive.declared}
+    shown = {setting.name for setting in Passive.declared}
     named = {name: value for name, value in receivers.items() if name not in shown}
     rng = cell_rng(seed, stage="flight", **view, **course, **named)
     return received(flown, receivers).record(rng)

@@ -181,7 +181,7 @@ def namer(
             match_views(templates, of_kind, valid, known, left_out=False)
             for of_kind in classifier.profile_vectors(tests)
         ]
-        return {key: np.array([one[key] for one in answers]) for key in answers[0]}
+        return {key: np.array([answer[key] for answer in answers]) for key in answers[0]}
 
     return correlate
 

@@ -210,7 +210,9 @@ def changed(
     def named(signature: Floats) -> NDArray[np.integer]:
         noisy = np.moveaxis(signature[..., None, :] + profile_noise, -2, 0)  # draws lead
         vectors, templates = map(profile_vectors, (noisy, signature))
-        found = (match_views(templates[None], one, valid, valid, left_out=False) for one in vectors)
+        found = (
+            match_views(templates[None], vector, valid, valid, left_out=False) for vector in vectors
+        )
         return np.array([one["predicted"] for one in found])
 
     differ = named(sampled["signature"]) != named(exact_signature)

@@ -316,7 +316,7 @@ def _check_field(choices: Choices, where: float) -> None:
 def depressions(choices: Choices, slant_range: float) -> set[float]:
     """Return the depressions [deg] of the field's middle, in every geometry."""
     scenes = (Scene.geometry, Scene.depression, Scene.altitude, Scene.earth_radius)
-    several = product(*(choices[one] for one in scenes))
+    several = product(*(choices[scene] for scene in scenes))
     return {views.depression(slant_range * SI["km"], *scene) for scene in several}
 
 

@@ -284,7 +284,7 @@ def keywords(**values: Any) -> Keywords:
 
 def by_key(settings: type[Settings]) -> dict[str, Setting]:
     """Return the settings of a group by the last words of their keys."""
-    return {one.key.rpartition(".")[2]: one for one in settings.declared}
+    return {setting.key.rpartition(".")[2]: setting for setting in settings.declared}
 
 
 def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:

@@ -50,7 +50,7 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
         "swept": swept(store, settings),
         "against": against,
         "axes": axes_of(tables),
-        "tables": [table_of(one, against, axes) for one in tables.values()],
+        "tables": [table_of(table, against, axes) for table in tables.values()],
         "pictures": pictures_of(path, store),
         "ships": ships_of(store),
         "work": None if work is None else laid_out(work),
@@ -77,13 +77,13 @@ def colours_of(frame: Frame) -> list[str]:
 def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
     """Return the axes of several values, which are not down or across everywhere, to select."""
     columns, values = dict[str, Column](), dict[str, list[Any]]()
-    for one in frames.values():
-        for name in one.several:
-            if name in curves_of(one) or (name == one.across and name != BINS):
+    for frame in frames.values():
+        for name in frame.several:
+            if name in curves_of(frame) or (name == frame.across and name != BINS):
                 continue
-            columns.setdefault(name, one.columns[name])
+            columns.setdefault(name, frame.columns[name])
             known = values.setdefault(name, [])
-            known += [value for value in values_of(one.rows, name) if value not in known]
+            known += [value for value in values_of(frame.rows, name) if value not in known]
     selectors = []
     for name, column in columns.items():
         if all(isinstance(value, int | float) for value in values[name]):

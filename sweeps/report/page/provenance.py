@@ -27,7 +27,7 @@ class Status:
     @property
     def counts(self) -> tuple[int, ...]:
         """Numbers of all cells that are done, failed and missing."""
-        done, failed, missing = (sum(one[k] for one in self.parts.values()) for k in range(3))
+        done, failed, missing = (sum(part[k] for part in self.parts.values()) for k in range(3))
         return done, max(failed, bool(self.failures)), missing  # some failures have no state
 
     @property

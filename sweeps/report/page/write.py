@@ -109,7 +109,7 @@ def _policy(styles: list[str], scripts: list[str]) -> str:
     """Return a content security policy that allows these styles, scripts and embedded pictures."""
 
     def digests(texts: list[str]) -> str:
-        hashes = (hashlib.sha256(one.encode()).digest() for one in texts)
+        hashes = (hashlib.sha256(text.encode()).digest() for text in texts)
         return " ".join(f"'sha256-{base64.b64encode(one).decode()}'" for one in hashes)
 
     allowed = (f"style-src {digests(styles)}", f"script-src {digests(scripts)}")
