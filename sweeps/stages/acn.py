@@ -39,19 +39,23 @@ class Network(Settings, key="classifier", noted=True):
     """The Adaptive Clustering Network."""
 
     learning_rate = number(0.1, 1e-6, 1, label="learning rate in training")
-    max_passes = count(200, 1, 10**6, label="most presentations of the training set", noted=False)
+    max_passes = count(
+        200, 1, 10**6, label="largest number of presentations of the training set", noted=False
+    )
     learn_in_test = switch(
         False,
         label="learning during the test",
         help="test vectors move categories, as in the source; unknown ships are presented last",
     )
     orders = draws(
-        1, label="order of presentation of the profiles; 0: the grid's", dimension="order"
+        1,
+        label="order of presentation of the profiles; 0 is the order of the grid",
+        dimension="order",
     )
     label_rule = word(
         "majority",
         ("majority", "first"),
-        label="label of a category: of most members, or of the first",
+        label="rule that labels a category with a ship: majority, or first of its members",
     )
     score_rule = word(
         "ship",

@@ -84,19 +84,30 @@ class Classifier(Settings, key="classifier"):
     name = word("acn", (), label="classifier", dimension="classifier", shown=True)
     unknown = set_of(ships(None, label="unknown ships: tested but absent from training"))
     training_aspect = set_of(
-        number(None, 0, below=360, unit="degree", label="training aspects, of the grid; null: all")
+        number(
+            *(None, 0),
+            below=360,
+            unit="degree",
+            label="training aspects",
+            help="a subset of grid.aspect; null: all except those of grid.random_aspects",
+        )
     )
     template_spacing = number(
         *(None, 0.001, 90),
         unit="degree",
-        label="spacing of training aspects, which are multiples of it; null: all",
+        label="spacing of the training aspects",
+        help="selects the training aspects that are multiples of it; null: all",
     )
     test_vigilance = number(
         *({"start": 0, "stop": 1, "step": 0.01}, 0, 1),
-        label="smallest similarity of an accepted answer, others count as 'unknown'",
+        label="smallest similarity of an accepted answer",
+        help="an answer below it counts as 'unknown'",
     )
     left_out = switch(
-        False, label="leaving the true aspect out", help="by correlation, likelihood", noted=True
+        False,
+        label="leaving the true aspect out of training",
+        help="used by correlation and likelihood",
+        noted=True,
     )
 
 

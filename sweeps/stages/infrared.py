@@ -59,20 +59,32 @@ class Infrared(Settings, key="infrared"):
     """The passive-infrared imager: its array, the air, the scene, and what is made of an image."""
 
     ifov = quantity(150, 1, 100e3, "urad", "field of view of a pixel")
-    contrast_at_zero = quantity(library.CONTRAST_AT_ZERO, 0, 1000, "K", "contrast at zero range")
+    contrast_at_zero = quantity(
+        library.CONTRAST_AT_ZERO, 0, 1000, "K", "contrast of ship to sea at zero range"
+    )
     extinction = quantity(0.181, 0, 10, "dB km-1", "extinction in the air, one way")
     nedt = quantity(library.NEDT, LEAST_NEDT, 1000, "K", "noise of one frame")
     target_spread = quantity(
         *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
-        help="assumed, and decisive at 100 km; per pixel of the detector (twice as much of half "
-        "pixels where shifted; per half pixel where perfect), and not reduced by averaging frames",
+        help="assumed, and decisive at 100 km; per pixel of the detector, and not reduced by "
+        "averaging frames (half pixels of shifted scenes have twice as much, which the detector "
+        "averages out); with perfect per half pixel, as the source assumes",
     )
     sea_spread = quantity(
-        library.SPREAD, 0, 1000, "K", "spread of the sea's temperatures", help="as target_spread"
+        library.SPREAD,
+        0,
+        1000,
+        "K",
+        "spread of the sea's own temperatures",
+        help="as target_spread",
     )
-    false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false alarm in a pixel of sea")
-    window_length = quantity(200, 1, 5000, "m", "length of the longest ship imaged", fixed=SHAPES)
-    window_height = quantity(50, 1, 500, "m", "height of the highest ship imaged", fixed=SHAPES)
+    false_alarm = number(
+        1e-6, 1e-12, 0.5, label="false-alarm probability of one pixel of sea, for the detector"
+    )
+    window_length = quantity(
+        200, 1, 5000, "m", "length of the longest ship in images", fixed=SHAPES
+    )
+    window_height = quantity(50, 1, 500, "m", "height of the highest ship in images", fixed=SHAPES)
     range = quantity(None, 1, 1000, "km", "slant range", **_as(Grid.range))
     frame_count = count(
         None, 1, MOST_FRAMES, label="infrared frames averaged", **_as(Grid.frame_count)
@@ -81,20 +93,23 @@ class Infrared(Settings, key="infrared"):
         list(library.SUPER_RESOLUTIONS),
         library.SUPER_RESOLUTIONS,
         label="super-resolution method",
-        help="perfect: half pixels with the noise of whole ones, as the source assumes; shifted: "
-        "recombined from four times as many frames, of four places of the detector",
+        help="perfect: half pixels with the noise of whole ones, the source's assumption; shifted: "
+        "recombined from frame_count frames at each of four places of the detector, so "
+        "4 x frame_count in all",
         shown=True,
     )
     coverage_rule = number(
         *(0.25, 0.01, MOST_COVERAGE),
         label="share of a pixel that a ship must fill to show",
-        help="at most 0.95: counted by patches, full pixels are up to 4 % short at 25 km",
+        help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
+        "at 25 km",
         noted=True,
     )
     segmentation = word(
         "matched",
         SEGMENTATION_METHODS,
-        label="segmentation of silhouettes, which takes pixels as independent",
+        label="segmentation method of silhouettes",
+        help="takes pixels as independent; neighbours in a shifted image share noise",
         noted=True,
     )
     inner_radius = number(
@@ -107,16 +122,24 @@ class Infrared(Settings, key="infrared"):
         "nearest",
         INTERPOLATIONS,
         label="interpolation of the log-polar map",
-        help="nearest: as the source's; bilinear is less sensitive, and forms as many categories "
-        "at a vigilance of 0.94 as nearest at 0.87",
+        help="nearest: the plain map, as the source's; bilinear is the more invariant one and "
+        "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
         noted=True,
     )
-    training_range = quantity(25, 1, 1000, "km", "slant range of the training silhouettes")
+    training_range = quantity(
+        25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
+    )
     vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
     subpixel_offsets = draws(
-        4, MOST_OFFSETS, label="place of the ship on the pixels", dimension="phase", shown=True
+        4,
+        MOST_OFFSETS,
+        label="position of the ship on the detector's pixels, by number",
+        dimension="phase",
+        shown=True,
     )
-    orders = draws(4, label="order of presentation; 0: the grid's", dimension="order", shown=True)
+    orders = draws(
+        4, label="order of presentation; 0 is the order of the grid", dimension="order", shown=True
+    )
 
 
 looks_infrared = looks(INFRARED)

@@ -111,20 +111,26 @@ class Course(Settings, key="irar"):
     range = quantity(3.9, 0.1, 1000, "km", "slant range", shown=True, si=None)
     depression = _axis(6.7, 0.1, 60, "degree", "depression of the line of sight")
     aircraft_speed = _axis(90, 1, 1000, "m s-1", "speed of the aircraft")
-    ship_speed = _axis(8, 0, 50, "m s-1", "speed of the ship", help="heading: from grid.aspect")
+    ship_speed = _axis(
+        8, 0, 50, "m s-1", "speed of the ship", help="its heading follows from grid.aspect"
+    )
     aircraft_heading = _axis(0, -360, 360, "degree", "heading of the aircraft, from north")
     aircraft_track = _axis(
-        None, -360, 360, "degree", "direction of the aircraft's motion, from north; null: heading"
+        *(None, -360, 360, "degree"),
+        label="direction of the aircraft's motion, from north; null: its heading",
     )
     offset = _axis(5, -360, 360, "degree", "azimuth of the ship from the aircraft's heading")
     pointing = _axis(
-        None, -360, 360, "degree", "azimuth of the scan's middle from the heading; null: the ship's"
+        *(None, -360, 360, "degree"),
+        label="azimuth of the scan's middle from the aircraft's heading; null: at the ship",
     )
     mirror_angle = _axis(45, 1, 80, "degree", "mirror pointing angle")
     ifov = _axis(205, 1, 10_000, "urad", "instantaneous field of view, and spacing of samples")
     line_rate = _axis(119, 1, 100_000, "Hz", "lines a second")
     samples = _count(160, 2, 10_000, label="samples of a line")
-    pulse_rate = _axis(20_000, 1, 1e9, "Hz", "pulses a second", help="line_rate x samples at least")
+    pulse_rate = _axis(
+        20_000, 1, 1e9, "Hz", "pulse-repetition frequency", help="at least line_rate times samples"
+    )
     range_gate = _axis(300, 10, 1e5, "m", "depth in which the receiver looks for its peak")
     detectors = _count(12, 1, 1000, label="passive detectors along the scan")
     jitter = _axis(0, 0, 10_000, "urad", "standard deviation of the line of sight")
@@ -133,10 +139,20 @@ class Course(Settings, key="irar"):
         1, 0, 1000, "1", "assumed reflectivity of the transom relative to the ship", help="0: dark"
     )
     mast_gain = _axis(
-        1, 0, 1000, "1", "assumed reflectivity of masts relative to the ship", help="> 1: glints"
+        1,
+        0,
+        1000,
+        "1",
+        "assumed reflectivity of masts relative to the ship",
+        help="above 1 they glint",
     )
     pulse_width = _axis(
-        30, 2, 1000, "ns", "pulse width, full width at 1/e^2", dimension="flown_pulse_width"
+        30,
+        2,
+        1000,
+        "ns",
+        "pulse width of the flight's radar, full width at 1/e^2",
+        dimension="flown_pulse_width",
     )
 
 
@@ -154,16 +170,23 @@ class Passive(Settings, key="irar"):
 
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
     band_stop = _axis(12, 0.1, 1000, "um", "longest wavelength of the passive detectors")
-    contrast_at_zero = _axis(2.1585, 0, 1000, "K", "contrast at zero range")
+    contrast_at_zero = _axis(2.1585, 0, 1000, "K", "contrast of ship to sea at zero range")
     sea_temperature = _axis(288.15, 100, 1000, "K", "temperature of the sea")
     band_extinction = _axis(
-        0.5, 0, 10, "dB km-1", "extinction of radiance in the band, one way", help="an assumption"
+        0.5,
+        0,
+        10,
+        "dB km-1",
+        "extinction of radiance in the passive band, one way",
+        help="an assumption",
     )
     clutter = _axis(
         *(0, 0, 1000, "K", "standard deviation of the sea's own temperature, of a passive sample"),
         help="infrared.sea_spread is that of the imager",
     )
-    clutter_length = _axis(10, 0.01, 1e5, "m", "length of correlation of clutter on the water")
+    clutter_length = _axis(
+        10, 0.01, 1e5, "m", "distance on the water at which clutter is correlated by 1/e"
+    )
 
 
 class Irar(Course, Receivers, Passive, key="irar"):
@@ -178,7 +201,10 @@ class Irar(Course, Receivers, Passive, key="irar"):
         noted=True,
     )
     autofocus = switch(
-        False, label="closing speed estimated from the image", help="exact chain only", noted=True
+        False,
+        label="estimation of the closing speed from the image",
+        help="of the exact chain",
+        noted=True,
     )
     chain = _word(
         EXACT,
@@ -193,15 +219,25 @@ class Irar(Course, Receivers, Passive, key="irar"):
         help="by each sample's own range and time, by line, by one constant, or not at all",
     )
     mirror = _word(EXACT, MIRROR_METHODS, label="correction of the mirror's rotation")
-    range_filter = _word("cluster", RANGE_FILTERS, label="filter of the ranges of a pixel's looks")
+    range_filter = _word(
+        "cluster", RANGE_FILTERS, label="filter that combines the ranges of a pixel's looks"
+    )
     segmentation_threshold = number(
-        None, 0, 1e9, label="threshold in noise powers; null: one sea pixel in 1,000 exceeds it"
+        None,
+        0,
+        1e9,
+        label="segmentation threshold, in noise powers",
+        help="null: exceeded by one sea pixel in 1,000",
     )
     profile_range = quantity(
-        100, 1, 1000, "km", "slant range of the sensor of ladar that flights stand in for"
+        *(100, 1, 1000, "km"),
+        label="slant range of the proposed sensor that images of flights are converted to",
+        help="its other settings are those of ladar",
     )
     profile_frames = count(16, 1, MOST_FRAMES, label="frames averaged in a synthetic test profile")
-    flown = set_of(ships(None, label="ships flown past; others are only in training; null: all"))
+    flown = set_of(
+        ships(None, label="ships flown past; the others are only in training; null: all")
+    )
     pictures = switch(
         False,
         label="pictures of every stage of the corrections, written beside the tables",

@@ -41,7 +41,12 @@ class Ladar(Settings, key="ladar"):
     bin_width = quantity(1, 0.05, 50, "m", "range bin", fixed=views.SHAPES)
     window = quantity(250, 20, 5000, "m", "range window centred on the ship", fixed=views.SHAPES)
     spread = quantity(
-        0.5, 0, 1, "1", "share of a pixel's range extent that its area fills", help="0: points"
+        0.5,
+        0,
+        1,
+        "1",
+        "share of a pixel's range extent that its area is spread over",
+        help="0: point sampling",
     )
     reflectance = word(MODELS[0], MODELS, label="model of the reflected power")
     cnr = quantity(32, -100, 100, "dB", "carrier-to-noise ratio of a filled IFOV at cnr_range")
@@ -50,12 +55,18 @@ class Ladar(Settings, key="ladar"):
         *(0, 0, 10, "dB km-1", "extinction of the air at 10.6 um, one way"),
         help="the source's 32 dB at 100 km includes extinction",
     )
-    target_free_ifovs = count(4000, 0, 10**7, label="target-free IFOVs in a frame", noted=True)
-    receiver = word(FULL, RECEIVERS, label="receiver: what it keeps of a waveform", noted=True)
+    target_free_ifovs = count(
+        4000, 0, 10**7, label="target-free IFOVs accumulated per frame", noted=True
+    )
+    receiver = word(
+        FULL, RECEIVERS, label="receiver: the part of a returned waveform that it keeps", noted=True
+    )
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
     subpixel_offsets = draws(
         1,
-        label="place of the ship on the IFOVs, by number; expected profiles have the first",
+        label="position of the ship on the grid of IFOVs, by number",
+        help="for averaged profiles, with independent noise; expected profiles have the first, the "
+        "origin on a corner",
         dimension="ifov_phase",
         noted=True,
     )

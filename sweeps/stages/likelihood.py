@@ -32,16 +32,29 @@ class Likelihood(Settings, key="classifier"):
     """Prior knowledge of profiles."""
 
     gain_sigma = number(
-        1.0, 0, 1000, label="prior deviation of the target's gain", help="0: known", noted=True
+        1.0,
+        0,
+        1000,
+        label="prior standard deviation of the target's gain",
+        help="0: known",
+        noted=True,
     )
     floor_sigma = number(
-        1.0, 0, 1000, label="prior deviation of the floor relative to one frame's", help="0: known"
+        1.0,
+        0,
+        1000,
+        label="prior standard deviation of the noise floor, relative to that of one frame",
+        help="0: known",
     )
     floor_estimated = switch(
-        False, label="floor estimated from the window's edges, exact with floor_sigma 0"
+        False,
+        label="noise floor estimated from the edges of the window",
+        help="used by the likelihood; with floor_sigma 0 the estimate counts as exact",
     )
     aspect_known = switch(
-        False, label="restriction to exact templates at the true aspect, known from a track"
+        False,
+        label="restriction to exact templates at the true aspect",
+        help="used by the likelihood, as if a track gave the heading",
     )
     diagonal_loading = number(
         1e-3, 1e-9, 1000, label="variance of noise beyond the model, relative to the model's"

@@ -40,12 +40,16 @@ LAYERS = {
 class Mnn(Settings, key="classifier.mnn", noted=True):
     """The multilayered network."""
 
-    epochs = count(1000, 1, 10**6, label="most presentations of the training profiles")
+    epochs = count(1000, 1, 10**6, label="largest number of presentations of the training profiles")
     grow_every = count(
-        10, 1, 10**6, label="presentations before a node is added and the gain raised"
+        10, 1, 10**6, label="presentations before a hidden node is added and the gain raised"
     )
     learning_rate = number(
-        0.015, 1e-6, 1000, label="learning rate of the network", dimension="mnn_learning_rate"
+        0.015,
+        1e-6,
+        1000,
+        label="learning rate of the multilayered network",
+        dimension="mnn_learning_rate",
     )
     tolerance = number(
         *(0.35, 1e-6, 0.999),
@@ -55,9 +59,12 @@ class Mnn(Settings, key="classifier.mnn", noted=True):
     inputs = word(
         STANDARDISED,
         (RAW, FLOOR_REMOVED, STANDARDISED),
-        label="inputs; standardised: floor removed, centred and scaled",
+        label="input of the multilayered network",
+        help="standardised: floor removed, centred and scaled",
     )
-    annealing = switch(True, label="annealing of the gains, from half to whole in training")
+    annealing = switch(
+        True, label="annealing of the gains", help="from half to whole while the network grows"
+    )
     max_hidden = count(25, 1, 1000, label="largest number of hidden nodes", noted=False)
 
 

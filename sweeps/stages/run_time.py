@@ -42,9 +42,13 @@ TARGET = 1e-3  # error whose cost is tabulated
 class RunTime(Settings, key="run_time"):
     """Run time against error."""
 
-    bin_width = views.quantity(1, 0.05, 50, "m", "range bin of timed extents", shown=True)
+    bin_width = views.quantity(
+        1, 0.05, 50, "m", "range bin of the extents that are timed", shown=True
+    )
     repeats = count(3, 1, 1000, label="timings of a view, of which the median is taken")
-    draws = count(16, 1, 1000, label="noisy profiles of a view", fixed=views.SHAPES)
+    draws = count(
+        16, 1, 1000, label="noisy profiles of a view that are classified", fixed=views.SHAPES
+    )
 
 
 USED = (Grid, Render, Ladar, RunTime)

@@ -51,7 +51,8 @@ class Scan(Settings, key="scan"):
     height = quantity(2, 0.1, 60, "degree", "height of the field of regard", si=DEGREE)
     detector = count(2, 1, 64, label="elements of the laser radar along a side of its detector")
     pulse_rate = quantity(
-        1000, 1, 1e9, "Hz", "pulses of the laser radar a second, one a frame, unambiguous in range"
+        *(1000, 1, 1e9, "Hz", "pulses of the laser radar a second, one a frame"),
+        help="at most that of an unambiguous range",
     )
     imager_pixels = count(256, 1, 10**5, label="pixels along a side of the imager's array")
     imager_frames = count(16, 1, 10**4, label="frames averaged by the imager")
@@ -59,7 +60,10 @@ class Scan(Settings, key="scan"):
     slew_time = quantity(0.1, 0, 100, "s", "time of a move to a visit, or of the imager's array")
     depth = number(0.05, 0, 0.5, label="share of the range by which targets are nearer or farther")
     decoy = word(
-        BARGE, (BARGE, NO_DECOY), label="decoy among the ships", help="barge: as warm as the ships"
+        BARGE,
+        (BARGE, NO_DECOY),
+        label="decoy among the ships",
+        help="barge: a box as warm as the ships",
     )
     decoy_length = quantity(120, 1, 1000, "m", "length of the decoy")
     decoy_beam = quantity(20, 1, 1000, "m", "beam of the decoy")

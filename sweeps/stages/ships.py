@@ -21,7 +21,9 @@ _ONE = "it is of one ship"
 class ShipFile(Settings, key="grid.ship"):
     """A ship with the axes, unit and origin of its file."""
 
-    path = Setting(Text(), None, "known ship, or path of a sheet or mesh; required", fixed=_ONE)
+    path = Setting(
+        Text(), None, "name of a known ship, or path of a sheet or mesh; required", fixed=_ONE
+    )
     name = text(None, label="label of the ship; null: its name, or its file's", fixed=_ONE)
     up = word("z", AXES, label="axis of the file that points up", fixed=_ONE)
     forward = Setting(
@@ -32,14 +34,15 @@ class ShipFile(Settings, key="grid.ship"):
     )
     scale = number(
         *(1.0, SMALLEST_SCALE, LARGEST_SCALE),
-        label="metres in a unit of the file, 0.001 for millimetres",
+        label="metres in a unit of the file",
+        help="0.001 for millimetres",
         fixed=_ONE,
     )
     offset = vector(
         *([0.0, 0.0, 0.0], 3, -FARTHEST, FARTHEST),
         unit="m",
-        label="shift forward, to port and up, after turning and scaling",
-        help="the origin is amidships on the waterline",
+        label="shift forward, to port and up",
+        help="after turning and scaling; the origin is amidships on the waterline",
     )
 
 

@@ -91,7 +91,8 @@ class Grid(Settings, key="grid"):
         [4, 8, 16, 32],
         1,
         MOST_FRAMES,
-        label="frames averaged, the first ones shared",
+        label="frames averaged",
+        help="averages share their first frames",
         shown=True,
     )
     range = quantity(100, 1, 1000, "km", "slant range", shown=True)
@@ -103,14 +104,18 @@ class Scene(Settings, key="scene"):
     """Position of the aircraft: one depression for every range, or one altitude."""
 
     geometry = word(
-        "fixed", ("fixed", "altitude"), label="depression fixed at every range, or altitude"
+        "fixed",
+        ("fixed", "altitude"),
+        label="geometry: depression fixed at every range, or altitude",
     )
     depression = quantity(
         *(DEPRESSION, 0, 90, "degree", "depression of the line of sight at the target"),
         help="used where geometry is fixed; equals 22,000 ft at 100 km over a flat sea",
     )
     altitude = quantity(6705.6, 1, 50e3, "m", "altitude of the aircraft", help="22,000 ft")
-    earth_radius = quantity(6371e3, 1e6, 1e12, "m", "radius of the Earth", help="1e12: flat")
+    earth_radius = quantity(
+        6371e3, 1e6, 1e12, "m", "radius of the Earth", help="1e12 for a flat sea"
+    )
 
 
 class Render(Settings, key="render"):
@@ -120,7 +125,8 @@ class Render(Settings, key="render"):
         "auto",
         ("auto", *engines(), LINES),
         label="rendering engine",
-        help="auto: osmesa, else egl, else embree, and lines (exact along lines) with a tolerance",
+        help="lines: exact along lines a pixel apart; auto: osmesa, else egl, else embree, and "
+        "lines where there is a tolerance",
     )
     pixel = quantity(0.25, 0.01, 5, "m", "pixel on the target")
     tolerance = number(
@@ -130,7 +136,10 @@ class Render(Settings, key="render"):
         dimension="render_tolerance",  # the multilayered network has one, too
     )
     samples = count(
-        20_000, 0, 10**7, label="least samples on the ship; with fewer, pixels are smaller"
+        20_000,
+        0,
+        10**7,
+        label="smallest number of samples on the ship; fewer are drawn again with smaller pixels",
     )
     roll = quantity(
         *(ROLL, -180, 180, "degree", "roll of the pixels about the line of sight"),
@@ -141,8 +150,9 @@ class Render(Settings, key="render"):
         "all",
         ("all", "none"),
         label="views that are not rendered",
-        help="all: aspects above 180 of a symmetric ship, which are mirrored, and ranges that "
-        "share a far-field view, where it errs by at most a tenth of tolerance (null: of 1e-3)",
+        help="all: aspects above 180 of a symmetric ship are mirrored from its other side, and "
+        "ranges share one far-field view where it errs by at most a tenth of tolerance (1e-4 "
+        "where that is null); none: every view is drawn, at its own range",
     )
 
 
