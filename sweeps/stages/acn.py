@@ -275,8 +275,21 @@ RULES = ("label_rule", "score_rule")
 SEEN = {"training_set": "profile_training_set", "presentation": "profile_order"}
 acn_training = OF_RANGE.stage(
     Output("training_category", VIEW, "i4", "category of the training view", without=RULES[:1]),
-    Output("training_confused", VIEW, "i1", "1 where another ship shares it", without=RULES[:1]),
-    Output("passes", (), "i4", "passes; negative: not settled", fill=0, without=RULES[:1]),
+    Output(
+        "training_confused",
+        VIEW,
+        "i1",
+        "1 where views of another ship share that category",
+        without=RULES[:1],
+    ),
+    Output(
+        "passes",
+        (),
+        "i4",
+        "presentations until the categories settled, negative if they did not",
+        fill=0,
+        without=RULES[:1],
+    ),
     Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),
     inner("names", ("category",), "i2"),
     inner("weights", ("category", "view"), "f8"),

@@ -186,21 +186,25 @@ LANDMARKS = {  # label and unit
 
 NUMBERS = {
     "profile_correlation": "correlation of a simulated flight's profile with the noiseless one",
-    "profile_correlation_without_hangar": "the same, without 4 m either side of the highest peak",
+    "profile_correlation_without_hangar": "correlation of a simulated flight's profile with the "
+    "noiseless one, without 4 m either side of the hangar, the highest peak",
     "closing_speed_error": "relative error of the closing speed used in the corrections",
     "looks": "mean number of samples in pixels that have any",
 }
 TILTS = {
     "mast_tilt": "tilt of masts in the corrected intensity and infrared images together",
-    "waterline_tilt": "tilt of the waterline in the corrected intensity and infrared images",
+    "waterline_tilt": "tilt of the waterline in the corrected intensity and infrared images "
+    "together",
     "mast_tilt_error": "standard error of the tilt of masts, for a shear of a few degrees at most",
     "waterline_tilt_error": "standard error of the tilt of the waterline, likewise",
     "intensity_mast_tilt": "tilt of masts in the corrected intensity alone",
     "intensity_waterline_tilt": "tilt of the waterline in the corrected intensity alone",
     "infrared_mast_tilt": "tilt of masts in the corrected infrared image alone",
     "infrared_waterline_tilt": "tilt of the waterline in the corrected infrared image alone",
-    "noiseless_mast_tilt": "tilt of masts in the corrected scan without noise, by shares of ship",
-    "noiseless_waterline_tilt": "tilt of the waterline in the corrected scan without noise",
+    "noiseless_mast_tilt": "tilt of masts in the corrected noiseless scan, from the share of ship "
+    "in each pixel",
+    "noiseless_waterline_tilt": "tilt of the waterline in the corrected noiseless scan, from the "
+    "share of ship in each pixel",
 }
 IMAGES = {  # unit and label
     "intensity": ("1", "corrected, segmented intensity in noise powers, 0 without a return"),
@@ -218,10 +222,18 @@ flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
 
 
 @FLIGHTS.stage(
-    Output("profile", ("source", "down_range"), label="intensity summed over pixels [noise power]"),
+    Output(
+        "profile",
+        ("source", "down_range"),
+        label="range profile: intensity summed over pixels, in noise powers of one look",
+    ),
     *(Output(name, label=label) for name, label in NUMBERS.items()),
     *(Output(name, label=label, unit="degree") for name, label in TILTS.items()),
-    Output("hangar_spike_offset", label="offset of the hangar's spike by noise", unit="m"),
+    Output(
+        "hangar_spike_offset",
+        label="down-range of the hangar's spike in a simulated flight, over that without noise",
+        unit="m",
+    ),
     *(
         Output(name, ("source",), label=label, unit=unit)
         for name, (label, unit) in LANDMARKS.items()

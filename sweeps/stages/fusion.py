@@ -119,8 +119,17 @@ ANSWERS = classifier.ClassifierGroup.of(
 @ANSWERS.answers(
     Output("probability", ANSWERS.answer, label="posterior probability of the true ship"),
     # Of both sensors the first is that of silhouettes, the second that of profiles.
-    Output("inverse_temperature", OF_DRAWS, label="log-probability of a unit of a sensor's score"),
-    Output("outlier_fraction", OF_DRAWS, label="mean probability that a sensor is uninformative"),
+    Output(
+        "inverse_temperature",
+        OF_DRAWS,
+        label="log-probability of a unit of a sensor's score; of both: that of silhouettes",
+    ),
+    Output(
+        "outlier_fraction",
+        OF_DRAWS,
+        label="probability that a sensor is uninformative, the mean over templates; of both: that "
+        "of profiles",
+    ),
     uses=(Grid,),
     gather=(Grid.replicate, *GATHERED),
     reads={

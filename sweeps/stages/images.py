@@ -136,7 +136,10 @@ def detection_probability(
 
 
 @OF_VIEWS.stage(
-    Output("reconstruction_error", label="rms difference from the noiseless image over contrast"),
+    Output(
+        "reconstruction_error",
+        label="rms difference from the noiseless image of half the pixel, over the contrast",
+    ),
     along=(Infrared.subpixel_offsets, Infrared.frame_count),
 )
 def reconstruction_error(

@@ -72,7 +72,12 @@ mnn_settings = plain(reads=by_key(Mnn), name="mnn_settings")(keywords)
 
 
 @ANSWERS.stage(
-    Output("training_correct", classifier.VIEW, "i1", "1 where ship and aspect bin are right"),
+    Output(
+        "training_correct",
+        classifier.VIEW,
+        "i1",
+        "1 where ship and aspect bin of the expected profile are right",
+    ),
     Output("presentations", dtype="i4", fill=0, label="epochs trained"),
     Output("hidden", dtype="i2", fill=0, label="hidden nodes"),
     Output("loss", label="mean square error of the outputs at the end"),

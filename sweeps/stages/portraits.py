@@ -47,7 +47,11 @@ MOST_LINES = 12  # of ships, on the screen
         label="brightness from 0 to 1 of the ship from its port bow; NaN: background",
         attrs={"aspect_deg": ASPECT, "depression_deg": DEPRESSION, "row_0": "lowest"},
     ),
-    Output("warning", dtype=f"U{LONGEST_WARNING}", label="what looks wrong; empty: nothing"),
+    Output(
+        "warning",
+        dtype=f"U{LONGEST_WARNING}",
+        label="what looks wrong with the axes or origin of the mesh; empty: nothing",
+    ),
     group=Group(GROUP),
 )
 def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:

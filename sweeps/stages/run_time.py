@@ -203,7 +203,11 @@ def _times(
 
 
 @TIMED.stage(
-    Output("changed", VIEWS, label="share of noisy profiles named otherwise than with exact ones"),
+    Output(
+        "changed",
+        VIEWS,
+        label="share of noisy profiles whose correlation answer differs from the exact extents'",
+    ),
     gather=VIEW_SETTINGS,
 )
 def changed(

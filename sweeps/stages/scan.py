@@ -169,7 +169,11 @@ detected = FIELD.stage(
     _of_target("slant_range", dtype="f4", label="slant range of a target", unit="m"),
     _of_target("shown", label="pixels that show a target"),
     _of_target("hot", label="pixels of a target above the threshold"),
-    _of_target("detection_probability", dtype="f4", label="probability of detection, closed form"),
+    _of_target(
+        "detection_probability",
+        dtype="f4",
+        label="probability that a target is detected, in closed form",
+    ),
     Output("alarms", dtype="i4", label="pixels of the sea above the threshold"),
     _ship("source", label="detected target; -1 for the sea"),
     _of_detection("box", label="pixels of a detection"),
@@ -223,7 +227,9 @@ known = stage(
 
 visited = FIELD.stage(
     _ship("named", label="ship predicted by a visit"),
-    Output("similarity", ("detection",), pad=np.nan, label="cosine to the nearest profile"),
+    Output(
+        "similarity", ("detection",), pad=np.nan, label="cosine similarity to the nearest profile"
+    ),
     along=(Grid.frame_count,),
     stream=Stream((Grid.range, Grid.replicate), "scan_visited"),
     name="visited",
@@ -357,7 +363,10 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
     totals = counts[[*COUNTS, "ships"]].where(done).sum(DRAW)
     arrays: dict[str, tuple[Any, ...]] = {
         "draws": (done.sum(DRAW), "draws of the field"),
-        "detection_probability": (detectable.where(done).mean(DRAW), "share detected, in theory"),
+        "detection_probability": (
+            detectable.where(done).mean(DRAW),
+            "share of ships detected, in closed form",
+        ),
     }
     for name, parts in SHARES.items():
         hits, trials = xr.broadcast(*(totals[part] for part in parts))

@@ -136,10 +136,13 @@ MEANINGS = {
     "correct_known": "fraction of answers to known ships that are right and not rejected",
     "n_unknown": "answers to unknown ships",
     "n_known": "answers to known ships",
-    "correct_where_rejected": "the same where at least so many of those to unknown ones are",
+    "correct_where_rejected": "fraction of answers to known ships that are right and not rejected "
+    "where at least so many of those to unknown ones are",
     "rejected_up_to": "largest cosine that must be rejected for that, none where all are accepted",
-    "auroc": "probability that an answer to a known ship is more similar than to an unknown one",
-    "oscr": "probability that it is right, too (area under the open-set classification rate)",
+    "auroc": "probability that an answer to a known ship is more similar than one to an unknown "
+    "ship (area under the receiver operating characteristic)",
+    "oscr": "probability that an answer to a known ship is right and more similar than one to an "
+    "unknown ship (area under the open-set classification rate)",
     "test_vigilance": "cosine that an answer must reach",
     "least_rejected": "fraction of answers to unknown ships that is rejected at least",
 }
@@ -204,6 +207,10 @@ def tabulate_rejection(
     table = xr.concat(parts, "aspects")
     for name, meaning in MEANINGS.items():
         table[name].attrs = {"units": "1", "long_name": meaning}
+        for ending, end in zip(ENDS, ("lower", "upper"), strict=True):
+            if name + ending in table:
+                interval = f"{end} end of the 95 % Wilson interval of the {meaning}"
+                table[name + ending].attrs = {"units": "1", "long_name": interval}
     table.aspects.attrs = OF_ASPECTS
     return table
 
