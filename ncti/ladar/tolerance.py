@@ -94,8 +94,8 @@ def lines_within(
     the tolerance, the extents of the ship in the view and the resolution in range: four views of
     five need no more lines. In the others the number by which the spacing is divided follows from
     the bound. Lines are kept, and only those between them are added. The bound has to be within
-    0.7 of the tolerance, because a few bounds are too small: of 1,400 errors, none exceeded its
-    tolerance then, and two did with 0.85. The tolerance holds at `slant_range`; a far-field image
+    0.7 of the tolerance, because a few bounds are too small: of 5,600 errors, none exceeded its
+    tolerance then, and four did with 0.85. The tolerance holds at `slant_range`; a far-field image
     has the error `ncti.render.far_field_error` besides at any finite range.
 
     Examples
