@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.errors import DeclarationError
 from sweeps.engine.kinds import spelt
 from sweeps.engine.packs import Arrays, Spot
 from sweeps.engine.plan import Axis, Plan
 from sweeps.engine.settings import Setting
 from sweeps.engine.stage import COORDINATE, MEASURED, STATE, Bound, Output
-from sweeps.engine.tasks import Damaged
+from sweeps.engine.tasks import Damaged, uneven
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
@@ -223,11 +222,7 @@ class Cube:
         for number, arrays in zip(wanted, self._cells(list(wanted.values())), strict=True):
             array = arrays[output.name]
             if output.even and array.shape != own:
-                raise DeclarationError(
-                    f"stage {layout.bound.name}: {output.name} has the shape {array.shape} in one "
-                    f"cell and {own} in another, but no value to pad it with; declare pad=... or "
-                    "origin=..."
-                )
+                raise uneven(layout.bound.name, output.name, array.shape, own)
             if output.pad is not None:
                 flat[number] = output.pad
             corner = map(int.__sub__, layout.begins(arrays), first)

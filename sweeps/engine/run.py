@@ -32,7 +32,7 @@ from sweeps.engine.schedule import Job, Progress, Schedule, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Experiment
 from sweeps.engine.store import read_attributes, write_store
-from sweeps.engine.tasks import Call, Damaged, Done, Report, run_calls
+from sweeps.engine.tasks import Call, Damaged, Done, Report, run_calls, uneven
 from sweeps.engine.zarr_array import nested, plain
 
 ROUNDS = 100  # of computing damaged results again, before blaming the disk
@@ -176,9 +176,11 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     """Run all calls of a schedule, and record finished cells in the index, whose folder has them.
 
     Returns the names of cells that failed, with the reasons. Raises `Damaged`, when all is done, if
-    cells could not be read back, and OSError if results cannot be written.
+    cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
+    without a value to pad them with, and OSError if results cannot be written.
     """
     damaged: set[str] = set()
+    shapes: dict[tuple[str, str], tuple[int, ...]] = {}
     failures: Failures = []
     under_way: dict[int, Task] = {}
     # A worker that dies, for example out of memory, takes other tasks with it. So each of their
@@ -226,6 +228,10 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                         watch.failed(Failure(*failures[-1], done.arguments, done.traceback))
             for pack in report.packs:
                 index.add(pack)
+            for stage, output, shape in report.shapes:
+                first = shapes.setdefault((stage, output), shape)
+                if shape != first:
+                    raise uneven(stage, output, shape, first)
         watch.step(schedule)
     if damaged:
         raise Damaged(tuple(sorted(damaged)))

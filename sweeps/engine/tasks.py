@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.declarations import RNG, VALID
+from sweeps.engine.errors import DeclarationError
 from sweeps.engine.failures import described, reason, traceback_of
 from sweeps.engine.packs import Arrays, Pack, Spot, read_cells, write_pack
 from sweeps.engine.seeds import cell_rng
@@ -38,6 +39,7 @@ class Step:
     place: str  # module and qualified name of its function
     function: Callable[..., Any] | None  # itself, if workers cannot import it
     outputs: tuple[Output, ...]
+    even: tuple[str, ...]  # of these, names of those whose shape is the same in all cells
     keep: int  # number of results in memory, of a stage not kept on disk
 
     @classmethod
@@ -48,7 +50,8 @@ class Step:
         place = f"{function.__module__}:{function.__qualname__}"
         imported = "<" not in place and not place.startswith("__main__:")
         given = None if imported else function
-        return cls(stage.name, place, given, stage.outputs, stage.memory)
+        even = tuple(one.name for one in stage.outputs if stage.place_of(one) and one.even)
+        return cls(stage.name, place, given, stage.outputs, even, stage.memory)
 
     @property
     def call(self) -> Callable[..., Any]:
@@ -114,6 +117,8 @@ class Report(NamedTuple):
     calls: tuple[Done, ...]
     packs: tuple[Pack, ...] = ()
     unwritten: OSError | None = None  # why results could not be packed, if so
+    # Shapes met, by stage and output, of outputs that have the same in every cell.
+    shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
 
 
 class Damaged(Exception):
@@ -132,10 +137,13 @@ def run_calls(calls: tuple[Call, ...], folder: Path) -> Report:
     outcomes = [_run(call, inputs, folder) for call, inputs in _with_inputs(calls, folder)]
     results: dict[str, list[Cell]] = defaultdict(list)
     spent: dict[str, float] = defaultdict(float)  # s, by stage
+    shapes: set[tuple[str, str, tuple[int, ...]]] = set()
     for call, (done, cells) in zip(calls, outcomes, strict=True):
         step = call.recipe.step
         results[step.name] += cells
         spent[step.name] += done.seconds
+        for output in step.even if cells else ():  # those of a call are of one array
+            shapes.add((step.name, output, cells[0][1][output].shape))
     packs: dict[str, Pack] = {}
     spots: dict[str, Iterator[Spot]] = {}
     for name, written in results.items():
@@ -151,7 +159,17 @@ def run_calls(calls: tuple[Call, ...], folder: Path) -> Report:
         name = call.recipe.step.name
         found = tuple(why or next(spots[name]) for why in done.cells)
         finished.append(done._replace(cells=found))
-    return Report(tuple(finished), tuple(packs.values()))
+    return Report(tuple(finished), tuple(packs.values()), shapes=tuple(sorted(shapes)))
+
+
+def uneven(
+    stage: str, output: str, shape: tuple[int, ...], other: tuple[int, ...]
+) -> DeclarationError:
+    """Return the error of arrays of two shapes, which a store cannot hold without padding."""
+    return DeclarationError(
+        f"stage {stage}: {output} has the shape {shape} in one cell and {other} in another, but no "
+        "value to pad it with; declare pad=... or origin=..."
+    )
 
 
 def _run(call: Call, inputs: Inputs, folder: Path) -> tuple[Done, list[Cell]]:

@@ -87,6 +87,15 @@ def growing(size):
     return np.zeros(size)
 
 
+def test_padding_that_is_not_declared_is_refused_at_once(tmp_path):
+    declared = Experiment("few", "Few", (Few,), (growing,))
+    choices = read_choices(declared.declared, {"few.size": list(range(1, 1001))})
+    CALLS.clear()
+    with pytest.raises(DeclarationError, match="no value to pad it with"):
+        run(declared, choices, tmp_path / "s.zarr", tmp_path / "cache")
+    assert CALLS["growing"] < 700, "most cells are not computed any more"
+
+
 def test_padding_that_is_not_declared_is_refused_and_costs_no_results(tmp_path):
     declared = Experiment("few", "Few", (Few,), (growing,))
     choices = read_choices(declared.declared, {})
@@ -100,5 +109,5 @@ def test_padding_that_is_not_declared_is_refused_and_costs_no_results(tmp_path):
     padded = replace(growing, outputs=(replace(growing.outputs[0], pad=-1.0),))
     CALLS.clear()
     run(replace(declared, stages=(padded,)), choices, tmp_path / "s.zarr", tmp_path / "cache")
-    assert not CALLS
+    assert CALLS["growing"] < 3, "what was computed before is kept"
     assert opened(tmp_path / "s.zarr", "all").x.sum() == -3
