@@ -23,12 +23,14 @@ for axes, (title, name, here) in zip(panels.ravel(), kinds, strict=False):
     for place, (engine, part) in enumerate(here.groupby("engine")):
         colour, part = f"C{place}", part.sort_values("pixel_m")
         error, time = 100 * part[f"{name}_median"], 1e3 * part.run_time
-        axes.plot(time, error, ".", color=colour, alpha=0.3)
-        middle = part.groupby("pixel_m")[[f"{name}_median", "run_time"]].median()
-        at = 1e3 * middle.run_time, 100 * middle[f"{name}_median"]
+        axes.plot(time, error, ".", color=colour, alpha=0.3)  # of all rolls and spreads
+        for setting in part.columns.intersection(["roll_deg", "spread"]):
+            part = part[part[setting] == part[setting].max()]  # the defaults
+        at = 1e3 * part.run_time, 100 * part[f"{name}_median"]
         axes.plot(*at, "o-", color=colour, label=engine)
-        for x, y, pixel in zip(*at, middle.index, strict=True):
-            axes.annotate(f"{pixel:g} m", (x, y), fontsize="xx-small", color=colour)
+        for x, y, pixel in zip(*at, part.pixel_m, strict=True):
+            if engine in ("lines", "embree"):
+                axes.annotate(f"{pixel:g} m", (x, y), fontsize="x-small", color=colour)
     axes.axhline(0.1, color="0.4", ls=":", label="0.1 %")
     axes.set(title=title, xscale="log", yscale="log")
 figure.supxlabel("run time of one view [ms]")

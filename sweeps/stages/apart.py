@@ -5,11 +5,12 @@ OpenGL is bound to one platform a process. A sweep over engines needs two of the
 
 from __future__ import annotations
 
+import os
 import pickle
 import subprocess
 import sys
 from collections.abc import Callable
-from functools import partial
+from functools import cache
 from typing import Any, TypeVar
 
 from ncti.render import EngineError
@@ -38,30 +39,53 @@ def call_apart(
     Raises
     ------
     EngineError
-        If the other process ends without a result; else whatever the function raises.
+        If the other process ends; else whatever the function raises.
     """
-    call = partial(function, *arguments, **named)
     if engine not in engines() or engine in ("embree", choose_engine("auto")):
-        return call()
+        return function(*arguments, **named)
     # Not `multiprocessing`: workers of dask may not have children of that kind.
-    code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve()"
-    done = subprocess.run(
-        [sys.executable, "-c", code], input=pickle.dumps(call), stdout=subprocess.PIPE
-    )
-    if done.returncode:
-        raise EngineError(f"the process that draws with {engine} has ended")
-    result, error = pickle.loads(done.stdout)
+    process = _process(os.getpid(), engine)
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        pickle.dump((function, arguments, named), process.stdin, pickle.HIGHEST_PROTOCOL)
+        process.stdin.flush()
+        result, error = pickle.load(process.stdout)
+    except (OSError, EOFError) as ended:
+        process.kill()
+        process.wait()
+        _process.cache_clear()
+        raise EngineError(f"the process that draws with {engine} has ended") from ended
     if error is not None:
         raise error
     return result
 
 
+@cache
+def _process(parent: int, engine: str) -> subprocess.Popen[bytes]:
+    """Return the process that renders with an engine, which ends when its parent does."""
+    return subprocess.Popen(
+        [sys.executable, "-c", f"from {__name__} import serve; serve()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        # The threads of numerical libraries are limited by the environment, which it inherits.
+        start_new_session=True,  # an interrupt is for this process, whose end ends it
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+
+
 def serve() -> None:
-    """Answer the call on stdin with its result, or its error, on stdout."""
-    out, sys.stdout = sys.stdout.buffer, sys.stderr  # what libraries print is no answer
-    call = pickle.load(sys.stdin.buffer)
-    try:
-        answer: tuple[Any, Exception | None] = call(), None
-    except Exception as error:
-        answer = None, error
-    pickle.dump(answer, out)
+    """Read calls from stdin and write their results to stdout until stdin is closed."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what libraries print is no answer
+    while True:
+        try:
+            function, arguments, named = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        try:
+            answer: tuple[Any, Exception | None] = function(*arguments, **named), None
+        except Exception as error:
+            answer = None, error
+        pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
+        answers.flush()
