@@ -35,7 +35,8 @@ from sweeps.engine.store import read_attributes, write_store
 from sweeps.engine.tasks import Call, Damaged, Done, Report, run_calls, uneven
 from sweeps.engine.zarr_array import nested, plain
 
-ROUNDS = 100  # of computing damaged results again, before blaming the disk
+AT_ONCE = 512  # cells that are read again after damage
+ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 QUICK = 1.0  # s of work that finishes before worker processes would have started
 
@@ -122,9 +123,10 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
                 failures = _compute(schedule, place, index, watch, thread)
                 failures += _write(schedule, place, watch)
             except Damaged as error:
-                lost = f"{len(error.keys):,} results in the cache are damaged"
+                damaged = sorted(_damaged(schedule, place).union(error.keys))
+                lost = f"{len(damaged):,} results in the cache are damaged"
                 watch.say(f"{lost} and are computed again")
-                index.forget(error.keys)
+                index.forget(damaged)
             else:
                 index.used(path for path, *_ in schedule.spots.values())
                 return Finished(schedule.progress, failures, written=True)
@@ -236,6 +238,17 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     if damaged:
         raise Damaged(tuple(sorted(damaged)))
     return failures
+
+
+def _damaged(schedule: Schedule, place: Place) -> set[str]:
+    """Return keys of all cells that cannot be read back, so that one round mends them."""
+    spots = sorted(schedule.spots.values())
+    damaged: set[str] = set()
+    for start in range(0, len(spots), AT_ONCE):
+        part = spots[start : start + AT_ONCE]
+        cells = zip(part, read_cells(place.cache, part), strict=True)
+        damaged |= {spot.key for spot, arrays in cells if arrays is None}
+    return damaged
 
 
 # the store --------------------------------------------------------------------------------------
