@@ -11,6 +11,7 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ncti.checks import require_flags, require_shape
+from ncti.classify.blocks import row_blocks
 from ncti.classify.directions import polar
 
 NO_TEMPLATE = -1
@@ -46,7 +47,8 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
     the correlation receiver, the matched filter for profiles of unknown gain in white noise.
     Trained on noisy averages, it shows the benefit of examples that contain noise.
 
-    Of equally good matches, to 1e-12, the first wins. A zero vector has no direction: as a
+    Samples are compared in blocks, so that memory grows with samples and templates, not with their
+    product. Of equally good matches, to 1e-12, the first wins. A zero vector has no direction: as a
     template it is never chosen, and as a sample it matches none (`match` returns -1).
 
     Examples
@@ -88,6 +90,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         self.templates_, lengths = polar(vectors)
         if not lengths.any():
             raise ValueError("X has only zero vectors, but must have one with a direction")
+        self._silent = lengths == 0.0
         return self
 
     def similarity(self, X: ArrayLike) -> Floats:
@@ -103,7 +106,9 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         (sample, template) float64 ndarray
             Cosine in [-1, 1]; 0 if either vector is zero.
         """
-        return self._cosines(X)[0]
+        check_is_fitted(self)
+        directions, _ = polar(validate_data(self, X, dtype=np.float64, reset=False))
+        return np.clip(directions @ self.templates_.T, -1.0, 1.0)
 
     def match(self, X: ArrayLike, *, exclude: ArrayLike = False) -> tuple[Indices, Floats]:
         """Return the template nearest to each vector.
@@ -127,15 +132,17 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         ValueError
             If X is malformed or holds NaN or infinity, or `exclude` has another shape.
         """
-        cosines, answers = self._cosines(X)
+        check_is_fitted(self)
+        vectors = validate_data(self, X, dtype=np.float64, reset=False)
+        shape = len(vectors), len(self.templates_)
         left_out = require_flags("exclude", exclude)
-        require_shape("exclude", left_out, (), cosines.shape[1:], cosines.shape)
-        cosines[np.broadcast_to(left_out | ~self.templates_.any(axis=1), cosines.shape)] = -np.inf
-        best = cosines.max(axis=1)
-        template = (cosines >= best[:, None] - TIE).argmax(axis=1)
-        similarity = np.take_along_axis(cosines, template[:, None], axis=1)[:, 0]
-        answers &= best > -np.inf
-        template[~answers], similarity[~answers] = NO_TEMPLATE, 0.0
+        require_shape("exclude", left_out, (), shape[1:], shape)
+        out = np.broadcast_to(left_out, shape)
+        template, similarity = np.empty(shape[0], dtype=np.intp), np.empty(shape[0])
+        for rows in row_blocks(shape[0]):
+            # Where one row stands for all samples, it does for those of a block.
+            of_rows = out[rows] if left_out.ndim == 2 else out[:1]
+            template[rows], similarity[rows] = self._nearest(vectors[rows], of_rows)
         return template, similarity
 
     def predict(self, X: ArrayLike) -> NDArray:
@@ -155,8 +162,20 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         template, _ = self.match(X)
         return self.labels_[np.maximum(template, 0)]
 
-    def _cosines(self, X: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return (sample, template) cosines, and (sample,) True for vectors with a direction."""
-        check_is_fitted(self)
-        directions, lengths = polar(validate_data(self, X, dtype=np.float64, reset=False))
-        return np.clip(directions @ self.templates_.T, -1.0, 1.0), lengths > 0
+    def _nearest(self, vectors: Floats, left_out: NDArray[np.bool_]) -> tuple[Indices, Floats]:
+        """Return `match` of some (sample, feature) vectors, all of whose cosines are held.
+
+        Flags of the templates left out are (sample or 1, template).
+        """
+        directions, lengths = polar(vectors)
+        cosines = directions @ self.templates_.T
+        hidden = left_out | self._silent
+        if hidden.any():
+            cosines[np.broadcast_to(hidden, cosines.shape)] = -np.inf
+        highest = cosines.max(axis=1)
+        answers = (lengths > 0) & (highest > -np.inf)
+        # Of cosines only the best are clipped: rounding takes none further beyond 1 than `TIE`.
+        template = (cosines >= np.clip(highest, -1.0, 1.0)[:, None] - TIE).argmax(axis=1)
+        similarity = np.take_along_axis(cosines, template[:, None], axis=1)[:, 0]
+        similarity = np.where(answers, np.clip(similarity, -1.0, 1.0), 0.0)
+        return np.where(answers, template, NO_TEMPLATE), similarity

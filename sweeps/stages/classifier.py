@@ -255,8 +255,17 @@ def check_receiver(choices: Choices, name: str) -> None:
 
 def profile_vectors(profiles: Profiles | Floats) -> Floats:
     """Return (..., ship, aspect, bin) profiles as (..., view, bin) vectors, zero where missing."""
-    flat = profiles.reshape(*profiles.shape[:-3], -1, profiles.shape[-1])
-    return profile_vector(np.where(np.isfinite(flat), flat, 0.0))
+    return vectors_of(by_view(profiles))
+
+
+def by_view(profiles: Profiles | Floats) -> Profiles | Floats:
+    """Return (..., ship, aspect, bin) profiles as (..., view, bin) ones."""
+    return profiles.reshape(*profiles.shape[:-3], -1, profiles.shape[-1])
+
+
+def vectors_of(profiles: Profiles | Floats) -> Floats:
+    """Return the vectors of (..., bin) profiles, zero where these are missing."""
+    return profile_vector(np.where(np.isfinite(profiles), profiles, 0.0))
 
 
 def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:

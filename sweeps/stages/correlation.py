@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.classify.blocks import row_blocks
 from sweeps.engine.settings import Choices, Settings, word
 from sweeps.engine.stage import Output, in_memory
 from sweeps.stages import classifier
@@ -14,6 +18,8 @@ IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; t
 NAME = "correlation"
 ANSWERS = classifier.of_profiles(NAME, "training", "left_out")
 EXPECTED, NOISY = "expected", "noisy"
+
+Indices = NDArray[np.intp]
 
 
 class Correlation(Settings, key="classifier", noted=True):
@@ -27,10 +33,11 @@ class Correlation(Settings, key="classifier", noted=True):
     )
 
 
-@in_memory(gather=(Grid.replicate, *classifier.GATHERED), keep=4)
-def profile_draws(averaged: Profiles) -> Floats:
-    """Return (replicate, view, bin) vectors of all draws of profiles of as many frames."""
-    return classifier.profile_vectors(averaged)
+@in_memory(uses=(Correlation,), gather=(Grid.replicate, *classifier.GATHERED), keep=4)
+def profile_draws(averaged: Profiles, training: str) -> Profiles | Floats:
+    """Return (replicate, view, bin) draws of profiles of as many frames; none if not learned."""
+    draws = classifier.by_view(averaged)
+    return draws if training == NOISY else draws[:0].copy()  # which does not keep the others
 
 
 @ANSWERS.answers(
@@ -38,7 +45,7 @@ def profile_draws(averaged: Profiles) -> Floats:
     uses=(Grid, Classifier, Correlation),
 )
 def correlation(
-    profile_draws: Floats,
+    profile_draws: Profiles | Floats,
     training_views: Views,
     expected: Profiles,
     averaged: Profiles,
@@ -61,33 +68,47 @@ def correlation(
     if training == NOISY:
         training_set = np.delete(profile_draws, replicate, axis=0)
     else:
-        training_set = classifier.profile_vectors(expected)[None]
-    return match_views(training_set, classifier.profile_vectors(averaged), valid, known, left_out)
+        training_set = classifier.by_view(expected)[None]
+    tests = classifier.by_view(averaged)
+    return match_views(training_set, tests, valid, known, left_out, classifier.vectors_of)
 
 
 def match_views(
-    training_set: Floats,
-    tests: Floats,
+    training_set: Profiles | Floats,
+    tests: Profiles | Floats,
     valid: Views,
     training_views: Views,
     left_out: bool,
+    see: Callable[[Profiles | Floats], Floats] = np.asarray,
 ) -> Arrays:
     """Return the ship of the training vector most similar to each test, (ship, aspect).
 
     The training set is (draw, view, bin) vectors of all views, zero where one is missing, and tests
-    are (view, bin) ones; templates of a test's own aspect may be left out.
+    are (view, bin) ones, or what a function turns to such vectors, block by block; templates of a
+    test's own aspect may be left out.
     """
     # Imported here because scikit-learn takes a second.
     from ncti.classify.baselines import NO_TEMPLATE, CorrelationNeighbour
 
     ship, aspect = np.indices(valid.shape).reshape(2, -1)
-    vectors = training_set.reshape(-1, training_set.shape[-1])
-    # View of each training vector.
-    view = np.tile(np.arange(valid.size), len(training_set))
+
+    def templates_of(views: Indices) -> Floats:
+        return see(training_set[:, views].reshape(-1, training_set.shape[-1]))
+
+    # Only what is learned is compared with; all views are, and no answer found, if that is nothing.
+    views = np.flatnonzero(training_views)
+    templates = templates_of(views)
+    if not templates.any():
+        views = np.arange(valid.size)
+        templates = templates_of(views)
+    # View of each template.
+    view = np.tile(views, len(training_set))
+    neighbour = CorrelationNeighbour().fit(templates, ship[view])
     untrained = ~training_views.reshape(-1)[view]
-    same = (aspect[:, None] == aspect[view]) & left_out
-    neighbour = CorrelationNeighbour().fit(vectors, ship[view])
-    best, cosine = neighbour.match(tests, exclude=untrained | same)
+    best, cosine = np.empty(len(tests), dtype=np.intp), np.empty(len(tests))
+    for rows in row_blocks(len(tests)):
+        own = (aspect[rows, None] == aspect[view]) if left_out else np.False_
+        best[rows], cosine[rows] = neighbour.match(see(tests[rows]), exclude=untrained | own)
     named = np.where(best == NO_TEMPLATE, NONE, ship[view[best]]).reshape(valid.shape)
     similarity = np.where(valid, cosine.reshape(valid.shape), np.nan)
     return classifier.judged(named, valid) | {"similarity": similarity}

@@ -1,12 +1,13 @@
 """Nearest neighbours by correlation on profiles made up, against answers by hand."""
 
+import tracemalloc
 from itertools import product
 
 import numpy as np
 import pytest
 from range_channel import BINS, FLOOR, FRAMES, REPLICATES, directions, learned, made
 
-from sweeps.stages import correlation
+from sweeps.stages import classifier, correlation
 
 BOTH = (False, True)
 
@@ -14,7 +15,7 @@ BOTH = (False, True)
 def answered(cell, training="expected", left_out=(False,), frames=0, **training_views):
     """Answers of all replicates, (replicate, left_out, ship, aspect)."""
     ships, aspects = cell.valid.shape
-    draws = correlation.profile_draws(cell.averaged[:, frames])
+    draws = correlation.profile_draws(cell.averaged[:, frames], training)
     found = [
         correlation.correlation(
             draws,
@@ -100,3 +101,44 @@ def test_a_flat_profile_that_was_learned_answers_for_none():
     assert answers["predicted"].ravel().tolist() == [1, 1]
     # (-0.5 * 10) / (sqrt(10) sqrt(1 + 10 / 4))
     np.testing.assert_allclose(answers["similarity"], -5 / np.sqrt(35), rtol=1e-6)
+
+
+def matched(aspects, left_out, learned_every=1):
+    """Answers and the most memory [B] held for them, of three ships in noise."""
+    rng = np.random.default_rng(aspects)
+    expected = rng.standard_normal((3, aspects, 16)).astype(np.float32)
+    averaged = expected + rng.standard_normal(expected.shape).astype(np.float32)
+    valid = rng.random((3, aspects)) < 0.9
+    expected[~valid] = averaged[~valid] = np.nan
+    known = valid & (np.arange(aspects) % learned_every == 0)
+    profiles = classifier.by_view(expected)[None], classifier.by_view(averaged)
+    tracemalloc.start()
+    answers = correlation.match_views(*profiles, valid, known, left_out, see=classifier.vectors_of)
+    held = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    vectors = (classifier.profile_vectors(expected)[None], classifier.profile_vectors(averaged))
+    for name, values in correlation.match_views(*vectors, valid, known, left_out).items():
+        np.testing.assert_array_equal(values, answers[name], err_msg=name)
+    return held
+
+
+@pytest.mark.parametrize("left_out", BOTH)
+def test_memory_of_answers_is_in_proportion_to_the_views(left_out):
+    small, large = (matched(aspects, left_out) for aspects in (500, 2_000))
+    assert large < 5 * small  # sixteen times, if all views were held against all
+
+
+def test_views_that_are_only_tested_cost_no_memory_but_their_own():
+    small, large = (matched(600 * times, left_out=True, learned_every=times) for times in (1, 8))
+    # Eight times the tests of as many templates: a block of cosines, and some numbers a view.
+    assert large < 1.5 * small
+
+
+def test_nothing_is_named_where_what_is_learned_has_no_direction():
+    profiles = np.array([[[0.0, 0.0], [1.0, 0.0]]])
+    valid, known = np.ones((1, 2), dtype=bool), np.array([[True, False]])
+    answers = correlation.match_views(profiles, profiles[0], valid, known, left_out=False)
+    assert answers["predicted"].tolist() == [[-1, -1]]
+    assert answers["similarity"].tolist() == [[0.0, 0.0]]
+    with pytest.raises(ValueError, match="only zero vectors"):
+        correlation.match_views(0 * profiles, profiles[0], valid, known, left_out=False)

@@ -1,0 +1,40 @@
+"""Blocks of rows, so that what compares all samples with all templates is never held whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+ROWS = 256
+"""Rows of a block: with some hundred features, its cosines take what the templates do."""
+
+
+def row_blocks(count: int, rows: int = ROWS) -> Iterator[slice]:
+    """Yield slices that cover all rows in order, each of so many, the last of up to one more.
+
+    Parameters
+    ----------
+    count : int
+        Number of all rows.
+    rows : int, default=ROWS
+        Rows of a block, two or more.
+
+    Notes
+    -----
+    Matrix products in blocks of rows equal the whole product to the bit where the library adds the
+    terms of an element in the same order for every place in the matrix. OpenBLAS does, except for
+    products with a single row or column, which have a routine of their own, and for an odd row at
+    the end. So blocks have an even number of rows, and none but the last of an odd total ends with
+    such a row; a single row is left only where there is no other.
+
+    Examples
+    --------
+    >>> from ncti.classify.blocks import row_blocks
+    >>> [(block.start, block.stop) for block in row_blocks(9, rows=4)]
+    [(0, 4), (4, 9)]
+    """
+    start = 0
+    while start < count:
+        # A rest of one row joins the block before it.
+        stop = count if count - start <= rows + 1 else start + rows
+        yield slice(start, stop)
+        start = stop

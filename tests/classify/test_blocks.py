@@ -1,0 +1,118 @@
+"""Comparisons in blocks of samples, against the plain computation that holds them all."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from ncti.classify import CorrelationNeighbour
+from ncti.classify.baselines import TIE
+from ncti.classify.blocks import ROWS, row_blocks
+from ncti.classify.directions import polar
+
+# Kernels of OpenBLAS that add the terms of every element in one order, whatever the shape.
+IN_ORDER = {"Haswell", "Zen"}
+
+
+def same_bits() -> bool:
+    """Whether all BLAS libraries of this process are known to keep the bits in blocks."""
+    blas = [found for found in threadpool_info() if found["user_api"] == "blas"]
+    return bool(blas) and all(found.get("architecture") in IN_ORDER for found in blas)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _one_thread():
+    """Products of several threads are split by their number; sweeps compute with one."""
+    with threadpool_limits(1):
+        yield
+
+
+def assert_products(found, plain, features):
+    """The same bits, or what as many terms of unit vectors can differ by where these are summed."""
+    if same_bits():
+        np.testing.assert_array_equal(found, plain)
+    np.testing.assert_allclose(found, plain, rtol=0, atol=2 * features * np.finfo(float).eps)
+
+
+@given(count=st.integers(0, 3000), half=st.integers(1, 500))
+def test_blocks_cover_all_rows_once_and_leave_no_single_one(count, half):
+    blocks = list(row_blocks(count, 2 * half))
+    assert [row for block in blocks for row in range(block.start, block.stop)] == [*range(count)]
+    sizes = [block.stop - block.start for block in blocks]
+    assert all(size % 2 == 0 for size in sizes[:-1])
+    assert all(2 <= size <= 2 * half + 1 for size in sizes) or count <= 1
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    samples=st.integers(1, 700),
+    templates=st.integers(2, 60),
+    features=st.integers(1, 600),
+    half=st.integers(1, 200),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_product_in_blocks_is_the_product(samples, templates, features, half, seed):
+    rng = np.random.default_rng(seed)
+    X, _ = polar(rng.standard_normal((samples, features)))
+    T, _ = polar(rng.standard_normal((templates, features)))
+    whole = X @ T.T
+    found = np.concatenate([X[rows] @ T.T for rows in row_blocks(samples, 2 * half)])
+    assert_products(found, whole, features)
+    # Nor do templates that are left out change the others' elements, but for those of an odd row.
+    few = np.sort(rng.permutation(templates)[: max(2, templates // 3)])
+    even, product = samples - samples % 2, X @ T[few].T
+    assert_products(product[:even], whole[:even, few], features)
+    np.testing.assert_allclose(product, whole[:, few], atol=2 * features * np.finfo(float).eps)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    samples=st.one_of(st.integers(1, 40), st.integers(ROWS - 3, 2 * ROWS + 3)),
+    templates=st.integers(2, 60),
+    features=st.integers(2, 300),
+    hidden=st.sampled_from(["none", "all alike", "each its own"]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_matches_in_blocks_are_those_of_all_cosines(samples, templates, features, hidden, seed):
+    rng = np.random.default_rng(seed)
+    X, T = rng.standard_normal((samples, features)), rng.standard_normal((templates, features))
+    T[-1] = T[0]  # equal matches
+    X[rng.random(samples) < 0.1] = 0.0
+    exclude = {
+        "none": np.False_,
+        "all alike": rng.random(templates) < 0.3,
+        "each its own": rng.random((samples, templates)) < 0.7,
+    }[hidden]
+    cosines = np.clip(polar(X)[0] @ polar(T)[0].T, -1.0, 1.0)
+    cosines[np.broadcast_to(exclude, cosines.shape)] = -np.inf
+    best = cosines.max(axis=1)
+    plain = (cosines >= best[:, None] - TIE).argmax(axis=1)
+    none = (best == -np.inf) | ~X.any(axis=1)
+    template, similarity = (
+        CorrelationNeighbour().fit(T, np.arange(templates)).match(X, exclude=exclude)
+    )
+    np.testing.assert_array_equal(template, np.where(none, -1, plain))
+    expected = np.where(none, 0.0, cosines[np.arange(samples), plain])
+    assert_products(similarity, expected, features)
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_memory_of_matches_is_in_proportion_to_their_number(hidden):
+    def peak(count):
+        vectors = np.random.default_rng(1).standard_normal((count, 12))
+        neighbour = CorrelationNeighbour().fit(vectors, np.arange(count) % 5)
+        exclude = np.arange(count) % 3 == 0 if hidden else False
+        tracemalloc.start()
+        neighbour.match(vectors, exclude=exclude)
+        try:
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    small, large = peak(2_000), peak(8_000)
+    # Sixteen times as many cosines, half a gigabyte of them; a block's are four times as many.
+    assert large < 5 * small
+    assert large < 8_000**2
