@@ -85,15 +85,15 @@ class Chain:
     Examples
     --------
     >>> from ncti.irar import Chain
-    >>> Chain("exact", "pixel", "exact", "cluster", None).correction.azimuth
+    >>> Chain(mirror="none").correction.azimuth
     'pixel'
     """
 
-    chain: str
-    azimuth: str
-    mirror: str
-    range_filter: str
-    segmentation_threshold: float | None
+    chain: str = EXACT
+    azimuth: str = "pixel"
+    mirror: str = "exact"
+    range_filter: str = "cluster"
+    segmentation_threshold: float | None = None
 
     @property
     def correction(self) -> Correction:
@@ -101,9 +101,14 @@ class Chain:
         return Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
 
     def correct(
-        self, scan: Scan, estimate: Flight, window: Window, *, overscanned: bool = False
+        self,
+        scan: Scan,
+        estimate: Flight,
+        window: Window | None = None,
+        *,
+        overscanned: bool = False,
     ) -> Snapshot:
-        """Return the corrected images of a scan in a window; printed rows are a pixel apart."""
+        """Return the corrected images of a scan, in a window; printed rows are a pixel apart."""
         where: dict[str, Any] = {"estimate": estimate, "window": window}
         if self.chain != EXACT:
             return correct_as_printed(scan, rate=RATES[self.chain], **where)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -19,9 +19,10 @@ from scipy.ndimage import label as connected
 
 import ncti.ships
 from ncti import irar
-from ncti.irar import Correction, Scan, Snapshot
+from ncti.irar import Chain, Scan, Snapshot
+from ncti.irar.corrected import EXACT, RATES
 from sweeps.report.stores import nominal
-from sweeps.stages.irar import FLOWN, RATES, RECORDED, scan_again, surface
+from sweeps.stages.irar import FLOWN, RECORDED, scan_again, surface
 from sweeps.stages.ships import ship_name
 from sweeps.stages.views import hull, read_mesh
 
@@ -40,21 +41,6 @@ TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotatio
 
 SMALL, LABEL, TITLE = 8.5, 9.5, 12.0  # points
 NARROW = 24  # letters of a title over a narrow panel
-
-
-@dataclass(frozen=True, kw_only=True)
-class Way:
-    """Corrections of a flight, and the threshold of its segmentation.
-
-    By the source's own chain as printed, with `rate` (`line` or `pulse`) for f; or
-    by our `correction`. The threshold of segmentation is in noise powers.
-    """
-
-    rate: str | None = None
-    correction: Correction = field(default_factory=Correction)
-    autofocus: bool = False
-    threshold: float | None = None
-    surface: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,21 +92,21 @@ def _setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -
 
 def scan_of(
     attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
-) -> tuple[Scan, Way]:
-    """Return noisy raw images of one flight of a store, and its corrections."""
+) -> dict[str, Any]:
+    """Return noisy raw images of one flight of a store, and its corrections: see `stages`."""
     given = attributes["configuration"]
     reflectance = _setting(flight, given["ladar"], "reflectance")
     values = {setting.name: _setting(flight, {}, setting.name) for setting in (*FLOWN, *RECORDED)}
     place = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
     place["seed"] = _setting(flight, given, "seed")
-    methods = {name: flight[name].item() for name in ("azimuth", "mirror", "range_filter")}
-    return scan_again(values, mesh, **place, reflectance=reflectance), Way(
-        rate=RATES.get(flight.chain.item()),
-        correction=Correction(**methods),
-        autofocus=flight.autofocus.item(),
-        threshold=_setting(flight, given["irar"], "segmentation_threshold"),
-        surface=surface(mesh, values, reflectance),
-    )
+    methods = {name: flight[name].item() for name in ("chain", "azimuth", "mirror", "range_filter")}
+    threshold = _setting(flight, given["irar"], "segmentation_threshold")
+    return {
+        "scan": scan_again(values, mesh, **place, reflectance=reflectance),
+        "chain": Chain(**methods, segmentation_threshold=threshold),
+        "autofocus": flight.autofocus.item(),
+        **surface(mesh, values, reflectance),
+    }
 
 
 def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
@@ -136,14 +122,22 @@ def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
     return read_mesh(known)
 
 
-def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[Stage]:
-    """Return every stage of the chain, as in the source's Figures 10, 11 and 13.
+def stages(
+    mesh: trimesh.Trimesh,
+    scan: Scan,
+    chain: Chain | None = None,
+    *,
+    autofocus: bool = False,
+    **surface: Any,
+) -> list[Stage]:
+    """Return every stage of a chain, as in the source's Figures 10, 11 and 13.
 
-    Stages that are switched off are left out; the source's own chain is one stage.
+    Stages that are switched off are left out; the source's own chain is one stage. The surface is
+    as of `ncti.irar.true_snapshot`.
     """
-    way = Way() if way is None else way
+    chain = chain or Chain()
     estimate, (lines, samples) = scan.flight, scan.intensity.shape
-    if way.autofocus:
+    if autofocus:
         with suppress(ValueError):  # no ship in the image
             estimate = irar.autofocus(scan, scan.flight)
     overscanned = Stage(
@@ -156,31 +150,28 @@ def stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None) -> list[St
         square=False,
     )
     window = irar.ship_window(mesh, scan.flight, margin=MARGIN)
-    truth = irar.true_snapshot(mesh, scan.flight, window, **way.surface)
+    truth = irar.true_snapshot(mesh, scan.flight, window, **surface)
     images = [overscanned]
-    for title, image in _corrected(scan, way, estimate):
-        ship = irar.segmented(image, estimate, threshold=way.threshold)
-        images.append(_stage(title, ship, estimate.slant_range))
+    for title, part in _parts(chain).items():
+        image = part.correct(scan, estimate)
+        ship = irar.segmented(image, estimate, threshold=chain.segmentation_threshold)
+        last = ": all corrections" if part == chain and chain.chain == EXACT else ""
+        images.append(_stage(title + last, ship, estimate.slant_range))
     return [*images, _stage("truth, noiseless", truth, scan.flight.slant_range)]
 
 
-def _corrected(scan: Scan, way: Way, estimate: irar.Flight) -> Iterator[tuple[str, Snapshot]]:
-    """Yield a title and the image after each correction."""
-    if way.rate is not None:
-        title = f"all corrections as printed,\nf the {way.rate} rate"
-        yield title, irar.correct_as_printed(scan, estimate=estimate, rate=way.rate)
-        return
-    whole = way.correction
-    own = whole.range_filter != Correction().range_filter
-    title = f"averaged, range corrected{f' by {whole.range_filter}' * own}, segmented"
-    chain = {title: replace(whole, azimuth="none", mirror="none")}
+def _parts(whole: Chain) -> dict[str, Chain]:
+    """Return the chain up to each of its corrections, by title."""
+    if whole.chain != EXACT:
+        return {f"all corrections as printed,\nf the {RATES[whole.chain]} rate": whole}
+    combined = "" if whole.range_filter == Chain.range_filter else f" by {whole.range_filter}"
+    averaged = f"averaged, range corrected{combined}, segmented"
+    parts = {averaged: replace(whole, azimuth="none", mirror="none")}
     if whole.azimuth != "none":
-        chain[f"shifted in azimuth{SHIFTS[whole.azimuth]}"] = replace(whole, mirror="none")
+        parts[f"shifted in azimuth{SHIFTS[whole.azimuth]}"] = replace(whole, mirror="none")
     if whole.mirror != "none":
-        chain[TURNS[whole.mirror]] = whole
-    for title, how in chain.items():
-        last = ": all corrections" if how == whole else ""
-        yield title + last, irar.correct(scan, how, estimate=estimate)
+        parts[TURNS[whole.mirror]] = whole
+    return parts
 
 
 def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
@@ -205,9 +196,8 @@ def _stage(title: str, image: Snapshot, slant_range: float) -> Stage:
     )
 
 
-def draw_stages(mesh: trimesh.Trimesh, scan: Scan, way: Way | None = None, *, title: str) -> Figure:
-    """Draw images at every stage of the chain, each kind of corrected image on one scale."""
-    every = stages(mesh, scan, way)
+def draw_stages(every: Sequence[Stage], title: str) -> Figure:
+    """Draw the images of stages of a chain, each kind of corrected image on one scale."""
     left, right, bottom, top = every[-1].extent
     wide = right - left > 1.5 * (top - bottom)
     # A ship seen from abeam is wide: its stages are drawn below one another.

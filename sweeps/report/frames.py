@@ -201,11 +201,10 @@ def displays_of(table: xr.Dataset, name: str) -> list[Display]:
 
 def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     """Return the frame of one display of a group; None if the group lacks its main figure."""
-    figures = [
-        figure for figure in display.figures or _all_figures(table) if figure.variable in table
-    ]
-    if not figures or (display.figures and figures[0] != display.figures[0]):
+    declared = display.figures or tuple(_all_figures(table))
+    if not declared or declared[0].variable not in table:
         return None
+    figures = [_completed(figure, table) for figure in declared if figure.variable in table]
     wanted = _columns_of_figures(table, figures)
     data = table[list(dict.fromkeys(variable for variable, _ in wanted.values()))]
     data = data.drop_vars([name for name in (*HIDDEN, *DRAWS) if _is_extra(data, name)]).load()
@@ -295,14 +294,24 @@ def _is_extra(data: xr.Dataset, name: str) -> bool:
 def _all_figures(table: xr.Dataset) -> Iterator[Figure]:
     """Yield a figure for every variable of a table that is not shown beside another."""
     names = [str(name) for name in table if not set(table[name].dims) & set(OF_ARRAYS)]
-    ends = [end for pair in ENDS for end in pair]
+    ends = [*BESIDE, *(end for pair in ENDS for end in pair)]
     for name in names:
-        if any(name.endswith(end) and name.removesuffix(end) in names for end in (*ends, *BESIDE)):
-            continue
-        pairs = [(name + low, name + high) for low, high in ENDS]
-        low, high = next((pair for pair in pairs if set(pair) <= set(names)), ("", ""))
-        beside = {name + end: name + end for end in BESIDE if name + end in names}
-        yield Figure(name, low=low, high=high, beside=beside)
+        if not any(name.endswith(e) and name.removesuffix(e) in names for e in ends):
+            yield Figure(name)
+
+
+def _completed(figure: Figure, table: xr.Dataset) -> Figure:
+    """Return a figure with variables that belong to it by their names, unless it has others."""
+    name = figure.variable
+    pairs = [pair for low, high in ENDS if {*(pair := (name + low, name + high))} <= {*table}]
+    low, high = (pairs or [("", "")])[0]
+    beside = {name + end: name + end for end in BESIDE if name + end in table}
+    return replace(
+        figure,
+        low=figure.low or low,
+        high=figure.high or high,
+        beside=figure.beside or beside,
+    )
 
 
 def _plain(values: pd.Series) -> pd.Series:

@@ -107,7 +107,7 @@ def draw_flights(
     store has no flights, or its ships are unknown.
     """
     # Imported here, since only flights need it and it is slow to import.
-    from sweeps.report.flights import draw_stages, flights_of, known_ship, scan_of
+    from sweeps.report.flights import draw_stages, flights_of, known_ship, scan_of, stages
 
     whole = opened(Path(store))
     if "validation" not in whole:
@@ -118,7 +118,7 @@ def draw_flights(
 
     def drawn(title: str, one: xr.Dataset) -> Figure:
         mesh = meshes[one.ship.item()]
-        return draw_stages(mesh, *scan_of(given, one, mesh), title=title)
+        return draw_stages(stages(mesh, **scan_of(given, one, mesh)), title)
 
     return {
         "flight_{}_{:g}km_{:g}deg.png".format(

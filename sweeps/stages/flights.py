@@ -48,19 +48,16 @@ SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
 OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the source's chain
 
 
-flown_course = plain(reads={one.name: one for one in FLOWN}, name="flown_course")(keywords)
 receivers = plain(reads={one.name: one for one in RECORDED[1:]}, name="receivers")(keywords)
 flight_place = plain(
     reads={"ship": Grid.ship, "aspect": Grid.aspect, "seed": Run.seed}, name="flight_place"
 )(keywords)
 
 
-@plain(uses=(Irar, Grid))
-def course(
-    ship: ShipName, flown: tuple[str, ...] | None, flown_course: Keywords
-) -> Keywords | None:
+@plain(uses=(Irar, Grid), reads={one.name: one for one in FLOWN})
+def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Keywords | None:
     """Return what a pass depends on; None for a ship that is not flown past."""
-    return None if flown is not None and ship not in flown else flown_course
+    return None if flown is not None and ship not in flown else keywords(**values)
 
 
 flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
@@ -91,32 +88,28 @@ def flown_pass(
     return irar.fly_past(mesh, dict(course), **name, reflectance=reflectance)
 
 
-@in_memory(uses=(Grid, Ladar))
-@if_flown
-def truth(mesh: trimesh.Trimesh, course: Keywords, aspect: float, reflectance: str) -> Snapshot:
-    """Return the view from the snapshot's place, on the ship's own window."""
-    flight = flight_of(aspect, dict(course))
-    surface = irar.surface(mesh, dict(course), reflectance)
-    window = library.ship_window(mesh, flight)
-    return library.true_snapshot(mesh, flight, window, cells=comparison.CELLS, **surface)
-
-
 @in_memory(
     uses=(Grid,), reads={name: BEAM[name] for name in ("bin_width", "window", "reflectance")}
 )
 @if_flown
-def models(
+def truth(
     mesh: trimesh.Trimesh,
-    truth: Snapshot,
     course: Keywords,
     aspect: float,
     drawing_engine: str,
-    **beam: Any,
-) -> NDArray[np.float64]:
-    """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1."""
+    reflectance: str,
+    **bins: float,
+) -> tuple[Snapshot, NDArray[np.float64]]:
+    """Return the view from the snapshot's place, on the ship's own window, and its profiles.
+
+    These are (noiseless, synthetic, point; bin), for a carrier-to-noise ratio of 1.
+    """
+    flight, surface = flight_of(aspect, dict(course)), irar.surface(mesh, dict(course), reflectance)
+    window = library.ship_window(mesh, flight)
+    view = library.true_snapshot(mesh, flight, window, cells=comparison.CELLS, **surface)
     engine = "auto" if drawing_engine == views.LINES else drawing_engine  # it needs pixels
-    flight = flight_of(aspect, dict(course))
-    return comparison.model_profiles(mesh, truth, flight, aspect=aspect, engine=engine, **beam)
+    drawn: Any = {"engine": engine, "reflectance": reflectance, **bins}
+    return view, comparison.model_profiles(mesh, view, flight, aspect=aspect, **drawn)
 
 
 @in_memory(uses=(Grid,))
@@ -127,27 +120,22 @@ def scan(
     receivers: Keywords,
     flight_place: Keywords,
     replicate: int,
-) -> Scan:
-    """Return the raw images."""
+) -> tuple[Scan, Scan]:
+    """Return the raw images, and the same without noise."""
     met = {"replicate": replicate, **dict(receivers)}
-    return irar.recorded(flown_pass, dict(course), met, **dict(flight_place))
-
-
-@in_memory()
-@if_flown
-def clean(flown_pass: Pass, receivers: Keywords) -> Scan:
-    """Return the raw images without noise."""
-    return irar.received(flown_pass, dict(receivers)).noiseless()
+    noisy = irar.recorded(flown_pass, dict(course), met, **dict(flight_place))
+    return noisy, irar.received(flown_pass, dict(receivers)).noiseless()
 
 
 @in_memory(uses=(Irar,), reads={"error": Irar.errors, "focused": Irar.autofocus})
 @if_flown
-def navigation(scan: Scan, error: Error, focused: bool) -> Flight:
+def navigation(scan: tuple[Scan, Scan], error: Error, focused: bool) -> Flight:
     """Return what the corrections take for the flight."""
-    found = navigated(scan.flight, error)
+    noisy, _ = scan
+    found = navigated(noisy.flight, error)
     if focused:
         with suppress(NothingSeenError):  # no ship in the image: navigation is all there is
-            found = library.autofocus(scan, found)
+            found = library.autofocus(noisy, found)
     return found
 
 
@@ -252,11 +240,9 @@ flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
     reads={"error": Irar.errors},
 )
 def corrected(
-    scan: Scan | None,
-    clean: Scan | None,
+    scan: tuple[Scan, Scan] | None,
     navigation: Flight | None,
-    truth: Snapshot | None,
-    models: NDArray[np.float64] | None,
+    truth: tuple[Snapshot, NDArray[np.float64]] | None,
     mesh: trimesh.Trimesh,
     flight_chain: Chain,
     *,
@@ -268,27 +254,29 @@ def corrected(
 ) -> Arrays:
     """Return the corrected images of a flight, their tilts, their profiles and landmarks."""
     bins = profile_bins(window, bin_width)
-    if scan is None or clean is None or navigation is None or truth is None or models is None:
+    if scan is None or navigation is None or truth is None:
         return _nothing(bins.size)
-    pixels = flight_chain.window(mesh, scan.flight, error)
-    whole = flight_chain.correct(scan, navigation, pixels)
-    fine = flight_chain.correct(scan, navigation, pixels, overscanned=True)
+    (noisy, clean), (view, models) = scan, truth
+    flight = noisy.flight
+    pixels = flight_chain.window(mesh, flight, error)
+    whole = flight_chain.correct(noisy, navigation, pixels)
+    fine = flight_chain.correct(noisy, navigation, pixels, overscanned=True)
     cut = partial(library.segmented, threshold=flight_chain.segmentation_threshold)
     shown, fine = cut(whole, navigation), cut(fine, navigation)
     visible = bool(np.count_nonzero(shown.intensity) >= comparison.LEAST_SEEN)
     measured = library.profile(fine, navigation, bins=bins.size, bin_width=bin_width)
-    profiles = np.stack([measured, *(scan.flight.cnr * models)])
+    profiles = np.stack([measured, *(flight.cnr * models)])
     return {
         "profile": profiles,
-        "closing_speed_error": np.array(navigation.closing_speed / scan.flight.closing_speed - 1),
+        "closing_speed_error": np.array(navigation.closing_speed / flight.closing_speed - 1),
         "looks": shown.looks.sum() / max(np.count_nonzero(shown.looks), 1),
         "intensity": shown.intensity,
-        "range_image": shown.range - scan.flight.slant_range,
+        "range_image": shown.range - flight.slant_range,
         "infrared_image": shown.infrared,
         "window_bottom": np.array(pixels.bottom),
         "window_left": np.array(pixels.left),
         **comparison.measure_tilts(
-            flight_chain, scan, clean, whole, truth, navigation, shown=visible
+            flight_chain, noisy, clean, whole, view, navigation, shown=visible
         ),
         **comparison.ship_pixels(fine),
         **comparison.compare_profiles(profiles, bins, aspect=aspect, ship=ship),
@@ -331,34 +319,22 @@ def check(choices: Choices) -> Choices:
         if not values["band_start"] < values["band_stop"]:
             stop = f"below {values['band_stop']:g}, irar.band_stop"
             refuse(Irar.band_start, values["band_start"], stop)
-    for values in combinations(choices, (Grid.aspect, *FLOWN)):
-        try:
-            flight = flight_of(values.pop("aspect"), values)
-        except ValueError as why:
-            raise ConfigurationError(_of_key(why, values["range"])) from why
-        for error in choices[Irar.errors]:
-            _check_estimate(flight, error)
     views.check_beam(choices, Irar.profile_range, Ladar.ifov)
-    _check_meshes(choices)
-    return choices
-
-
-def _check_meshes(choices: Choices) -> None:
-    """Refuse (`ConfigurationError`) flights that do not see a whole ship."""
     hulls = {ship: read_mesh(hull.function(ship)).convex_hull for ship in flown(choices)}
     for values in combinations(choices, (Grid.ship, Grid.aspect, *FLOWN)):
-        ship, aspect = values.pop("ship"), values.pop("aspect")
-        if ship not in hulls:
-            continue
+        ship, aspect, where = values.pop("ship"), values.pop("aspect"), ""
         try:
-            plan = plan_scan(hulls[ship], flight_of(aspect, values))
-        except ValueError as error:
-            raise ConfigurationError(
-                f"{_of_key(error, values['range'])} ({ship} at {aspect:g} deg)"
-            ) from error
-        if not plan.meets(hulls[ship]):
+            flight = flight_of(aspect, values)
+            where = f" ({ship} at {aspect:g} deg)"
+            plan = plan_scan(hulls[ship], flight) if ship in hulls else None
+        except ValueError as why:
+            raise ConfigurationError(f"{_of_key(why, values['range'])}{where}") from why
+        for error in choices[Irar.errors]:
+            _check_estimate(flight, error)
+        if plan is not None and not plan.meets(hulls[ship]):
             missed = f"irar.offset: no sample meets {ship} at {aspect:g} deg"
             refuse(Irar.pointing, values["pointing"], f"nearer {values['offset']:g}, {missed}")
+    return choices
 
 
 def flown(choices: Choices) -> tuple[Value, ...]:
@@ -407,8 +383,7 @@ def tabulate(flights: xr.Dataset, choices: Choices) -> xr.Dataset:
     draws = figures.sizes.get(DRAW, 1)
     found = figures.mean(DRAW, keep_attrs=True) if DRAW in figures.dims else figures
     if draws > 1:
-        spread = figures.std(DRAW, ddof=1, keep_attrs=True)
-        for name, array in spread.data_vars.items():
+        for name, array in figures.std(DRAW, ddof=1, keep_attrs=True).items():
             label = f"standard deviation over draws of the {array.attrs['long_name']}"
             found[f"{name}_spread"] = array.assign_attrs(long_name=label)
     return found.assign(draws=((), draws, {"units": "1", "long_name": "draws of the noise"}))
@@ -417,13 +392,7 @@ def tabulate(flights: xr.Dataset, choices: Choices) -> xr.Dataset:
 def _flight_figures(names: tuple[str, ...]) -> tuple[Figure, ...]:
     """Return figures of flights with their spread; those without a format are in files only."""
     figures = [
-        Figure(
-            name,
-            beside={f"{name}_spread": f"{name}_spread"},
-            digits=5,
-            format=LISTED.get(name, ".4g"),
-            listed=name in LISTED,
-        )
+        Figure(name, digits=5, format=LISTED.get(name, ".4g"), listed=name in LISTED)
         for name in names
     ]
     return (*figures, Figure("draws", listed=False))

@@ -386,30 +386,14 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
     return views.data_set(arrays)
 
 
-def _share(name: str) -> Figure:
-    """Return the figure of a share, with its interval and number of trials."""
-    of = f"share_{name}"
-    return Figure(
-        of,
-        f"percent_{name}",
-        low=f"{of}_low",
-        high=f"{of}_high",
-        beside={f"{of}_of": f"{of}_of"},
-        percent=True,
-        format=".0f",
-        listed=name in LISTED,
-    )
-
-
+_percent = partial(Figure, percent=True, format=".0f")
 _shown = partial(Figure, format=".1f")
 DISPLAY = Display(
     "scan",
     "Scan of the field of regard",
     (
-        *map(_share, SHARES),
-        Figure(
-            "detection_probability", "percent_detected_in_closed_form", percent=True, format=".0f"
-        ),
+        *(_percent(f"share_{name}", f"percent_{name}", listed=name in LISTED) for name in SHARES),
+        _percent("detection_probability", "percent_detected_in_closed_form"),
         *(_shown(name, listed=name in ("total", "exhaustive", "false_a_field")) for name in MEANS),
         _shown("gain"),
         Figure("draws", listed=False),

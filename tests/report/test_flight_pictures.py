@@ -11,10 +11,9 @@ from matplotlib.image import imread
 from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, signed, sweep
 
 import ncti.ships
-from ncti.irar import Correction, Flight, fly, ship_heading
+from ncti.irar import Chain, Flight, fly, ship_heading
 from sweeps.report.flights import (
     BRIGHTEST,
-    Way,
     draw_stages,
     flights_of,
     known_ship,
@@ -128,7 +127,7 @@ def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
 
 def assert_drawn(flight, given, mesh):
     """The last corrected stage of a flight is its stored image."""
-    last = stages(mesh, *scan_of(given, flight, mesh))[-2]
+    last = stages(mesh, **scan_of(given, flight, mesh))[-2]
     assert "all corrections" in last.title
     stored = flight.intensity.transpose("row", "column")
     left, _, bottom, _ = (round(edge + 0.5) for edge in last.extent)
@@ -161,21 +160,21 @@ def flown(cnr=20.0):
 
 
 def test_stages_are_those_of_the_source_unless_something_is_left_out():
-    def titles(rate=None, **chosen):
-        found = stages(*flown(), Way(rate=rate, correction=Correction(**chosen)))
+    def titles(**chosen):
+        found = stages(*flown(), Chain(**chosen))
         return [stage.title for stage in found][1:-1]
 
     averaged = "averaged, range corrected, segmented"
     assert titles() == [averaged, "shifted in azimuth", "sheared: all corrections"]
     assert titles(mirror="none") == [averaged, "shifted in azimuth: all corrections"]
     assert titles(azimuth="none", mirror="none") == [f"{averaged}: all corrections"]
-    assert titles(rate="line") == ["all corrections as printed,\nf the line rate"]
+    assert titles(chain="printed") == ["all corrections as printed,\nf the line rate"]
 
 
 @pytest.mark.parametrize("cnr", [-10.0, 0.0, 10.0, 40.0])
 def test_one_shade_is_one_intensity_and_few_pixels_saturate(cnr):
-    flight = flown(cnr)
-    figure, every = draw_stages(*flight, title=""), stages(*flight)
+    every = stages(*flown(cnr))
+    figure = draw_stages(every, title="")
     shown = [axes for axes in figure.axes if axes.get_title(loc="left")]
     assert len(shown) == len(every)
     (ends,) = {axes.images[0].get_clim() for axes in shown}
