@@ -45,7 +45,7 @@ TITLE = "Identification of ships by laser radar and passive infrared: parameter 
 MODULES = tuple(
     import_module(f"sweeps.stages.{name}")
     for name in (
-        *("views", "portraits", "ladar", "infrared", "images", "irar", "flights"),
+        *("views", "portraits", "ladar", "infrared", "irar", "flights"),
         *("classifier", "acn", "mnn", "correlation", "likelihood", "fusion", "measured"),
         *("run_time", "scan"),
     )

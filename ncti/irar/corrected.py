@@ -101,12 +101,7 @@ class Chain:
         return Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
 
     def correct(
-        self,
-        scan: Scan,
-        estimate: Flight,
-        window: Window | None = None,
-        *,
-        overscanned: bool = False,
+        self, scan: Scan, estimate: Flight, window: Window | None = None, overscanned: bool = False
     ) -> Snapshot:
         """Return the corrected images of a scan, in a window; printed rows are a pixel apart."""
         where: dict[str, Any] = {"estimate": estimate, "window": window}

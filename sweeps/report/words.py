@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
@@ -89,8 +89,3 @@ def preferred(name: str, values: Sequence[Any]) -> Any:
     if all(isinstance(one, int | float) and not isinstance(one, bool) for one in (wanted, *values)):
         return min(values, key=lambda value: (abs(value - wanted), value))
     return values[0]
-
-
-def place_in_words(place: Mapping[str, str], *, but: Iterable[str] = ()) -> str:
-    """Return values of axes, by words of the axes, in one line."""
-    return ", ".join(f"{name} {text}" for name, text in place.items() if name not in but)

@@ -23,8 +23,7 @@ from sweeps.engine.settings import Run, Settings, count, draws, number, switch, 
 from sweeps.engine.stage import Output, in_memory, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views
-from sweeps.stages.images import OF_SILHOUETTES
-from sweeps.stages.infrared import LOOK, Infrared
+from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 
 if TYPE_CHECKING:

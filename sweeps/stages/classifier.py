@@ -17,7 +17,7 @@ from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
 from sweeps.engine.stage import STATE, Group, Output, Status, coordinate, in_memory, plain
 from sweeps.stages import scores, views
-from sweeps.stages.images import OF_VIEWS
+from sweeps.stages.infrared import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar
 from sweeps.stages.scores import VIEW
 from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles, refuse, require_among, ships

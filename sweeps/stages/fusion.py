@@ -16,8 +16,7 @@ from sweeps.engine.settings import Choices
 from sweeps.engine.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Views
-from sweeps.stages.images import OF_SILHOUETTES
-from sweeps.stages.infrared import Infrared
+from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.likelihood import Likelihood
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Sweep, refuse, require_among

@@ -16,12 +16,13 @@ from ncti.infrared import contrast, shifted_images, thermal_images
 from ncti.render import line_image
 from sweeps.engine.plan import Plan
 from sweeps.engine.seeds import cell_rng
-from sweeps.stages.images import (
+from sweeps.stages.infrared import (
+    MARGIN,
     detection_probability,
     reconstruction_error,
     thermal_image,
+    whole_window,
 )
-from sweeps.stages.infrared import MARGIN, whole_window
 
 WINDOW = {"depression": 3.84, "ifov": 150e-6, "length": 200.0, "height": 50.0}
 

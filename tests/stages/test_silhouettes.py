@@ -8,7 +8,7 @@ from infrared_channel import HITS, PATCHES, WAYS, look_from
 
 from ncti import features
 from ncti.infrared import coverage_of, pixel_sigma
-from sweeps.stages.images import (
+from sweeps.stages.infrared import (
     log_polar,
     silhouettes,
     template_log_polar,
