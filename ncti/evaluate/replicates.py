@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,6 +17,7 @@ from ncti.evaluate.scores import (
 )
 
 CONFIDENCE = 0.95
+AT_ONCE = 2**18  # answers whose counts by view and bin are held at one time
 
 Floats = NDArray[np.float64]
 
@@ -105,11 +108,41 @@ def replicated_accuracy(
     labels, index = aspect_bins(aspects)
     right = checked_answers(correct, len(index), draws)
 
-    # Counts of answers, and of right ones, by bin at every level of every factor.
     member = np.ones((len(index), len(labels) + 1))
     member[:, :-1] = index[:, None] == np.arange(len(labels))
-    asked = require_flags("answered", answered, right.shape)
-    count = np.broadcast_to(asked, right.shape).astype(float)
+    asked = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
+
+    # Cells on the leading axes are independent of one another: some at a time, so that the counts
+    # by view and bin of all of them are never held.
+    lead, inner = right.shape[: right.ndim - 2 - draws], right.shape[right.ndim - 2 - draws :]
+    some = max(1, AT_ONCE // max(math.prod(inner), 1))
+    whole = tuple(np.empty((math.prod(lead), len(labels) + 1)) for _ in range(4))
+    of_cells, asked_of_cells = right.reshape(-1, *inner), asked.reshape(-1, *inner)
+    for first in range(0, len(whole[0]), some):
+        cells = slice(first, first + some)
+        found = _accuracy(of_cells[cells], asked_of_cells[cells], member, draws)
+        for values, of_some in zip(whole, found, strict=True):
+            values[cells] = of_some
+    fraction, low, high, n = (values.reshape(*lead, -1) for values in whole)
+    return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
+
+
+def _accuracy(
+    right: NDArray[np.bool_], asked: NDArray[np.bool_], member: Floats, draws: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return (cell, bin) fractions of right answers, the ends of their intervals, and answers.
+
+    Parameters
+    ----------
+    right, asked : (cell, draw, ..., ship, aspect) bool ndarrays
+        Right answers, and those that count.
+    member : (aspect, bin) float64 ndarray
+        1 where an aspect lies in a bin; the last bin holds all.
+    draws : int
+        Number of axes that are draws.
+    """
+    # Counts of answers, and of right ones, by bin at every level of every factor.
+    count = asked.astype(float)
     hits = right * count
     kinds = tuple(range(-2 - draws, -2))
 
@@ -131,8 +164,7 @@ def replicated_accuracy(
     low, high = wilson_interval(
         np.minimum(fraction * equivalent, equivalent), equivalent, confidence=CONFIDENCE
     )
-    fraction = np.where(n > 0, fraction, np.nan)
-    return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
+    return np.where(n > 0, fraction, np.nan), low, high, n
 
 
 def paired_difference(

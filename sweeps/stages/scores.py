@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -129,6 +129,7 @@ def with_bins(table: xr.Dataset, aspect: xr.DataArray) -> xr.Dataset:
 
 # Unknown ships: answers that a test vigilance rejects
 
+AT_ONCE = 2**20  # answers, each at every level of a vigilance, that are held at one time
 LEAST = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # shares of answers to unknown ships, to be rejected
 MEANINGS = {
     "rejected_unknown": "fraction of answers to unknown ships that are rejected",
@@ -167,11 +168,12 @@ def tabulate_rejection(
 
     levels = np.array(test_vigilances)
     vigilance = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
-    similarity, right = classified.similarity, classified.correct == 1
+    similarity, right = classified.similarity.compute(), classified.correct == 1
+    asked = classified.correct >= 0
     pooled = [*(name for name in DRAWS if name in right.dims), *VIEW]
     parts = []
     for kind, of_kind in aspects.items():
-        of_known = (classified.correct >= 0) & known & of_kind
+        of_known = asked & known & of_kind
         of_unknown = similarity.notnull() & ~known & of_kind  # right or wrong
         of_all = similarity.where(of_known | of_unknown)
         over = partial(xr.apply_ufunc, vectorize=True)
@@ -190,17 +192,13 @@ def tabulate_rejection(
             "auroc": auroc,
             "oscr": oscr,
         }
-        accepted = similarity >= vigilance
-        for name, hits, asked in (
-            ("rejected_unknown", ~accepted, of_unknown),
-            ("rejected_known", ~accepted, of_known),
-            ("correct_known", accepted & right, of_known),
-            ("correct_where_rejected", (similarity > up_to) & right, of_known & up_to.notnull()),
+        for name, level, hits, counted in (
+            ("rejected_unknown", vigilance, lambda least: ~(similarity >= least), of_unknown),
+            ("rejected_known", vigilance, lambda least: ~(similarity >= least), of_known),
+            ("correct_known", vigilance, lambda least: (similarity >= least) & right, of_known),
+            ("correct_where_rejected", up_to, lambda most: (similarity > most) & right, of_known),
         ):
-            # All aspects together, as if they were the same.
-            hits, asked = xr.broadcast(hits, asked)
-            answers = hits.where(asked, -1).assign_coords(aspect=np.zeros(hits.sizes["aspect"]))
-            share = scored(answers, f"{name}_", name).sel(aspect_bin="overall", drop=True)
+            share = _shares(level, hits, counted, name)
             part[name] = share[f"{name}_accuracy"]
             part |= {name + end: share[name + end] for end in ENDS}
         parts.append(xr.Dataset(part).expand_dims(aspects=[kind]))
@@ -213,6 +211,31 @@ def tabulate_rejection(
                 table[name + ending].attrs = {"units": "1", "long_name": interval}
     table.aspects.attrs = OF_ASPECTS
     return table
+
+
+def _shares(
+    levels: xr.DataArray,
+    hits: Callable[[xr.DataArray], xr.DataArray],
+    asked: xr.DataArray,
+    name: str,
+) -> xr.Dataset:
+    """Return `scored` of all aspects together at levels, NaN without one.
+
+    Which of the answers asked for are hits is a function of the level. Levels lie on the last axis
+    of theirs, and are taken some at a time.
+    """
+    import xarray as xr
+
+    dim = str(levels.dims[-1])
+    some, parts = max(1, AT_ONCE // max(asked.size, 1)), []
+    for first in range(0, levels.sizes[dim], some):
+        level = levels.isel({dim: slice(first, first + some)})
+        hit, counted = xr.broadcast(hits(level), asked & level.notnull())
+        # All aspects together, as if they were the same.
+        answers = hit.astype("i1").where(counted, np.int8(-1))
+        answers = answers.assign_coords(aspect=np.zeros(hit.sizes["aspect"]))
+        parts.append(scored(answers, f"{name}_", name).sel(aspect_bin="overall", drop=True))
+    return xr.concat(parts, dim) if len(parts) > 1 else parts[0]
 
 
 def _areas(similarity: Any, right: Any, known: Any) -> tuple[float, float]:

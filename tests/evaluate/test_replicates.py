@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
@@ -11,6 +11,7 @@ from ncti.evaluate import (
     accuracy_by_aspect,
     paired_difference,
     replicated_accuracy,
+    replicates,
     wilson_interval,
 )
 
@@ -208,3 +209,24 @@ def test_intervals_of_paired_differences_cover(draws, alike):
     truth = 0.2 / 3
     covered = int(((found.ci_low <= truth) & (truth <= found.ci_high))[:, -1].sum())
     assert stats.binom.cdf(covered, 2000, 0.95) > 1e-4, covered
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    shape=st.sampled_from([(), (2,), (3, 2)]),
+    draws=st.sampled_from([(), (3,), (2, 4)]),
+    at_once=st.integers(1, 2000),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_cells_some_at_a_time_are_as_all_together(shape, draws, at_once, seed):
+    rng = np.random.default_rng(seed)
+    correct = rng.random((*shape, *draws, 3, 13)) < rng.random()
+    answered = rng.random((*draws, 3, 13)) < 0.9
+    given_to = {"aspects": np.arange(13) * 9.0, "draws": len(draws), "answered": answered}
+    whole = replicated_accuracy(correct, **given_to)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(replicates, "AT_ONCE", at_once)
+        parts = replicated_accuracy(correct, **given_to)
+    assert whole.fraction.shape == (*shape, len(whole.labels))
+    for name in ("fraction", "ci_low", "ci_high", "n"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), err_msg=name)

@@ -1,11 +1,14 @@
 """Ships absent from training: what a test vigilance rejects, counted by hand."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import xarray as xr
 from sklearn.metrics import roc_auc_score
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
+from sweeps.stages import scores
 from sweeps.stages.scores import tabulate_rejection
 
 
@@ -115,3 +118,43 @@ def test_draws_count_as_they_differ(draws):
     np.testing.assert_allclose(found.correct_known_ci_high, whole.ci_high[-1])
     for name in FIGURES:
         assert (table[f"{name}_ci_low"] <= table[name]).all()
+
+
+def many(aspects, draws=()):
+    """Answers about five known ships and one unknown one, at half of the aspects learned."""
+    rng = np.random.default_rng(aspects)
+    dims = (*("replicate" for _ in draws), "ship", "aspect")
+    shape = (*draws, 6, aspects)
+    classified = xr.Dataset(
+        {
+            "similarity": (dims, rng.random(shape, dtype=np.float32)),
+            "correct": (dims, rng.integers(-1, 2, shape, dtype=np.int8)),
+        }
+    )
+    learned = (np.arange(6)[:, None] < 5) & (np.arange(aspects) % 2 == 0)
+    return classified, learned
+
+
+@pytest.mark.parametrize("draws", [(), (3,)])
+def test_levels_some_at_a_time_are_as_all_together(draws, monkeypatch):
+    whole = tabulate(*many(20, draws), np.linspace(0, 1, 11))
+    for at_once in (1, 500, 2000):
+        monkeypatch.setattr(scores, "AT_ONCE", at_once)
+        parts = tabulate(*many(20, draws), np.linspace(0, 1, 11))
+        if not draws:  # all sums are of whole numbers
+            xr.testing.assert_identical(parts, whole)
+        # Else those of 120 views are of quotients, which are added in the order of their memory.
+        xr.testing.assert_allclose(parts, whole, rtol=120 * np.finfo(float).eps, atol=1e-15)
+
+
+def test_memory_of_rejections_does_not_grow_with_their_levels():
+    def peak(levels):
+        classified, learned = many(2_000)
+        tracemalloc.start()
+        tabulate(classified, learned, np.linspace(0, 1, levels))
+        held = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return held
+
+    peak(2)  # imports
+    assert peak(400) < 1.5 * peak(100)  # of 12,000 answers, more than are taken at one time
