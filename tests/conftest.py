@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from once import made_once
+from once import made_once, sharing_ships
 from platformdirs import user_cache_path
 
 # Ships and compiled loops are kept from run to run, and never in the cache of whoever runs tests.
@@ -33,7 +33,16 @@ def smoke_store(tmp_path_factory) -> Path:
     arguments = ["+experiment=smoke", "store=sweep.zarr", "cache=cache", "cluster.workers=2"]
 
     def run(folder: Path) -> None:
+        sharing_ships(folder / "cache")
         command = [sys.executable, "-m", "sweeps.app", *arguments]
         subprocess.run(command, cwd=folder, check=True, timeout=300)
 
     return made_once(tmp_path_factory, "smoke", run) / "sweep.zarr"
+
+
+@pytest.fixture
+def umask():
+    """What sets the permissions that new files have not; in the end it is as it was."""
+    before = os.umask(0o077)
+    yield os.umask
+    os.umask(before)

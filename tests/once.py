@@ -1,10 +1,12 @@
-"""What is made once for all processes that run tests."""
+"""What is made once for all processes that run tests, and once for all runs."""
 
 import os
 from collections.abc import Callable
 from fcntl import LOCK_EX, flock
 from pathlib import Path
 from typing import Any
+
+from platformdirs import user_cache_path
 
 
 def made_once(factory: Any, name: str, make: Callable[[Path], object]) -> Path:
@@ -20,3 +22,13 @@ def made_once(factory: Any, name: str, make: Callable[[Path], object]) -> Path:
             make(folder)
             (folder / ".done").touch()
     return folder
+
+
+def sharing_ships(cache: Path) -> Path:
+    """A cache of results, which need not be there, that shares ships with all tests."""
+    ships = user_cache_path("ncti-sweep") / "meshes"
+    for folder in (ships, cache):
+        folder.mkdir(parents=True, exist_ok=True)
+    if cache != ships.parent and not (cache / "meshes").exists():
+        (cache / "meshes").symlink_to(ships, target_is_directory=True)
+    return cache

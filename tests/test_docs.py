@@ -13,6 +13,7 @@ import pytest
 import trimesh
 from commands import FAST, prepared, ran
 from documentation import DOCS, PAGES, ROOT, commands, fences, text_of
+from once import sharing_ships
 
 import ncti.ships
 from sweeps.experiment import EXPERIMENT
@@ -30,7 +31,7 @@ WITH_CODE = [
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Cache of finished results that the pages share."""
-    return tmp_path_factory.mktemp("cache")
+    return sharing_ships(tmp_path_factory.mktemp("cache"))
 
 
 def of_file(code):

@@ -1,24 +1,15 @@
 """Libraries that take long to import wait until something needs them."""
 
-import subprocess
-import sys
 from importlib import metadata
-from pathlib import Path
+
+from running import python
 
 import ncti
-
-ROOT = Path(__file__).resolve().parent.parent
 
 
 def loaded_after(statement: str) -> set[str]:
     """Names of all modules that a new process has loaded after a statement."""
-    done = subprocess.run(
-        [sys.executable, "-c", f"{statement}\nimport sys\nprint(*sys.modules)"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python("-c", f"{statement}\nimport sys\nprint(*sys.modules)")
     return set(done.stdout.split())
 
 

@@ -116,14 +116,15 @@ def replicated_accuracy(
     # by view and bin of all of them are never held.
     lead, inner = right.shape[: right.ndim - 2 - draws], right.shape[right.ndim - 2 - draws :]
     some = max(1, AT_ONCE // max(math.prod(inner), 1))
-    whole = tuple(np.empty((math.prod(lead), len(labels) + 1)) for _ in range(4))
-    of_cells, asked_of_cells = right.reshape(-1, *inner), asked.reshape(-1, *inner)
+    number = math.prod(lead)
+    whole = tuple(np.empty((number, len(labels) + 1)) for _ in range(4))
+    of_cells, asked_of_cells = right.reshape(number, *inner), asked.reshape(number, *inner)
     for first in range(0, len(whole[0]), some):
         cells = slice(first, first + some)
         found = _accuracy(of_cells[cells], asked_of_cells[cells], member, draws)
         for values, of_some in zip(whole, found, strict=True):
             values[cells] = of_some
-    fraction, low, high, n = (values.reshape(*lead, -1) for values in whole)
+    fraction, low, high, n = (values.reshape(*lead, len(labels) + 1) for values in whole)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
 
 

@@ -1,14 +1,14 @@
 """What the likelihood classifier takes as known, and what it gains."""
 
+from once import sharing_ships
+
 from benchmarks import bounds, repeated
 from sweeps.engine.cluster import ClusterChoice
 
 
-def test_every_combination_of_what_is_known_has_a_row(monkeypatch, tmp_path, cache):
+def test_every_combination_of_what_is_known_has_a_row(monkeypatch, tmp_path):
     """Two draws of two aspects between those learned: knowing all is not worse."""
-    (cache / "meshes").mkdir(parents=True, exist_ok=True)
-    (tmp_path / "meshes").symlink_to(cache / "meshes")  # ships are built once a machine
-    monkeypatch.setattr(repeated, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(repeated, "cache_folder", lambda: sharing_ships(tmp_path))
     inline = ClusterChoice(kind="inline")
     report = bounds.measure(2, 6.0, (4, 16), ("grid.ship=[duncan,texas]",), inline)
     rows = [(row["aspect"], row["floor"], row["gain"]) for row in report.rows]

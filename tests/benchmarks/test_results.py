@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from once import sharing_ships
 from scipy import stats
 
 from benchmarks import pages, repeated, result_flights, results
@@ -67,13 +68,11 @@ def test_bins_and_multiples_of_a_step():
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory, cache):
+def made(tmp_path_factory):
     """All tables but those of flights, from tiny sweeps of two seeds."""
     folder = tmp_path_factory.mktemp("results")
-    (cache / "meshes").mkdir(parents=True, exist_ok=True)
-    (folder / "meshes").symlink_to(cache / "meshes")  # ships are built once a machine
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(repeated, "cache_folder", lambda: folder)
+        patched.setattr(repeated, "cache_folder", lambda: sharing_ships(folder))
         inline = ClusterChoice(kind="inline")
         return results.measure(results.Sizes(2, 2, TINY, ENDS, 1, WITHOUT_FLIGHTS, inline))
 

@@ -18,21 +18,11 @@ import xarray as xr
 from commands import opened, swept
 from metric import EDGES, FAR, PULSE, SIDE, areas, error
 from numpy.typing import NDArray
-from platformdirs import user_cache_path
 
 import ncti.ships
+from ncti import irar
 from ncti.classify import Similarities, cluster
 from ncti.features import profile_vector
-from ncti.irar import (
-    Flight,
-    correct,
-    fly,
-    profile,
-    segmented,
-    ship_heading,
-    ship_window,
-    true_snapshot,
-)
 from ncti.ladar import expected_profile, lines_within, range_extent
 from ncti.ladar.reference import reference_range_extent
 from ncti.render import line_image
@@ -93,14 +83,8 @@ def ship(name: str) -> Any:
 
 
 def sweep_of(seed: int, folder: Path, name: str, *overrides: str) -> Path:
-    """Return the store of a sweep with results of its own, and ships that are built already."""
-    results = folder / "cache"
-    results.mkdir(exist_ok=True)
-    meshes = user_cache_path("ncti-sweep") / "meshes"
-    meshes.mkdir(parents=True, exist_ok=True)
-    if not (results / "meshes").exists():
-        (results / "meshes").symlink_to(meshes, target_is_directory=True)
-    done = swept(folder / f"{name}.zarr", results, f"seed={seed}", *overrides)
+    """Return the store of a sweep with results of its own."""
+    done = swept(folder / f"{name}.zarr", folder / "cache", f"seed={seed}", *overrides)
     assert not done.failures
     return folder / f"{name}.zarr"
 
@@ -249,15 +233,15 @@ def flown(seed: int) -> dict[str, float]:
     found = []
     for _ in range(FLIGHTS):
         mesh, aspect = ship(str(rng.choice(UNKNOWN))), float(rng.uniform(172, 178))
-        flight = Flight(
+        flight = irar.Flight(
             slant_range=float(rng.uniform(3000, 4000)),
-            ship_heading=ship_heading(aspect=aspect, sight=5),
+            ship_heading=irar.ship_heading(aspect=aspect, sight=5),
             cnr=100.0,
         )
-        window = ship_window(mesh, flight)
-        truth = profile(true_snapshot(mesh, flight, window, cells=4), flight)
-        image = correct(fly(mesh, flight).record(rng), window=window)
-        measured = profile(segmented(image, flight), flight)
+        window = irar.ship_window(mesh, flight)
+        truth = irar.profile(irar.true_snapshot(mesh, flight, window, cells=4), flight)
+        image = irar.correct(irar.fly(mesh, flight).record(rng), window=window)
+        measured = irar.profile(irar.segmented(image, flight), flight)
         beside = np.abs(np.arange(truth.size) - truth.argmax()) > 4
         found.append([np.corrcoef(measured[part], truth[part])[0, 1] for part in (..., beside)])
     whole, part = np.mean(found, axis=0)

@@ -4,25 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 
+import metric
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from metric import (
-    DEPRESSION,
-    EDGES,
-    FAR,
-    MEDIAN,
-    PULSE,
-    SIDE,
-    SLOPE,
-    WORST,
-    areas,
-    error,
-    far_extent,
-    slope,
-)
 from scipy.stats import binom
 
 import ncti.ships
@@ -33,7 +20,9 @@ from ncti.render import line_image
 
 # Bow to beam at the article's altitude; the stern of its missions, and a view from near by.
 GRID = [
-    (name, float(aspect), DEPRESSION) for name in ncti.ships.names() for aspect in range(0, 91, 18)
+    (name, float(aspect), metric.DEPRESSION)
+    for name in ncti.ships.names()
+    for aspect in range(0, 91, 18)
 ]
 OTHERS = [
     (name, *(((175.0, 6.7), (301.0, 15.6))[number % 2]))
@@ -58,27 +47,27 @@ def ship(name):
 def truth(name, aspect, depression):
     """The reference extent: a quarter of a second."""
     return reference_range_extent(
-        ship(name), aspect=aspect, depression=depression, bin_edges=EDGES, side=SIDE
+        ship(name), aspect=aspect, depression=depression, bin_edges=metric.EDGES, side=metric.SIDE
     )
 
 
 @cache
 def rendered(name, aspect, depression, **rendering):
-    return far_extent(ship(name), aspect=aspect, depression=depression, **rendering)
+    return metric.far_extent(ship(name), aspect=aspect, depression=depression, **rendering)
 
 
 @cache
 def lined(name, aspect, depression, spacing=0.25):
     image = line_image(ship(name), aspect=aspect, depression=depression, spacing=spacing)
-    return range_extent(image, slant_range=FAR, ifov=SIDE / FAR)
+    return range_extent(image, slant_range=metric.FAR, ifov=metric.SIDE / metric.FAR)
 
 
 def ship_errors(views, pulse_width, *, extent=rendered, **rendering):
     """Error of the ship's whole extent, all IFOVs together, in every view."""
     return np.array(
         [
-            error(
-                areas(extent(*view, **rendering)).sum(axis=0),
+            metric.error(
+                metric.areas(extent(*view, **rendering)).sum(axis=0),
                 truth(*view).area.sum(axis=0),
                 pulse_width,
             )
@@ -94,8 +83,8 @@ def ifov_errors(views, pulse_width, *, extent=rendered):
         found, exact = extent(*view), truth(*view)
         cells = sorted({tuple(cell) for cell in (*found.cell, *exact.cell)})
         errors.append(
-            error(
-                on_cells(found.cell, areas(found), cells),
+            metric.error(
+                on_cells(found.cell, metric.areas(found), cells),
                 on_cells(exact.cell, exact.area, cells),
                 pulse_width,
             )
@@ -110,50 +99,50 @@ def on_cells(cell, area, cells):
 
 
 def test_accuracy_after_the_pulse():
-    errors = ship_errors(GRID, PULSE)
-    assert np.median(errors) < MEDIAN
-    assert errors.max() < WORST
-    assert ship_errors(OTHERS, PULSE).max() < WORST
+    errors = ship_errors(GRID, metric.PULSE)
+    assert np.median(errors) < metric.MEDIAN
+    assert errors.max() < metric.WORST
+    assert ship_errors(OTHERS, metric.PULSE).max() < metric.WORST
 
 
 def test_accuracy_of_single_ifovs():
     """IFOVs cut the ship into some four pieces a bin, whose errors are independent: twice the
     error of the whole."""
-    errors = ifov_errors(GRID, PULSE)
-    assert np.median(errors) < 2.0 * MEDIAN
-    assert errors.max() < 2.0 * WORST
+    errors = ifov_errors(GRID, metric.PULSE)
+    assert np.median(errors) < 2.0 * metric.MEDIAN
+    assert errors.max() < 2.0 * metric.WORST
 
 
-@pytest.mark.parametrize("pulse_width", [0.0, PULSE])
+@pytest.mark.parametrize("pulse_width", [0.0, metric.PULSE])
 def test_error_falls_with_the_pixel(pulse_width):
     pixels = [0.5, 0.25, 0.125]
     errors = [ship_errors(GRID, pulse_width, pixel=pixel).mean() for pixel in pixels]
-    assert slope(pixels, errors) > SLOPE
+    assert metric.slope(pixels, errors) > metric.SLOPE
 
 
 def test_lines_err_by_less_than_a_thousandth():
     """After the pulse, at a quarter of a metre; and single IFOVs."""
     views = GRID + ANY
-    whole = ship_errors(views, PULSE, extent=lined)
+    whole = ship_errors(views, metric.PULSE, extent=lined)
     assert np.median(whole) < 0.001
     assert whole.max() < 0.005
-    single = ifov_errors(views, PULSE, extent=lined)
+    single = ifov_errors(views, metric.PULSE, extent=lined)
     assert np.median(single) < 0.0017
     assert single.max() < 0.009
 
 
-@pytest.mark.parametrize("pulse_width", [0.0, PULSE])
+@pytest.mark.parametrize("pulse_width", [0.0, metric.PULSE])
 def test_error_falls_with_the_spacing_of_lines(pulse_width):
     """An outline of length L meets L/d lines, each at a phase of its own: d^2 sqrt(L/d)."""
     spacings = [1.0, 0.5, 0.25]
     errors = [
         ship_errors(GRID + ANY, pulse_width, extent=lined, spacing=d).mean() for d in spacings
     ]
-    assert slope(spacings, errors) > 1.4
+    assert metric.slope(spacings, errors) > 1.4
 
 
 @pytest.mark.parametrize("spacing", [1.0, 0.5, 0.25])
-@pytest.mark.parametrize("pulse_width", [0.0, 10e-9, PULSE])
+@pytest.mark.parametrize("pulse_width", [0.0, 10e-9, metric.PULSE])
 def test_lines_know_their_error(spacing, pulse_width):
     """The estimate bounds at least 95 % of errors, and is within three times them in the median.
 
@@ -184,13 +173,15 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
     rng = np.random.default_rng(round(1e5 * tolerance))
     found = []
     for name, aspect, depression in ANY:
-        pulse_width = rng.choice([0.0, 10e-9, PULSE, 60e-9])
+        pulse_width = rng.choice([0.0, 10e-9, metric.PULSE, 60e-9])
         bins = int(rng.choice([1, 2]))
         how = {"aspect": aspect, "depression": depression, "bin_width": float(bins)}
         lines = lines_within(ship(name), tolerance=tolerance, pulse_width=pulse_width, **how)
-        extent = range_extent(lines, slant_range=FAR, ifov=SIDE / FAR, bin_width=float(bins))
+        extent = range_extent(
+            lines, slant_range=metric.FAR, ifov=metric.SIDE / metric.FAR, bin_width=float(bins)
+        )
         exact = truth(name, aspect, depression).area.sum(axis=0).reshape(-1, bins).sum(axis=1)
-        p, q = areas(extent).sum(axis=0), exact
+        p, q = metric.areas(extent).sum(axis=0), exact
         if pulse_width:
             response = target_response(pulse_width=pulse_width, bin_width=float(bins)) ** 2
             p, q = np.convolve(p, response), np.convolve(q, response)
@@ -211,11 +202,11 @@ def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
     for name in ncti.ships.names():
         view = {"aspect": rng.uniform(0, 360), "depression": rng.uniform(0.5, 60)}
         view["slant_range"] = 10 ** rng.uniform(3.7, 5.3)
-        extent = extent_within(ship(name), tolerance=tolerance, pulse_width=PULSE, **view)
-        exact = reference_range_extent(ship(name), bin_edges=EDGES, **view).area[0]
-        true = error(areas(extent).sum(axis=0), exact, PULSE)
-        assert extent.error_after(PULSE) <= tolerance
-        misses += true > extent.error_after(PULSE)
+        extent = extent_within(ship(name), tolerance=tolerance, pulse_width=metric.PULSE, **view)
+        exact = reference_range_extent(ship(name), bin_edges=metric.EDGES, **view).area[0]
+        true = metric.error(metric.areas(extent).sum(axis=0), exact, metric.PULSE)
+        assert extent.error_after(metric.PULSE) <= tolerance
+        misses += true > extent.error_after(metric.PULSE)
     assert misses <= most_misses(6)
 
 
@@ -227,7 +218,7 @@ def test_small_bodies_are_within_the_tolerance(size, aspect, depression, toleran
     """A box's area in closed form: lines may agree by chance if they are few."""
     body = trimesh.creation.box(size)
     view = dict(aspect=aspect, depression=depression)
-    lines = lines_within(body, tolerance=tolerance, pulse_width=PULSE, **view)
+    lines = lines_within(body, tolerance=tolerance, pulse_width=metric.PULSE, **view)
     a, d = np.radians([aspect, depression])
     faces = np.prod(size) / np.array(size)
     exact = faces @ np.abs([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])

@@ -5,8 +5,6 @@ import hashlib
 import os
 import signal
 import stat
-import subprocess
-import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -19,6 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
+from running import python
 from small_stores import files
 from toys import Told, go
 
@@ -300,9 +299,7 @@ for key in (done, killed):
 
 def test_packs_of_a_killed_run_are_found(six, said):
     done, lost = key("done"), key("killed")
-    command = [sys.executable, "-c", KILLED, str(six), done, lost]
-    root = Path(__file__).resolve().parents[2]
-    assert subprocess.run(command, cwd=root, timeout=60).returncode == -signal.SIGKILL
+    assert python("-c", KILLED, six, done, lost, check=False).returncode == -signal.SIGKILL
     index = CellIndex(six, said.append)
     found = index.find([done, lost])
     assert list(found) == [done] and read_cells(six, [found[done]])[0]["a"] == 4
@@ -332,12 +329,9 @@ def test_a_pack_that_says_something_else_has_no_cells_and_is_evicted(six, said, 
     assert len(said) == 1 and "damaged" in said[0]
 
 
-def test_a_cache_is_made_for_this_user_alone(tmp_path):
-    before = os.umask(0)
-    try:
-        written(tmp_path / "home" / "cache", 1)
-    finally:
-        os.umask(before)
+def test_a_cache_is_made_for_this_user_alone(tmp_path, umask):
+    umask(0)
+    written(tmp_path / "home" / "cache", 1)
     made = [*(tmp_path / "home").rglob("*")]
     modes = {one.is_dir(): stat.S_IMODE(one.stat().st_mode) for one in made}
     assert len(made) == 3 and modes == {True: 0o700, False: 0o600}

@@ -5,12 +5,12 @@ import inspect
 import json
 import linecache
 import shutil
-import subprocess
 import sys
 from importlib import metadata
 from pathlib import Path
 
 import pytest
+from running import ROOT, python
 
 from sweeps.engine import code, sources
 from sweeps.engine.code import Code, place_of
@@ -18,7 +18,6 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.sources import distributions, versions
 from sweeps.engine.stage import Stage
 
-ROOT = Path(__file__).resolve().parents[2]
 ROOTS = frozenset({"fleet", "yard"})
 version = metadata.version
 
@@ -135,13 +134,7 @@ def test_a_copy_elsewhere_has_the_same_digest_in_other_processes(tmp_path, diges
         "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest)"
     )
     printed = {
-        subprocess.run(
-            [sys.executable, "-c", script],
-            env={"PYTHONPATH": f"{place}:{ROOT}", "PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
+        python("-c", script, PYTHONPATH=f"{place}:{ROOT}", PYTHONHASHSEED=seed).stdout.strip()
         for seed, place in (("1", folder), ("2", copy))
     }
     assert printed == {digest_in(folder).digest}
@@ -224,15 +217,7 @@ def test_a_script_counts_like_a_module(tmp_path):
     write(tmp_path, {"script.py": script, "loose.py": ""})
 
     def run(*arguments: str):
-        done = subprocess.run(
-            [sys.executable, *arguments],
-            env={"PYTHONPATH": str(ROOT)},
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return json.loads(done.stdout)
+        return json.loads(python(*arguments, cwd=tmp_path).stdout)
 
     assert run("script.py")[1] == ["__main__", "loose"]
     assert run("-m", "script")[1] == ["loose", "script"]

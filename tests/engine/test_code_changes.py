@@ -1,11 +1,9 @@
 """Which changes of sources change the hash of a function: what it computes, not how it looks."""
 
-import subprocess
-import sys
-
 import pytest
 import xarray as xr
-from test_code import ROOT, digest_in, write  # noqa: F401 (a fixture)
+from running import python
+from test_code import digest_in, write  # noqa: F401 (a fixture)
 
 MEASURE = """'''Ships of wood.'''
 from functools import partial
@@ -372,8 +370,7 @@ def test_a_store_follows_its_file_and_computes_only_what_is_another_computation(
         """Cells computed in a new process, a label and a table of the store, and the messages."""
         file.write_text(text)
         runs.write_text("")
-        here = {"cwd": tmp_path, "env": {"PYTHONPATH": str(ROOT)}}
-        done = subprocess.run([sys.executable, file], **here, capture_output=True, text=True)
+        done = python(file, cwd=tmp_path, check=False)
         ships = xr.open_zarr(tmp_path / "s.zarr", group="ships").load()
         table = xr.open_zarr(tmp_path / "s.zarr", group="tables/wood").load()
         return len(runs.read_text()), ships.length.long_name, float(table.length), done.stderr

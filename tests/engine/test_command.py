@@ -96,29 +96,23 @@ def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
     assert said.splitlines()[-1].startswith(
         "springs: 1 cell failed: period stiffness=4 mass=1 (ValueError: too [stiff]); tracebacks "
     )
+    text = Path("s-failures.log").read_text(encoding="utf-8")
+    assert text.startswith("period stiffness=4 mass=1\n    ValueError: too [stiff]\n")
+    assert "        limit = 1.5\n" in text and "        solver = {'rate': 2.0}\n" in text
+    assert 'raise ValueError("too [stiff]")' in text and "toys.py" in text
     assert start("store=s.zarr", "spring.limit=1.5") == 1 and CALLS["period"] == 1
 
 
 REFUSED = {
     "spring.nothing=1": "spring.nothing is not a key of the configuration; spring has stiffness, "
     "mass, limit, reference",
-    "+spring.nothing=1": "spring.nothing is not a key of the configuration; spring has stiffness, "
-    "mass, limit, reference",
     "nothing=1": "nothing is not a key of the configuration; it has spring, measured, seed, ",
     "spring.mass.deep=1": "spring.mass.deep is not a key of the configuration; spring.mass has ",
     "spring.mas=1": "spring.mas is not a key of the configuration; did you mean spring.mass?",
-    "spring.msas=1": "did you mean spring.mass?",
     "sprng.mass=1": "did you mean spring.mass?",
     "mass=1": "did you mean spring.mass?",
     "spring=3": "spring is 3, but must hold stiffness, mass, limit, reference",
-    "spring=[1]": "spring is [1], but must hold stiffness, mass, limit, reference",
-    "spring.mass=heavy": "spring.mass has 'heavy', but every value must be a finite number at least"
-    " 0.1",
     "spring.mass=[1,0]": "spring.mass has 0, but every value must be a finite number at least 0.1",
-    "spring.mass=[]": "spring.mass is empty, but must hold at least one value",
-    "spring.mass=nan": "spring.mass has nan, but",
-    "measured.rule=best": "measured.rule has 'best', but every value must be one of max, mean, min",
-    "measured.draw=0": "measured.draw is 0, but must be a whole number from 1 to 1000",
     "spring.reference=3": "spring.reference has 3, but must be one of spring.stiffness",
     "spring.mass=[1,2": "spring.mass=[1,2 cannot be read, but must be KEY=VALUE",
     "spring.mass=1,2": "spring.mass is 1,2, but must be one value or a list: quote it, "
@@ -131,22 +125,15 @@ REFUSED = {
     "cluster.workers=2": "cluster.workers is 2, but must be null when cluster.kind is inline",
     "spring.mass=${spring.weight}": "spring.mass is ${spring.weight}, but must refer to keys that "
     "have a value (Interpolation key 'spring.weight' not found)",
-    "spring.mass=[1,${nothing}]": "spring.mass is [1, '${nothing}'], but must refer to keys that "
-    "have a value (Interpolation key 'nothing' not found)",
     "store=${spring.mas}.zarr": "store is ${spring.mas}.zarr, but must refer to keys that have",
     "spring.mass=${spring.mass}": "spring.mass is ${spring.mass}, but must refer to keys that have "
     "a value (Recursive interpolation detected)",
-    "spring=null": "spring is null, but must hold stiffness, mass, limit, reference",
-    "spring.mass=null": "spring.mass has null, but every value must be",
-    "measured.draw=null": "measured.draw is null, but must be a whole number",
     "store=s3://bucket/s.zarr": "store is 's3://bucket/s.zarr', but must be a folder on a file "
     "system: URLs are not supported",
-    "store=file:///tmp/s.zarr": "URLs are not supported",
     "cache=gs://bucket/cache": "cache is 'gs://bucket/cache', but must be a folder",
     "store=notes": "store is 'notes', which exists but is not a store of a sweep; it must be a new "
     "path or such a store",
     "store=[a,b]": "store has 2 values, but must have one: it sets where or how to run",
-    "dry_run=maybe": "dry_run has 'maybe', but every value must be one of true, false",
 }
 
 

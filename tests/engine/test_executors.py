@@ -8,20 +8,10 @@ import sys
 from contextlib import ExitStack, nullcontext
 from itertools import pairwise
 
+import executors
 import numpy as np
 import pytest
 from distributed.security import Security
-from executors import (
-    IMPORTS,
-    draw,
-    eventually,
-    fails_with,
-    gather,
-    refuse_odd,
-    silent,
-    span,
-    written,
-)
 from small_stores import files
 from threadpoolctl import threadpool_limits
 from toys import go
@@ -37,7 +27,7 @@ QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.
 
 @pytest.fixture
 def inline():
-    with threadpool_limits(2), executor(ClusterChoice(kind="inline"), say=silent) as run:
+    with threadpool_limits(2), executor(ClusterChoice(kind="inline"), say=executors.silent) as run:
         yield run
 
 
@@ -45,7 +35,7 @@ def inline():
 def running(tmp_path_factory):
     """Choice of a scheduler that runs on its own, with two workers of two threads each."""
     folder = tmp_path_factory.mktemp("scheduler")
-    files = written(Security.temporary(), folder)
+    files = executors.written(Security.temporary(), folder)
     tls = ("--tls-ca-file", files["ca_file"], "--tls-cert", files["cert"], "--tls-key")
     shared = ("--scheduler-file", folder / "scheduler.json", *QUIET, *tls, files["private_key"])
     commands = [("scheduler", *shared, "--protocol", "tls://", "--port", "0")] + [
@@ -56,23 +46,23 @@ def running(tmp_path_factory):
             process = subprocess.Popen(
                 [sys.executable, "-m", f"distributed.cli.dask_{name}", *map(str, arguments)],
                 cwd=folder,
-                env=os.environ | dict.fromkeys(ONE_THREAD, "2") | {"PYTHONPATH": IMPORTS},
+                env=os.environ | dict.fromkeys(ONE_THREAD, "2") | {"PYTHONPATH": executors.IMPORTS},
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             )
             stack.callback(process.wait)
             stack.callback(process.kill)
-        eventually((folder / "scheduler.json").exists)
+        executors.eventually((folder / "scheduler.json").exists)
         address = json.loads((folder / "scheduler.json").read_text())["address"]
         choice = ClusterChoice(kind="address", address=address, **files)
-        with executor(choice, say=silent) as run:
-            eventually(lambda: run.workers == 2)
+        with executor(choice, say=executors.silent) as run:
+            executors.eventually(lambda: run.workers == 2)
         yield choice
 
 
 @pytest.fixture(scope="module")
 def remote(running):
-    with executor(running, say=silent) as run:
+    with executor(running, say=executors.silent) as run:
         yield run
 
 
@@ -83,13 +73,13 @@ def any_executor(request):
 
 def timed(number):
     """Draws of a number, refused if it is odd, and the process, thread and time of this task."""
-    return draw(refuse_odd(number), 100), span(0.02)
+    return executors.draw(executors.refuse_odd(number), 100), executors.span(0.02)
 
 
 def test_results_and_errors_come_back_and_tasks_of_a_process_run_one_at_a_time(any_executor):
     for number in range(20):
         any_executor.submit(10 + number, timed, number)
-    outcomes = gather(any_executor)
+    outcomes = executors.gather(any_executor)
     assert sorted(outcomes) == list(range(10, 30))
     spans = []
     for number in range(20):
@@ -98,7 +88,7 @@ def test_results_and_errors_come_back_and_tasks_of_a_process_run_one_at_a_time(a
             assert isinstance(error, ValueError) and str(error) == f"{number} is odd"
         else:
             assert error is None
-            np.testing.assert_array_equal(result[0], draw(number, 100))
+            np.testing.assert_array_equal(result[0], executors.draw(number, 100))
             spans.append(result[1])
     assert any_executor.finished() == []
     processes = {process for process, *_ in spans}
@@ -126,11 +116,11 @@ def test_a_scheduler_makes_the_same_store_as_this_process(running, tmp_path):
 
 @pytest.mark.usefixtures("impatient")
 def test_a_scheduler_answers_neither_other_certificates_nor_none(running, tmp_path):
-    files = written(Security.temporary(), tmp_path)
+    files = executors.written(Security.temporary(), tmp_path)
     others = ClusterChoice(kind="address", address=running.address, **files)
     plain = ClusterChoice(kind="address", address=running.address.replace("tls:", "tcp:"))
     for choice in (others, plain):
-        fails_with(
+        executors.fails_with(
             choice, f"cluster.address is {choice.address}, but no scheduler answers there .*"
         )
 
@@ -140,7 +130,7 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
     (tmp_path / "of_this_process.py").write_text("")
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, packages=("toys", "of_this_process"), say=silent),
+        executor(running, packages=("toys", "of_this_process"), say=executors.silent),
     ):
         pass
     assert re.fullmatch(
@@ -160,7 +150,7 @@ def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path, monkeyp
     monkeypatch.setattr(cluster, "marked", lambda folder: nullcontext(elsewhere(folder)))
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, folder=folder, say=silent),
+        executor(running, folder=folder, say=executors.silent),
     ):
         pass
     assert re.fullmatch(

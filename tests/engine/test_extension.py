@@ -184,17 +184,6 @@ def test_other_code_is_refused(grown):
         run(other, read_choices(SPRINGS.declared, {}), store)
 
 
-def test_a_store_of_something_else_is_refused(grown, tmp_path):
-    other = replace(SPRINGS, title="Pendulums")
-    with pytest.raises(ConfigurationError, match="holds other data"):
-        run(other, read_choices(SPRINGS.declared, {}), grown())
-    (tmp_path / "notes").mkdir()
-    (tmp_path / "notes" / "a.txt").write_text("mine")
-    with pytest.raises(ConfigurationError, match="exists but is not a store of a sweep"):
-        go(tmp_path / "notes")
-    assert files(tmp_path / "notes") == {"a.txt": b"mine"}
-
-
 def joined(points, labels=None):
     """Choices in which stiffness and mass run together."""
     choices = read_choices(SPRINGS.declared, {"measured.draw": 1})

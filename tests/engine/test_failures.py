@@ -9,8 +9,6 @@ from small_stores import files, opened
 from toys import CALLS, Told, go, run
 
 from sweeps.engine import tasks
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import MANIFEST
 from sweeps.engine.packs import files_of
 from sweeps.engine.settings import Settings, count, read_choices
 from sweeps.engine.stage import Experiment, Group, Output, in_memory, stage
@@ -187,27 +185,6 @@ def test_a_damaged_chunk_of_a_store_is_made_again_and_said(tmp_path, kept):
     assert any("files of the store are damaged" in sentence for sentence in told.sentences)
     assert bool(CALLS["answers"]) == (not kept)
     assert files(store) == before
-
-
-@pytest.mark.parametrize("name", ["zarr.json", MANIFEST])
-@pytest.mark.parametrize("way", ["flipped", "short", "empty", "gone"])
-def test_damaged_metadata_give_one_sentence(tmp_path, name, way):
-    store = tmp_path / "s.zarr"
-    go(store)
-    file = store / name
-    content = file.read_bytes()
-    match way:
-        case "flipped":
-            damage(file, at=len(content) // 2)
-        case "short":
-            file.write_bytes(content[: len(content) // 2])
-        case "empty":
-            file.write_bytes(b"")
-        case "gone":
-            file.unlink()
-    with pytest.raises(ConfigurationError) as refused:
-        go(store)
-    assert str(store) in str(refused.value) and "\n" not in str(refused.value)
 
 
 # disks --------------------------------------------------------------------------------------------

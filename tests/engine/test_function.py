@@ -1,17 +1,14 @@
 """A sweep of one function, without declarations."""
 
-import subprocess
-import sys
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
+from running import python
 
 import sweeps
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
 
-ROOT = Path(__file__).parents[2]
 CALLS: list[tuple[float, float]] = []
 
 
@@ -116,12 +113,5 @@ if __name__ == "__main__":
 
 def test_a_script_uses_all_cores_in_five_lines(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT)
-    done = subprocess.run(
-        [sys.executable, "script.py"],
-        cwd=tmp_path,
-        env={"PYTHONPATH": str(ROOT), "HOME": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python("script.py", cwd=tmp_path, check=False)
     assert done.stdout == "[2. 3. 4.]\n", done.stderr

@@ -12,11 +12,10 @@ import pytest
 from distributed.security import Security
 from executors import eventually, refuse_odd, result_of
 from small_stores import opened
-from toys import run
+from toys import Few, run_few
 
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, stage
+from sweeps.engine.stage import Group, Output, stage
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -95,12 +94,6 @@ def test_no_more_workers_than_tasks_and_nothing_left_behind():
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == blocked
 
 
-class Few(Settings, key="few"):
-    """Of a stage that kills its process."""
-
-    size = count([1, 2, 3, 4, 5, 6], label="size")
-
-
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def deadly(size):
     """What a worker dies of, for one size."""
@@ -110,9 +103,8 @@ def deadly(size):
 
 
 def test_a_cell_that_kills_its_workers_fails_alone(tmp_path):
-    experiment = Experiment("deadly", "Deadly", (Few,), (deadly,))
-    choices = read_choices(experiment.declared, {})
-    finished = run(experiment, choices, tmp_path / "s.zarr", kind="local", workers=2)
+    how = {"sizes": range(1, 7), "kind": "local", "workers": 2}
+    finished = run_few([deadly], tmp_path / "s.zarr", **how)
     [(what, why)] = finished.failures
     assert what == "deadly size=3" and "worker process died" in why
     assert opened(tmp_path / "s.zarr", "all").x.isnull().values.tolist() == [0, 0, 1, 0, 0, 0]

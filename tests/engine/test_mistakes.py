@@ -3,17 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from toys import SPRINGS, Measured, Spring, period, solver
+from toys import SPRINGS, Few, Measured, Spring, period, solver
 
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.settings import Settings, count, number
 from sweeps.engine.stage import Experiment, Group, Output, Status, Stream, Table, stage
-
-
-class Few(Settings, key="few"):
-    """Settings of mistakes."""
-
-    size = count([1, 2], label="size")
 
 
 class Named(Settings, key="named"):

@@ -1,6 +1,7 @@
 """Multiruns as one sweep: what is crossed, what runs together, what keeps apart."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,39 +11,12 @@ from toys import CALLS, SPRINGS, go
 from sweeps.engine.command import Command
 from sweeps.engine.store import read_attributes
 
-CONF = {
-    "config.yaml": """
-        defaults:
-          - sweep_schema
-          - cluster: inline
-          - spring: soft
-          - _self_
-        """,
-    "spring/soft.yaml": "{limit: 50, mass: 1}",
-    "spring/hard.yaml": "{limit: 90, mass: 2}",
-    "spring/stiff.yaml": "{limit: 90, mass: 3}",
-    "experiment/short.yaml": """
-        # @package _global_
-        measured: {length: 2, rule: max}
-        """,
-    "experiment/long.yaml": """
-        # @package _global_
-        measured: {length: [3, 4], rule: mean}
-        """,
-}
-
 
 @pytest.fixture
 def command(tmp_path, monkeypatch):
     """Run a command line in a folder of its own; its exit status."""
-    for name, text in CONF.items():
-        file = tmp_path / "conf" / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        lines = text.strip("\n").splitlines()
-        indent = min(len(line) - len(line.lstrip()) for line in lines if line.strip())
-        file.write_text("\n".join(line[indent:] for line in lines))
     monkeypatch.chdir(tmp_path)
-    command = Command(replace(SPRINGS, conf=tmp_path / "conf"))
+    command = Command(replace(SPRINGS, conf=Path(__file__).with_name("conf")))
 
     def start(*arguments):
         CALLS.clear()

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_stores import files
 from toys import Told, go
@@ -147,21 +147,6 @@ def test_a_kill_at_any_file_leaves_the_old_store_or_the_new(tmp_path_factory, da
     assert files(store) in (clean(folder, few), clean(folder, more))
     go(store, cache, **more)
     assert files(store) == clean(folder, more)
-    shutil.rmtree(folder)
-
-
-@settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_the_order_of_values_never_matters(tmp_path_factory, data):
-    folder = Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp()))
-    asked = {
-        key: data.draw(st.lists(st.sampled_from(values), min_size=1, max_size=3, unique=True))
-        for key, values in AXES.items()
-    }
-    assume(sum(len(values) for values in asked.values()) <= 14)
-    go(folder / "s.zarr", **asked)
-    ordered = {key: sorted(values) for key, values in asked.items()}
-    assert files(folder / "s.zarr") == clean(folder, ordered)
     shutil.rmtree(folder)
 
 

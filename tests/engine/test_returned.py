@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small_stores import opened
-from toys import CALLS, run
+from toys import CALLS, Few, run_few
 
 from sweeps.engine.errors import DeclarationError
-from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, stage
+from sweeps.engine.stage import Group, Output, stage
 from sweeps.engine.tasks import arrays_of
 
 
@@ -74,12 +73,6 @@ def test_what_a_dtype_holds_is_kept(dtype, value, expected):
     np.testing.assert_array_equal(found, np.array(expected, dtype=dtype))
 
 
-class Few(Settings, key="few"):
-    """Of stages that return something odd."""
-
-    size = count([1, 2, 3], label="size")
-
-
 @stage(Output("x", ("place",), label="x"), uses=(Few,), group=Group("all"))
 def growing(size):
     """An array that is longer for larger sizes."""
@@ -88,19 +81,15 @@ def growing(size):
 
 
 def test_padding_that_is_not_declared_is_refused_at_once(tmp_path):
-    declared = Experiment("few", "Few", (Few,), (growing,))
-    choices = read_choices(declared.declared, {"few.size": list(range(1, 1001))})
     CALLS.clear()
     with pytest.raises(DeclarationError, match="no value to pad it with"):
-        run(declared, choices, tmp_path / "s.zarr", tmp_path / "cache")
+        run_few([growing], tmp_path / "s.zarr", tmp_path / "cache", range(1, 1001))
     assert CALLS["growing"] < 700, "most cells are not computed any more"
 
 
 def test_padding_that_is_not_declared_is_refused_and_costs_no_results(tmp_path):
-    declared = Experiment("few", "Few", (Few,), (growing,))
-    choices = read_choices(declared.declared, {})
     with pytest.raises(DeclarationError) as refused:
-        run(declared, choices, tmp_path / "s.zarr", tmp_path / "cache")
+        run_few([growing], tmp_path / "s.zarr", tmp_path / "cache")
     assert str(refused.value) == (
         "stage growing: x has the shape (2,) in one cell and (1,) in another, but no value to pad "
         "it with; declare pad=... or origin=..."
@@ -108,6 +97,6 @@ def test_padding_that_is_not_declared_is_refused_and_costs_no_results(tmp_path):
     assert not (tmp_path / "s.zarr").exists()
     padded = replace(growing, outputs=(replace(growing.outputs[0], pad=-1.0),))
     CALLS.clear()
-    run(replace(declared, stages=(padded,)), choices, tmp_path / "s.zarr", tmp_path / "cache")
+    run_few([padded], tmp_path / "s.zarr", tmp_path / "cache")
     assert CALLS["growing"] < 3, "what was computed before is kept"
     assert opened(tmp_path / "s.zarr", "all").x.sum() == -3

@@ -1,17 +1,16 @@
 """Stages declared in a script, in functions, or as lambdas: results are those of their code."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from running import python
 from small_stores import opened
-from toys import run
+from toys import Few, of, run_few
 
 from sweeps.engine.plan import Plan
-from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, stage
+from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Group, Output, stage
 
 SCRIPT = """
 import sys
@@ -43,19 +42,13 @@ if __name__ == "__main__":
 def test_a_script_that_changed_is_computed_again(tmp_path, kind):
     for number, factor in enumerate((2, 5, 2)):
         (tmp_path / "script.py").write_text(SCRIPT.replace("{factor}", str(factor)))
-        command = [sys.executable, "script.py", f"cluster={kind}", "cache=cache"]
-        command += [f"store=s{number}.zarr", *(["cluster.workers=1"] if kind == "local" else [])]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        arguments = ["script.py", f"cluster={kind}", "cache=cache", f"store=s{number}.zarr"]
+        arguments += ["cluster.workers=1"] if kind == "local" else []
+        done = python(*arguments, cwd=tmp_path, check=False)
         assert done.returncode == 0, done.stderr
         found = opened(tmp_path / f"s{number}.zarr", "all").x
         assert found.values.tolist() == [factor, 2 * factor, 3 * factor]
         assert (Path(tmp_path) / "made.txt").read_text() == "made " * min(number + 1, 2)
-
-
-class Few(Settings, key="few"):
-    """Of stages without a name of their own."""
-
-    size = count([1, 2, 3], label="size")
 
 
 def power(exponent):
@@ -76,9 +69,7 @@ def test_functions_of_one_name_do_not_share_results(tmp_path):
         stage(value, uses=(Few,), group=Group("cube"), name="cube")(power(3)),
     ]
     stages.append(replace(stages[0], name="again", group=Group("again")))  # the same function
-    experiment = Experiment("few", "Few", (Few,), tuple(stages))
-    choices = read_choices(experiment.declared, {})
-    finished = run(experiment, choices, tmp_path / "s.zarr")
+    finished = run_few(stages, tmp_path / "s.zarr")
     expected = {
         "double": [2, 4, 6],
         "triple": [3, 6, 9],
@@ -88,6 +79,7 @@ def test_functions_of_one_name_do_not_share_results(tmp_path):
     for name, values in expected.items():
         assert opened(tmp_path / "s.zarr", name).x.values.tolist() == values
     assert finished.failures == []
-    plan = Plan(experiment, choices)
+    few = of(*stages)
+    plan = Plan(few, read_choices(few.declared, {}))
     keys = {name: plan.key(plan.bound[name], 0) for name in (*expected, "again")}
     assert len(set(keys.values())) == 5

@@ -10,15 +10,7 @@ from toys import SPRINGS
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
 from sweeps.engine.provenance import written
-from sweeps.engine.settings import (
-    Settings,
-    count,
-    number,
-    read_choices,
-    set_of,
-    text,
-    word,
-)
+from sweeps.engine.settings import Settings, count, number, read_choices, set_of, text, word
 
 finite = st.floats(-1e12, 1e12)
 whole = st.integers(-(10**18), 10**18)
@@ -30,6 +22,11 @@ def test_numbers_come_in_ascending_order_whatever_was_written(values):
     found = Number().values("a.b", values)
     assert found == tuple(sorted(float(value) for value in values))
     assert all(math.copysign(1, value) == 1 for value in found if value == 0)
+
+
+def test_words_come_in_their_own_order_whatever_was_written():
+    assert Word(("x", "y", "z")).values("a.b", ["z", "x"]) == ("x", "z")
+    assert Switch().values("a.b", [True, False]) == (False, True)
 
 
 @settings(deadline=None)

@@ -7,14 +7,7 @@ import signal
 import stat
 
 import pytest
-from executors import (
-    IMPORTS,
-    blas_threads,
-    eventually,
-    refuse_odd,
-    result_of,
-    started_with,
-)
+from executors import IMPORTS, blas_threads, eventually, refuse_odd, result_of, started_with
 
 from sweeps.engine import workers
 from sweeps.engine.cluster import ClusterChoice, executor

@@ -88,16 +88,13 @@ def test_stores_caches_and_reports_are_apart(tmp_path):
     apart("x.zarr", "w", cache="x-tables")
 
 
-@pytest.mark.parametrize("umask", [0, 0o022, 0o077])
-def test_others_never_write_a_store(tmp_path, umask):
-    before = os.umask(umask)
-    try:
-        write_store(tmp_path / "new" / "s.zarr", small(1), {})
-    finally:
-        os.umask(before)
+@pytest.mark.parametrize("mask", [0, 0o022, 0o077])
+def test_others_never_write_a_store(tmp_path, mask, umask):
+    umask(mask)
+    write_store(tmp_path / "new" / "s.zarr", small(1), {})
     found = [tmp_path / "new", *(tmp_path / "new").rglob("*")]
     modes = {one.is_dir(): stat.S_IMODE(one.stat().st_mode) for one in found}
-    assert modes == {True: 0o755 & ~umask, False: 0o644 & ~umask}
+    assert modes == {True: 0o755 & ~mask, False: 0o644 & ~mask}
     assert len({(one.is_dir(), one.stat().st_mode) for one in found}) == 2
 
 

@@ -6,16 +6,9 @@ from importlib import import_module
 import numpy as np
 from small_stores import opened
 from threadpoolctl import threadpool_info, threadpool_limits
-from toys import run
+from toys import Few, run_few
 
-from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, stage
-
-
-class Few(Settings, key="few"):
-    """Of a stage that looks at its process."""
-
-    size = count([1, 2], label="size")
+from sweeps.engine.stage import Group, Output, stage
 
 
 @stage(
@@ -32,9 +25,6 @@ def threads(size):
     }
 
 
-THREADS = Experiment("threads", "Threads", (Few,), (threads,))
-
-
 def test_an_inline_stage_has_one_thread(tmp_path, monkeypatch):
     """OpenMP has a limit for each thread that calls it: that of another one does not count."""
     import_module("sklearn.utils._openmp_helpers")  # loads an OpenMP library
@@ -44,7 +34,7 @@ def test_an_inline_stage_has_one_thread(tmp_path, monkeypatch):
         assert any(
             one["user_api"] == "openmp" and one["num_threads"] == 3 for one in threadpool_info()
         )
-        run(THREADS, read_choices(THREADS.declared, {}), tmp_path / "s.zarr")
+        run_few([threads], tmp_path / "s.zarr")
         assert {one["filepath"]: one["num_threads"] for one in threadpool_info()} == before
     found = opened(tmp_path / "s.zarr", "all")
     np.testing.assert_array_equal(found.most, 1)

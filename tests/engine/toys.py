@@ -225,3 +225,20 @@ def without(experiment, name):
     groups = {one.group.path for one in stages}
     tables = tuple(one for one in experiment.tables if groups.issuperset(one.of))
     return replace(experiment, stages=stages, tables=tables)
+
+
+class Few(Settings, key="few"):
+    """Of experiments of a few cells."""
+
+    size = count([1, 2, 3], label="size")
+
+
+def of(*stages):
+    """An experiment of stages that take a size."""
+    return Experiment("few", "Few", (Few,), stages)
+
+
+def run_few(stages, store, cache=None, sizes=(1, 2, 3), **how):
+    """Run stages that take a size into a store."""
+    few = of(*stages)
+    return run(few, read_choices(few.declared, {"few.size": list(sizes)}), store, cache, **how)

@@ -7,21 +7,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from ncti.evaluate import (
-    accuracy_by_aspect,
-    paired_difference,
-    replicated_accuracy,
-    replicates,
-    wilson_interval,
-)
+from ncti import evaluate
 
 ASPECTS = np.arange(0.0, 91.0, 3.0)
 
 
 @given(arrays(bool, (4, 31)), arrays(bool, (4, 31)))
 def test_one_replicate_is_no_replicate(correct, answered):
-    one = replicated_accuracy(correct[None], ASPECTS, answered=answered)
-    plain = accuracy_by_aspect(correct, ASPECTS, answered=answered)
+    one = evaluate.replicated_accuracy(correct[None], ASPECTS, answered=answered)
+    plain = evaluate.accuracy_by_aspect(correct, ASPECTS, answered=answered)
     assert one.labels == plain.labels
     for name in ("fraction", "ci_low", "ci_high", "n"):
         np.testing.assert_allclose(getattr(one, name), getattr(plain, name), rtol=1e-12, atol=1e-15)
@@ -30,8 +24,8 @@ def test_one_replicate_is_no_replicate(correct, answered):
 @given(arrays(bool, (4, 31)), st.integers(2, 6))
 def test_equal_answers_are_worth_one(correct, replicates):
     """A classifier that no noise moves: as many answers as views."""
-    several = replicated_accuracy(np.repeat(correct[None], replicates, axis=0), ASPECTS)
-    plain = accuracy_by_aspect(correct, ASPECTS)
+    several = evaluate.replicated_accuracy(np.repeat(correct[None], replicates, axis=0), ASPECTS)
+    plain = evaluate.accuracy_by_aspect(correct, ASPECTS)
     np.testing.assert_allclose(several.ci_low, plain.ci_low, atol=1e-9)
     np.testing.assert_allclose(several.ci_high, plain.ci_high, atol=1e-9)
     np.testing.assert_array_equal(several.n, replicates * plain.n)
@@ -95,7 +89,7 @@ def test_intervals_are_those_of_an_analysis_of_variance_by_hand(draws, concentra
     answered = np.broadcast_to(rng.random((4, 31)) < 0.8, correct.shape).copy()
     if draws[0] > 2:
         answered[(1,) * len(draws)] = False  # a training that failed
-    found = replicated_accuracy(correct, ASPECTS, draws=len(draws), answered=answered)
+    found = evaluate.replicated_accuracy(correct, ASPECTS, draws=len(draws), answered=answered)
     bins = [
         {
             (i, j): {
@@ -113,7 +107,7 @@ def test_intervals_are_those_of_an_analysis_of_variance_by_hand(draws, concentra
     assert concentration > 10 or variance[0] > 0
     for k, (group, count) in enumerate(zip([*bins, whole], worth + overall, strict=True)):
         answers = [right for view in group.values() for right in view.values()]
-        low, high = wilson_interval(np.mean(answers) * count, count)
+        low, high = evaluate.wilson_interval(np.mean(answers) * count, count)
         assert found.n[k] == len(answers)
         assert found.fraction[k] == pytest.approx(np.mean(answers), abs=1e-12)
         assert found.ci_low[k] == pytest.approx(low, abs=1e-9)
@@ -132,13 +126,13 @@ def test_intervals_cover_the_truth(truth, concentration):
     rng = np.random.default_rng(1)
     shape = (4000, 1, 4, 31)
     chance = rng.beta(concentration * truth, concentration * (1 - truth), shape)
-    found = replicated_accuracy(rng.random((4000, 4, 4, 31)) < chance, ASPECTS)
+    found = evaluate.replicated_accuracy(rng.random((4000, 4, 4, 31)) < chance, ASPECTS)
     covered = ((found.ci_low <= truth) & (found.ci_high >= truth)).mean(axis=0)
     assert np.all(covered > 0.95 - 4 * np.sqrt(0.95 * 0.05 / 4000))
     assert np.all(covered < (0.985 if truth < 0.9 else 0.995))
     # Taken as independent, they would not.
     n = 4 * 124
-    low, high = wilson_interval(np.rint(found.fraction[:, -1] * n), n)
+    low, high = evaluate.wilson_interval(np.rint(found.fraction[:, -1] * n), n)
     independent = ((low <= truth) & (high >= truth)).mean()
     assert independent < covered[-1]
     if concentration < 5:
@@ -164,7 +158,7 @@ def test_intervals_cover_the_truth_where_draws_differ_as_wholes(of_views, draws,
     many = 0.8 + np.hypot(of_views, 0.8 * np.sqrt(kinds)) * rng.standard_normal(10**6)
     truth = (1 / (1 + np.exp(-many))).mean()
     correct = rng.random((size, *draws, 4, 31)) < 1 / (1 + np.exp(-logit))
-    found = replicated_accuracy(correct, ASPECTS, draws=kinds)
+    found = evaluate.replicated_accuracy(correct, ASPECTS, draws=kinds)
     covered = ((found.ci_low <= truth) & (found.ci_high >= truth)).mean(axis=0)
     assert np.all(covered > least) and np.all(covered < 0.985)
     # Were draws no more than looks at the same views, as replicates of the noise are, they would
@@ -176,7 +170,7 @@ def test_intervals_cover_the_truth_where_draws_differ_as_wholes(of_views, draws,
 
 
 def test_no_answers_say_nothing():
-    found = replicated_accuracy(np.zeros((3, 4, 31), bool), ASPECTS, answered=False)
+    found = evaluate.replicated_accuracy(np.zeros((3, 4, 31), bool), ASPECTS, answered=False)
     assert np.isnan(found.fraction).all()
     np.testing.assert_array_equal(found.n, 0)
     np.testing.assert_array_equal(found.ci_low, 0.0)
@@ -185,13 +179,13 @@ def test_no_answers_say_nothing():
 
 @given(arrays(bool, (3, 4, 31)), arrays(bool, (3, 4, 31)))
 def test_differences_change_sign_with_the_order_and_hold_within_their_ends(first, second):
-    one = paired_difference(first, second, ASPECTS)
-    other = paired_difference(second, first, ASPECTS)
+    one = evaluate.paired_difference(first, second, ASPECTS)
+    other = evaluate.paired_difference(second, first, ASPECTS)
     np.testing.assert_allclose(one.fraction, -other.fraction)
     np.testing.assert_allclose(one.ci_low, -other.ci_high, atol=1e-12)
     assert (one.ci_low <= one.fraction).all() and (one.fraction <= one.ci_high).all()
     assert (one.ci_low + 1e-12 >= -1).all() and (one.ci_high <= 1 + 1e-12).all()
-    same = paired_difference(first, first, ASPECTS)
+    same = evaluate.paired_difference(first, first, ASPECTS)
     assert (same.fraction == 0).all() and (same.ci_low < 0).all() and (same.ci_high > 0).all()
 
 
@@ -205,7 +199,9 @@ def test_intervals_of_paired_differences_cover(draws, alike):
     view = rng.beta(2.0, 1.0, (2000, 1, 2, 20))
     draw = rng.random((2000, draws, 2, 20))
     own = np.where(rng.random(draw.shape) < alike, draw, rng.random(draw.shape))
-    found = paired_difference(draw < view, own < view + 0.2 * (1 - view), np.full(20, 45.0))
+    found = evaluate.paired_difference(
+        draw < view, own < view + 0.2 * (1 - view), np.full(20, 45.0)
+    )
     truth = 0.2 / 3
     covered = int(((found.ci_low <= truth) & (truth <= found.ci_high))[:, -1].sum())
     assert stats.binom.cdf(covered, 2000, 0.95) > 1e-4, covered
@@ -223,10 +219,10 @@ def test_cells_some_at_a_time_are_as_all_together(shape, draws, at_once, seed):
     correct = rng.random((*shape, *draws, 3, 13)) < rng.random()
     answered = rng.random((*draws, 3, 13)) < 0.9
     given_to = {"aspects": np.arange(13) * 9.0, "draws": len(draws), "answered": answered}
-    whole = replicated_accuracy(correct, **given_to)
+    whole = evaluate.replicated_accuracy(correct, **given_to)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(replicates, "AT_ONCE", at_once)
-        parts = replicated_accuracy(correct, **given_to)
+        patch.setattr(evaluate.replicates, "AT_ONCE", at_once)
+        parts = evaluate.replicated_accuracy(correct, **given_to)
     assert whole.fraction.shape == (*shape, len(whole.labels))
     for name in ("fraction", "ci_low", "ci_high", "n"):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), err_msg=name)

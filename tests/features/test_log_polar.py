@@ -10,13 +10,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from skimage.transform import warp_polar
 
 import ncti.ships
-from benchmarks.invariance import (
-    FINE,
-    Change,
-    cosine,
-    coverage,
-    silhouette,
-)
+from benchmarks.invariance import FINE, Change, cosine, coverage, silhouette
 from ncti.features import cyclic_similarity, log_polar
 from ncti.features.log_polar import _unit_grid
 

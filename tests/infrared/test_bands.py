@@ -7,17 +7,8 @@ import pytest
 from scipy import constants
 from scipy.integrate import quad
 
-from ncti.infrared import (
-    CONTRAST_AT_ZERO,
-    LONG_WAVE,
-    MID_WAVE,
-    band_contrast,
-    contrast,
-)
-from ncti.infrared.bands import (
-    band_radiance,
-    radiance_slope,
-)
+from ncti.infrared import CONTRAST_AT_ZERO, LONG_WAVE, MID_WAVE, band_contrast, contrast
+from ncti.infrared.bands import band_radiance, radiance_slope
 
 BANDS = [LONG_WAVE, MID_WAVE, (10.5e-6, 10.7e-6), (0.4e-6, 0.7e-6), (20e-6, 900e-6), (1e-6, 5e-5)]
 TEMPERATURES = [150.0, 288.15, 320.0, 1200.0]

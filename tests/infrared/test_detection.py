@@ -6,11 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from ncti.infrared import (
-    detection_probability,
-    detection_threshold,
-    thermal_images,
-)
+from ncti.infrared import detection_probability, detection_threshold, thermal_images
 
 LEVEL = 1e-3
 SENSOR = {"contrast": 0.3, "target_sigma": 0.2, "sea_sigma": 0.15, "false_alarm": 1e-2}

@@ -5,15 +5,7 @@ import pytest
 from scipy import stats
 from warm_views import SHIPS, plate, ship
 
-from ncti.infrared import (
-    IFOV,
-    SUPER_RESOLUTIONS,
-    contrast,
-    image,
-    noise_temperature,
-    silhouette,
-    thermal_images,
-)
+from ncti import infrared
 
 LEVEL = 1e-3  # of each statistical test, over all that it compares (Bonferroni)
 
@@ -28,29 +20,33 @@ def test_a_larger_window_changes_no_bit_on_the_ship(way, phase):
         "phase": phase,
     }
     view = ship("texas", 60.0)
-    footprint = IFOV * 50e3 * (1.0 if way == "none" else 0.5)
+    footprint = infrared.IFOV * 50e3 * (1.0 if way == "none" else 0.5)
     images = {}
     for margin in (0, 1, 2, 4, 7, 20):
-        target = silhouette(view, footprint=footprint, phase=phase, margin=margin).target(0.25)
-        thermal = image(view, rng=np.random.default_rng(4), margin=margin, **look)
+        target = infrared.silhouette(view, footprint=footprint, phase=phase, margin=margin).target(
+            0.25
+        )
+        thermal = infrared.image(view, rng=np.random.default_rng(4), margin=margin, **look)
         images[margin] = thermal[:, target]
     for margin, pixels in images.items():
         assert pixels.tobytes() == images[0].tobytes(), margin
     extent = (-130.0, 130.0, -60.0, 80.0)
     window = {"phase": phase, "extent": extent}
-    target = silhouette(view, footprint=footprint, **window).target(0.25)
-    thermal = image(view, rng=np.random.default_rng(4), **look | window)
+    target = infrared.silhouette(view, footprint=footprint, **window).target(0.25)
+    thermal = infrared.image(view, rng=np.random.default_rng(4), **look | window)
     assert thermal[:, target].tobytes() == images[0].tobytes()
 
 
 def test_statistics_of_an_image_are_those_of_its_range():
     view = plate(width=600, height=600, pixel=1.0)
     for slant_range in (25e3, 50e3):
-        thermal = image(view, slant_range=slant_range, frame_count=16, rng=np.random.default_rng(2))
-        inner = silhouette(view, footprint=150e-6 * slant_range).target(1.0 - 0.2)
+        thermal = infrared.image(
+            view, slant_range=slant_range, frame_count=16, rng=np.random.default_rng(2)
+        )
+        inner = infrared.silhouette(view, footprint=150e-6 * slant_range).target(1.0 - 0.2)
         pixels = thermal[inner]
-        sigma = np.hypot(0.1, noise_temperature(16))
-        z = (pixels.mean() - contrast(slant_range)) / (sigma / np.sqrt(pixels.size))
+        sigma = np.hypot(0.1, infrared.noise_temperature(16))
+        z = (pixels.mean() - infrared.contrast(slant_range)) / (sigma / np.sqrt(pixels.size))
         assert pixels.size > 1000 and abs(z) < stats.norm.isf(LEVEL / 2 / 2)
 
 
@@ -63,15 +59,15 @@ def test_perfect_super_resolution_halves_the_range_but_not_the_sensor(name, aspe
     view = ship(name, aspect)
     parameters = NOISELESS | {"frame_count": 16, "phase": (0.3, 0.6)}
     rng = np.random.default_rng(0)
-    fine = image(view, slant_range=50e3, super_resolution="perfect", rng=rng, **parameters)
-    near = image(view, slant_range=25e3, rng=rng, **parameters)
+    fine = infrared.image(view, slant_range=50e3, super_resolution="perfect", rng=rng, **parameters)
+    near = infrared.image(view, slant_range=25e3, rng=rng, **parameters)
     # The template of half the range, as warm as from the whole of it.
     np.testing.assert_array_equal(fine > 0, near > 0)
-    np.testing.assert_allclose(np.unique(fine), [0, contrast(50e3)])
-    np.testing.assert_allclose(np.unique(near), [0, contrast(25e3)])
+    np.testing.assert_allclose(np.unique(fine), [0, infrared.contrast(50e3)])
+    np.testing.assert_allclose(np.unique(near), [0, infrared.contrast(25e3)])
     # With noise it is what thermal_images makes of that template.
-    template = silhouette(view, footprint=3.75, phase=(0.3, 0.6)).target(0.25)
-    noisy = image(
+    template = infrared.silhouette(view, footprint=3.75, phase=(0.3, 0.6)).target(0.25)
+    noisy = infrared.image(
         view,
         slant_range=50e3,
         super_resolution="perfect",
@@ -79,17 +75,20 @@ def test_perfect_super_resolution_halves_the_range_but_not_the_sensor(name, aspe
         frame_count=(4, 16),
         phase=(0.3, 0.6),
     )
-    same = thermal_images(
-        template, contrast=contrast(50e3), frame_counts=(4, 16), rng=np.random.default_rng(3)
+    same = infrared.thermal_images(
+        template,
+        contrast=infrared.contrast(50e3),
+        frame_counts=(4, 16),
+        rng=np.random.default_rng(3),
     )
     np.testing.assert_array_equal(noisy, same)
 
 
 def test_windows_of_an_extent_have_one_shape():
     extent = (-95.0, 95.0, -15.0, 50.0)
-    for way in SUPER_RESOLUTIONS:
+    for way in infrared.SUPER_RESOLUTIONS:
         shapes = {
-            image(
+            infrared.image(
                 ship(name, aspect),
                 slant_range=50e3,
                 frame_count=4,

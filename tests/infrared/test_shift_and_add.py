@@ -6,12 +6,7 @@ from fine_templates import template
 from scipy import stats
 
 from ncti.infrared import pixel_sigma, shifted_images, thermal_images
-from ncti.infrared.super_resolution import (
-    NOISE_GAIN,
-    SCENE_GAIN,
-    detector_samples,
-    shift_and_add,
-)
+from ncti.infrared.super_resolution import NOISE_GAIN, SCENE_GAIN, detector_samples, shift_and_add
 
 LEVEL = 1e-3
 

@@ -6,21 +6,8 @@ from fine_templates import template
 from scipy import stats
 from warm_views import SHIPS
 
-from ncti.infrared import (
-    SPREAD,
-    contrast,
-    noise_temperature,
-    reconstruction_error,
-    shifted_images,
-    thermal_images,
-)
-from ncti.infrared.super_resolution import (
-    NOISE_GAIN,
-    SCENE_GAIN,
-    detector_samples,
-    enlarge,
-    shift_and_add,
-)
+from ncti import infrared
+from ncti.infrared import super_resolution
 
 LEVEL = 1e-3
 WAYS = ("none", "perfect", "shifted")
@@ -44,13 +31,18 @@ TABLE = """
 def expected_square_error(fine, coarse, way, *, warmth, noise):
     """Mean over the draws: the blur of the template, plus the variance of a pixel."""
     if way == "none":
-        blur, scene, detector = enlarge(coarse) ^ fine, 1.0, 1.0
+        blur, scene, detector = super_resolution.enlarge(coarse) ^ fine, 1.0, 1.0
     elif way == "perfect":
         blur, scene, detector = np.zeros(fine.shape), 1.0, 1.0
     else:
-        blur = shift_and_add(detector_samples(np.pad(fine.astype(float), 1))) - fine
-        scene, detector = SCENE_GAIN, NOISE_GAIN
-    variance = (scene * SPREAD) ** 2 + (detector * noise) ** 2
+        blur = (
+            super_resolution.shift_and_add(
+                super_resolution.detector_samples(np.pad(fine.astype(float), 1))
+            )
+            - fine
+        )
+        scene, detector = super_resolution.SCENE_GAIN, super_resolution.NOISE_GAIN
+    variance = (scene * infrared.SPREAD) ** 2 + (detector * noise) ** 2
     return np.mean(blur.astype(float) ** 2) + variance / warmth**2
 
 
@@ -62,7 +54,7 @@ def measured():
     """
     rows = []
     for slant_range in (25e3, 50e3, 100e3):
-        warmth = contrast(slant_range)
+        warmth = infrared.contrast(slant_range)
         views = [
             template(name, aspect, slant_range=slant_range, phase=phase)
             for name in SHIPS
@@ -76,7 +68,7 @@ def measured():
                     np.mean(
                         [
                             expected_square_error(
-                                *pair, way, warmth=warmth, noise=noise_temperature(frames)
+                                *pair, way, warmth=warmth, noise=infrared.noise_temperature(frames)
                             )
                             ** 0.5
                             for pair in views
@@ -92,25 +84,25 @@ def test_table_of_errors(measured):
     printed = np.array([line.split() for line in TABLE.strip().split("\n")], dtype=float)
     # Half a unit of the last digit.
     np.testing.assert_allclose(measured, printed[:, 2:], rtol=0, atol=0.0005)
-    assert TABLE.strip("\n") in shift_and_add.__doc__
+    assert TABLE.strip("\n") in super_resolution.shift_and_add.__doc__
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_errors_by_drawing_are_the_expected_ones(way):
     """300 draws of one ship at 50 km, z-test at 1e-3 of the mean square error."""
     fine, coarse = template()
-    warmth, noise = contrast(50e3), noise_temperature(16)
+    warmth, noise = infrared.contrast(50e3), infrared.noise_temperature(16)
     rng = np.random.default_rng(17)
     parameters = {"contrast": warmth, "frame_counts": (16,), "rng": rng}
     squares = []
     for _ in range(300):
         if way == "none":
-            image = enlarge(thermal_images(coarse, **parameters))
+            image = super_resolution.enlarge(infrared.thermal_images(coarse, **parameters))
         elif way == "perfect":
-            image = thermal_images(fine, **parameters)
+            image = infrared.thermal_images(fine, **parameters)
         else:
-            image = shifted_images(fine, **parameters)
-        squares.append(reconstruction_error(image, fine, contrast=warmth)[0] ** 2)
+            image = infrared.shifted_images(fine, **parameters)
+        squares.append(infrared.reconstruction_error(image, fine, contrast=warmth)[0] ** 2)
     expected = expected_square_error(fine, coarse, way, warmth=warmth, noise=noise)
     z = (np.mean(squares) - expected) / (np.std(squares) / np.sqrt(300))
     assert abs(z) < stats.norm.isf(LEVEL / 2 / len(WAYS))

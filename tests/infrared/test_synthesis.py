@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ncti.infrared import (
-    pixel_sigma,
-    shifted_images,
-    thermal_images,
-)
+from ncti.infrared import pixel_sigma, thermal_images
 
 LEVEL = 1e-3  # of each statistical test, over all that it compares (Bonferroni)
 HALF = np.zeros((200, 200), bool)  # half ship, half sea: 20,000 pixels of each
@@ -38,6 +34,9 @@ def test_both_gaussians(frame_count):
     )
     for pixels, mean, spread in ((thermal[HALF], 0.7, 0.15), (thermal[~HALF], 0.0, 0.05)):
         sigma = np.hypot(spread, 0.4 / np.sqrt(frame_count))
+        for way in ("none", "perfect"):
+            found = pixel_sigma(spread, frame_count=(frame_count,), super_resolution=way)
+            assert found == pytest.approx([sigma], rel=1e-14)
         assert stats.kstest(pixels, stats.norm(mean, sigma).cdf).pvalue > LEVEL / 2
         z_mean = (pixels.mean() - mean) / (sigma / np.sqrt(pixels.size))
         z = np.abs([z_mean, z_of_variance(pixels - mean, sigma**2)])
@@ -62,37 +61,3 @@ def test_moments_of_prefix_averages():
     z_covariance = (deviation @ deviation.T / count - expected) / error
     z = np.concatenate([z_mean, z_covariance[np.triu_indices(len(COUNTS))]])
     assert np.abs(z).max() < stats.norm.isf(LEVEL / 2 / z.size)
-
-
-WAYS = ("none", "perfect", "shifted")
-
-
-def sea(way, *, side, seed, **parameters):
-    """Nothing but sea, in pixels of the result."""
-    nothing, rng = np.zeros((side, side), bool), np.random.default_rng(seed)
-    make = shifted_images if way == "shifted" else thermal_images
-    return make(nothing, contrast=1.0, rng=rng, **parameters)
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_sigma_of_a_pixel_by_drawing(way):
-    """z-tests at 1e-3 over all of the variance of 10,000 independent pixels of sea."""
-    # A pixel depends on half pixels up to 1 away: pixels 3 apart share none.
-    step = 3 if way == "shifted" else 1
-    mixes = {"both": (0.1, 0.4), "spread": (0.3, 0.0), "noise": (0.0, 0.4)}
-    for seed, (spread, nedt) in enumerate(mixes.values()):
-        drawn = sea(
-            way,
-            side=100 * step,
-            seed=seed,
-            frame_counts=(4, 16),
-            sea_spread=spread,
-            nedt=nedt,
-        )[:, ::step, ::step]
-        counts = np.array([4, 16])
-        sigma = pixel_sigma(spread, frame_count=counts, nedt=nedt, super_resolution=way)
-        assert sigma.shape == (2,)
-        for pixels, one in zip(drawn, sigma, strict=True):
-            assert pixels.size == 10_000
-            z = z_of_variance(pixels, one**2)
-            assert abs(z) < stats.norm.isf(LEVEL / 2 / (2 * len(mixes) * len(WAYS)))

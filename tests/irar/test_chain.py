@@ -9,17 +9,7 @@ import trimesh
 from flown import CLEAN, flight
 from scipy.ndimage import binary_erosion
 
-from ncti import ships
-from ncti.irar import (
-    Correction,
-    correct,
-    fly,
-    mirror_rotation,
-    profile,
-    segmented,
-    ship_window,
-    true_snapshot,
-)
+from ncti import irar, ships
 from ncti.irar.chain import RANGE_FILTERS
 
 CELLS = 4
@@ -34,22 +24,22 @@ def roberts():
 @pytest.fixture(scope="module")
 def flown(roberts):
     """The study's flight past it, near stern, at 3.9 km."""
-    return fly(roberts, flight(175.0))
+    return irar.fly(roberts, flight(175.0))
 
 
 @pytest.fixture(scope="module")
 def window(roberts, flown):
-    return ship_window(roberts, flown.plan.flight)
+    return irar.ship_window(roberts, flown.plan.flight)
 
 
 @pytest.fixture(scope="module")
 def truth(roberts, flown, window):
-    return true_snapshot(roberts, flown.plan.flight, window, cells=CELLS)
+    return irar.true_snapshot(roberts, flown.plan.flight, window, cells=CELLS)
 
 
 @pytest.fixture(scope="module")
 def true_profile(flown, truth):
-    return profile(truth, flown.plan.flight)
+    return irar.profile(truth, flown.plan.flight)
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +77,8 @@ def without_hangar(expected):
 
 
 def measured(scan, window, *, overscanned=True, **how):
-    found = correct(scan, Correction(**how), window=window, overscanned=overscanned)
-    return profile(segmented(found, scan.flight), scan.flight)
+    found = irar.correct(scan, irar.Correction(**how), window=window, overscanned=overscanned)
+    return irar.profile(irar.segmented(found, scan.flight), scan.flight)
 
 
 def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth):
@@ -99,7 +89,7 @@ def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth)
     is that of one of several returns; the faces' are within the tenth of a pixel's slope.
     """
     scan = flown.noiseless()
-    image = correct(scan, window=window)
+    image = irar.correct(scan, window=window)
     expected = averaged(truth)
     found = np.nan_to_num(image.intensity)
     assert correlation(found.ravel(), expected.ravel()) > 0.995
@@ -115,7 +105,9 @@ def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth)
 
 
 def test_a_noiseless_flight_gives_the_true_profile(flown, window, true_profile):
-    found = profile(correct(flown.noiseless(), window=window, overscanned=True), flown.plan.flight)
+    found = irar.profile(
+        irar.correct(flown.noiseless(), window=window, overscanned=True), flown.plan.flight
+    )
     beside = without_hangar(true_profile)
     assert correlation(found, true_profile) > 0.99
     assert correlation(found[beside], true_profile[beside]) > 0.98
@@ -153,15 +145,15 @@ def test_frames_and_delays_gain_the_roots_of_their_numbers(plate):
     in the time of one pixel's climb, as the tilted lines and the drift lie denser by
     cos L + sin L drift / climb, and samples by what the aircraft has come closer.
     """
-    seen = fly(plate, flight(180.0, samples=200, pulse_rate=1e6, cnr=CLEAN))
+    seen = irar.fly(plate, flight(180.0, samples=200, pulse_rate=1e6, cnr=CLEAN))
     scan = seen.record(np.random.default_rng(7))
-    image = correct(scan)
-    cover = true_snapshot(plate, scan.flight, image.window).infrared == 1
+    image = irar.correct(scan)
+    cover = irar.true_snapshot(plate, scan.flight, image.window).infrared == 1
     inner = binary_erosion(cover, iterations=2)
     assert inner.sum() >= 2000
     assert image.looks[inner].min() >= 8
     frames = 1 / np.mean(1 / image.looks[inner])
-    lean = math.radians(mirror_rotation(scan.flight.depression))
+    lean = math.radians(irar.mirror_rotation(scan.flight.depression))
     denser = math.cos(lean) + math.sin(lean) * scan.flight.drift / scan.flight.climb
     closer = scan.flight.slant_range - scan.flight.closing_speed * 14 / scan.flight.climb
     expected = scan.flight.lines_per_pixel / denser * scan.flight.slant_range / closer

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 from flown import flight, pole_on_box
 
-from ncti.irar import (
-    correct,
-    correct_as_printed,
-    fly,
-    mirror_rotation,
-    ship_window,
-    tilts,
-    true_snapshot,
-)
+from ncti import irar
 
 MARGIN = 40  # pixels around the ship, wider than any lean leaves it
 
@@ -21,9 +13,9 @@ MARGIN = 40  # pixels around the ship, wider than any lean leaves it
 def leaning():
     """A pole on a box from 5 deg off the stern: scan, window, and the truth."""
     mesh = pole_on_box(120, 14, 10, 25)
-    scan = fly(mesh, flight(samples=220, pulse_rate=30e3)).noiseless()
-    window = ship_window(mesh, scan.flight, margin=MARGIN)
-    return scan, window, true_snapshot(mesh, scan.flight, window, cells=4), mesh
+    scan = irar.fly(mesh, flight(samples=220, pulse_rate=30e3)).noiseless()
+    window = irar.ship_window(mesh, scan.flight, margin=MARGIN)
+    return scan, window, irar.true_snapshot(mesh, scan.flight, window, cells=4), mesh
 
 
 def likeness(image, truth):
@@ -34,20 +26,23 @@ def likeness(image, truth):
 def test_turning_leans_the_mast_by_the_mirror(leaning):
     """The waterline is level, the mast is not: by the mirror's angle, and what shifts leave."""
     scan, window, truth, _ = leaning
-    ours, printed = correct(scan, window=window), correct_as_printed(scan, window=window)
-    lean = -mirror_rotation(scan.flight.depression)
-    assert abs(tilts(ours.infrared, truth.infrared).mast) < 0.1
+    ours, printed = irar.correct(scan, window=window), irar.correct_as_printed(scan, window=window)
+    lean = -irar.mirror_rotation(scan.flight.depression)
+    assert abs(irar.tilts(ours.infrared, truth.infrared).mast) < 0.1
     # shifts with each row's range and the offset of time 0: a degree or two remain
-    assert tilts(printed.infrared, truth.infrared).mast == pytest.approx(lean, abs=3)
+    assert irar.tilts(printed.infrared, truth.infrared).mast == pytest.approx(lean, abs=3)
     assert likeness(ours, truth) > 0.99 > likeness(printed, truth)
 
 
 def test_the_pulse_rate_shifts_nothing(leaning):
     """With f the pulse rate the shift is as many times smaller as pulses go to a line."""
     scan, window, truth, _ = leaning
-    lines = correct_as_printed(scan, window=window)
-    pulses = correct_as_printed(scan, window=window, rate="pulse")
+    lines = irar.correct_as_printed(scan, window=window)
+    pulses = irar.correct_as_printed(scan, window=window, rate="pulse")
     drift = np.degrees(np.arctan(scan.flight.drift / scan.flight.climb))
-    more = tilts(pulses.infrared, truth.infrared).mast - tilts(lines.infrared, truth.infrared).mast
+    more = (
+        irar.tilts(pulses.infrared, truth.infrared).mast
+        - irar.tilts(lines.infrared, truth.infrared).mast
+    )
     assert more == pytest.approx(drift, abs=8)
     assert likeness(pulses, truth) < likeness(lines, truth)

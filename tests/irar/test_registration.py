@@ -8,14 +8,7 @@ from flown import crossing, flight, scanned_at, seen_from
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ncti.irar import azimuth_shift, mirror_rotation
-from ncti.irar.registration import (
-    mirror_displacement,
-    motion_displacement,
-    raw_places,
-    rotated,
-    snapshot_places,
-)
+from ncti.irar import azimuth_shift, mirror_rotation, registration
 
 SAMPLES = 160
 HEIGHTS = np.linspace(6.0, 36.0, 31)
@@ -61,12 +54,12 @@ def registered(flown, points, *, mirror="exact", azimuth="pixel", height="pixel"
     times = np.broadcast_to(time.astype(float)[:, None], shape)
     ranges = np.broadcast_to(reach[:, None], shape)
     numbers = np.arange(flown.samples)
-    row, column = (np.broadcast_to(part, shape) for part in raw_places(flown, numbers))
+    row, column = (np.broadcast_to(part, shape) for part in registration.raw_places(flown, numbers))
     if mirror != "none":
-        up, right = mirror_displacement(flown, numbers, form=mirror)
+        up, right = registration.mirror_displacement(flown, numbers, form=mirror)
         row, column = row + up, column + right
     move = {
-        m: motion_displacement(flown, times, ranges, method=m)
+        m: registration.motion_displacement(flown, times, ranges, method=m)
         for m in {height, azimuth, motion} - {"none"}
     }
     row = row + move[height][0]
@@ -104,10 +97,10 @@ def test_the_steps_add_up_to_the_whole(flown, seed):
     ranges = flown.slant_range + rng.uniform(-150, 150, time.shape)
     ranges[rng.random(time.shape) < 0.1] = np.nan
     numbers = np.arange(SAMPLES)
-    whole = snapshot_places(flown, time, ranges)
-    row, column = raw_places(flown, numbers)
-    up, right = mirror_displacement(flown, numbers)
-    down, left, closer = motion_displacement(flown, time, ranges)
+    whole = registration.snapshot_places(flown, time, ranges)
+    row, column = registration.raw_places(flown, numbers)
+    up, right = registration.mirror_displacement(flown, numbers)
+    down, left, closer = registration.motion_displacement(flown, time, ranges)
     np.testing.assert_allclose(row + up + down, whole[0], rtol=0, atol=1e-9)
     np.testing.assert_allclose(column + right + left, whole[1], rtol=0, atol=1e-9)
     np.testing.assert_allclose(ranges + closer, whole[2], rtol=0, atol=1e-9)
@@ -124,7 +117,7 @@ def test_points_land_where_the_snapshot_sees_them(flown, seed):
     rng = np.random.default_rng(seed)
     time = rng.uniform(-3, 3, (3, SAMPLES))
     ranges = np.linalg.norm(flown.position(time), axis=-1) + rng.uniform(-100, 100, time.shape)
-    row, column, there = snapshot_places(flown, time, ranges)
+    row, column, there = registration.snapshot_places(flown, time, ranges)
     angles = flown.scan_angles(np.arange(SAMPLES))
     ways = flown.directions(angles, np.zeros(SAMPLES))
     points = flown.position(time) + ranges[..., None] * ways
@@ -164,7 +157,7 @@ def test_one_shift_is_the_derivative_of_the_exact_one(flown):
     pulses = azimuth_shift(**given_, rate=flown.line_rate * flown.samples)
     assert pulses * flown.samples == pytest.approx(found)
     time = np.full((1, SAMPLES), 2.0)
-    column = motion_displacement(flown, time, time, method="constant")[1]
+    column = registration.motion_displacement(flown, time, time, method="constant")[1]
     # offset is heading and offset less track there, rounded: 360 deg times eps, of the speeds
     rounding = 1e-12 * scale * flown.line_rate * 2.0
     np.testing.assert_allclose(column, -found * flown.line_rate * 2.0, atol=rounding)
@@ -227,7 +220,7 @@ def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror
         for points, upright, slope in zip((POLE, water), (True, False), slopes, strict=True):
             row, column, _ = registered(flown, points, mirror="none" if how == "rotation" else how)
             if how == "rotation":
-                row, column = rotated(row, column, clockwise=-math.degrees(lean))
+                row, column = registration.rotated(row, column, clockwise=-math.degrees(lean))
             found = tilt(row, column, upright=upright)
             assert found == pytest.approx(math.degrees(math.atan(slope)), abs=0.05), how
     if mirror_angle == 45:
@@ -238,6 +231,8 @@ def test_a_track_beside_the_heading_is_what_moves_the_aircraft():
     """The printed equation with the track for the heading: the drift across the line of sight."""
     crabbing = flight(aircraft_track=3.0)
     time = np.array([[0.0, 1.0]])
-    _, column, _ = motion_displacement(crabbing, time, np.full((1, 2), np.nan), method="constant")
+    _, column, _ = registration.motion_displacement(
+        crabbing, time, np.full((1, 2), np.nan), method="constant"
+    )
     assert -column[0, 1] * crabbing.pixel == pytest.approx(crabbing.drift)
     assert abs(crabbing.drift - flight().drift) > 4  # 90 m/s times the sine of 3 deg

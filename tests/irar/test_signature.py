@@ -5,15 +5,7 @@ import pytest
 from flown import CLEAN, flight
 
 from ncti import ships
-from ncti.irar import (
-    Snapshot,
-    Window,
-    correct,
-    fly,
-    measured_extent,
-    segmented,
-    ship_window,
-)
+from ncti.irar import Snapshot, Window, correct, fly, measured_extent, segmented, ship_window
 from ncti.ladar import expected_profile, range_extent
 from ncti.render import range_image
 

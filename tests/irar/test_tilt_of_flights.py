@@ -8,10 +8,7 @@ import pytest
 from flown import flight
 
 from ncti import ships
-from ncti.irar import (
-    Correction,
-    fly,
-)
+from ncti.irar import Correction, fly
 from ncti.irar.chain import places
 from ncti.irar.scene import RAYS
 

@@ -6,15 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from ncti.ladar import (
-    RangeExtent,
-    cumulative_average,
-    fields,
-    frame_blocks,
-    frame_moments,
-    frames,
-    sample_frames,
-)
+from ncti import ladar
 from ncti.ladar.pulse import noise_covariance, noise_factor, target_kernel
 
 COUNTS = st.integers(1, 100)
@@ -30,11 +22,11 @@ def extent(*, bins, ifovs, bin_width=1.0):
         row[start : start + length] = rng.random(length) / length
     cell = np.stack([np.arange(ifovs), np.zeros(ifovs, int)], axis=1)
     down_range = (np.arange(bins) - (bins - 1) / 2) * bin_width
-    return RangeExtent(fraction, down_range, bin_width, cell, 150e-6, 1e5)
+    return ladar.RangeExtent(fraction, down_range, bin_width, cell, 150e-6, 1e5)
 
 
 def drawn(seen, count, *, rng=None, target_free_ifovs=0, receiver="full_profile"):
-    return sample_frames(
+    return ladar.sample_frames(
         seen,
         pulse_width=30e-9,
         cnr=1e3,
@@ -63,16 +55,16 @@ def test_blocks_are_the_frames(count, target_free_ifovs):
     seen = extent(bins=64, ifovs=2)
     parameters = {"pulse_width": 30e-9, "cnr": 1e3, "frame_count": count}
     parameters["target_free_ifovs"] = target_free_ifovs
-    blocks = list(frame_blocks(seen, rng=np.random.default_rng(5), **parameters))
-    assert all(len(block) <= frames.FRAMES_AT_ONCE for block in blocks)
-    whole = sample_frames(seen, rng=np.random.default_rng(5), **parameters)
+    blocks = list(ladar.frame_blocks(seen, rng=np.random.default_rng(5), **parameters))
+    assert all(len(block) <= ladar.frames.FRAMES_AT_ONCE for block in blocks)
+    whole = ladar.sample_frames(seen, rng=np.random.default_rng(5), **parameters)
     np.testing.assert_array_equal(np.concatenate(blocks), whole)
 
 
 def blocks_of(count, *, bins=32, rng=None):
     seen = extent(bins=bins, ifovs=1)
     rng = np.random.default_rng(2) if rng is None else rng
-    return frame_blocks(seen, pulse_width=30e-9, cnr=1e3, frame_count=count, rng=rng)
+    return ladar.frame_blocks(seen, pulse_width=30e-9, cnr=1e3, frame_count=count, rng=rng)
 
 
 @settings(max_examples=30, deadline=None)
@@ -80,8 +72,8 @@ def blocks_of(count, *, bins=32, rng=None):
 def test_averages_of_blocks_are_those_of_the_frames(counts, bins):
     most = max(counts)
     whole = np.concatenate(list(blocks_of(most, bins=bins)))
-    streamed = cumulative_average(blocks_of(most, bins=bins), counts)
-    np.testing.assert_array_equal(streamed, cumulative_average(whole, counts))
+    streamed = ladar.cumulative_average(blocks_of(most, bins=bins), counts)
+    np.testing.assert_array_equal(streamed, ladar.cumulative_average(whole, counts))
     plain = [whole[:count].mean(axis=0) for count in counts]
     # Sums of `most` terms, in whatever order: as many roundings, of float64, at most.
     np.testing.assert_allclose(streamed, plain, rtol=most * np.finfo(float).eps)
@@ -93,7 +85,7 @@ def test_averages_of_blocks_are_those_of_the_frames(counts, bins):
 )
 def test_averages_that_cannot_be_are_refused(counts, message):
     with pytest.raises(ValueError, match=message):
-        cumulative_average(blocks_of(40), counts)
+        ladar.cumulative_average(blocks_of(40), counts)
 
 
 def plain_frames(seen, count, *, pulse_width, cnr, target_free_ifovs, rng):
@@ -124,7 +116,7 @@ def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
     """
     seen = extent(bins=bins, ifovs=3)
     parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": 2}
-    ours = sample_frames(seen, frame_count=5, rng=np.random.default_rng(8), **parameters)
+    ours = ladar.sample_frames(seen, frame_count=5, rng=np.random.default_rng(8), **parameters)
     plain = plain_frames(seen, 5, rng=np.random.default_rng(8), **parameters)
     assert np.abs(ours - plain).max() < 16 * np.finfo(np.float32).eps * plain.max()
 
@@ -134,7 +126,7 @@ def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
 def test_noise_is_even_and_odd_in_turn(pulse_width, bins):
     """Halves make the whole covariance, up to the eigenvalues left out and the rounding."""
     pulse = {"pulse_width": pulse_width, "bin_width": 1.0, "bin_count": bins}
-    noise = fields.Noise.of(**pulse)
+    noise = ladar.fields.Noise.of(**pulse)
     even, odd = noise.even.astype(float), noise.odd.astype(float)
     lower = even.T @ even + odd.T @ odd
     upper = (even.T @ even - odd.T @ odd)[:, ::-1]
@@ -147,18 +139,22 @@ def test_noise_is_even_and_odd_in_turn(pulse_width, bins):
 
 
 @pytest.mark.parametrize("target_free_ifovs", [0, 4000])
-@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
-def test_covariance_of_what_is_drawn(pulse_width, target_free_ifovs):
+@pytest.mark.parametrize(
+    ("pulse_width", "bin_width"), [(10e-9, 0.5), (10e-9, 1.0), (30e-9, 1.0), (50e-9, 1.0)]
+)
+def test_covariance_of_what_is_drawn(pulse_width, bin_width, target_free_ifovs):
     """All of it, of 120 bins, by the variances along 200 directions of 10,000 frames at 1e-3.
 
     Directions are 100 random ones and 100 eigenvectors of the exact covariance, from those that
     the band limit leaves whole to those that it all but cuts off.
     """
     level, count, bins = 1e-3, 10_000, 120
-    seen = extent(bins=bins, ifovs=3)
+    seen = extent(bins=bins, ifovs=3, bin_width=bin_width)
     parameters = {"pulse_width": pulse_width, "cnr": 1e3, "target_free_ifovs": target_free_ifovs}
-    mean, covariance = frame_moments(seen, **parameters)
-    drawn = sample_frames(seen, frame_count=count, rng=np.random.default_rng(20), **parameters)
+    mean, covariance = ladar.frame_moments(seen, **parameters)
+    drawn = ladar.sample_frames(
+        seen, frame_count=count, rng=np.random.default_rng(20), **parameters
+    )
     rng = np.random.default_rng(21)
     directions = np.concatenate(
         [rng.standard_normal((100, bins)), np.linalg.eigh(covariance)[1].T[-100:]]

@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 from plates import plane
-from scipy import linalg, special, stats
+from scipy import special
 
-from ncti.ladar import (
-    RangeExtent,
-    banded_frame_moments,
-    frame_moments,
-    range_extent,
-    sample_frames,
-)
+from ncti.ladar import RangeExtent, banded_frame_moments, frame_moments, range_extent
 from ncti.ladar.moments import NEGLIGIBLE, magnitude_covariance
 from ncti.ladar.pulse import noise_covariance, target_kernel
 
@@ -84,35 +78,6 @@ def test_frames_average_and_bins_of_another_width(bin_width):
         n = np.arange(mean.size - lag)
         np.testing.assert_allclose(16 * diagonal[n], plain[n, n + lag], rtol=0, atol=1e-11)
         assert not diagonal[mean.size - lag :].any()
-
-
-@pytest.mark.parametrize("target_free_ifovs", [0, 4000])
-def test_whitened_frames_have_unit_moments(target_free_ifovs):
-    """2,000 averages of four frames, whitened by the band: z-tests at 1e-3 over all 120 bins.
-
-    Every element of the band enters: a wrong one leaves whitened bins correlated or off 1.
-    """
-    extent, level, count = view("slope"), 1e-3, 2000
-    parameters = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": target_free_ifovs}
-    mean, band = banded_frame_moments(extent, frame_count=4, **parameters)
-    rng = np.random.default_rng(77)
-    frames = sample_frames(extent, frame_count=4 * count, rng=rng, **parameters)
-    diagonal_loading = 1e-2 * band[0].mean()
-    averages = frames.reshape(count, 4, -1).mean(axis=1)
-    averages += np.sqrt(diagonal_loading) * rng.standard_normal(averages.shape)
-    band[0] += diagonal_loading
-    factor = linalg.cholesky_banded(band, lower=True)
-    dense = np.zeros((mean.size, mean.size))
-    for lag, diagonal in enumerate(factor):
-        n = np.arange(mean.size - lag)
-        dense[n + lag, n] = diagonal[n]
-    white = linalg.solve_triangular(dense, (averages - mean).T, lower=True).T
-    limit = stats.norm.isf(level / 2 / mean.size)
-    assert np.abs(white.mean(axis=0) * np.sqrt(count)).max() < limit
-    for lag in (0, 1, 2, 5):
-        product = white[:, : mean.size - lag] * white[:, lag:]
-        error = product.std(axis=0) / np.sqrt(count)
-        assert np.abs((product.mean(axis=0) - (lag == 0)) / error).max() < limit
 
 
 @pytest.mark.parametrize("correlation", [1e-6, 1e-3, 0.03, 0.0999, 0.1001, 0.3, 0.7, 0.95])

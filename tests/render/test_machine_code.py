@@ -1,19 +1,15 @@
 """Compiled once, loops are found by every process that starts later."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
+from running import python
 
 from ncti import machine_code
 
 
 @pytest.fixture
-def compiled(tmp_path, monkeypatch):
+def compiled(tmp_path, monkeypatch, umask):
     """What compiles a new function with a folder of machine code of its own, as if for any user."""
-    before = os.umask(0)
+    umask(0)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "made" / "compiled"))
     for one in (machine_code.folder, machine_code.folder_of):
         one.cache_clear()
@@ -27,7 +23,6 @@ def compiled(tmp_path, monkeypatch):
         return compiled(halved)
 
     yield compiled
-    os.umask(before)
     for one in (machine_code.folder, machine_code.folder_of):
         one.cache_clear()
 
@@ -50,19 +45,10 @@ def test_a_constant_of_another_module_is_compiled_again(tmp_path):
         "@compiled\ndef deep(x):\n    return x * DEPTH\n"
         "print(deep(1), sum(deep.stats.cache_hits.values()))\n"
     )
-    root = str(Path(__file__).resolve().parents[2])
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": root}
 
     def run(depth):
         (tmp_path / "depth.py").write_text(f"DEPTH = {depth}\n")
-        done = subprocess.run(
-            [sys.executable, "-B", "loops.py"],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stdout.split()
+        kept = str(tmp_path / "kept")
+        return python("-B", "loops.py", cwd=tmp_path, NUMBA_CACHE_DIR=kept).stdout.split()
 
     assert [run(2), run(2), run(30)] == [["2", "0"], ["2", "1"], ["30", "0"]]

@@ -10,7 +10,7 @@ from zlib import crc32
 
 import xarray as xr
 import zarr
-from once import made_once
+from once import made_once, sharing_ships
 from rich.console import Console
 
 from sweeps.app import command
@@ -37,7 +37,7 @@ FLIGHTS = [
 
 def sweep(folder: Path, *overrides: str, code: int = 0) -> Path:
     """The store of a sweep of the command line, which shares only ships with the machine."""
-    own = ("cluster=inline", "store=s.zarr", "cache=cache")
+    own = ("cluster=inline", "store=s.zarr", f"cache={sharing_ships(folder / 'cache')}")
     with chdir(folder):
         assert command().main([*overrides, *own]) == code
     return folder / "s.zarr"

@@ -5,21 +5,15 @@ import shutil
 
 import numpy as np
 import pytest
+from commands import swept
 from made import scores
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, signed, sweep
+from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, signed
 
 import ncti.ships
 from ncti.irar import Chain, Flight, fly, ship_heading
-from sweeps.report.flights import (
-    BRIGHTEST,
-    draw_stages,
-    flights_of,
-    known_ship,
-    scan_of,
-    stages,
-)
+from sweeps.report.flights import BRIGHTEST, draw_stages, known_ship, scan_of, stages
 from sweeps.report.pictures import write_pictures
 from sweeps.report.places import tables_folder
 
@@ -83,14 +77,6 @@ def test_a_ship_that_is_no_longer_the_same_is_not_drawn(sisters):
         known_ship(given, "mine")
 
 
-def test_titles_say_which_of_several_flights_is_drawn(sisters):
-    titles = flights_of(opened(sisters, "validation"))
-    assert sorted(titles) == [
-        f"{ship} at 3 km, aspect 175°, simulated, transom gain 1.0, first of 2 draws"
-        for ship in ("duncan", "roberts")
-    ]
-
-
 TOGETHER = "grid.zip=[[irar.azimuth,irar.mirror,irar.range_filter]]"
 CHOICES = {
     "methods": [
@@ -115,7 +101,8 @@ CHOICES = {
 def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
     """Whatever the choices: the same pixels, in the same place."""
     one = [item for item in FLIGHTS if not item.startswith("grid.")]
-    path = sweep(tmp_path, *one, "grid.ship=roberts", "grid.aspect=175", *chosen)
+    path, ship = tmp_path / "s.zarr", ("grid.ship=roberts", "grid.aspect=175")
+    swept(path, tmp_path / "cache", *one, *ship, *chosen)
     given, flights = attributes_of(path), opened(path, "validation").squeeze()
     mesh = ncti.ships.load("roberts")
     several = [name for name in flights.intensity.dims if name not in ("row", "column")]

@@ -324,16 +324,13 @@ def test_reports_at_once_list_the_files_of_both(tmp_path):
     assert {one.name for one in tmp_path.iterdir()} == {WRITTEN, *names[0], *names[1]}
 
 
-@pytest.mark.parametrize("umask", [0, 0o077])
-def test_others_never_write_what_the_report_wrote(store, tmp_path, monkeypatch, umask):
-    before = os.umask(umask)
-    try:
-        assert reported(monkeypatch, "--html", store) == 0
-    finally:
-        os.umask(before)
+@pytest.mark.parametrize("mask", [0, 0o077])
+def test_others_never_write_what_the_report_wrote(store, monkeypatch, mask, umask):
+    umask(mask)
+    assert reported(monkeypatch, "--html", store) == 0
     folder = tables_folder(store)
     modes = {one.stat().st_mode & 0o777 for one in (*folder.iterdir(), page_file(store))}
-    assert modes == {0o644 & ~umask} and folder.stat().st_mode & 0o777 == 0o755 & ~umask
+    assert modes == {0o644 & ~mask} and folder.stat().st_mode & 0o777 == 0o755 & ~mask
 
 
 def files_of(path):

@@ -63,18 +63,6 @@ def seen(browser, file):
     assert asked <= {file.as_uri(), "about:blank"}
 
 
-@pytest.mark.parametrize(
-    ("setting", "outcome"), [("required", pytest.fail), ("", pytest.skip), (None, pytest.skip)]
-)
-def test_a_browser_that_is_required_is_not_skipped(setting, outcome, monkeypatch, tmp_path):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.delenv("NCTI_BROWSER_TESTS", raising=False)
-    if setting is not None:
-        monkeypatch.setenv("NCTI_BROWSER_TESTS", setting)
-    with pytest.raises(outcome.Exception, match=r"none of chromium, .* is installed"):
-        executable()
-
-
 def choose(page, axis, label):
     page.select_option(f'select[data-axis="{axis}"]', label=label)
 

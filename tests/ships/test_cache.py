@@ -60,12 +60,9 @@ def test_files_of_another_user_are_not_read(sheet, tmp_path, monkeypatch) -> Non
     assert_same(ships.load(sheet, cache=folder), fresh)
 
 
-def test_folders_are_made_for_this_user_alone(sheet, tmp_path) -> None:
-    before = os.umask(0)
-    try:
-        ships.load(sheet, cache=tmp_path / "home" / "kept")
-    finally:
-        os.umask(before)
+def test_folders_are_made_for_this_user_alone(sheet, tmp_path, umask) -> None:
+    umask(0)
+    ships.load(sheet, cache=tmp_path / "home" / "kept")
     made = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
     assert len(made) >= 3 and not any(stat.S_IMODE(one.stat().st_mode) & 0o077 for one in made)
 

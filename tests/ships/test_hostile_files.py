@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ import trimesh
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from running import python
 from shipyard import barge
 
 from ncti import ships
@@ -86,13 +85,7 @@ def test_only_regular_files_are_read(tmp_path) -> None:
         endless.symlink_to("/dev/zero")
         silent.symlink_to("/dev/null")
         paths += [pipe, endless, silent]
-    ran = subprocess.run(
-        [sys.executable, "-c", ALONE, *paths],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    )
+    ran = python("-c", ALONE, *paths)
     wanted = [f"ship file '{path}' is no regular file, but must be one." for path in paths]
     assert ran.stdout.splitlines() == wanted
 

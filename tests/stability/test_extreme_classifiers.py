@@ -5,11 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ncti.classify import (
-    AdaptiveClusteringNetwork,
-    CorrelationNeighbour,
-    GainAnnealedNetwork,
-)
+from ncti.classify import AdaptiveClusteringNetwork, CorrelationNeighbour, GainAnnealedNetwork
 
 pytestmark = pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 

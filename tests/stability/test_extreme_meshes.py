@@ -1,17 +1,8 @@
 """Facets that are hard: without area, coincident, slivers, needles, millions."""
 
+import hard_meshes
 import numpy as np
 import pytest
-from hard_meshes import (
-    ENGINES,
-    box,
-    mesh,
-    see,
-    with_coincident_facets,
-    with_facets_without_area,
-    with_needle,
-    with_slivers,
-)
 
 from ncti.ladar import range_extent
 
@@ -21,15 +12,18 @@ VIEWS = (
     {"aspect": 90.0, "depression": 90.0},
 )
 HARD = {
-    "without area": with_facets_without_area,
-    "coincident": with_coincident_facets,
-    "turned": lambda: with_coincident_facets(turned=True),
-    **{f"slivers {e:g}": lambda e=e: with_slivers(e) for e in (1e-3, 1e-6, 1e-9, 1e-15, 1e-300)},
-    "needle 1e-9": lambda: with_needle(1e-9),
+    "without area": hard_meshes.with_facets_without_area,
+    "coincident": hard_meshes.with_coincident_facets,
+    "turned": lambda: hard_meshes.with_coincident_facets(turned=True),
+    **{
+        f"slivers {e:g}": lambda e=e: hard_meshes.with_slivers(e)
+        for e in (1e-3, 1e-6, 1e-9, 1e-15, 1e-300)
+    },
+    "needle 1e-9": lambda: hard_meshes.with_needle(1e-9),
 }
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", hard_meshes.ENGINES)
 @pytest.mark.parametrize("name", HARD)
 def test_hard_facets_change_nothing(engine, name):
     """The box shows as it does without them.
@@ -43,8 +37,8 @@ def test_hard_facets_change_nothing(engine, name):
     for view in VIEWS:
         far = view.get("slant_range", 1e12)
         plain, hard = (
-            range_extent(see(engine, some, **view), slant_range=far, ifov=15.0 / far)
-            for some in (box(), HARD[name]())
+            range_extent(hard_meshes.see(engine, some, **view), slant_range=far, ifov=15.0 / far)
+            for some in (hard_meshes.box(), HARD[name]())
         )
         whole = plain.fraction.sum()
         allowed = 2 * 1e-9 * 200 * 200 / 0.5 / 15.0**2 + (2 / 50 * whole if far < 1e12 else 0.0)
@@ -54,19 +48,26 @@ def test_hard_facets_change_nothing(engine, name):
         assert difference <= allowed
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", hard_meshes.ENGINES)
 @pytest.mark.parametrize(
     "vertices", [np.zeros((3, 3)), [[0, 0, 0], [1, 0, 0], [2, 0, 0]]], ids=["point", "line"]
 )
 def test_a_mesh_without_area_is_refused(engine, vertices):
     with pytest.raises(ValueError, match="mesh has no facets with an area: at least one"):
-        see(engine, mesh(vertices, [[0, 1, 2]]), aspect=37.0, depression=3.84)
+        hard_meshes.see(
+            engine, hard_meshes.mesh(vertices, [[0, 1, 2]]), aspect=37.0, depression=3.84
+        )
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", hard_meshes.ENGINES)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_a_vertex_that_is_not_finite_is_refused(engine, value):
-    vertices = np.array(box().vertices)
+    vertices = np.array(hard_meshes.box().vertices)
     vertices[3, 1] = value
     with pytest.raises(ValueError, match="mesh has vertices that are not finite"):
-        see(engine, mesh(vertices, box().faces), aspect=37.0, depression=3.84)
+        hard_meshes.see(
+            engine,
+            hard_meshes.mesh(vertices, hard_meshes.box().faces),
+            aspect=37.0,
+            depression=3.84,
+        )

@@ -7,15 +7,8 @@ import numpy as np
 import pytest
 from hard_meshes import ENGINES, area, box, see
 
+from ncti import ladar
 from ncti.features import profile_vector
-from ncti.ladar import (
-    RangeExtent,
-    banded_frame_moments,
-    expected_profile,
-    noise_floor,
-    range_extent,
-    sample_frames,
-)
 
 pytestmark = pytest.mark.filterwarnings("ignore:pulse_width is:UserWarning")
 
@@ -32,7 +25,9 @@ def filled(bin_width, bins=32, share=1.0):
     fraction = np.zeros((1, bins))
     fraction[0, bins // 2] = share
     centres = bin_width * (np.arange(bins) + 0.5 - bins / 2)
-    return RangeExtent(fraction, centres, bin_width, np.zeros((1, 2), dtype=np.int64), 1e-4, 1e5)
+    return ladar.RangeExtent(
+        fraction, centres, bin_width, np.zeros((1, 2), dtype=np.int64), 1e-4, 1e5
+    )
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -41,7 +36,7 @@ def test_area_is_conserved_in_any_bin_at_any_range(engine):
     image = see(engine, box(), aspect=37.0, depression=3.84)
     for slant_range, bin_width in product((100.0, 4e3, 100e3, 1e6), (1e-3, 0.1, 1.0, 100.0)):
         ifov = max(150e-6, 50.0 / slant_range)  # a few IFOVs, for the bins are many
-        extent = range_extent(
+        extent = ladar.range_extent(
             image, slant_range=slant_range, ifov=ifov, bin_width=bin_width, window=300.0
         )
         dropped = 0.0 if engine == "lines" else 1e-8 * 0.5**2 * extent.fraction.size
@@ -59,12 +54,12 @@ def test_the_expected_profile_of_one_bin(bin_width):
         signal = {"pulse_width": pulse, "cnr": cnr, "target_free_ifovs": count}
         n_z = LIGHT * pulse / (math.sqrt(2) * bin_width)
         variance = cnr / bin_width / n_z + math.sqrt(math.pi / 8)
-        expected = math.sqrt(math.pi / 2 * variance) + count * noise_floor()
-        profile = expected_profile(extent, **signal)
-        mean, band = banded_frame_moments(extent, **signal)
+        expected = math.sqrt(math.pi / 2 * variance) + count * ladar.noise_floor()
+        profile = ladar.expected_profile(extent, **signal)
+        mean, band = ladar.banded_frame_moments(extent, **signal)
         assert profile[16] == pytest.approx(expected, rel=32 * EPS)
         np.testing.assert_allclose(mean, profile, rtol=32 * EPS)
-        assert profile.min() >= (count + 1) * noise_floor() * (1 - 8 * EPS)
+        assert profile.min() >= (count + 1) * ladar.noise_floor() * (1 - 8 * EPS)
         spread = (2 - math.pi / 2) * (variance + count * math.sqrt(math.pi / 8))
         assert band[0, 16] == pytest.approx(spread, rel=32 * EPS)
         assert np.isfinite(band).all()
@@ -74,19 +69,19 @@ def test_the_expected_profile_of_one_bin(bin_width):
 def test_more_bins_than_memory_holds_are_refused(engine):
     image = see(engine, box(), aspect=37.0, depression=3.84)
     with pytest.raises(ValueError, match=r"^bin_width is 1e-05, but must be .* at least 5.96"):
-        range_extent(image, slant_range=1e5, bin_width=1e-5)
-    fine = range_extent(image, slant_range=1e5, bin_width=1e-3)
+        ladar.range_extent(image, slant_range=1e5, bin_width=1e-5)
+    fine = ladar.range_extent(image, slant_range=1e5, bin_width=1e-3)
     with pytest.raises(ValueError, match=r"^bin_width is 0.001 m, which makes 250000 range bins"):
-        expected_profile(fine, pulse_width=30e-9, cnr=1.0)
+        ladar.expected_profile(fine, pulse_width=30e-9, cnr=1.0)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_ship_too_small_to_be_seen_is_a_profile_of_nothing(engine):
     image = see(engine, box(1e-6), aspect=37.0, depression=3.84)
-    extent = range_extent(image, slant_range=1e5)
+    extent = ladar.range_extent(image, slant_range=1e5)
     assert extent.fraction.shape == (0, 250)
     assert math.isnan(extent.error)
     signal = {"pulse_width": 30e-9, "cnr": 1e3}
-    assert not expected_profile(extent, **signal).any()
-    frames = sample_frames(extent, frame_count=3, rng=np.random.default_rng(0), **signal)
+    assert not ladar.expected_profile(extent, **signal).any()
+    frames = ladar.sample_frames(extent, frame_count=3, rng=np.random.default_rng(0), **signal)
     assert not profile_vector(frames).any()

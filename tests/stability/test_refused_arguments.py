@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from arguments import CASES, SIMULATED, found
+from arguments import GOOD, found, refused
 
 from ncti import classify, evaluate
 from ncti.classify.between import cells
@@ -14,23 +14,19 @@ from ncti.features.profile import estimated_floor
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize("path", CASES)
+@pytest.mark.parametrize("path", GOOD)
 def test_a_wrong_argument_is_named_with_its_value(path):
-    good, wrong = CASES[path]
-    function = found(path)
-    if good is None:  # a whole flight takes long
-        good = SIMULATED
-    else:
+    function, good = found(path), GOOD[path]
+    if path != "simulate.flight":  # a whole flight takes long
         function(**good)
-    for name, values in wrong.items():
-        for value in values:
-            with pytest.raises(ValueError, match=rf"\b{name}\b") as refused:
-                function(**good | {name: value})
-            said = str(refused.value)
-            assert "\n" not in said, (name, value)
-            if isinstance(value, float | str):
-                shown = {str(value)} if isinstance(value, str) else {str(value), f"{value:g}"}
-                assert any(text in said for text in shown), (name, value, said)
+    for name, value in refused(path):
+        with pytest.raises(ValueError, match=rf"\b{name}\b") as caught:
+            function(**good | {name: value})
+        said = str(caught.value)
+        assert "\n" not in said, (name, value)
+        if isinstance(value, float | str):
+            shown = {str(value)} if isinstance(value, str) else {str(value), f"{value:g}"}
+            assert any(text in said for text in shown), (name, value, said)
 
 
 # What is no array of the right kind
@@ -88,8 +84,8 @@ ARRAYS = {
 # Each call with its arrays, all of them good.
 CALLS = {
     path: (
-        lambda path=path, **given: found(path)(**CASES[path][0] | given),
-        {name: CASES[path][0][name] for name in names},
+        lambda path=path, **given: found(path)(**GOOD[path] | given),
+        {name: GOOD[path][name] for name in names},
     )
     for path, names in ARRAYS.items()
 } | {

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from once import sharing_ships
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.run import Place, sweep
@@ -43,7 +44,8 @@ def checked(**given):
 
 def flown(folder, name="s", **given):
     """Path of the store of a sweep of small flights; finished cells are kept in the folder."""
-    place = Place(Path(folder) / f"{name}.zarr", folder / "cache", ClusterChoice(kind="inline"))
+    inline = ClusterChoice(kind="inline")
+    place = Place(Path(folder) / f"{name}.zarr", sharing_ships(folder / "cache"), inline)
     found = sweep(EXPERIMENT, checked(**given), place, Watch(lambda text: None))
     assert not found.failures
     return place.store

@@ -112,20 +112,6 @@ def answered(
 
 @of_both
 @while_learning_or_not
-@pytest.mark.parametrize("rules", RULES)
-def test_an_answer_does_not_depend_on_its_company(kind, learn, rules):
-    """On any axis, to the last bit."""
-    views = views_of(kind)
-    axes = (ORDERS, LEVELS[kind], (0, 1))
-    whole = answered(kind, views, *axes, rules, learn=learn)
-    for place in np.ndindex(*map(len, axes)):
-        one = [(values[at],) for values, at in zip(axes, place, strict=True)]
-        for name, values in answered(kind, views, *one, rules, learn=learn).items():
-            np.testing.assert_array_equal(values[0, 0, 0], whole[name][place], err_msg=name)
-
-
-@of_both
-@while_learning_or_not
 def test_the_stages_are_the_network(kind, learn):
     """Trained in every order and tested with the same vectors, one after the other."""
     seen, tests = views = views_of(kind)

@@ -9,12 +9,7 @@ import pytest
 from flight_sweeps import at, flown, in_window, opened, read
 
 import ncti.ships
-from ncti.irar import (
-    Chain,
-    correct_as_printed,
-    profile,
-    segmented,
-)
+from ncti.irar import Chain, correct_as_printed, profile, segmented
 from sweeps.stages.irar import FLOWN, RECORDED, scan_again
 
 

@@ -22,6 +22,18 @@ OTHERS = {
 }
 
 
+def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
+    """By jitter alone: what is drawn instead of a flight, from the numbers of its attitude."""
+    monkeypatch.setattr(irar, "fly", lambda mesh, flight, *, rng, **surface: rng.random())
+    mesh, choices = ncti.ships.load("roberts"), read()
+    course = {one.name: choices[one][0] for one in FLOWN} | {"jitter": 50.0}
+    one = {"ship": "roberts", "aspect": 175.0, "seed": 0, "replicate": 0, "reflectance": ""}
+    others = ({}, {"ship": "duncan"}, {"aspect": 176.0}, {"seed": 1}, {"replicate": 1})
+    drawn = [irar.fly_past(mesh, course, **one | other) for other in others]
+    drawn.append(irar.fly_past(mesh, course | {"range": 4.0}, **one))
+    assert len(set(drawn)) == len(others) + 1
+
+
 @pytest.fixture(scope="module")
 def scanned():
     """Function: the bytes of a scan of given values, made once."""

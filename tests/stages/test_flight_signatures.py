@@ -6,12 +6,7 @@ import numpy as np
 from flight_sweeps import at, flown, opened
 
 import ncti.ships
-from ncti.ladar import (
-    cumulative_average,
-    expected_profile,
-    range_extent,
-    sample_frames,
-)
+from ncti.ladar import cumulative_average, expected_profile, range_extent, sample_frames
 from ncti.render import range_image
 from sweeps.engine.seeds import cell_rng
 

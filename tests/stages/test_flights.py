@@ -8,30 +8,9 @@ import pytest
 from flight_sweeps import SMALL, at, flown, in_window, opened
 
 import ncti.ships
-from ncti.irar import (
-    Correction,
-    Flight,
-    Window,
-    autofocus,
-    correct,
-    fly,
-    landmarks,
-    measured_extent,
-    profile,
-    profile_correlation,
-    reflectivity,
-    segmented,
-    ship_heading,
-    ship_window,
-    tilts,
-    true_snapshot,
-)
+from ncti import irar
 from ncti.irar.chain import places
-from ncti.ladar import (
-    carrier_to_noise,
-    expected_profile,
-    range_extent,
-)
+from ncti.ladar import carrier_to_noise, expected_profile, range_extent
 from ncti.render import range_image
 from sweeps.engine.seeds import cell_rng
 
@@ -64,13 +43,13 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     ours = at(several, mast_gain=3, cnr=15, error=error, autofocus=focus, replicate=1)
 
     mesh = ncti.ships.load("roberts")
-    flight = Flight(
+    flight = irar.Flight(
         slant_range=3000.0,
-        ship_heading=ship_heading(aspect=175.0, sight=5.0),
+        ship_heading=irar.ship_heading(aspect=175.0, sight=5.0),
         cnr=10**1.5,
         **SMALL | {"ifov": 500e-6},
     )
-    surface = reflectivity(mesh, mast_gain=3.0)
+    surface = irar.reflectivity(mesh, mast_gain=3.0)
     values = {
         **dict(range=3.0, depression=6.7, aircraft_speed=90.0, ship_speed=8.0),
         **dict(aircraft_heading=0.0, aircraft_track=None, offset=5.0, pointing=None),
@@ -80,30 +59,30 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
         **SMALL,
     }
     rng = cell_rng(7, stage="flight", ship="roberts", aspect=175.0, replicate=1, **values)
-    passed = fly(mesh, flight, reflectivity=surface)
+    passed = irar.fly(mesh, flight, reflectivity=surface)
     scan = passed.record(rng)
     estimate = scan.flight
     if error[1]:
         estimate = replace(estimate, aircraft_speed=90.9)
     if focus:
-        estimate = autofocus(scan, estimate)
+        estimate = irar.autofocus(scan, estimate)
 
-    narrow = ship_window(mesh, flight)
+    narrow = irar.ship_window(mesh, flight)
     window, more = narrow, (0, 0)
     if error[1]:
         above = math.ceil(max(narrow.rows, narrow.columns) / 8)
         more = above, narrow.rows
-        window = Window(
+        window = irar.Window(
             narrow.bottom - above,
             narrow.left - narrow.rows,
             narrow.rows + 2 * above,
             narrow.columns + 2 * narrow.rows,
         )
-    whole = correct(scan, Correction(), estimate=estimate, window=window)
-    image = segmented(whole, estimate)
-    fine = correct(scan, Correction(), estimate=estimate, window=window, overscanned=True)
-    fine = segmented(fine, estimate)
-    truth = true_snapshot(mesh, flight, narrow, cells=8, reflectivity=surface)
+    whole = irar.correct(scan, irar.Correction(), estimate=estimate, window=window)
+    image = irar.segmented(whole, estimate)
+    fine = irar.correct(scan, irar.Correction(), estimate=estimate, window=window, overscanned=True)
+    fine = irar.segmented(fine, estimate)
+    truth = irar.true_snapshot(mesh, flight, narrow, cells=8, reflectivity=surface)
 
     pictures = (image.intensity, image.range - 3000.0, image.infrared)
     for name, values in zip(IMAGES, pictures, strict=True):
@@ -116,16 +95,18 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
 
     wide = [(n * 8, n * 8) for n in more]
     truths = [np.pad(values, wide) for values in (truth.intensity, truth.infrared)]
-    row, column, _ = places(scan, Correction(), estimate=estimate)
+    row, column, _ = places(scan, irar.Correction(), estimate=estimate)
     spots = row - window.bottom, column - window.left
-    lean = tilts([whole.intensity, whole.infrared], truths, places=spots)
+    lean = irar.tilts([whole.intensity, whole.infrared], truths, places=spots)
     active, passive = (
-        tilts(image, truth_, places=spots)
+        irar.tilts(image, truth_, places=spots)
         for image, truth_ in zip((whole.intensity, whole.infrared), truths, strict=True)
     )
-    clean = correct(passed.noiseless(), Correction(), estimate=estimate, window=window).infrared
-    row, column, _ = places(passed.noiseless(), Correction(), estimate=estimate)
-    noiseless = tilts(clean, truths[1], places=(row - window.bottom, column - window.left))
+    clean = irar.correct(
+        passed.noiseless(), irar.Correction(), estimate=estimate, window=window
+    ).infrared
+    row, column, _ = places(passed.noiseless(), irar.Correction(), estimate=estimate)
+    noiseless = irar.tilts(clean, truths[1], places=(row - window.bottom, column - window.left))
     for name, value in (
         ("mast_tilt", lean.mast),
         ("waterline_tilt", lean.waterline),
@@ -143,7 +124,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     drawn = range_image(
         mesh, aspect=175.0, depression=6.7, pixel=1.5, roll=0.0, slant_range=3000.0, engine="embree"
     )
-    profiles = [profile(fine, estimate), profile(truth, flight)]
+    profiles = [irar.profile(fine, estimate), irar.profile(truth, flight)]
     for spread in (1.0, 0.0):
         extent = range_extent(drawn, slant_range=3000.0, ifov=500.0001e-6, spread=spread)
         profiles.append(flight.cnr * extent.fraction.sum(axis=0))
@@ -154,11 +135,11 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     spike = down_range[profiles[2].argmax()]
     near = np.abs(down_range - spike) <= 4
     for name, without in (("", None), ("_without_hangar", near)):
-        alike = profile_correlation(profiles[0], profiles[1], exclude=without)
+        alike = irar.profile_correlation(profiles[0], profiles[1], exclude=without)
         assert float(ours[f"profile_correlation{name}"]) == pytest.approx(alike, rel=1e-6)
     ends = (0.02, 0.02, 0.05, 0.05)
     told = [
-        landmarks(one, down_range, hangar=(spike - 8, spike + 8), end=end)
+        irar.landmarks(one, down_range, hangar=(spike - 8, spike + 8), end=end)
         for one, end in zip(profiles, ends, strict=True)
     ]
     offset = told[0].hangar - told[1].hangar
@@ -179,7 +160,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
         ):
             assert float(ours[name][k]) == pytest.approx(value, rel=1e-4, nan_ok=True), name
 
-    seen = measured_extent(fine, estimate, slant_range=100e3)
+    seen = irar.measured_extent(fine, estimate, slant_range=100e3)
     cnr = carrier_to_noise(100e3, reference=10**3.2, reference_range=100e3)
     for width in (30, 50):
         expected = expected_profile(

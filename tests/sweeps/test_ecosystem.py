@@ -48,10 +48,3 @@ def test_every_group_and_the_root_are_written_as_netcdf(smoke_store, tmp_path):
         with xr.open_dataset(file, engine="scipy") as read:
             assert read.attrs == dataset.attrs
             xr.testing.assert_equal(read, dataset)
-
-
-def test_every_table_is_a_frame(groups):
-    for group, dataset in groups.items():
-        if group.startswith("tables/"):
-            frame = dataset.to_dataframe()
-            assert len(frame) and set(dataset.data_vars) <= set(frame.columns)

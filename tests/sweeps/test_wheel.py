@@ -1,15 +1,12 @@
 """The wheel: it holds all data files, and the command runs from it, in any folder."""
 
-import os
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import pytest
 import xarray as xr
+from running import ROOT, python
 
-ROOT = Path(__file__).resolve().parents[2]
 COMMAND = """
 import sys
 from sweeps.experiment import conf_folder
@@ -26,12 +23,7 @@ TINY = (
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
-    subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-    )
+    python("-m", "hatchling", "build", "-t", "wheel", "-d", folder)
     (wheel,) = folder.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(folder / "site")
@@ -55,14 +47,7 @@ def test_code_and_data_of_users_are_in_the_wheel(unpacked):
 
 
 def test_the_command_runs_from_the_wheel(unpacked, folder, cache):
-    done = subprocess.run(
-        [sys.executable, "-c", COMMAND, *TINY, f"cache={cache}"],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(unpacked)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
+    arguments = (*TINY, f"cache={cache}")
+    done = python("-c", COMMAND, *arguments, cwd=folder, PYTHONPATH=str(unpacked))
     assert done.stdout.splitlines()[0] == str(unpacked / "sweeps" / "conf")
     assert xr.open_zarr(folder / "s.zarr", group="range_profile").sizes["aspect"] == 2
