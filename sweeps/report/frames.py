@@ -107,11 +107,7 @@ class Frame:
     @cached_property
     def records(self) -> dict[Any, dict[str, Any]]:
         """Values of every row by column, by the row's label; quicker than looking rows up."""
-        columns = [self.rows[name].tolist() for name in self.rows]
-        return {
-            label: dict(zip(self.rows, row, strict=True))
-            for label, row in zip(self.rows.index, zip(*columns, strict=True), strict=True)
-        }
+        return self.rows.to_dict("index")
 
     def where(self, rows: Any) -> Frame:
         """Return the frame with some of its rows."""

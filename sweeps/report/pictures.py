@@ -1,4 +1,4 @@
-"""Pictures of a store's signals: range profiles, infrared images, and flights' corrections."""
+"""Pictures of a store: its ships, range profiles, infrared images, and flights' corrections."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
@@ -22,7 +25,7 @@ from sweeps.report.own import OwnFiles
 from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page
 from sweeps.report.stores import attributes, groups, nominal, opened, read
-from sweeps.report.words import printable
+from sweeps.report.words import printable, unit_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -33,6 +36,10 @@ ASPECT, TURNED = 30.0, (0.0, 30.0, 60.0, 90.0)  # deg, of the article's Figures 
 SEEN = 60.0  # deg, of its Figures 6 to 8
 STEP = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
+SHIPS = "ships"  # group
+MEASURES = ("length", "beam", "height", "facets")
+SHADES = LinearSegmentedColormap.from_list("ship", ("#34485c", "#b2cade"))
+"""Of ships, visible on light and dark pages."""
 
 
 def draw_profiles(store: Path) -> Figure:
@@ -173,3 +180,35 @@ def pictures_of(path: Path, store: Any) -> dict[str, tuple[str, str]]:
             content, why = io.BytesIO(), f"{type(error).__name__}: {error}".partition("\n")[0]
         pictures[group] = base64.b64encode(content.getvalue()).decode("ascii"), why
     return pictures
+
+
+def ships_of(store: Any) -> list[dict[str, Any]]:
+    """Return the ships that a store describes; none where it has no such group.
+
+    With label, measures by name as numbers with their units, picture as PNG in base64, and warning.
+    """
+    if SHIPS not in groups(store):
+        return []
+    table = read(store, SHIPS).load()
+    units = {n: unit_of(str(table[n].attrs.get("units", "1"))) for n in MEASURES if n in table}
+    ships = []
+    for label in table.ship.values.tolist():
+        here = table.sel(ship=label)
+        measures = {name: (float(here[name]), unit) for name, unit in units.items()}
+        picture = png_of(here.picture.values) if "picture" in here else ""
+        warning = str(here.warning.item()) if "warning" in here else ""
+        ship = {"label": str(label), "measures": measures, "picture": picture, "warning": warning}
+        ships.append(ship)
+    return ships
+
+
+def png_of(brightness: NDArray[np.floating]) -> str:
+    """Return a picture, (row, column), from 0 to 1 and the lowest row first, as PNG in base64.
+
+    NaN is transparent. Empty if all is NaN.
+    """
+    if not np.isfinite(brightness).any():
+        return ""
+    content = io.BytesIO()
+    imsave(content, brightness, cmap=SHADES, vmin=0, vmax=1, origin="lower", format="png")
+    return base64.b64encode(content.getvalue()).decode("ascii")

@@ -467,17 +467,13 @@ def detection_probability(
     look: Look, false_alarm: float, subpixel_offsets: tuple[int, ...], frame_count: tuple[int, ...]
 ) -> Floats:
     """Return the (offset, frame_count) probability that a ship pixel exceeds the threshold."""
-    sigmas = look.imager.sigmas(np.array(frame_count))
-    pixels = [int(np.count_nonzero(look.shown(offset, WHOLE))) for offset in subpixel_offsets]
-    known = {"contrast": look.contrast, "false_alarm": false_alarm}
-    return np.array(
-        [
-            [
-                library.detection_probability(n, **known, target_sigma=target, sea_sigma=sea)
-                for target, sea in zip(sigmas["target_sigma"], sigmas["sea_sigma"], strict=True)
-            ]
-            for n in pixels
-        ]
+    pixels = [np.count_nonzero(look.shown(offset, WHOLE)) for offset in subpixel_offsets]
+    detected = np.vectorize(library.detection_probability)
+    return detected(
+        np.array(pixels)[:, None],
+        contrast=look.contrast,
+        false_alarm=false_alarm,
+        **look.imager.sigmas(np.array(frame_count)),
     )
 
 

@@ -96,12 +96,11 @@ class Errors(Kind):
 
 # With one value they are scalar coordinates of what depends on them.
 # Not in SI, since their values name the noise, too.
-_axis = partial(quantity, noted=True, si=None)
-_count = partial(count, noted=True)
+_axis = partial(quantity, si=None)
 _word = partial(word, noted=True)
 
 
-class Course(Settings, key="irar"):
+class Course(Settings, key="irar", noted=True):
     """Course and radar of a flight: what the pass and the truth depend on.
 
     The source gives the ranges, the mirror, the detectors and the 1 m of a range; speeds, rates,
@@ -127,12 +126,12 @@ class Course(Settings, key="irar"):
     mirror_angle = _axis(45, 1, 80, "degree", "mirror pointing angle")
     ifov = _axis(205, 1, 10_000, "urad", "instantaneous field of view, and spacing of samples")
     line_rate = _axis(119, 1, 100_000, "Hz", "lines a second")
-    samples = _count(160, 2, 10_000, label="samples of a line")
+    samples = count(160, 2, 10_000, label="samples of a line")
     pulse_rate = _axis(
         20_000, 1, 1e9, "Hz", "pulse-repetition frequency", help="at least line_rate times samples"
     )
     range_gate = _axis(300, 10, 1e5, "m", "depth in which the receiver looks for its peak")
-    detectors = _count(12, 1, 1000, label="passive detectors along the scan")
+    detectors = count(12, 1, 1000, label="passive detectors along the scan")
     jitter = _axis(0, 0, 10_000, "urad", "standard deviation of the line of sight")
     jitter_time = _axis(0.1, 1e-6, 1000, "s", "correlation time of the line of sight")
     transom_gain = _axis(
@@ -156,7 +155,7 @@ class Course(Settings, key="irar"):
     )
 
 
-class Receivers(Settings, key="irar"):
+class Receivers(Settings, key="irar", noted=True):
     """The receivers of a flight: what its raw images depend on as well."""
 
     cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
@@ -165,7 +164,7 @@ class Receivers(Settings, key="irar"):
     nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
 
 
-class Passive(Settings, key="irar"):
+class Passive(Settings, key="irar", noted=True):
     """The passive image of a flight; it does not name the noise."""
 
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")

@@ -19,8 +19,7 @@ from stores import reported
 from sweeps.app import report_page
 from sweeps.engine.schedule import Progress
 from sweeps.report.page import write
-from sweeps.report.page.ships import ships_of
-from sweeps.report.pictures import pictures_of
+from sweeps.report.pictures import pictures_of, ships_of
 from sweeps.report.places import page_file
 from sweeps.report.summary import tables_of
 from sweeps.report.work import read_work, write_work
@@ -74,7 +73,7 @@ def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, 
     assert write.write_page(path, tables_of(path)) == [] and write.is_current(path)
     stored(path, {"seed": 2})
     assert not write.is_current(path)
-    for name in ("page/ships.py", "page/templates/page.js", "frames.py"):
+    for name in ("page/content.py", "page/templates/page.js", "frames.py"):
         assert write.write_page(path, tables_of(path)) == [] and write.is_current(path)
         with (copy / name).open("a") as file:
             file.write("\n")

@@ -14,8 +14,7 @@ from sweeps.report.confusion import confusion_of
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import headline, main_axis
 from sweeps.report.page.provenance import flat, status_of, swept, written
-from sweeps.report.page.ships import ships_of
-from sweeps.report.pictures import pictures_of
+from sweeps.report.pictures import pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
 from sweeps.report.stores import attributes, opened
 from sweeps.report.words import missing, preferred, printable
