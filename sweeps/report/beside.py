@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files
@@ -36,7 +36,7 @@ GROUPS: dict[str, tuple[type[Settings], ...]] = {
 
 SENSOR = "sensor"  # the article's table of the sensor, which is compared at any setting
 LEARNED = "learned"  # aspects that the article tests
-LAST_BIN = 60  # deg, lowest aspect of the article's last bin
+BINS = (0, 30, 60)  # deg, lowest aspects of the article's bins
 POSITIONS = {"shifted": 4}  # of the detector, with as many frames at each
 BOUND = "likelihood"
 OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns that it needs
@@ -55,35 +55,24 @@ def article() -> Iterator[tuple[str, str, dict[str, Any], float]]:
 
     Aspect bins are named by their lowest aspect [deg].
     """
-    given = source_figures()
-    sensor = given["table1_sensor"]
-    for slant_range, printed in sensor["ranges"].items():
-        at = {"range": slant_range, "frame_count": sensor["frame_count"]}
-        for name, text in printed.items():
-            yield SENSOR, name.partition("_")[0], at, float(text)
-    place = {name: given["experiment"][name] for name in ("range", "receiver")}
-    formed = given["table3_categories"]
-    for width, count in formed["categories"].items():
-        at = place | {"vigilance": formed["vigilance"], "pulse_width": width}
-        yield "acn", "categories", at, count
-    silhouettes = given["table5_percent_correct"]
-    of_images = {"vigilance": silhouettes["vigilance"]}
-    yield "acn_infrared", "categories", of_images, silhouettes["categories"]
-    for source, table in (("mnn", "table2"), ("acn", "table4")):
-        printed = given[f"{table}_percent_correct"]
-        same = {name: printed[name] for name in ("vigilance", "pulse_width") if name in printed}
-        for count, figures in {None: printed["training"], **printed["frames"]}.items():
-            for start, percent in zip(printed["bin_starts"], figures, strict=True):
-                at = place | same | {"frame_count": count, "bin": start, "aspects": LEARNED}
-                yield source, "percent_correct", at, percent
-    of_tests = of_images | {"frame_count": silhouettes["frame_count"], "aspects": LEARNED}
-    for way in ("none", "perfect"):
-        for slant_range, figures in silhouettes[way].items():
-            at = of_tests | {"super_resolution": way, "range": slant_range}
-            whole = {"overall": silhouettes["overall"][way][slant_range]}
-            bins = dict(zip(silhouettes["bin_starts"], figures, strict=True))
-            for start, percent in (bins | whole).items():
-                yield "acn_infrared", "percent_correct", at | {"bin": start}, percent
+    source = source_figures()
+    for given in source["beside"]:
+        figures = source[given["of"]][given["figures"]]
+        for at, value in _nested(figures, given["by"], given["at"]):
+            column = given.get("column") or at.pop("column").partition("_")[0]
+            yield given["table"], column, at, float(value) if isinstance(value, str) else value
+
+
+def _nested(
+    figures: Any, axes: Sequence[str], at: Mapping[str, Any]
+) -> Iterator[tuple[dict[str, Any], Any]]:
+    """Yield the values of axes, and the number, of figures that are nested by some axes."""
+    if not axes:
+        yield dict(at), figures
+        return
+    values = zip(BINS, figures, strict=True) if axes[0] == "bin" else figures.items()
+    for value, inner in values:
+        yield from _nested(inner, axes[1:], {**at, axes[0]: value})
 
 
 def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
@@ -116,9 +105,9 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
 def _bin_start(label: str) -> Any:
     """Return the lowest aspect [deg] of the article's bin in which one of ours begins."""
     lowest = re.match(r"[\d.]+", label)
-    if lowest is None or float(lowest[0]) > LAST_BIN + BIN_WIDTH:
+    if lowest is None or float(lowest[0]) > BINS[-1] + BIN_WIDTH:
         return label
-    return min(BIN_WIDTH * (float(lowest[0]) // BIN_WIDTH), LAST_BIN)
+    return min(BIN_WIDTH * (float(lowest[0]) // BIN_WIDTH), BINS[-1])
 
 
 def _defaults(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] | None:
@@ -203,25 +192,20 @@ def _with_bound(frame: Frame) -> Frame:
         return frame
     tests = rows[(rows.kind == "test") & (rows.channel == "range") & (rows.classifier != "fusion")]
     tests = tests[tests.frame_count.notna()]
+    if "left_out" in tests:
+        tests = tests.assign(left_out=tests.left_out.fillna(False).astype(bool))
     bound = tests[tests.classifier == BOUND]
     if bound.empty:
         return frame
     gain = bound.gain_sigma.max()
     bound = bound[bound.gain_sigma == gain]
     axes = [name for name in frame.of_role("axis") if bound[name].nunique() > 1]
-    keys = list(dict.fromkeys([*axes, "left_out"] if "left_out" in rows else axes))
-
-    def placed(which: pd.DataFrame) -> pd.Series:
-        given = which[keys].copy()
-        if "left_out" in given:
-            given["left_out"] = given["left_out"].fillna(False).astype(bool)
-        return given.astype(object).apply(tuple, axis=1)
-
-    best = dict(zip(placed(bound), bound[figure].map(_tenths), strict=True))
+    keys = [*dict.fromkeys(["kind", *axes, *({"left_out"} & {*tests})])]
     scored = tests[(tests.scored == "ship") & tests[figure].notna()]
     if "score_rule" in scored:
         scored = scored[scored.score_rule.isna() | (scored.score_rule == "ship")]
-    level = placed(scored).map(best)
+    best = scored[keys].merge(bound[[*keys, figure]], how="left", on=keys)[figure]
+    level = best.set_axis(scored.index).map(_tenths)
     points = (level - scored[figure].map(_tenths)).dropna().map(_tenths)
     frame = _with_column(frame, figure, "points_below_bound", "beside", points.reindex(rows.index))
     gains = pd.Series(float(gain), index=points.index).reindex(rows.index)
