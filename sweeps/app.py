@@ -7,8 +7,8 @@ a second, and an interrupt meanwhile is reported as one.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from sweeps.engine.command import Command
     from sweeps.engine.run import Finished
     from sweeps.engine.settings import Choices
-    from sweeps.report.frames import Frame
 
 NAME = "ncti-sweep"
 _until_exit: list[ExitStack] = []
@@ -81,11 +80,10 @@ def report(store: Path, choices: Choices, finished: Finished) -> None:
     Raises SweepIncomplete if another file is in the place of one of these; all others are written.
     """
     from sweeps.engine.errors import SweepIncomplete
-    from sweeps.engine.process import say
     from sweeps.report.own import sentence_of
     from sweeps.report.page.write import is_current
     from sweeps.report.screen import screen
-    from sweeps.report.summary import summarize, tables_of
+    from sweeps.report.summary import summarize, tables_of, written_page
     from sweeps.report.work import write_work
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
@@ -96,36 +94,30 @@ def report(store: Path, choices: Choices, finished: Finished) -> None:
             kept += write_work(store, finished.progress)
     frames = tables_of(store)
     if finished.written or not is_current(store):
-        kept += report_page(store, frames)
+        with _said():  # the tables are complete without it
+            kept += written_page(store, frames)
     kept += summarize(store, frames, finished.axes, screen())
     if looks("irar")(choices) and choices.one(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
         ships = {str(ship): ship for ship in choices[Grid.ship]}
-        try:
+        with _said():
             kept += write_pictures(
                 store, screen(), ship=lambda label: read_mesh(hull.function(ships[label]))
             )
-        except (OSError, ValueError) as error:
-            say(NAME, f"pictures are not drawn: {error}")
     if kept:
         raise SweepIncomplete(sentence_of(list(dict.fromkeys(kept))))
 
 
-def report_page(store: Path, frames: Mapping[str, Frame]) -> list[Path]:
-    """Write the report page of a store with its tables; the path if another file is in its place.
-
-    A page that cannot be written costs a sentence.
-    """
+@contextmanager
+def _said() -> Iterator[None]:
+    """Print a sentence on what cannot be written."""
     from sweeps.engine.errors import ConfigurationError
-    from sweeps.engine.process import say
-    from sweeps.report.summary import written_page
 
     try:
-        return written_page(store, frames)
-    except ConfigurationError as error:  # the tables are complete without it
-        say(NAME, str(error))
-        return []
+        yield
+    except ConfigurationError as error:
+        _say(str(error))
 
 
 if __name__ == "__main__":

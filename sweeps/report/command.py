@@ -30,18 +30,14 @@ def main() -> None:
             kept = comparison(path, arguments.other.absolute(), console, html=arguments.html)
         else:
             kept = report(path, console, table=arguments.table, html=arguments.html)
+        if arguments.pictures:
+            kept += write_pictures(path, console)
     except ConfigurationError as error:
         complain(str(error))
         sys.exit(2)
     except OSError as error:
         complain(f"tables are not written: {error}")
         sys.exit(2)
-    if arguments.pictures:
-        try:
-            kept += write_pictures(path, console)
-        except (OSError, ValueError) as error:
-            complain(f"pictures are not drawn: {error}")
-            sys.exit(2)
     if kept:
         complain(sentence_of(kept))
         sys.exit(1)

@@ -114,22 +114,20 @@ def _subtracted(first: Frame, second: Frame, stores: str) -> Frame:
     axes = [name for name in second.of_role("axis") if name in first.rows]
     shared = [name for name in axes if name in first.several and name in second.several]
     own = [name for name in axes if name not in first.several]
-    rows = second.rows[[*dict.fromkeys([*shared, *own]), *figures]]
-    if shared:
-        rows = rows.merge(first.rows[[*shared, *figures]], on=shared, suffixes=("", "_first"))
-    else:
-        rows = rows.merge(first.rows[figures], how="cross", suffixes=("", "_first"))
+    names = [*dict.fromkeys([*shared, *own]), *figures]
+    rows, others = (one.rows.assign(**{PART: 0}) for one in (second, first))
+    others = others[[PART, *shared, *figures]]
+    rows = rows[[PART, *names]].merge(others, on=[PART, *shared], suffixes=("", "_first"))
+    columns = {name: second.columns[name] for name in names}
     for name in figures:
         rows[name] -= rows.pop(f"{name}_first")
-    columns = {name: second.columns[name] for name in rows}
-    for name in figures:
         unit = columns[name].unit
         columns[name] = replace(columns[name], format="+.0f" if unit == "%" else "+.3g")
     return replace(
         second,
         name=f"{second.name}_{NAME}",
         title=f"{second.title}: {stores}",
-        rows=rows.assign(**{PART: 0}),
+        rows=rows,
         columns=columns,
         parts=(replace(second.parts[0], group=""),),
         notes=(),

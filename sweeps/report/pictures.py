@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
+from sweeps.engine.errors import ConfigurationError
 from sweeps.report.own import OwnFiles
 from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page
@@ -140,14 +141,18 @@ def write_pictures(
 ) -> list[Path]:
     """Draw every stage of the corrections of each flight beside the tables; see `draw_flights`.
 
-    Returns the paths at which other files are in the way.
+    Returns the paths at which other files are in the way. Raises ConfigurationError if one cannot
+    be drawn or written.
     """
-    drawn, files = draw_flights(path, ship=ship), OwnFiles(tables_folder(path))
     aside = Console(stderr=True)
-    for name, make in track(drawn.items(), description="  pictures        ", console=aside):
-        content = io.BytesIO()
-        make().savefig(content, format="png")
-        files.put(name, content.getvalue())
+    try:
+        drawn, files = draw_flights(path, ship=ship), OwnFiles(tables_folder(path))
+        for name, make in track(drawn.items(), description="  pictures        ", console=aside):
+            content = io.BytesIO()
+            make().savefig(content, format="png")
+            files.put(name, content.getvalue())
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"pictures are not drawn: {error}") from error
     names = list(drawn)
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     with page(console) as there:

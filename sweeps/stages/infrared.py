@@ -22,7 +22,6 @@ from ncti.render import LineImage, RangeImage
 from ncti.render.image import Lattice
 from ncti.render.loops import MASK
 from sweeps.engine.display import Display, Figure
-from sweeps.engine.kinds import Value
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import Group, Output, Table, coordinate, in_memory, inner, plain, stage
@@ -599,21 +598,20 @@ def check(choices: Choices) -> Choices:
     named = Grid.range if same else Infrared.range
     for setting in (named, Infrared.training_range):
         views.check_ranges(choices, setting, Infrared.ifov, part=0.5)
-    for ship in choices[Grid.ship]:
-        check_window(choices, ship)
+    check_window(choices)
     return choices
 
 
-def check_window(choices: Choices, ship: Value) -> None:
-    """Refuse a ship that images do not hold."""
-    vertices = views.description(views.hull(ship)).vertices
-    longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
-    highest = float(vertices[:, 2].max())
-    for setting, needed in ((Infrared.window_length, longest), (Infrared.window_height, highest)):
-        allowed = choices.one(setting)
-        if needed > allowed:
-            hold = f"at least {math.ceil(needed)} m to hold {ship}{views.hint(ship)}"
-            views.refuse(setting, allowed, hold)
+def check_window(choices: Choices) -> None:
+    """Refuse ships that images do not hold."""
+    length, height = Infrared.window_length, Infrared.window_height
+    for ship in choices[Grid.ship]:
+        vertices = views.description(views.hull(ship)).vertices
+        longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
+        for setting, needed in ((length, longest), (height, float(vertices[:, 2].max()))):
+            if needed > (allowed := choices.one(setting)):
+                hold = f"at least {math.ceil(needed)} m to hold {ship}{views.hint(ship)}"
+                views.refuse(setting, allowed, hold)
 
 
 # Tables

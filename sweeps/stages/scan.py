@@ -121,25 +121,24 @@ def scan_target(
     return survey.arrays(survey.target(mesh, aspect, rng))
 
 
-BARGE_SIDES = {"length": Scan.decoy_length, "beam": Scan.decoy_beam, "height": Scan.decoy_height}
-
-
 @stage(
     *TARGET,
     uses=USED,
-    reads=BARGE_SIDES,
     gather=(Grid.aspect,),
     stream=Stream((Grid.replicate,)),
 )
 def scan_decoy(
     survey: Survey,
     decoy: str,
+    decoy_length: float,
+    decoy_beam: float,
+    decoy_height: float,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
-    **sides: float,
 ) -> Arrays:
     """Return the view of the decoy, empty if there is none."""
-    arrays = survey.arrays(survey.target(search.box(**sides), aspect, rng))
+    barge = search.box(decoy_length, decoy_beam, decoy_height)
+    arrays = survey.arrays(survey.target(barge, aspect, rng))
     return arrays if decoy != NO_DECOY else {**arrays, "fraction": 0 * arrays["fraction"]}
 
 
@@ -282,8 +281,7 @@ def check(choices: Choices) -> Choices:
     if pulses > most:
         reason = f"for pulses to be back from {far * 1e-3:g} km before the next ones leave"
         refuse(Scan.pulse_rate, pulses, f"at most {most:.0f} Hz {reason}")
-    for ship in choices[Grid.ship]:
-        check_window(choices, ship)
+    check_window(choices)
     _check_decoy(choices)
     views.check_ranges(choices, Grid.range, Ladar.ifov)
     for where in choices[Grid.range]:
@@ -358,20 +356,17 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
     ships = len(choices[Grid.ship])
     whole_field = xr.full_like(scan.detected, ships).assign_attrs(long_name="all ships")
     done = scan.detected >= 0  # -1: the cell failed
-    detectable = scan.detection_probability.isel(target=slice(ships)).mean("target")
-    counts = scan.assign(ships=whole_field)
-    totals = counts[[*COUNTS, "ships"]].where(done).sum(DRAW)
+    scan = scan.assign(ships=whole_field).drop_dims("detection").where(done)
+    totals, detectable = scan[[*COUNTS, "ships"]].sum(DRAW), scan.detection_probability
+    detected = detectable.isel(target=slice(ships)).mean("target").mean(DRAW)
     arrays: dict[str, tuple[Any, ...]] = {
         "draws": (done.sum(DRAW), "draws of the field"),
-        "detection_probability": (
-            detectable.where(done).mean(DRAW),
-            "share of ships detected, in closed form",
-        ),
+        "detection_probability": (detected, "share of ships detected, in closed form"),
     }
     for name, parts in SHARES.items():
         hits, trials = xr.broadcast(*(totals[part] for part in parts))
         low, high = wilson_interval(hits, trials)
-        label = ", as a share of ".join(counts[part].long_name for part in parts)
+        label = ", as a share of ".join(scan[part].long_name for part in parts)
         arrays |= {
             f"share_{name}": (hits / trials.where(trials > 0), label),
             f"share_{name}_low": (hits.copy(data=low), "low end of its 95 % Wilson interval"),
@@ -379,7 +374,7 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
             f"share_{name}_of": (trials, "number of trials of the share"),
         }
     for name, one in MEANS.items():
-        mean = scan[one].where(done).mean(DRAW)
+        mean = scan[one].mean(DRAW)
         arrays[name] = (mean, f"{scan[one].long_name}, mean of draws", scan[one].units)
     ratio = arrays["exhaustive"][0] / arrays["total"][0]
     arrays["gain"] = (ratio, "time of the laser radar over the whole field over the search's")

@@ -13,6 +13,7 @@ from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, si
 
 import ncti.ships
 from ncti.irar import Chain, Flight, fly, ship_heading
+from sweeps.engine.errors import ConfigurationError
 from sweeps.report.flights import BRIGHTEST, draw_stages, known_ship, scan_of, stages
 from sweeps.report.pictures import write_pictures
 from sweeps.report.places import tables_folder
@@ -63,7 +64,7 @@ def test_a_picture_that_is_not_finished_is_not_there(store, monkeypatch):
         raise PermissionError("no more room")
 
     monkeypatch.setattr(Figure, "savefig", failing)
-    with pytest.raises(PermissionError, match="no more room"), open(os.devnull, "w") as nowhere:
+    with pytest.raises(ConfigurationError, match="no more room"), open(os.devnull, "w") as nowhere:
         write_pictures(store, Console(file=nowhere))
     assert pictures(tables_folder(store)) == []
 

@@ -16,12 +16,11 @@ from pages import page_of, parsed, stored
 from PIL import Image
 from stores import reported
 
-from sweeps.app import report_page
 from sweeps.engine.schedule import Progress
 from sweeps.report.page import write
 from sweeps.report.pictures import pictures_of, ships_of
 from sweeps.report.places import page_file
-from sweeps.report.summary import tables_of
+from sweeps.report.summary import tables_of, written_page
 from sweeps.report.work import read_work, write_work
 
 # pictures -----------------------------------------------------------------------------------------
@@ -60,7 +59,7 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
 def test_a_page_in_the_way_costs_the_sweep_a_sentence(tmp_path, capsys):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
     page_file(path).mkdir()
-    assert report_page(path, tables_of(path)) == [page_file(path)]
+    assert written_page(path, tables_of(path)) == [page_file(path)]
     assert capsys.readouterr().err == "" and page_file(path).is_dir()
 
 
