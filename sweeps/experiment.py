@@ -23,22 +23,10 @@ from sweeps.engine.kinds import Draws, Kind, SetOf, Word
 from sweeps.engine.process import environment
 from sweeps.engine.settings import Choices, Run, Setting, Settings
 from sweeps.engine.stage import Experiment, Stage
+from sweeps.stages import views
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.infrared import silhouette_engine
-from sweeps.stages.views import (
-    CACHE_VARIABLE,
-    INFRARED,
-    IRAR,
-    RANGE,
-    RUN_TIME,
-    SCAN,
-    Grid,
-    Render,
-    Sweep,
-    drawing_engines,
-    hull,
-    looks,
-)
+from sweeps.stages.views import Grid, Render, Sweep, looks
 
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
 
@@ -101,18 +89,18 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
                 if hasattr(module, "check"):
                     choices = module.check(choices)
             # A store records the engine that rendered, not the choice "auto".
-            return choices.having(Render.engine, drawing_engines(choices))
+            return choices.having(Render.engine, views.drawing_engines(choices))
 
     def about(choices: Choices) -> list[str]:
         # Flights, run times and scans have classifiers of their own.
-        named = not any(looks(sensor)(choices) for sensor in (IRAR, RUN_TIME, SCAN))
+        own = {views.IRAR, views.RUN_TIME, views.SCAN} & set(choices.one(Sweep.sensor))
         return [
             f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
-            for name in (idle(stages, choices) if named else ())
+            for name in (() if own else idle(stages, choices))
         ] + [line for one in modules if hasattr(one, "about") for line in one.about(choices)]
 
     def attributes(choices: Choices) -> dict[str, Any]:
-        digests = {str(ship): hull.function(ship).digest for ship in choices[Grid.ship]}
+        digests = {str(ship): views.hull.function(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
         given = {label: words for label, words in transforms.items() if words}
         axes = [setting for setting in settings if _is_swept(setting, choices)]
@@ -146,12 +134,12 @@ def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
     """
     engines = {*choices[Render.engine]}
     needed = [*map(of_engine, sorted(engines))]
-    if looks(RANGE)(choices):
+    if looks(views.RANGE)(choices):
         needed.append(FRAMES)
-    if looks(INFRARED)(choices):
+    if looks(views.INFRARED)(choices):
         needed.append(IMAGES)
         needed += [of_engine(MASK)] if MASK in map(silhouette_engine.function, engines) else []
-    if looks(IRAR)(choices):
+    if looks(views.IRAR)(choices):
         needed.append(TILTS)
         needed += [of_engine(choose_engine("auto"))] if LINES in engines else []  # it needs pixels
     for loops in needed:
@@ -165,7 +153,7 @@ def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
 def _variables(choices: Choices) -> dict[str, str]:
     """Return the environment in which stages find the cache of ships."""
     folder = choices.one(Run.cache)
-    return {CACHE_VARIABLE: os.path.abspath(folder)} if folder else {}
+    return {views.CACHE_VARIABLE: os.path.abspath(folder)} if folder else {}
 
 
 def groups_of(module: Any) -> tuple[type[Settings], ...]:

@@ -26,17 +26,7 @@ from sweeps.stages import irar, views
 from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Error, Irar, flight_of
 from sweeps.stages.ladar import BEAM, Ladar, profile_bins
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import (
-    IRAR,
-    Arrays,
-    Grid,
-    Keywords,
-    hull,
-    keywords,
-    looks,
-    read_mesh,
-    refuse,
-)
+from sweeps.stages.views import IRAR, Arrays, Grid, Keywords, looks, refuse
 
 if TYPE_CHECKING:
     import trimesh
@@ -48,16 +38,16 @@ SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
 OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the source's chain
 
 
-receivers = plain(reads={one.name: one for one in RECORDED[1:]}, name="receivers")(keywords)
+receivers = plain(reads={one.name: one for one in RECORDED[1:]}, name="receivers")(views.keywords)
 flight_place = plain(
     reads={"ship": Grid.ship, "aspect": Grid.aspect, "seed": Run.seed}, name="flight_place"
-)(keywords)
+)(views.keywords)
 
 
 @plain(uses=(Irar, Grid), reads={one.name: one for one in FLOWN})
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Keywords | None:
     """Return what a pass depends on; None for a ship that is not flown past."""
-    return None if flown is not None and ship not in flown else keywords(**values)
+    return None if flown is not None and ship not in flown else views.keywords(**values)
 
 
 flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
@@ -320,7 +310,9 @@ def check(choices: Choices) -> Choices:
             stop = f"below {values['band_stop']:g}, irar.band_stop"
             refuse(Irar.band_start, values["band_start"], stop)
     views.check_beam(choices, Irar.profile_range, Ladar.ifov)
-    hulls = {ship: read_mesh(hull.function(ship)).convex_hull for ship in flown(choices)}
+    hulls = {
+        ship: views.read_mesh(views.hull.function(ship)).convex_hull for ship in flown(choices)
+    }
     for values in combinations(choices, (Grid.ship, Grid.aspect, *FLOWN)):
         ship, aspect, where = values.pop("ship"), values.pop("aspect"), ""
         try:
