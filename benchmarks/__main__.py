@@ -33,6 +33,7 @@ from benchmarks import (
     paper,
     reproduction,
     results,
+    scale,
     skips,
     startup,
     synthesis,
@@ -70,6 +71,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "paper": lambda asked: paper.measure(repeats=asked.repeats),
     "startup": lambda asked: startup.measure(repeats=asked.repeats),
     "growth": lambda asked: growth.measure(repeats=asked.repeats),
+    "scale": lambda asked: scale.measure(most=asked.most),
     "grid22320": lambda asked: grid.measure(repeats=asked.repeats),
     "fit_tolerance": lambda asked: fits.tolerance(),
     "fit_target_free": lambda asked: fits.target_free(),
@@ -119,6 +121,7 @@ MEANINGS = {
     "paper": "the whole experiment: cold, again, and with one more value on an axis",
     "startup": "time of --help, of a sweep with nothing to do, and until the first output",
     "growth": "time of a sweep by number of cells, and its slope",
+    "scale": "time, memory, files and bytes of a sweep by number of views, up to --most",
     "grid22320": "the grid at three ranges as one job, as -m, and by Hydra's basic launcher",
     "fit_tolerance": "tolerance of the multilayered network, fitted to Table 2's training row",
     "fit_target_free": "target-free IFOVs, fitted to 32 frames near the bow",
@@ -161,6 +164,13 @@ def main(arguments: list[str] | None = None) -> None:
         metavar="N",
         help=f"results: number of seeds ({results.SEEDS})",
     )
+    parser.add_argument(
+        "--most",
+        type=int,
+        default=scale.MOST,
+        metavar="N",
+        help=f"scale: largest number of views ({scale.MOST})",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument(
         "--write",
@@ -172,6 +182,8 @@ def main(arguments: list[str] | None = None) -> None:
         parser.error(f"--repeats is {asked.repeats}, but must be at least 1")
     if asked.seeds < results.LEAST_SEEDS:
         parser.error(f"--seeds is {asked.seeds}, but must be at least {results.LEAST_SEEDS}")
+    if asked.most < scale.LEAST_VIEWS:
+        parser.error(f"--most is {asked.most}, but must be at least {scale.LEAST_VIEWS}")
     try:
         for ship in (asked.ship, *ncti.ships.names()):
             # built here, so that no report includes the build

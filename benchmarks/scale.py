@@ -1,0 +1,126 @@
+"""Cost of a view by number of views: time, memory, files and bytes of one sweep that grows."""
+
+from __future__ import annotations
+
+import csv
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from benchmarks.commands import CORES, new_folder, sweep
+from benchmarks.reports import Column, Report
+from sweeps.engine.settings import Run
+from sweeps.stages.classifier import drawn_aspects
+
+SHIPS = ("connole", "duncan", "horne", "roberts", "spruance", "texas")
+SCENE = (
+    "sensor=range",
+    "classifier.name=[correlation]",
+    "render.engine=lines",
+    "grid.pulse_width=30",
+    "grid.frame_count=16",
+)
+END = 90.0  # last aspect [deg]
+STEPS = (0.45, 0.15, 0.05, 0.025)
+"""Steps of the aspects [deg] where all views are learned, so that each is compared with all."""
+
+SPACING = 1.5  # of the aspects learned, where others are drawn at random [deg]
+DRAWN = (50, 200, 600, 1200, 3000, 6000)
+"""Numbers of random aspects in every 30 degrees, which are tested and not learned."""
+
+LEARNED, RANDOM = "all learned", f"every {SPACING}° learned"
+MOST = 12_000  # views of a sweep, unless asked otherwise
+LEAST_VIEWS = 1_300  # so that there is a sweep of each kind
+
+# Stages by the column that has their time.
+STAGES = {"seen_extent": "extent_ms", "averaged": "averaged_ms", "correlation": "matching_ms"}
+
+COLUMNS = (
+    Column("kind", "views"),
+    Column("views", "number", ",d"),
+    Column("wall_s", "time [s]", ".0f"),
+    Column("cpu_ms", "processor [ms a view]", ".2f"),
+    Column("extent_ms", "image and extent", ".2f"),
+    Column("averaged_ms", "averages", ".2f"),
+    Column("matching_ms", "matching", ".2f"),
+    Column("others_ms", "other stages", ".2f"),
+    Column("driver_mib", "command [MiB]", ".0f"),
+    Column("worker_mib", "largest worker [MiB]", ".0f"),
+    Column("files", "files", "d"),
+    Column("store_mb", "store [MB]", ".1f"),
+)
+
+
+def measure(*, most: int = MOST, scene: Sequence[str] = SCENE) -> Report:
+    """Measure sweeps of six ships by the laser radar at growing numbers of views.
+
+    Parameters
+    ----------
+    most : int
+        Largest number of views of a sweep.
+    scene : sequence of str
+        Further arguments of the command.
+
+    Returns
+    -------
+    Report
+        One row per sweep, each measured once.
+    """
+    sweeps = [(kind, views, aspects) for kind, views, aspects in grids() if views <= most]
+    return Report(
+        f"Cost of a view of `ncti-sweep {' '.join(scene)}`, {len(SHIPS)} ships, {CORES} cores",
+        COLUMNS,
+        [_row(kind, views, [*scene, *aspects]) for kind, views, aspects in sweeps],
+        [
+            "Processor time is that of all processes from the start of the command to its end; of "
+            "stages, the time of their calls. Memory is the most that the command's own process "
+            "held, and the largest of its workers. Files and bytes are those of the store. Every "
+            "sweep begins with an empty cache and is measured once."
+        ],
+    )
+
+
+def grids() -> list[tuple[str, int, tuple[str, ...]]]:
+    """Return kind, number of views, and aspects as arguments, of all sweeps of the report."""
+
+    def grid(kind: str, step: float, drawn: int) -> tuple[str, int, tuple[str, ...]]:
+        arguments = (
+            f"grid.aspect={{start: 0, stop: {END:g}, step: {step:g}}}",
+            f"grid.random_aspects={drawn}",
+        )
+        # Aspects drawn are rounded: some are drawn twice, or are in the grid.
+        aspects = {round(k * step, 3) for k in range(round(END / step) + 1)}
+        aspects |= {*drawn_aspects(0.0, END, drawn, int(Run.seed.default))}
+        return kind, len(SHIPS) * len(aspects), arguments
+
+    every = [grid(LEARNED, step, 0) for step in STEPS]
+    return every + [grid(RANDOM, SPACING, drawn) for drawn in DRAWN]
+
+
+def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
+    """Return the figures of one sweep."""
+    with tempfile.TemporaryDirectory() as parent:
+        folder = new_folder(Path(parent, "cold"))
+        run = sweep([*arguments, f"grid.ship=[{','.join(SHIPS)}]"], folder).run
+        files = [path for path in (folder / "sweep.zarr").rglob("*") if path.is_file()]
+        return {
+            "kind": kind,
+            "views": views,
+            "wall_s": run.seconds,
+            "cpu_ms": 1e3 * run.cpu / views,
+            **by_stage(folder / "sweep-tables" / "stages.csv", views),
+            "driver_mib": run.driver,
+            "worker_mib": run.worker,
+            "files": len(files),
+            "store_mb": sum(path.stat().st_size for path in files) / 1e6,
+        }
+
+
+def by_stage(table: Path, views: int) -> Mapping[str, float]:
+    """Return the time of calls [ms a view] by column of the report, from a sweep's table."""
+    found = dict.fromkeys([*STAGES.values(), "others_ms"], 0.0)
+    with table.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            column = STAGES.get(row["stage"], "others_ms")
+            found[column] += 1e3 * float(row["work_s"]) / views
+    return found
