@@ -32,18 +32,18 @@ LEARNED, RANDOM = "all learned", f"every {SPACING}° learned"
 MOST = 12_000  # views of a sweep, unless asked otherwise
 LEAST_VIEWS = 1_300  # so that there is a sweep of each kind
 
-# Stages by the column that has their time.
-STAGES = {"seen_extent": "extent_ms", "averaged": "averaged_ms", "correlation": "matching_ms"}
+# Columns of stages; all others share one.
+STAGES = {"seen_extent": "extent", "averaged": "averages", "correlation": "matching"}
 
 COLUMNS = (
     Column("kind", "views"),
     Column("views", "number", ",d"),
     Column("wall_s", "time [s]", ".0f"),
     Column("cpu_ms", "processor [ms a view]", ".2f"),
-    Column("extent_ms", "image and extent", ".2f"),
-    Column("averaged_ms", "averages", ".2f"),
-    Column("matching_ms", "matching", ".2f"),
-    Column("others_ms", "other stages", ".2f"),
+    Column("extent", "image and extent [%]", ".0f"),
+    Column("averages", "averages [%]", ".0f"),
+    Column("matching", "matching [%]", ".0f"),
+    Column("others", "other stages [%]", ".0f"),
     Column("driver_mib", "command [MiB]", ".0f"),
     Column("worker_mib", "largest worker [MiB]", ".0f"),
     Column("files", "files", "d"),
@@ -72,8 +72,8 @@ def measure(*, most: int = MOST, scene: Sequence[str] = SCENE) -> Report:
         COLUMNS,
         [_row(kind, views, [*scene, *aspects]) for kind, views, aspects in sweeps],
         [
-            "Processor time is that of all processes from the start of the command to its end; of "
-            "stages, the time of their calls. Memory is the most that the command's own process "
+            "Processor time is that of all processes from the start of the command to its end; "
+            "percentages are shares of the time of all calls of stages. Memory is the most that the command's own process "
             "held, and the largest of its workers. Files and bytes are those of the store. Every "
             "sweep begins with an empty cache and is measured once."
         ],
@@ -108,7 +108,7 @@ def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
             "views": views,
             "wall_s": run.seconds,
             "cpu_ms": 1e3 * run.cpu / views,
-            **by_stage(folder / "sweep-tables" / "stages.csv", views),
+            **shares(folder / "sweep-tables" / "stages.csv"),
             "driver_mib": run.driver,
             "worker_mib": run.worker,
             "files": len(files),
@@ -116,11 +116,11 @@ def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
         }
 
 
-def by_stage(table: Path, views: int) -> Mapping[str, float]:
-    """Return the time of calls [ms a view] by column of the report, from a sweep's table."""
-    found = dict.fromkeys([*STAGES.values(), "others_ms"], 0.0)
+def shares(table: Path) -> Mapping[str, float]:
+    """Return shares of the time of calls [%] by column of the report, from a sweep's table."""
+    found = dict.fromkeys([*STAGES.values(), "others"], 0.0)
     with table.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            column = STAGES.get(row["stage"], "others_ms")
-            found[column] += 1e3 * float(row["work_s"]) / views
-    return found
+            found[STAGES.get(row["stage"], "others")] += float(row["work_s"])
+    whole = sum(found.values())
+    return {name: 100 * seconds / whole for name, seconds in found.items()}

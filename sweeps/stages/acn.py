@@ -8,7 +8,7 @@ matches no category and so names no ship, which counts as wrong.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.classify.blocks import row_blocks
+from ncti.classify.directions import NO_CATEGORY
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
 from sweeps.engine.seeds import cell_rng
@@ -68,20 +70,49 @@ class Network(Settings, key="classifier", noted=True):
 class TrainingSet:
     """Training views and their similarities, shared by all trainings on them.
 
-    (view, feature) vectors, zero for missing views, with their similarities; the (ship,
-    aspect) mask of existing views; and the function from profiles or maps to vectors.
+    (sample, feature) vectors of the views learned with their similarities, and the numbers of
+    these views, rising; the (ship, aspect) mask of existing views; and the function from profiles
+    or maps to vectors.
     """
 
     vectors: Floats
     similarities: Similarities
+    views: Indices
     valid: Views
     see: Callable[[NDArray[Any]], NDArray[Any]]
 
     @classmethod
-    def of(cls, seen: NDArray[Any], valid: Views, see: Callable[..., NDArray[Any]]) -> TrainingSet:
+    def of(
+        cls, seen: NDArray[Any], valid: Views, training_views: Views, see: Callable[..., Any]
+    ) -> TrainingSet:
         """Return the training set of (ship, aspect, ...) profiles or maps."""
-        vectors = see(seen).astype(np.float64)
-        return cls(vectors, Similarities.of(vectors), valid, see)
+        flat = seen.reshape(1, -1, *seen.shape[2:])
+        views = np.flatnonzero(valid & training_views)
+        vectors = see(flat[:, views]).astype(np.float64)
+        if not vectors.any():  # which is refused by name, with all views that there are
+            views, vectors = np.arange(valid.size), see(seen).astype(np.float64)
+        return cls(vectors, Similarities.of(vectors), views, valid, see)
+
+    def places(self, views: Indices) -> Indices:
+        """Return the rows of vectors of the numbers of views learned."""
+        return np.searchsorted(self.views, views)
+
+    def matches(
+        self, clusterings: Sequence[Clustering], tests: NDArray[Any]
+    ) -> Iterable[tuple[Indices, Floats]]:
+        """Return (view,) categories and cosines of (ship, aspect, ...) tests, by clustering.
+
+        No more than some rows of tests are held against the training set.
+        """
+        flat = tests.reshape(1, -1, *tests.shape[2:])
+        count = flat.shape[1]
+        category = np.empty((len(clusterings), count), dtype=np.intp)
+        cosine = np.empty((len(clusterings), count))
+        for rows in row_blocks(count):
+            similarities = self.similarities.to(self.see(flat[:, rows]).astype(np.float64))
+            for c, clustering in enumerate(clusterings):
+                category[c, rows], cosine[c, rows] = clustering.match(similarities)
+        return zip(category, cosine, strict=True)
 
 
 def presentation_order(views: int, order: int, seed: int) -> Indices:
@@ -107,28 +138,33 @@ def form_categories(
     Returns
     -------
     dict of str to ndarray
-        names : (view,), ships by category, -1 beyond the last one;
+        names : (sample,), ships by category, -1 beyond the last one;
         training_correct : (ship, aspect), 1 where a view's category has its ship's name;
         training_category, training_confused : (ship, aspect), negative outside training;
         passes : (), negative where the categories did not settle;
-        weights : (view, view) float64, a row a category, zero below the last of them;
+        weights : (sample, sample) float64, of the vectors of the training set, a row a category,
+        zero below the last of them;
         turn : (view,), the order of all views; taught_by : vigilance, learning rate, passes
     """
     known = training_views & training_set.valid
     ship, aspect = np.indices(known.shape).reshape(2, -1)
     turn = presentation_order(known.size, *presentation)
+    views = training_set.views
+    order = training_set.places(turn[known.reshape(-1)[turn]])
     found = cluster(
         training_set.similarities,
         vigilance=vigilance,
         learning_rate=learning_rate,
         max_passes=max_passes,
-        order=turn[known.reshape(-1)[turn]],
+        order=order,
     )
-    formed = category_formation(found.labels, ship, aspect)
-    count = len(found.weights)
-    names, weights = np.full(known.size, NONE), np.zeros((known.size, known.size))
+    labels = np.full(known.size, NO_CATEGORY)
+    labels[views] = found.labels
+    formed = category_formation(labels, ship, aspect)
+    count, own = len(found.weights), ship[views]
+    names, weights = np.full(views.size, NONE), np.zeros((views.size, views.size))
     by_first = label_rule == "first"
-    names[:count] = found.first_names(ship, turn) if by_first else found.names(ship)
+    names[:count] = found.first_names(own, order) if by_first else found.names(own)
     weights[:count] = found.weights
     right = ships_named(names, formed.category) == ship.reshape(known.shape)
     return {
@@ -168,28 +204,31 @@ def answer_tests(
         (..., frame_count, ship, aspect)
     """
     lead = training["passes"].shape
+    places = [*np.ndindex(*lead)]
     whole = (*lead, len(tests), *valid.shape)
     answers = {name: np.full(whole, NONE) for name in ("category", "predicted", "correct")}
     answers["similarity"] = np.full(whole, np.nan)
     ship = np.indices(valid.shape)[0]
-    shown = [training_set.see(seen).astype(np.float64) for seen in tests]
-    similarities = [training_set.similarities.to(vectors) for vectors in shown]
-    for at in np.ndindex(*lead):
-        formed = {name: values[at] for name, values in training.items()}
-        taught, labels = formed["training_confused"] >= 0, formed["training_category"]
-        weights = formed["weights"][: labels.max() + 1]
-        clustering = Clustering(labels.reshape(-1), weights, int(abs(formed["passes"])), True)
-        network = network_of(training_set.vectors, formed) if learn_in_test else None
-        for f, vectors in enumerate(shown):
-            if network is None:
-                category, cosine = clustering.match(similarities[f])
-            else:
-                category, cosine = match_learning(network, vectors, formed)
+    trainings = [{name: values[at] for name, values in training.items()} for at in places]
+    clusterings = [_clustering(formed) for formed in trainings]
+    networks = [network_of(training_set, formed) for formed in trainings if learn_in_test]
+    for f, seen in enumerate(tests):
+        if learn_in_test:
+            vectors = training_set.see(seen).astype(np.float64)
+            matches: Iterable[tuple[Indices, Floats]] = (
+                match_learning(network, vectors, formed)
+                for network, formed in zip(networks, trainings, strict=True)
+            )
+        else:
+            matches = training_set.matches(clusterings, seen)
+        for at, formed, (category, cosine) in zip(places, trainings, matches, strict=True):
+            labels = formed["training_category"]
             category = np.where(valid, category.reshape(valid.shape), NONE)
             named = ships_named(formed["names"], category)
             if score_rule == "ship":
                 asked, right = valid, named == ship
             else:
+                taught = formed["training_confused"] >= 0
                 asked, right = valid & taught, (category == labels) & (category != NONE)
             answers["category"][*at, f] = category
             answers["similarity"][*at, f] = np.where(valid, cosine.reshape(valid.shape), np.nan)
@@ -198,8 +237,15 @@ def answer_tests(
     return answers | {"cell": classifier.state(answers["correct"], valid)}
 
 
-def network_of(vectors: Floats, formed: Arrays) -> AdaptiveClusteringNetwork:
-    """Return the network that formed the categories of (view, feature) vectors."""
+def _clustering(formed: Arrays) -> Clustering:
+    """Return the categories of one training."""
+    labels = formed["training_category"]
+    weights = formed["weights"][: labels.max() + 1]
+    return Clustering(labels.reshape(-1), weights, int(abs(formed["passes"])), True)
+
+
+def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringNetwork:
+    """Return the network that formed the categories of a training set."""
     # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
@@ -211,9 +257,10 @@ def network_of(vectors: Floats, formed: Arrays) -> AdaptiveClusteringNetwork:
     network = AdaptiveClusteringNetwork(
         vigilance=vigilance, learning_rate=learning_rate, max_passes=int(passes)
     )
+    vectors = training_set.vectors[training_set.places(presented)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
-        network.fit(vectors[presented], np.indices(training_views.shape)[0].reshape(-1)[presented])
+        network.fit(vectors, np.indices(training_views.shape)[0].reshape(-1)[presented])
     return network
 
 
@@ -237,15 +284,17 @@ def match_learning(
 
 
 @in_memory(gather=GATHERED, keep=4)
-def profile_training_set(expected: Profiles, valid: Views) -> TrainingSet:
+def profile_training_set(expected: Profiles, valid: Views, training_views: Views) -> TrainingSet:
     """Return the training views and similarities of expected profiles, shared by all trainings."""
-    return TrainingSet.of(expected, valid, classifier.profile_vectors)
+    return TrainingSet.of(expected, valid, training_views, classifier.profile_vectors)
 
 
 @in_memory(gather=GATHERED, keep=4)
-def silhouette_training_set(template_log_polar: NDArray[np.uint8], valid: Views) -> TrainingSet:
+def silhouette_training_set(
+    template_log_polar: NDArray[np.uint8], valid: Views, training_views: Views
+) -> TrainingSet:
     """Return the training views and similarities of silhouettes, shared by all trainings."""
-    return TrainingSet.of(template_log_polar, valid, classifier.map_vectors)
+    return TrainingSet.of(template_log_polar, valid, training_views, classifier.map_vectors)
 
 
 @plain(uses=(Network, Run))
@@ -291,7 +340,7 @@ acn_training = OF_RANGE.stage(
     ),
     Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),
     inner("names", ("category",), "i2"),
-    inner("weights", ("category", "view"), "f8"),
+    inner("weights", ("category", "sample"), "f8"),
     inner("turn", ("view",), "i8"),
     inner("taught_by", ("setting",), "f8"),
     uses=(Grid, Network),

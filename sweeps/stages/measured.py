@@ -162,7 +162,8 @@ def namer(
     name, own = lesson
     settings = dict(own)
     if name == "acn":
-        training_set = TrainingSet.of(learned_signature, valid, classifier.profile_vectors)
+        see = classifier.profile_vectors
+        training_set = TrainingSet.of(learned_signature, valid, training_views, see)
         learning = {one: settings[one] for one in LEARNING}
         rules = {one: settings[one] for one in ("score_rule", "learn_in_test")}
         formed = acn.form_categories(training_set, training_views, **learning)

@@ -1,12 +1,15 @@
 """The Adaptive Clustering Network on a handful of vectors by hand, and its stages on made views."""
 
+import tracemalloc
 import warnings
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from range_channel import ASPECTS, SHIPS, made
 
-from ncti.classify import AdaptiveClusteringNetwork
+from ncti.classify import AdaptiveClusteringNetwork, Similarities
 from sweeps.stages import acn
 from sweeps.stages.acn import (
     TrainingSet,
@@ -32,13 +35,14 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     known = 1 - unknown
     training_views = np.zeros((2, 2), dtype=bool)
     training_views[known] = True
-    training_set = TrainingSet.of(unit([0.0, 90.0, 0.0, 90.0]), training_views | True, np.asarray)
+    seen, valid = unit([[0.0, 90.0], [0.0, 90.0]]), training_views | True
+    training_set = TrainingSet.of(seen, valid, training_views, lambda views: views.reshape(-1, 2))
     formed = form_categories(training_set, training_views, (0, 0), 0.95, 0.5, 200, "first")
 
     def matched(angle):
         tests = np.array([[3.0, 80.0], [3.0, 80.0]])
         tests[unknown] = angle, angle + 1
-        network = network_of(training_set.vectors, formed)
+        network = network_of(training_set, formed)
         found = match_learning(network, unit(tests).reshape(4, 2), formed)
         return tuple(values.reshape(2, 2) for values in found)
 
@@ -85,7 +89,7 @@ def trained(kind, seen, orders, levels, label, valid=None, training_views=None):
     training_views = np.ones_like(valid) if training_views is None else training_views
     training_set = {"profiles": acn.profile_training_set, "maps": acn.silhouette_training_set}[
         kind
-    ](seen, valid)
+    ](seen, valid, training_views)
     formed = [
         stacked(
             [
@@ -161,3 +165,64 @@ def test_views_that_are_not_there_change_no_other_answer(kind):
         assert (found[name][..., 2, :] == -1).all()
     assert np.isnan(found["similarity"][..., 2, :]).all()
     np.testing.assert_array_equal(found["cell"][..., 2, :], 0)
+
+
+# Many views in blocks
+
+
+def few_learned(aspects, learned, seed=0):
+    """Three ships in noise: (ship, aspect, bin) views and tests of them, and those learned."""
+    rng = np.random.default_rng(seed)
+    seen = np.abs(rng.standard_normal((3, aspects, 40))).astype(np.float32)
+    tests = (seen + 0.3 * rng.standard_normal(seen.shape)).astype(np.float32)
+    training_views = np.zeros((3, aspects), dtype=bool)
+    training_views[:2, rng.permutation(aspects)[:learned]] = True
+    return seen, tests, training_views
+
+
+@settings(deadline=None, max_examples=25)
+@given(aspects=st.integers(3, 400), learned=st.integers(1, 40), seed=st.integers(0, 2**32 - 1))
+def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
+    aspects, learned, seed
+):
+    """With all views in one training set and all tests at once, only some views presented."""
+    seen, tests, training_views = few_learned(aspects, learned, seed)
+    valid = np.random.default_rng(seed).random(training_views.shape) < 0.9
+    valid[training_views.nonzero()[0][0], training_views.nonzero()[1][0]] = True
+    how = ((1, 7), 0.8, 0.1, 200, "majority")
+    training_set = TrainingSet.of(seen, valid, training_views, profile_vectors)
+    of_all = TrainingSet.of(seen, valid, training_views | True, profile_vectors)
+    of_all = acn.replace(
+        of_all,
+        vectors=(every := profile_vectors(seen)),
+        similarities=Similarities.of(every),
+        views=np.arange(valid.size),
+    )
+    formed, plain = (form_categories(one, training_views, *how) for one in (training_set, of_all))
+    for name in ("training_category", "training_confused", "training_correct", "passes", "turn"):
+        np.testing.assert_array_equal(formed[name], plain[name], err_msg=name)
+    found = answer_tests(training_set, formed, tests[None], valid, "ship", False)
+    [clustering] = [acn._clustering(plain)]
+    category, cosine = clustering.match(of_all.similarities.to(profile_vectors(tests)))
+    np.testing.assert_array_equal(found["category"][0][valid], category.reshape(valid.shape)[valid])
+    # Sums over all views, zero where one is not learned, of cosines with weights.
+    bound = 4 * valid.size * np.finfo(float).eps * max(1, np.abs(plain["weights"]).max())
+    cosine = cosine.reshape(valid.shape)[valid]
+    np.testing.assert_allclose(found["similarity"][0][valid], cosine, rtol=0, atol=bound)
+
+
+def test_memory_of_tests_is_in_proportion_to_their_number():
+    def peak(aspects):
+        seen, tests, training_views = few_learned(aspects, 50)
+        tracemalloc.start()
+        training_set = TrainingSet.of(seen, training_views | True, training_views, profile_vectors)
+        formed = form_categories(training_set, training_views, (0, 0), 0.8, 0.1, 200, "first")
+        answer_tests(training_set, formed, tests[None], training_views | True, "ship", False)
+        held = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return held
+
+    peak(60)  # imports
+    small, large = peak(500), peak(4_000)
+    assert large < 8 * small  # sixty-four times, if all were held against all
+    assert large < 10 * 3 * 4_000 * 40 * 8
