@@ -73,9 +73,9 @@ def measure(*, most: int = MOST, scene: Sequence[str] = SCENE) -> Report:
         [_row(kind, views, [*scene, *aspects]) for kind, views, aspects in sweeps],
         [
             "Processor time is that of all processes from the start of the command to its end; "
-            "percentages are shares of the time of all calls of stages. Memory is the most that the command's own process "
-            "held, and the largest of its workers. Files and bytes are those of the store. Every "
-            "sweep begins with an empty cache and is measured once."
+            "percentages are shares of the time of all calls of stages. Memory is the most that "
+            "the command's own process held, and the largest of its workers. Files and bytes are "
+            "those of the store. Every sweep begins with an empty cache and is measured once."
         ],
     )
 
