@@ -191,8 +191,9 @@ def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     seen[:-1][used] = np.flatnonzero(used)
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
-    _, *crossings = cross(point, bounds, hull.edge, seen, 0.25, draw_lines.PHASE, *EVERY_LINE)
+    crossings = cross(point, bounds, hull.edge, seen, 0.25, draw_lines.PHASE, *EVERY_LINE)
     line, piece, _ = threads.swept(crossings, surfaces=len(used))
+    line -= crossings[0]
     length = piece[:, 1] - piece[:, 0]
     sums = [np.bincount(line, part) for part in (length, length * piece[:, 2:].sum(axis=1) / 2)]
     return np.stack(sums, axis=1)

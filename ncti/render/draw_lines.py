@@ -151,18 +151,21 @@ def refined(mesh: trimesh.Trimesh, lines: LineImage, factor: int = 2) -> LineIma
     """
     if not (isinstance(factor, int | np.integer) and factor >= 2):
         raise ValueError(f"factor is {factor!r}, but must be a whole number from 2 on")
+    from ncti.render.line_sweep import merge  # numba takes long to import
+
     kept, phase = divmod(factor * lines.phase, 1.0)
     view = View(lines.aspect, lines.depression, lines.roll, slant_range=lines.slant_range)
     spacing = lines.spacing / factor
     new = _drawn(Surfaces.of(mesh), view, spacing, phase, int(factor), int(kept))
-    line = np.concatenate([factor * lines.line + np.int32(kept), new.line])
-    order = np.argsort(line, kind="stable")
-    return replace(
-        new,
-        line=line[order],
-        piece=np.concatenate([lines.piece, new.piece])[order],
-        surface=np.concatenate([lines.surface, new.surface])[order],
+    line, piece, surface = merge(
+        lines.line,
+        lines.piece,
+        lines.surface,
+        (new.line, new.piece, new.surface),
+        np.int32(factor),
+        np.int32(kept),
     )
+    return replace(new, line=line, piece=piece, surface=surface)
 
 
 def _drawn(
@@ -175,14 +178,10 @@ def _drawn(
     point, bounds = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
     _check(bounds, view, spacing, surfaces)
     seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
-    first, *crossings = cross(
+    crossings = cross(
         point, bounds, surfaces.edge, seen, spacing, phase, np.int64(every), np.int64(kept)
     )
-    rank, piece, surface = swept(crossings, surfaces=len(surfaces.area))
-    line = rank + np.int32(first)
-    if every:
-        turn, rest = np.divmod(line, np.int32(every - 1))
-        line = np.int32(every) * turn + rest + np.int32(1 + kept)
+    line, piece, surface = swept(crossings, surfaces=len(surfaces.area), every=every, kept=kept)
     return LineImage(
         line,
         piece,

@@ -28,6 +28,7 @@ and that begins there. One record, so that one place in memory is touched."""
 ONCE = 1 << 32
 """One beginning of a surface, counted above the 32 binary digits of a crossing's number."""
 
+
 STRIPS = 4096
 """Strips across the view into which crossings are sorted first, so that those of a line come nearly
 in order."""
@@ -102,7 +103,7 @@ def cross(
     phase: float,
     every: np.int64,
     kept: np.int64,
-) -> tuple[np.int64, NDArray[np.int64], Indices, NDArray[np.void]]:
+) -> tuple[np.int64, NDArray[np.int64], NDArray[np.void]]:
     """Return where lines y = (k + phase) spacing cross the edges of surfaces that face the sensor.
 
     Parameters
@@ -115,11 +116,10 @@ def cross(
     line : int
         Rank of the first line, as of `rank_of`; those that follow have the next ranks.
     start : (line + 1,) int64 ndarray
-        Where in `order` each line begins.
-    order : (crossing,) int32 ndarray
-        Numbers of the crossings, line by line, and nearly in order along it.
+        Where in `crossing` each line begins.
     crossing : (crossing,) CROSSING ndarray
-        Crossings; the number of surfaces stands for none.
+        Crossings, line by line, and nearly in order along it; the number of surfaces stands for
+        none.
     """
     # A line is crossed by an edge if it separates the levels of its vertices. Levels are of
     # vertices, not of edges: so every surface begins on a line as often as it ends.
@@ -134,7 +134,7 @@ def cross(
     # processor could not foresee it.
     none = len(seen) - 1
     used = np.empty(len(edge) + 1, np.int32)
-    number, total = 0, 0
+    number, total = 0, np.int64(0)
     for e in range(len(edge)):
         used[number] = e
         apart = abs(level[edge[e, 0]] - level[edge[e, 1]])
@@ -143,13 +143,13 @@ def cross(
         total += counts * apart
 
     # They are found edge by edge.
-    crossing, of = np.empty(total, CROSSING), np.empty(total, np.int32)
-    strip, strips = np.empty(total, np.int32), np.zeros(STRIPS + 1, np.int32)
-    narrow = STRIPS / max(bounds[0, 1] - bounds[0, 0], 1e-300)
+    found, of = np.empty(total, CROSSING), np.empty(total, np.int32)
+    strip, strips = np.empty(total, np.int32), np.zeros(STRIPS, np.int32)
+    left_end = bounds[0, 0]
+    narrow = STRIPS / max(bounds[0, 1] - left_end, 1e-300)
     start = np.zeros(lines + 1, np.int64)
     n = 0
-    for m in range(number):
-        e = used[m]
+    for e in used[:number]:
         i, j = edge[e, 0], edge[e, 1]
         left, right = seen[edge[e, 2]], seen[edge[e, 3]]
         if level[i] > level[j]:
@@ -163,16 +163,19 @@ def cross(
             place = (number_of(lowest + k, every, kept) + phase) * spacing
             share = min(max((place - y) * per_rise, 0.0), 1.0)
             t = x + run * share
-            c = crossing[n]
+            c = found[n]
             c.t, c.depth, c.ends, c.begins = t, q + deep * share, left, right
             of[n] = k
-            strip[n] = np.int32(min(max((t - bounds[0, 0]) * narrow, 0.0), STRIPS - 1.0))
-            strips[strip[n] + 1] += 1
+            strip[n] = np.int32(min(max((t - left_end) * narrow, 0.0), STRIPS - 1.0))
+            strips[strip[n]] += 1
             n += 1
 
     # By strips, then by lines.
+    first = np.int32(0)
     for s in range(STRIPS):
-        strips[s + 1] += strips[s]
+        count = strips[s]
+        strips[s] = first
+        first += count
     by_strip = np.empty(total, np.int32)
     for n in range(total):
         by_strip[strips[strip[n]]] = n
@@ -182,64 +185,70 @@ def cross(
         crossings += start[k]
         start[k] = before
         before += crossings
-    order, free = np.empty(total, np.int32), start.copy()
-    for m in range(total):
-        n = by_strip[m]
-        order[free[of[n]]] = n
-        free[of[n]] += 1
-    return lowest, start, order, crossing
+    crossing, free = np.empty(total, CROSSING), start.copy()
+    for one in by_strip:
+        crossing[free[of[one]]] = found[one]
+        free[of[one]] += 1
+    return lowest, start, crossing
 
 
 @inlined
-def sort(order: Indices, crossing: NDArray[np.void], at: Floats, place: Indices) -> None:
-    """Write the coordinates of a line's crossings to `at` and their numbers to `place`, in order.
+def sort(crossing: NDArray[np.void]) -> None:
+    """Put the crossings of a line in order; those at one place stay in theirs.
 
     They nearly are in order, so insertion is quick.
     """
-    for m in range(len(order)):
-        value = crossing[order[m]].t
-        i = m
-        while i > 0 and at[i - 1] > value:
-            at[i], place[i] = at[i - 1], place[i - 1]
-            i -= 1
-        at[i], place[i] = value, order[m]
+    for m in range(1, len(crossing)):
+        c = crossing[m]
+        t = c.t
+        if crossing[m - 1].t > t:
+            depth, ends, begins = c.depth, c.ends, c.begins
+            i = m
+            while i > 0 and crossing[i - 1].t > t:
+                crossing[i] = crossing[i - 1]
+                i -= 1
+            c = crossing[i]
+            c.t, c.depth, c.ends, c.begins = t, depth, ends, begins
 
 
 @inlined
 def outline(
     crossing: NDArray[np.void],
-    place: Indices,
-    line: tuple[Floats, Floats, Floats, Floats],
-    surfaces: tuple[Indices, Indices],
+    slope: Floats,
+    stop: Floats,
+    opened: Indices,
     begun: NDArray[np.int64],
 ) -> None:
     """Write where each surface that begins on a line will end, and so how it slopes.
 
-    An outline is closed, so that a surface ends as often as it begins, and leaves no mark.
+    An outline is closed, so that a surface ends as often as it begins, and leaves no mark. Within a
+    merged surface seams may end and begin it again: only its first and last crossing count.
 
     Parameters
     ----------
-    line
-        Of each crossing, in order: its coordinate; depth, slope and end of what begins there.
-    surfaces
-        The surfaces that end and that begin there.
+    crossing : (crossing,) CROSSING ndarray
+        Crossings of the line, in order.
+    slope, stop : (crossing,) float64 ndarray
+        Of what begins at each: how its depth grows along the line, and where it ends.
+    opened : (crossing,) int32 ndarray
+        Of what ends at each: the crossing at which it began, -1 if nothing ends.
     begun : (surface + 1,) int64 ndarray
         How often each has begun more than ended, over the crossing where it began.
     """
-    (at, z, slope, stop), (ending, beginning) = line, surfaces
-    for m in range(len(place)):
-        c = crossing[place[m]]
-        z[m], ending[m], beginning[m] = c.depth, c.ends, c.begins
-        stop[m] = -np.inf
-        count = begun[ending[m]] - ONCE
+    for m in range(len(crossing)):
+        c = crossing[m]
+        t, ends, begins = c.t, c.ends, c.begins
+        stop[m], opened[m] = -np.inf, -1
+        count = begun[ends] - ONCE
         if count >> 32 == 0:
             i, count = count - 1, 0
-            stop[i] = at[m]
-            if at[m] > at[i]:
-                slope[i] = (z[m] - z[i]) / (at[m] - at[i])
-        begun[ending[m]] = count
-        count = begun[beginning[m]] + ONCE
-        begun[beginning[m]] = count | (m + 1) if count == ONCE else count
+            stop[i], opened[m] = t, i
+            first = crossing[i]
+            if t > first.t:
+                slope[i] = (c.depth - first.depth) / (t - first.t)
+        begun[ends] = count
+        count = begun[begins] + ONCE
+        begun[begins] = count | (m + 1) if count == ONCE else count
 
 
 @inlined
@@ -278,68 +287,75 @@ def overtaking(
 @compiled
 def sweep(
     start: NDArray[np.int64],
-    order: Indices,
     crossing: NDArray[np.void],
     surfaces: int,
     room: int,
-) -> tuple[NDArray[np.int64], Floats, Indices]:
+    lowest: np.int64,
+    every: np.int64,
+    kept: np.int64,
+) -> tuple[bool, Indices, Floats, Indices]:
     """Return the visible pieces of lines.
 
     Parameters
     ----------
-    start, order, crossing
+    start, crossing
         As of `cross`; `start` may be a part of its.
     surfaces : int
         Number of surfaces.
     room : int
         Pieces a crossing to have room for.
+    lowest : int
+        Rank of the first line, as of `rank_of`.
+    every, kept : int
+        As of `cross`.
 
     Returns
     -------
-    pieces : (line,) int64 ndarray
-        Pieces of each line; the first is -1 where there was no room for all.
+    whole : bool
+        False where there was no room for all.
+    line : (piece,) int32 ndarray
+        Number of the line.
     piece : (piece, 4) float64 ndarray
         Begin and end along the line, and q there.
     seen : (piece,) int32 ndarray
         Surface.
     """
     lines = len(start) - 1
-    pieces = np.zeros(lines, np.int64)
     most = 1
     for k in range(lines):
         most = max(most, start[k + 1] - start[k])
     capacity = room * (start[lines] - start[0])
     piece, seen = np.empty((capacity, 4)), np.empty(capacity, np.int32)
-    # Of the crossings of a line, in order.
-    at, z, slope, stop = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
-    place = np.empty(most, np.int32)
-    ending, beginning = np.empty(most, np.int32), np.empty(most, np.int32)
+    line = np.empty(capacity, np.int32)
+    # Of the crossings of a line.
+    slope, stop, opened = np.empty(most), np.empty(most), np.empty(most, np.int32)
+    slot_of = np.empty(most, np.int32)  # place in the list of what began there
     # Of the surfaces that the line is over: the crossing where each began, its place and depth,
     # and how that grows. A side seen edge-on is as steep as rounding allows.
     over, origin = np.empty(most, np.int32), np.empty(most)
     base, tilt = np.empty(most), np.empty(most)
-    # Of a surface, and of none: its place in that list; how often it has begun more than ended,
-    # over the crossing where it began, for within a merged surface seams may begin it again.
-    where, begun = np.full(surfaces + 1, -1, np.int32), np.zeros(surfaces + 1, np.int64)
+    begun = np.zeros(surfaces + 1, np.int64)
     number = 0
     for k in range(lines):
-        first, n = start[k], start[k + 1] - start[k]
-        sort(order[first : first + n], crossing, at, place)
-        outline(crossing, place[:n], (at, z, slope, stop), (ending, beginning), begun)
+        n = start[k + 1] - start[k]
+        some = crossing[start[k] : start[k + 1]]
+        sort(some)
+        outline(some, slope, stop, opened, begun)
+        own = np.int32(number_of(lowest + k, every, kept))
         # The sweep: `shown` began what is seen, from `since` on; it is at `front` in the list.
         active, front, shown, since = 0, -1, -1, 0.0
         for m in range(n):
-            now = at[m]
-            fresh = beginning[m] < surfaces and stop[m] > now
-            slot = where[ending[m]]
-            if slot >= 0 and stop[over[slot]] > now:  # a seam
-                slot = -1
+            c = some[m]
+            now, depth = c.t, c.depth
+            fresh = c.begins < surfaces and stop[m] > now
+            slot_of[m] = -1
+            slot = slot_of[opened[m]] if opened[m] >= 0 else -1
             if slot < 0 and not fresh:
                 continue
             # Surfaces that run through one another change places between crossings. It matters
             # where the nearest ends, or seems to be hidden, or what was hidden ends.
             nearest = base[front] + tilt[front] * (now - origin[front]) if active else np.inf
-            changes = slot == front or (fresh and z[m] < nearest)
+            changes = slot == front or (fresh and depth < nearest)
             if not changes and slot >= 0:
                 changes = base[slot] + tilt[slot] * (now - origin[slot]) < nearest - NEARER
             while changes and active > 1:
@@ -348,22 +364,21 @@ def sweep(
                     break
                 if when > since:
                     if number == capacity:
-                        pieces[0] = -1
-                        return pieces, piece, seen
+                        return False, line, piece, seen
+                    was = some[shown]
                     piece[number, 0], piece[number, 1] = since, when
-                    piece[number, 2] = z[shown] + slope[shown] * (since - at[shown])
-                    piece[number, 3] = z[shown] + slope[shown] * (when - at[shown])
-                    seen[number] = beginning[shown]
+                    piece[number, 2] = was.depth + slope[shown] * (since - was.t)
+                    piece[number, 3] = was.depth + slope[shown] * (when - was.t)
+                    seen[number] = was.begins
+                    line[number] = own
                     number += 1
-                    pieces[k] += 1
                 front, shown, since = nearer, over[nearer], when
             old = shown
             if slot >= 0:
-                where[ending[m]] = -1
                 if fresh:
                     i = slot
                     nearest = base[front] + tilt[front] * (now - origin[front])
-                    if slot == front or z[m] < nearest - NEARER:
+                    if slot == front or depth < nearest - NEARER:
                         front, shown = slot, m
                 else:
                     active -= 1
@@ -371,7 +386,7 @@ def sweep(
                     if slot < active:
                         over[slot], origin[slot] = over[active], origin[active]
                         base[slot], tilt[slot] = base[active], tilt[active]
-                        where[beginning[over[slot]]] = slot
+                        slot_of[over[slot]] = slot
                     if front == slot:
                         front, shown, nearest = -1, -1, np.inf
                         for s in range(active):
@@ -385,23 +400,50 @@ def sweep(
             else:
                 i = active
                 active += 1
-                if front < 0 or z[m] < base[front] + tilt[front] * (now - origin[front]):
+                if front < 0 or depth < base[front] + tilt[front] * (now - origin[front]):
                     front, shown = i, m
             if i >= 0:
-                over[i], origin[i], base[i], tilt[i] = m, now, z[m], slope[m]
-                where[beginning[m]] = i
+                over[i], origin[i], base[i], tilt[i] = m, now, depth, slope[m]
+                slot_of[m] = i
             if shown != old:
                 if old >= 0 and now > since:
                     if number == capacity:
-                        pieces[0] = -1
-                        return pieces, piece, seen
+                        return False, line, piece, seen
+                    was = some[old]
                     piece[number, 0], piece[number, 1] = since, now
-                    piece[number, 2] = z[old] + slope[old] * (since - at[old])
-                    piece[number, 3] = z[old] + slope[old] * (now - at[old])
-                    seen[number] = beginning[old]
+                    piece[number, 2] = was.depth + slope[old] * (since - was.t)
+                    piece[number, 3] = was.depth + slope[old] * (now - was.t)
+                    seen[number] = was.begins
+                    line[number] = own
                     number += 1
-                    pieces[k] += 1
                 since = now
-        for i in range(active):
-            where[beginning[over[i]]] = -1
-    return pieces, piece[:number], seen[:number]
+    return True, line[:number], piece[:number], seen[:number]
+
+
+@compiled
+def merge(
+    line: Indices,
+    piece: Floats,
+    seen: Indices,
+    more: tuple[Indices, Floats, Indices],
+    factor: np.int32,
+    kept: np.int32,
+) -> tuple[Indices, Floats, Indices]:
+    """Return the pieces of lines, numbered factor k + kept now, and of those between, by line."""
+    new_line, new_piece, new_seen = more
+    old, size = len(line), len(line) + len(new_line)
+    lines, all_seen = np.empty(size, np.int32), np.empty(size, np.int32)
+    pieces = np.empty((size, 4))
+    i = j = 0
+    for n in range(size):
+        if j == len(new_line) or (i < old and factor * line[i] + kept < new_line[j]):
+            lines[n], all_seen[n] = factor * line[i] + kept, seen[i]
+            for part in range(4):
+                pieces[n, part] = piece[i, part]
+            i += 1
+        else:
+            lines[n], all_seen[n] = new_line[j], new_seen[j]
+            for part in range(4):
+                pieces[n, part] = new_piece[j, part]
+            j += 1
+    return lines, pieces, all_seen

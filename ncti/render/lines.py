@@ -121,6 +121,12 @@ class LineImage:
         return cosine
 
     @property
+    def _turn(self) -> tuple[float, float]:
+        """Cosine and sine of the roll."""
+        roll = np.radians(self.roll)
+        return float(np.cos(roll)), float(np.sin(roll))
+
+    @property
     def _height(self) -> Floats:
         """(piece,): place of the piece's line along the rows' axis [m]."""
         return np.asarray(self.line + self.phase, dtype=np.float64) * self.spacing
@@ -128,7 +134,7 @@ class LineImage:
     def cross_range(self) -> tuple[Floats, Floats]:
         """Return horizontal and vertical coordinates [m] of the ends of pieces, (piece, 2)."""
         y = self._height[:, None]
-        cos, sin = np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
+        cos, sin = self._turn
         return self.piece[:, :2] * cos - y * sin, self.piece[:, :2] * sin + y * cos
 
     @cached_property
@@ -136,8 +142,12 @@ class LineImage:
         """Least and greatest horizontal, and vertical, coordinate of pieces [m]; empty of none."""
         if not self.line.size:
             return np.zeros(0), np.zeros(0)
-        horizontal, vertical = (np.array([ends.min(), ends.max()]) for ends in self.cross_range())
-        return horizontal, vertical
+        from ncti.render.pieces import bounds_of  # numba takes long to import
+
+        left, right, bottom, top = bounds_of(
+            self.line, self.piece, self.spacing, self.phase, self._turn, (0.0, 0.0)
+        )
+        return np.array([left, right]), np.array([bottom, top])
 
     def bin(
         self,
@@ -186,8 +196,7 @@ class LineImage:
         area = np.full(len(self.line), self.spacing)
         if weight is not None:
             area = area * weight
-        turn = (np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll)))
-        grid = Grid(turn, float(side), (float(shift[0]), float(shift[1])))
+        grid = Grid(self._turn, float(side), (float(shift[0]), float(shift[1])))
         depths = Depths(
             self.curvature,
             1.0 / reach if reach and curved else 0.0,

@@ -27,9 +27,10 @@ def of_engine(engine: str) -> Loops:
 def _draw_lines() -> None:
     import trimesh
 
-    from ncti.render.draw_lines import line_image
+    from ncti.render.draw_lines import line_image, refined
 
-    line_image(trimesh.creation.box(), **_VIEW).bin(side=1.0)
+    box = trimesh.creation.box()
+    refined(box, line_image(box, **_VIEW)).bin(side=1.0)
 
 
 def _draw_mask() -> None:

@@ -18,21 +18,23 @@ FEWEST = 64
 
 
 def swept(
-    crossings: Sequence[Any], *, surfaces: int
+    crossings: Sequence[Any], *, surfaces: int, every: int = 0, kept: int = 0
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
     """Return the pieces of all lines, swept in as many parts as there are threads.
 
     Parameters
     ----------
-    crossings : (start, order, crossing)
+    crossings : (lowest, start, crossing)
         Crossings of lines with edges, as of `ncti.render.line_sweep.cross`.
     surfaces : int
         Number of surfaces.
+    every, kept : int
+        As of `ncti.render.line_sweep.cross`.
 
     Returns
     -------
     line : (piece,) int32 ndarray
-        Number of each piece's line, from the first line.
+        Number of each piece's line.
     piece : (piece, 4) float64 ndarray
         As of `ncti.render.LineImage`.
     surface : (piece,) int32 ndarray
@@ -40,26 +42,34 @@ def swept(
     """
     from ncti.render.line_sweep import sweep
 
-    start, order, crossing = crossings
+    lowest, start, crossing = crossings
     lines = len(start) - 1
     parts = max(1, min(thread_count(), lines // FEWEST))
     inner = np.searchsorted(start, np.arange(1, parts) * start[-1] // parts)
     cuts = [0, *inner.tolist(), lines]
 
-    def part(number: int) -> tuple[NDArray[np.int64], Floats, NDArray[np.int32]]:
+    def part(number: int) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
+        first, last = cuts[number], cuts[number + 1]
         room = 1
         while True:  # surfaces that run through one another make more pieces than crossings
-            some = start[cuts[number] : cuts[number + 1] + 1]
-            count, piece, surface = sweep(some, order, crossing, surfaces, room)
-            if not len(count) or count[0] >= 0:
-                return count, piece, surface
+            whole, line, piece, surface = sweep(
+                start[first : last + 1],
+                crossing,
+                surfaces,
+                room,
+                np.int64(lowest + first),
+                np.int64(every),
+                np.int64(kept),
+            )
+            if whole:
+                return line, piece, surface
             room *= 4
 
-    swept = [part(0)] if parts == 1 else list(_pool(parts, os.getpid()).map(part, range(parts)))
-    counts, piece, surface = (
-        found[0] if parts == 1 else np.concatenate(found) for found in zip(*swept, strict=True)
-    )
-    return np.repeat(np.arange(lines, dtype=np.int32), counts), piece, surface
+    if parts == 1:
+        return part(0)
+    each = zip(*_pool(parts, os.getpid()).map(part, range(parts)), strict=True)
+    line, piece, surface = (np.concatenate(found) for found in each)
+    return line, piece, surface
 
 
 def thread_count() -> int:

@@ -77,7 +77,7 @@ def mesh_of(ship: Ship) -> trimesh.Trimesh:
     from ncti.ships.meshes import check_closed
 
     if isinstance(ship, trimesh.Trimesh):
-        if not np.isfinite(ship.vertices).all():
+        if not np.isfinite(np.asarray(ship.vertices)).all():
             raise ValueError("ship has vertices that are NaN or infinite, but all must be finite")
         check_closed(ship, "ship")
         return ship
