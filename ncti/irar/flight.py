@@ -26,36 +26,36 @@ WAVELENGTH = 10.6e-6
 """Wavelength of the CO2 laser [m]."""
 
 
-TURN = {"minimum": -360, "maximum": 360}  # of an angle [deg]
-KELVIN = {"minimum": 0, "maximum": 1000}  # of a difference of temperatures
-BAND = {"minimum": 1e-7, "maximum": 1e-3}  # of a wavelength [m]
-LIMITS: dict[str, dict[str, Any]] = {
-    "slant_range": {"minimum": 100, "maximum": 1e6},
-    "depression": {"positive": True, "maximum": 60},
-    "aircraft_speed": {"positive": True, "maximum": 1000},
-    "ship_speed": {"minimum": 0, "maximum": 50},
+TURN = ("degree", {"minimum": -360, "maximum": 360})
+KELVIN = ("K", {"minimum": 0, "maximum": 1000})  # of a difference of temperatures
+WAVE = ("m", {"minimum": 1e-7, "maximum": 1e-3})  # of a wavelength
+PARAMETERS: dict[str, tuple[str, dict[str, Any]]] = {
+    "slant_range": ("m", {"minimum": 100, "maximum": 1e6}),
+    "depression": ("degree", {"positive": True, "maximum": 60}),
+    "aircraft_speed": ("m s-1", {"positive": True, "maximum": 1000}),
+    "ship_speed": ("m s-1", {"minimum": 0, "maximum": 50}),
     **dict.fromkeys(("aircraft_heading", "ship_heading", "offset", "aircraft_track"), TURN),
     "pointing": TURN,
-    "mirror_angle": {"minimum": 1, "maximum": 80},
-    "ifov": {"minimum": 1e-6, "maximum": 0.01},
-    "line_rate": {"minimum": 1, "maximum": 100_000},
-    "samples": {"whole": True, "minimum": 2, "maximum": 10_000},
-    "detectors": {"whole": True, "minimum": 1, "maximum": 1000},
-    "pulse_rate": {"positive": True, "maximum": 1e9},
-    "cnr": {"positive": True, "maximum": 1e9},
-    "pulse_width": {"minimum": 2e-9, "maximum": 1e-6},
-    "range_sigma": {"minimum": 0, "maximum": 100},
-    "range_gate": {"minimum": 10, "maximum": 1e5},
-    "threshold": {"minimum": 0, "maximum": 1e9},
+    "mirror_angle": ("degree", {"minimum": 1, "maximum": 80}),
+    "ifov": ("rad", {"minimum": 1e-6, "maximum": 0.01}),
+    "line_rate": ("Hz", {"minimum": 1, "maximum": 100_000}),
+    "samples": ("1", {"whole": True, "minimum": 2, "maximum": 10_000}),
+    "detectors": ("1", {"whole": True, "minimum": 1, "maximum": 1000}),
+    "pulse_rate": ("Hz", {"positive": True, "maximum": 1e9}),
+    "cnr": ("1", {"positive": True, "maximum": 1e9}),
+    "pulse_width": ("s", {"minimum": 2e-9, "maximum": 1e-6}),
+    "range_sigma": ("m", {"minimum": 0, "maximum": 100}),
+    "range_gate": ("m", {"minimum": 10, "maximum": 1e5}),
+    "threshold": ("1", {"minimum": 0, "maximum": 1e9}),
     **dict.fromkeys(("nedt", "contrast_at_zero", "clutter"), KELVIN),
-    **dict.fromkeys(("band_start", "band_stop"), BAND),
-    "sea_temperature": {"minimum": 100, "maximum": 1000},
-    "band_extinction": {"minimum": 0, "maximum": 0.01},
-    "clutter_length": {"minimum": 0.01, "maximum": 1e5},
-    "jitter": {"minimum": 0, "maximum": 0.01},
-    "jitter_time": {"positive": True, "maximum": 1000},
+    **dict.fromkeys(("band_start", "band_stop"), WAVE),
+    "sea_temperature": ("K", {"minimum": 100, "maximum": 1000}),
+    "band_extinction": ("dB m-1", {"minimum": 0, "maximum": 0.01}),
+    "clutter_length": ("m", {"minimum": 0.01, "maximum": 1e5}),
+    "jitter": ("rad", {"minimum": 0, "maximum": 0.01}),
+    "jitter_time": ("s", {"positive": True, "maximum": 1000}),
 }
-"""Bounds of the parameters of a flight, in SI units and degrees."""
+"""Unit and bounds of each parameter of a flight."""
 
 OPTIONAL = ("aircraft_track", "pointing")
 """Parameters that may be None."""
@@ -195,7 +195,7 @@ class Flight:
 
     def __post_init__(self) -> None:
         """Raise for parameters that cannot be flown."""
-        for name, limits in LIMITS.items():
+        for name, (_, limits) in PARAMETERS.items():
             if getattr(self, name) is not None or name not in OPTIONAL:
                 require(name, getattr(self, name), **limits)
         for name in ("samples", "detectors"):  # 160.0 is accepted, but is no array length

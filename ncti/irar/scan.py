@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ncti.checks import require_generator
 from ncti.irar.clutter import clutter, sea_places
-from ncti.irar.flight import Flight
+from ncti.irar.flight import PARAMETERS, Flight
 from ncti.irar.receiver import noiseless, peaks
 from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
 from ncti.irar.speckle import speckle, speckle_correlation
@@ -22,36 +22,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Floats = NDArray[np.float64]
-
-UNITS = {
-    "slant_range": "m",
-    "depression": "degree",
-    "aircraft_speed": "m s-1",
-    "ship_speed": "m s-1",
-    "aircraft_heading": "degree",
-    "aircraft_track": "degree",
-    "ship_heading": "degree",
-    "aspect": "degree",
-    "offset": "degree",
-    "pointing": "degree",
-    "mirror_angle": "degree",
-    "ifov": "rad",
-    "line_rate": "Hz",
-    "pulse_rate": "Hz",
-    "pulse_width": "s",
-    "range_sigma": "m",
-    "range_gate": "m",
-    "nedt": "K",
-    "band_start": "m",
-    "band_stop": "m",
-    "contrast_at_zero": "K",
-    "sea_temperature": "K",
-    "band_extinction": "dB m-1",
-    "clutter": "K",
-    "clutter_length": "m",
-    "jitter": "rad",
-    "jitter_time": "s",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +86,8 @@ class Scan:
         given = {field.name: getattr(flight, field.name) for field in fields(flight)}
         given["aircraft_track"] = flight.track
         given["aspect"] = flight.aspect
-        attributes = given | {f"{name}_units": UNITS.get(name, "1") for name in given}
+        units = {name: unit for name, (unit, _) in PARAMETERS.items()} | {"aspect": "degree"}
+        attributes = given | {f"{name}_units": units[name] for name in given}
         return xr.Dataset(
             {
                 "intensity": labelled(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -131,24 +131,22 @@ class VisitTemplates:
     noise: tuple[Floats, Floats]
     diagonal_loading: float
     gain_sigma: float
-    _fitted: OrderedDict[int, GaussianTemplates] = field(default_factory=OrderedDict)
 
-    def fitted(self, ifovs: int) -> GaussianTemplates:
-        """Return the classifier of frames of so many IFOVs, the ship's among them."""
-        if ifovs not in self._fitted:
-            from ncti.classify.likelihood import GaussianTemplates  # takes long
+    @cached_property
+    def fitted(self) -> Callable[[int], GaussianTemplates]:
+        """Classifier of frames of so many IFOVs, the ship's among them; some are kept."""
+        return lru_cache(maxsize=FITTED)(self._fit)
 
-            empty = np.maximum(ifovs - self.ifovs, 0)
-            mean = self.mean + empty[:, None] * self.noise[0]
-            band = self.band + empty[:, None, None] * self.noise[1]
-            templates = GaussianTemplates(
-                diagonal_loading=self.diagonal_loading, gain_sigma=self.gain_sigma
-            )
-            self._fitted[ifovs] = templates.fit(mean, band, self.ship, floor=mean[:, :1])
-            if len(self._fitted) > FITTED:
-                self._fitted.popitem(last=False)
-        self._fitted.move_to_end(ifovs)
-        return self._fitted[ifovs]
+    def _fit(self, ifovs: int) -> GaussianTemplates:
+        from ncti.classify.likelihood import GaussianTemplates  # takes long
+
+        empty = np.maximum(ifovs - self.ifovs, 0)
+        mean = self.mean + empty[:, None] * self.noise[0]
+        band = self.band + empty[:, None, None] * self.noise[1]
+        templates = GaussianTemplates(
+            diagonal_loading=self.diagonal_loading, gain_sigma=self.gain_sigma
+        )
+        return templates.fit(mean, band, self.ship, floor=mean[:, :1])
 
     def identify(
         self, averages: Floats, frame_count: int, ifovs: int
