@@ -187,7 +187,7 @@ def facing(hull: Surfaces) -> NDArray[np.bool_]:
 
 def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     """(line, 2): area [m] and mean range of what lines see of some surfaces."""
-    seen = np.full(len(used) + 1, len(used), dtype=np.int32)
+    seen = np.full(len(used) + 1, len(used), dtype=np.uint32)
     seen[:-1][used] = np.flatnonzero(used)
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)

@@ -16,12 +16,14 @@ from ncti.compiled import compiled, inlined
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int32]
+Places = NDArray[np.uint32]
+"""Indices without sign, for which numba compiles no second case that counts from the end."""
 
 NEARER = 1e-9
 """Distance [m] by which a surface must be nearer to overtake another within a piece: rounding of
 coincident surfaces must not."""
 
-CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "i4"), ("begins", "i4")])
+CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "u4"), ("begins", "u4")])
 """Where a line crosses an edge: the coordinate along the line, q there, and the surface that ends
 and that begins there. One record, so that one place in memory is touched."""
 
@@ -59,13 +61,13 @@ def project(
 
 
 @compiled
-def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Indices:
+def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Places:
     """Return (surface + 1,) the number of each surface that faces the sensor, else that of none.
 
     None is the number of surfaces.
     """
     none = len(area)
-    seen = np.full(none + 1, none, np.int32)
+    seen = np.full(none + 1, none, np.uint32)
     for s in range(none):
         facing = area[s, 0] * towards[0] + area[s, 1] * towards[1] + area[s, 2] * towards[2]
         seen[s] = s if facing > moment[s] * curvature else none
@@ -97,8 +99,8 @@ def number_of(rank: Any, every: Any, kept: Any) -> Any:
 def cross(
     point: Floats,
     bounds: Floats,
-    edge: Indices,
-    seen: Indices,
+    edge: Places,
+    seen: Places,
     spacing: float,
     phase: float,
     every: np.int64,
@@ -132,19 +134,19 @@ def cross(
 
     # Edges that count: they part levels, and a side of theirs is seen. No branch, for the
     # processor could not foresee it.
-    none = len(seen) - 1
-    used = np.empty(len(edge) + 1, np.int32)
+    front = seen < len(seen) - 1  # in a byte each, for the nearest memory to hold them
+    used = np.empty(len(edge) + 1, np.uint32)
     number, total = 0, np.int64(0)
     for e in range(len(edge)):
         used[number] = e
         apart = abs(level[edge[e, 0]] - level[edge[e, 1]])
-        counts = (apart > 0) & (min(seen[edge[e, 2]], seen[edge[e, 3]]) < none)
+        counts = (apart > 0) & (front[edge[e, 2]] | front[edge[e, 3]])
         number += counts
         total += counts * apart
 
     # They are found edge by edge.
-    found, of = np.empty(total, CROSSING), np.empty(total, np.int32)
-    strip, strips = np.empty(total, np.int32), np.zeros(STRIPS, np.int32)
+    found, of = np.empty(total, CROSSING), np.empty(total, np.uint32)
+    strip, strips = np.empty(total, np.uint32), np.zeros(STRIPS, np.uint32)
     left_end = bounds[0, 0]
     narrow = STRIPS / max(bounds[0, 1] - left_end, 1e-300)
     start = np.zeros(lines + 1, np.int64)
@@ -166,17 +168,17 @@ def cross(
             c = found[n]
             c.t, c.depth, c.ends, c.begins = t, q + deep * share, left, right
             of[n] = k
-            strip[n] = np.int32(min(max((t - left_end) * narrow, 0.0), STRIPS - 1.0))
+            strip[n] = np.uint32(min(max((t - left_end) * narrow, 0.0), STRIPS - 1.0))
             strips[strip[n]] += 1
             n += 1
 
     # By strips, then by lines.
-    first = np.int32(0)
+    first = np.uint32(0)
     for s in range(STRIPS):
         count = strips[s]
         strips[s] = first
         first += count
-    by_strip = np.empty(total, np.int32)
+    by_strip = np.empty(total, np.uint32)
     for n in range(total):
         by_strip[strips[strip[n]]] = n
         strips[strip[n]] += 1
@@ -216,7 +218,7 @@ def outline(
     crossing: NDArray[np.void],
     slope: Floats,
     stop: Floats,
-    opened: Indices,
+    opened: Places,
     begun: NDArray[np.int64],
 ) -> None:
     """Write where each surface that begins on a line will end, and so how it slopes.
@@ -230,18 +232,18 @@ def outline(
         Crossings of the line, in order.
     slope, stop : (crossing,) float64 ndarray
         Of what begins at each: how its depth grows along the line, and where it ends.
-    opened : (crossing,) int32 ndarray
-        Of what ends at each: the crossing at which it began, -1 if nothing ends.
+    opened : (crossing,) uint32 ndarray
+        Of what ends at each: the crossing at which it began; their number if nothing ends.
     begun : (surface + 1,) int64 ndarray
         How often each has begun more than ended, over the crossing where it began.
     """
     for m in range(len(crossing)):
         c = crossing[m]
         t, ends, begins = c.t, c.ends, c.begins
-        stop[m], opened[m] = -np.inf, -1
+        stop[m], opened[m] = -np.inf, len(crossing)
         count = begun[ends] - ONCE
         if count >> 32 == 0:
-            i, count = count - 1, 0
+            i, count = np.uint32(count - 1), 0
             stop[i], opened[m] = t, i
             first = crossing[i]
             if t > first.t:
@@ -328,11 +330,11 @@ def sweep(
     piece, seen = np.empty((capacity, 4)), np.empty(capacity, np.int32)
     line = np.empty(capacity, np.int32)
     # Of the crossings of a line.
-    slope, stop, opened = np.empty(most), np.empty(most), np.empty(most, np.int32)
-    slot_of = np.empty(most, np.int32)  # place in the list of what began there
+    slope, stop, opened = np.empty(most), np.empty(most), np.empty(most, np.uint32)
+    slot_of = np.empty(most + 1, np.int32)  # place in the list of what began there
     # Of the surfaces that the line is over: the crossing where each began, its place and depth,
     # and how that grows. A side seen edge-on is as steep as rounding allows.
-    over, origin = np.empty(most, np.int32), np.empty(most)
+    over, origin = np.empty(most, np.uint32), np.empty(most)
     base, tilt = np.empty(most), np.empty(most)
     begun = np.zeros(surfaces + 1, np.int64)
     number = 0
@@ -344,12 +346,13 @@ def sweep(
         own = np.int32(number_of(lowest + k, every, kept))
         # The sweep: `shown` began what is seen, from `since` on; it is at `front` in the list.
         active, front, shown, since = 0, -1, -1, 0.0
+        slot_of[n] = -1  # of what ends nothing
         for m in range(n):
             c = some[m]
             now, depth = c.t, c.depth
             fresh = c.begins < surfaces and stop[m] > now
             slot_of[m] = -1
-            slot = slot_of[opened[m]] if opened[m] >= 0 else -1
+            slot = slot_of[opened[m]]
             if slot < 0 and not fresh:
                 continue
             # Surfaces that run through one another change places between crossings. It matters

@@ -36,7 +36,7 @@ class Surfaces:
         Middle of the solid, in the ship frame [m].
     vertices : (vertex, 3) float64 ndarray
         Relative to the middle of the solid [m].
-    edge : (edge, 4) int32 ndarray
+    edge : (edge, 4) uint32 ndarray
         The two vertices that it runs between, and the surfaces left and right of it as seen from
         outside; the number of surfaces stands for none.
     area : (surface, 3) float64 ndarray
@@ -47,7 +47,7 @@ class Surfaces:
 
     centre: Floats
     vertices: Floats
-    edge: NDArray[np.int32]
+    edge: NDArray[np.uint32]
     area: Floats
     moment: Floats
 
@@ -113,7 +113,7 @@ class Surfaces:
             solid.centre,
             place,
             np.ascontiguousarray(
-                np.stack([low[kept], high[kept], sides[0], sides[1]], axis=1), dtype=np.int32
+                np.stack([low[kept], high[kept], sides[0], sides[1]], axis=1), dtype=np.uint32
             ),
             _sums(surface, area, size),
             np.asarray(np.bincount(surface, moment, size), dtype=np.float64),
