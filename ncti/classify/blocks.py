@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-ROWS = 256
+ROWS = 192
 """Rows of a block: with some hundred features, its cosines take what the templates do."""
 
 
@@ -24,7 +24,8 @@ def row_blocks(count: int, rows: int = ROWS) -> Iterator[slice]:
     terms of an element in the same order for every place in the matrix. OpenBLAS does, except for
     products with a single row or column, which have a routine of their own, and for an odd row at
     the end. So blocks have an even number of rows, and none but the last of an odd total ends with
-    such a row; a single row is left only where there is no other.
+    such a row; a single row is left only where there is no other. In single precision blocks have
+    to be of a multiple of 96 rows, which `ROWS` is.
 
     Examples
     --------

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.classify.blocks import row_blocks
 from ncti.classify.fusion import fuse, label_posterior, similarity_between_phases, with_outliers
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import At, Output, Stream, coordinate, stage
@@ -44,18 +45,29 @@ def names_by_both(choices: Choices) -> bool:
     gather=(Infrared.subpixel_offsets, *GATHERED),
 )
 def silhouette_scores(
-    template_log_polar: NDArray[np.uint8], log_polar: NDArray[np.uint8], valid: Views
+    template_log_polar: NDArray[np.uint8],
+    log_polar: NDArray[np.uint8],
+    valid: Views,
+    training_views: Views,
 ) -> NDArray[np.float32]:
     """Return (frame_count, phase, view, template) cosines, NaN of views missing in any phase.
 
-    See `ncti.classify.fusion.similarity_between_phases`.
+    A template is a learned view that is there. See
+    `ncti.classify.fusion.similarity_between_phases`.
     """
     views = valid.all(axis=0).reshape(-1)
-    templates = classifier.map_vectors(template_log_polar)[:, views]
-    scores = np.full((len(log_polar), len(valid), views.size, views.size), np.nan, np.float32)
+    there, learned = views.nonzero()[0], (views & training_views.reshape(-1)).nonzero()[0]
+    # Compared with all views, as rounding of single precision depends on their number.
+    templates = classifier.map_vectors(template_log_polar)[:, there]
+    columns = np.searchsorted(there, learned)
+    shape = len(log_polar), len(valid), views.size, learned.size
+    scores = np.full(shape, np.nan, np.float32)
     for of_count, maps in zip(scores, log_polar, strict=True):
-        cosines = similarity_between_phases(classifier.map_vectors(maps)[:, views], templates)
-        of_count[:, np.outer(views, views)] = cosines.reshape(len(valid), -1)
+        seen = maps.reshape(len(maps), 1, -1, *maps.shape[-2:])
+        for rows in row_blocks(len(there)):
+            vectors = classifier.map_vectors(seen[:, :, there[rows]])
+            cosines = similarity_between_phases(vectors, templates)
+            of_count[:, there[rows]] = cosines[..., columns]
     return scores
 
 
@@ -69,7 +81,8 @@ def silhouette_constants(silhouette_scores: NDArray[np.float32], training_views:
     from ncti.classify.calibration import fit_held_out_phases
 
     training_set = (training_views.reshape(-1) & compared(silhouette_scores)).nonzero()[0]
-    scores = silhouette_scores[:, training_set[:, None], training_set]
+    # Rows and columns together, which decides the order in memory, and so that of sums.
+    scores = silhouette_scores[:, training_set[:, None], np.arange(training_set.size)]
     return fit_held_out_phases(scores, *np.divmod(training_set, training_views.shape[1]))
 
 
@@ -153,9 +166,13 @@ def fusion(
     than answers about learned views support. An empty silhouette carries no information: all its
     scores are 0.
     """
-    seen = compared(profile_scores) & compared(silhouette_scores)
-    views, training_set = seen.nonzero()[0], (training_views.reshape(-1) & seen).nonzero()[0]
-    rows = views[:, None], training_set
+    of_both = compared(profile_scores), compared(silhouette_scores)
+    # Templates of each sensor, of which those of both are compared.
+    templates = np.isfinite(profile_outlier_fraction), training_views.reshape(-1) & of_both[1]
+    seen = np.logical_and(*of_both)
+    views = seen.nonzero()[0]
+    training_set = (np.logical_and(*templates) & seen).nonzero()[0]
+    columns = [np.searchsorted(own.nonzero()[0], training_set) for own in templates]
     draws = max(len(profile_scores), len(silhouette_scores))
     whole = (len(CHANNELS), draws, len(ship), len(aspect))
     valid = seen.reshape(whole[2:])
@@ -165,17 +182,20 @@ def fusion(
     for d in range(draws):
         phase = d % len(silhouette_scores)
         factor, of_silhouettes = silhouette_constants[:, phase]
-        profile = profile_scores[d % len(profile_scores)][rows]
-        silhouette = factor * silhouette_scores[phase].astype(np.float64)[rows]
-        silhouette = with_outliers(silhouette, of_ship, outlier_fraction=of_silhouettes)
-        certain = with_outliers(profile, of_ship, outlier_fraction=of_profiles)
-        both = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
         inverse_temperature[:, d] = 1.0, factor, factor
         outlier_fraction[:, d] = of_profiles.mean(), of_silhouettes, of_profiles.mean()
-        for c, scores in enumerate((profile, silhouette, both)):
-            named[c, d, valid], probability[c, d, valid] = classifier.most_probable(
-                label_posterior(scores, of_ship), views // len(aspect)
-            )
+        for rows in row_blocks(len(views)):
+            profile = profile_scores[d % len(profile_scores)][views[rows, None], columns[0]]
+            silhouette = silhouette_scores[phase][views[rows, None], columns[1]]
+            silhouette = factor * silhouette.astype(np.float64)
+            silhouette = with_outliers(silhouette, of_ship, outlier_fraction=of_silhouettes)
+            certain = with_outliers(profile, of_ship, outlier_fraction=of_profiles)
+            both = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
+            true, column = np.divmod(views[rows], len(aspect))
+            for c, scores in enumerate((profile, silhouette, both)):
+                at = c, d, true, column
+                posterior = label_posterior(scores, of_ship)
+                named[at], probability[at] = classifier.most_probable(posterior, true)
     return classifier.judged(named, valid) | {
         "probability": probability,
         "inverse_temperature": inverse_temperature,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ncti.classify.blocks import row_blocks
 from ncti.classify.fusion import label_posterior
 from ncti.features.profile import estimated_floor
 from sweeps.engine.errors import ConfigurationError
@@ -164,19 +165,16 @@ def profile_scores(
     frame_count: tuple[int, ...],
     prior: Prior,
 ) -> Floats:
-    """Return (frame_count, view, template) log densities.
+    """Return (frame_count, view, template) log densities, NaN for missing views.
 
-    NaN for missing views and for templates that are not learned. `gain_sigma` is the prior
-    standard deviation of the gain.
+    A template is a learned view. `gain_sigma` is the prior standard deviation of the gain.
     """
     templates, known = profile_templates
-    views = valid.reshape(-1)
-    scores = np.full((len(frame_count), views.size, views.size), np.nan)
+    scores = np.full((len(frame_count), valid.size, np.count_nonzero(known)), np.nan)
     for of_count, count, profiles in zip(scores, frame_count, averaged, strict=True):
-        logs = templates.log_likelihood(
+        of_count[valid.reshape(-1)] = templates.log_likelihood(
             prior.levelled(profiles[valid]), count, gain_sigma=gain_sigma
         )
-        of_count[np.outer(views, known.reshape(-1))] = logs.reshape(-1)
     return scores
 
 
@@ -207,24 +205,26 @@ def likelihood(
     templates, known = profile_templates
     classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(valid), np.nonzero(known)
-    pairs: Any = np.ix_(valid.reshape(-1), known.reshape(-1))
+    views = np.flatnonzero(valid)
     whole = (len(frame_count), *valid.shape)
     named, (probability, similarity) = np.full(whole, NONE), np.full((2, *whole), np.nan)
-    same = of_view[:, None] == of_template
-    exclude = (same & left_out) | (~same & aspect_known)
     for f, count in enumerate(frame_count):
-        logs = profile_scores[f][pairs]
+        scores = profile_scores[f]
         if left_out and templates.template_error_:
-            seen = prior.levelled(averaged[f][valid])
+            scores, seen = scores.copy(), prior.levelled(averaged[f][valid])
             for column in np.unique(of_view):
                 rows, others = of_view == column, of_template != column
                 rest = templates.without(~others)
-                logs[np.ix_(rows, others)] = rest.log_likelihood(
+                scores[np.ix_(views[rows], others)] = rest.log_likelihood(
                     seen[rows], count, gain_sigma=gain_sigma
                 )
-        posterior = label_posterior(logs, of_ship, exclude=exclude)
-        named[f][valid], probability[f][valid] = classifier.most_probable(posterior, true)
-        similarity[f][valid] = posterior[1].max(axis=1)
+        for rows in row_blocks(len(views)):
+            same = of_view[rows, None] == of_template
+            exclude = (same & left_out) | (~same & aspect_known)
+            posterior = label_posterior(scores[views[rows]], of_ship, exclude=exclude)
+            at = f, true[rows], of_view[rows]
+            named[at], probability[at] = classifier.most_probable(posterior, true[rows])
+            similarity[at] = posterior[1].max(axis=1)
     return classifier.judged(named, valid) | {
         "probability": probability,
         "similarity": similarity,

@@ -34,7 +34,8 @@ def assert_products(found, plain, features):
     """The same bits, or what as many terms of unit vectors can differ by where these are summed."""
     if same_bits():
         np.testing.assert_array_equal(found, plain)
-    np.testing.assert_allclose(found, plain, rtol=0, atol=2 * features * np.finfo(float).eps)
+    atol = 2 * features * np.finfo(found.dtype).eps
+    np.testing.assert_allclose(found, plain, rtol=0, atol=atol)
 
 
 @given(count=st.integers(0, 3000), half=st.integers(1, 500))
@@ -66,6 +67,27 @@ def test_a_product_in_blocks_is_the_product(samples, templates, features, half, 
     even, product = samples - samples % 2, X @ T[few].T
     assert_products(product[:even], whole[:even, few], features)
     np.testing.assert_allclose(product, whole[:, few], atol=2 * features * np.finfo(float).eps)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    samples=st.integers(1, 900),
+    templates=st.integers(2, 90),
+    features=st.integers(1, 800),
+    times=st.integers(1, 4),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_product_in_single_precision_needs_blocks_of_96(
+    samples, templates, features, times, seed
+):
+    assert ROWS % 96 == 0
+    rng = np.random.default_rng(seed)
+    X, T = (
+        polar(rng.standard_normal((count, features)))[0].astype(np.float32)
+        for count in (samples, templates)
+    )
+    found = np.concatenate([X[rows] @ T.T for rows in row_blocks(samples, 96 * times)])
+    assert_products(found, X @ T.T, features)
 
 
 @settings(deadline=None, max_examples=40)

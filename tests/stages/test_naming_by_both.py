@@ -42,13 +42,14 @@ def compared(cell, templates, seen, valid=None, **training_views):
     known = cell.expected, bands(cell, VARIANCE), cell.valid, learned(**training_views), ASPECTS
     moments = profile_templates(profile_moments(*known, PRIOR), np.array(0.0))  # exact, as by hand
     profiles = np.stack([scores_of(moments, one, cell.valid) for one in cell.averaged])
-    silhouettes = fusion.silhouette_scores(templates, seen, valid)
+    silhouettes = fusion.silhouette_scores(templates, seen, valid, learned(**training_views))
     constants = [fusion.silhouette_constants(one, learned(**training_views)) for one in silhouettes]
     return profiles, silhouettes, constants
 
 
 def named_by(profiles, silhouettes, constants, g, m, n, outlier_fraction=0.0, **training_views):
-    scores = profiles[:, g, n], silhouettes[m], constants[m], np.full(VIEWS, outlier_fraction)
+    of_profiles = np.where(learned(**training_views).reshape(-1), outlier_fraction, np.nan)
+    scores = profiles[:, g, n], silhouettes[m], constants[m], of_profiles
     return fusion.fusion(*scores, learned(**training_views), NAMED, ASPECTS)
 
 
@@ -135,7 +136,9 @@ def test_by_hand(unknown):
     cell, (templates, seen) = made(noise=5.0), maps()
     scores = compared(cell, templates, seen, unknown=unknown)
     cosines = similarity_by_hand(templates, seen)
-    logs = scores[0].swapaxes(0, 1)  # `test_naming_by_likelihood` holds them against densities
+    # `test_naming_by_likelihood` holds these against densities.
+    logs = np.full((len(GAINS), REPLICATES, len(FRAMES), VIEWS, VIEWS), np.nan)
+    logs[..., training_views] = scores[0].swapaxes(0, 1)
     for m, phase in np.ndindex(len(LOOKS), PHASES):
         assert is_likeliest(cosines[m], training_views, phase, scores[2][m][:, phase])
     doubtful = []
