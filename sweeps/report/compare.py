@@ -16,7 +16,7 @@ from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
 from sweeps.report.stores import attributes, groups, opened, read
 from sweeps.report.words import MAIN, printable
 from sweeps.stages.classifier import drawn_aspects
-from sweeps.stages.scores import DRAWS, OF_ASPECTS, VIEW
+from sweeps.stages.scores import DRAWS, OF_ASPECTS, VIEW, by_bin
 
 NAME = "differences"
 SCORES = "scores"
@@ -183,20 +183,13 @@ def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None
     difference = paired_difference(
         one.values == 1, other.values == 1, one.aspect.values, draws=len(draws), answered=asked
     )
-    cells = one.isel(dict.fromkeys((*draws, *VIEW), 0), drop=True)
-    cells = cells.expand_dims(aspect_bin=list(difference.labels), axis=-1)
     figures = {
         "difference": (difference.fraction, "fraction of ships identified, second less first"),
         "ci_low": (difference.ci_low, "lower end of its 95 % interval"),
         "ci_high": (difference.ci_high, "upper end of its 95 % interval"),
         "n": (difference.n, "number of pairs of answers"),
     }
-    return xr.Dataset(
-        {
-            name: xr.DataArray(values, cells.coords, cells.dims, attrs={"long_name": words})
-            for name, (values, words) in figures.items()
-        }
-    )
+    return by_bin(one, difference.labels, figures)
 
 
 def _with_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:

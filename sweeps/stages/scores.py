@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -75,8 +75,6 @@ def scored(
     answers = correct.transpose(..., *draws, *VIEW)
     right, asked, aspect = answers.values == 1, answers.values >= 0, answers.aspect.values
     score = evaluate.replicated_accuracy(right, aspect, draws=len(draws), answered=asked)
-    cells = answers.isel(dict.fromkeys((*draws, *VIEW), 0), drop=True)
-    cells = cells.expand_dims(aspect_bin=list(score.labels), axis=-1)
     figures = {
         "accuracy": (score.fraction, f"fraction of {what} classified correctly"),
         "ci_low": (score.ci_low, "lower end of its 95 % Wilson interval"),
@@ -88,10 +86,21 @@ def scored(
         spread = xr.DataArray(of_draws, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
         said = f"standard deviation of that fraction over {' and '.join(draws)}"
         figures["spread"] = spread.values, said
+    return by_bin(answers, score.labels, {prefix + name: one for name, one in figures.items()})
+
+
+def by_bin(
+    answers: xr.DataArray, labels: Sequence[str], figures: Mapping[str, tuple[Any, str]]
+) -> xr.Dataset:
+    """Return (..., aspect_bin) figures of (..., draw, ship, aspect) answers, with their labels."""
+    import xarray as xr
+
+    pooled = {name: 0 for name in (*DRAWS, *VIEW) if name in answers.dims}
+    cells = answers.isel(pooled, drop=True).expand_dims(aspect_bin=list(labels), axis=-1)
     return data_set(
         {
-            prefix + name: (xr.DataArray(values, cells.coords, cells.dims), said)
-            for name, (values, said) in figures.items()
+            name: (xr.DataArray(values, cells.coords, cells.dims), label)
+            for name, (values, label) in figures.items()
         }
     )
 
