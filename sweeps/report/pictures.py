@@ -25,7 +25,7 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.report.own import OwnFiles
 from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page
-from sweeps.report.stores import attributes, groups, nominal, opened, read
+from sweeps.report.stores import attributes, groups, nominal, opened, read, reason
 from sweeps.report.words import printable, unit_of
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ def pictures_of(path: Path, store: Any) -> dict[str, tuple[str, str]]:
                 warnings.simplefilter("ignore", UserWarning)  # of figures smaller than labels
                 DRAWN[group](path).savefig(content, format="png", dpi=DPI)
         except Exception as error:
-            content, why = io.BytesIO(), f"{type(error).__name__}: {error}".partition("\n")[0]
+            content, why = io.BytesIO(), reason(error)
         pictures[group] = base64.b64encode(content.getvalue()).decode("ascii"), why
     return pictures
 

@@ -64,9 +64,14 @@ def refusal(path: Path, why: str | Exception = "") -> ConfigurationError:
     if isinstance(why, OSError) and why.errno not in {None, errno.ENOENT, errno.ENOTDIR}:
         return ConfigurationError(f"store is {str(path)!r}, which cannot be read: {why.strerror}")
     if isinstance(why, Exception) and not isinstance(why, ConfigurationError):
-        why = f"{type(why).__name__}: {why}".split("\n")[0]
+        why = reason(why)
     sentence = f"store is {str(path)!r}, but must be the zarr store of a sweep with tables"
     return ConfigurationError(sentence + (f" ({why})" if why else ""))
+
+
+def reason(error: Exception) -> str:
+    """Return the kind of an error of another library, and the first line of what it says."""
+    return f"{type(error).__name__}: {error}".partition("\n")[0]
 
 
 def failed_cells(store: Any) -> dict[str, str]:

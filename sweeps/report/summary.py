@@ -18,7 +18,7 @@ from sweeps.report.own import is_free
 from sweeps.report.pivot import at_main, constants, laid_out, place_of
 from sweeps.report.places import page_file, tables_folder
 from sweeps.report.screen import line, note, page
-from sweeps.report.stores import attributes, check_whole, failed_cells, located, opened
+from sweeps.report.stores import attributes, check_whole, failed_cells, located, opened, reason
 from sweeps.report.terminal import MOST, print_table
 from sweeps.report.work import NAME as WORK
 from sweeps.report.work import read_work
@@ -120,9 +120,7 @@ def written_page(path: Path, frames: Mapping[str, Frame], *place: Path, **more: 
         return write_page(path, frames, *place, **more)
     # zarr and xarray raise various errors for damaged groups without a table.
     except Exception as error:
-        why = f"{type(error).__name__}: {error}".partition("\n")[0]
-        if isinstance(error, OSError):
-            why = error.strerror or str(error)
+        why = getattr(error, "strerror", None) or reason(error)
         raise ConfigurationError(f"the report page is not written: {why}") from error
 
 
