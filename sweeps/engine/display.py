@@ -18,9 +18,11 @@ class Figure:
 
     variable: str
     name: str = ""  # of its column; the variable's by default
-    low: str = ""  # variables with the ends of its 95 % interval
+    low: str = ""  # variables with the ends of its 95 % interval; by default found by their names
     high: str = ""
-    beside: Mapping[str, str] = field(default_factory=dict)  # further columns: name, variable
+    beside: Mapping[str, str] = field(
+        default_factory=dict
+    )  # further columns: name, variable; likewise
     percent: bool = False  # a fraction, shown and written in percent
     digits: int | None = None  # decimals that are written; None: all
     format: str = ".4g"  # on screen and page
