@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,30 +88,18 @@ class Scan:
         given["aspect"] = flight.aspect
         units = {name: unit for name, (unit, _) in PARAMETERS.items()} | {"aspect": "degree"}
         attributes = given | {f"{name}_units": units[name] for name in given}
-        return xr.Dataset(
-            {
-                "intensity": labelled(
-                    image, self.intensity, "1", "peak intensity over mean noise power"
-                ),
-                "range": labelled(image, self.range, "m", "range of that peak"),
-                "infrared": labelled(
-                    ("detector", *image), self.infrared, "K", "apparent temperature above the sea"
-                ),
-            },
-            coords={
-                "time": labelled(
-                    image, self.time, "s", "time after the beam crossed the ship's origin"
-                ),
-                "line": labelled("line", lines, "1", "line, 0 the first after time 0"),
-                "sample": labelled(
-                    "sample", np.arange(flight.samples), "1", "sample of a line, from the left"
-                ),
-                "detector": labelled(
-                    "detector", detectors, "1", "passive detector, 0 the leading one"
-                ),
-            },
-            attrs=attributes,
-        )
+        infrared, sample = ("detector", *image), np.arange(flight.samples)
+        arrays: dict[str, tuple[Any, ...]] = {
+            "intensity": (image, self.intensity, "1", "peak intensity over mean noise power"),
+            "range": (image, self.range, "m", "range of that peak"),
+            "infrared": (infrared, self.infrared, "K", "apparent temperature above the sea"),
+            "time": (image, self.time, "s", "time after the beam crossed the ship's origin"),
+            "line": ("line", lines, "1", "line, 0 the first after time 0"),
+            "sample": ("sample", sample, "1", "sample of a line, from the left"),
+            "detector": ("detector", detectors, "1", "passive detector, 0 the leading one"),
+        }
+        labels = {name: labelled(*about) for name, about in arrays.items()}
+        return xr.Dataset(labels, attrs=attributes).set_coords("time")
 
 
 @dataclass(frozen=True, eq=False)
