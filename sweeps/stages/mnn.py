@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.classify.blocks import row_blocks
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.engine.settings import Settings, count, number, switch, word
@@ -121,7 +122,7 @@ def mnn_training(
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` shows it
         network.fit(seen(expected[known], inputs), truth[known])
     named = np.full(valid.shape, NONE)
-    named[valid] = network.predict(seen(expected[valid], inputs))
+    named[valid] = predicted(network, expected[valid], inputs)
     return {
         "training_correct": np.where(known, named == truth, NONE),
         "presentations": np.array(network.n_iter_),
@@ -143,7 +144,7 @@ def mnn(
     network = from_arrays(mnn_training)
     named = np.full(averaged.shape[:-1], NONE)
     for of_count, profiles in zip(named, averaged, strict=True):
-        of_count[valid] = network.predict(seen(profiles[valid], inputs))
+        of_count[valid] = predicted(network, profiles[valid], inputs)
     bins = len(aspect_bins(aspect)[0])
     found = classifier.judged(named // bins, valid)
     right = np.where(valid, named == classes_of(valid.shape, aspect), NONE)
@@ -161,6 +162,14 @@ def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np
     ship, aspect = np.indices(shape)
     classes: NDArray[np.intp] = ship * len(labels) + group[aspect]
     return classes
+
+
+def predicted(network: GainAnnealedNetwork, profiles: Profiles, inputs: str) -> NDArray[np.intp]:
+    """Return the classes of (view, bin) profiles, some of which are inputs at a time."""
+    found = np.empty(len(profiles), dtype=np.intp)
+    for rows in row_blocks(len(profiles)):
+        found[rows] = network.predict(seen(profiles[rows], inputs))
+    return found
 
 
 def seen(profiles: Profiles, inputs: str) -> NDArray[np.floating]:

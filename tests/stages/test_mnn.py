@@ -7,6 +7,7 @@ import pytest
 from range_channel import ASPECTS, BINS, FRAMES, GROUP, SHIPS, directions, learned, made
 
 from ncti.classify import GainAnnealedNetwork
+from ncti.classify.blocks import row_blocks
 from sweeps.engine.seeds import cell_rng
 from sweeps.stages import mnn
 
@@ -78,3 +79,17 @@ def test_every_setting_is_the_librarys(setting):
     np.testing.assert_array_equal(answers["predicted"], named // 3)
     np.testing.assert_array_equal(answers["predicted_bin"], named % 3)
     np.testing.assert_array_equal(answers["correct"], named == TRUTH)
+
+
+@pytest.mark.parametrize("inputs", AXES["inputs"])
+def test_answers_in_blocks_are_those_of_all_views(inputs):
+    cell = made(noise=5.0).without([0], [3])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mnn, "row_blocks", lambda count: row_blocks(count, 4))
+        network = trained(cell, inputs=inputs)
+        parts = answered(cell, network, inputs=inputs)
+    whole = trained(cell, inputs=inputs)
+    for name, values in whole.items():
+        np.testing.assert_array_equal(network[name], values, err_msg=name)
+    for name, values in answered(cell, whole, inputs=inputs).items():
+        np.testing.assert_array_equal(parts[name], values, err_msg=name)

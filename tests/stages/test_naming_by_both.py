@@ -6,6 +6,7 @@ from range_channel import ASPECTS, FRAMES, NAMED, REPLICATES, SHIPS, bands, lear
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
+from ncti.classify.blocks import row_blocks
 from sweeps.stages import fusion
 from sweeps.stages.likelihood import Prior, profile_moments, profile_scores, profile_templates
 
@@ -171,3 +172,28 @@ def test_by_hand(unknown):
                 doubtful.append((wanted.max(axis=1) > 0.05) & (wanted.max(axis=1) < 0.95))
         np.testing.assert_array_equal(found["cell"], 1)
     assert np.mean(doubtful) > 0.2
+
+
+@pytest.mark.parametrize("rows", [2, 6])
+def test_answers_in_blocks_are_those_of_all_views(rows, monkeypatch):
+    """With a ship that is not learned, and views that are missing."""
+    cell, (templates, seen) = made(noise=5.0).without([0], [3]), maps()
+    valid = np.ones((PHASES, *GRID), dtype=bool)
+    valid[1, 2, 2] = False
+
+    known = learned(unknown=("b",))
+    of_profiles = np.where(known & cell.valid, PROFILE_OUTLIERS, np.nan).reshape(-1)
+
+    def found():
+        profiles, silhouettes, constants = compared(cell, templates, seen, valid, unknown=("b",))
+        assert profiles.shape[-1] == (known & cell.valid).sum()
+        assert silhouettes.shape[-1] == (known & valid.all(axis=0)).sum()
+        scores = profiles[:, 1, 1], silhouettes[0], constants[0], of_profiles
+        return fusion.fusion(*scores, known, NAMED, ASPECTS)
+
+    whole = found()
+    monkeypatch.setattr(fusion, "row_blocks", lambda count: row_blocks(count, rows))
+    for name, values in found().items():
+        # Inverse temperatures are found to 1e-4 of theirs, from scores in single precision.
+        np.testing.assert_allclose(values, whole[name], rtol=1e-3, atol=1e-3, err_msg=name)
+    assert (whole["cell"] == 0).sum() == 2 * 3 * PHASES

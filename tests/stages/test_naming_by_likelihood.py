@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from ncti.classify import GaussianTemplates
+from ncti.classify.blocks import row_blocks
 from sweeps.stages import likelihood
 
 BOTH = (False, True)
@@ -138,3 +139,33 @@ def test_an_estimated_floor_is_whatever_the_edges_hold():
     scale = np.nanmax(np.abs(found["as it is", True]))
     np.testing.assert_allclose(found["lifted", True], found["as it is", True], atol=1e-4 * scale)
     assert np.nanmax(np.abs(found["lifted", False] - found["as it is", False])) > scale / 10
+
+
+@pytest.mark.parametrize("rows", [2, 4, 10])
+@pytest.mark.parametrize("error", ERRORS)
+def test_answers_in_blocks_are_those_of_all_views(rows, error, monkeypatch):
+    """Of existing views, with a ship and aspects that are not learned."""
+    cell = made(noise=5.0).without([0, 2, 2], [3, 0, 5])
+    known = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0)}
+    whole = answered(cell, GAINS, BOTH, error=error, **known)
+    monkeypatch.setattr(likelihood, "row_blocks", lambda count: row_blocks(count, rows))
+    for name, values in answered(cell, GAINS, BOTH, error=error, **known).items():
+        # Probabilities are sums of as many terms as templates.
+        np.testing.assert_allclose(values, whole[name], rtol=1e-13, err_msg=name)
+    assert set(np.unique(whole["predicted"])) == {-1, 0, 1}
+
+
+def test_scores_are_of_learned_views_alone():
+    cell = made(noise=5.0).without([0], [3])
+    known = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9)}
+    prior = likelihood.Prior(1e-3, 1.0, floor_estimated=False)
+    given = cell.averaged[0], cell.valid, 1.0, FRAMES, prior
+    every, few = (
+        likelihood.profile_scores(templates_of(cell, bands(cell), **which), *given)
+        for which in ({}, known)
+    )
+    views = cell.valid.size
+    assert every.shape == (len(FRAMES), views, views - 1)
+    assert few.shape == (len(FRAMES), views, (learned(**known) & cell.valid).sum())
+    missing = np.flatnonzero(~cell.valid)
+    assert np.isnan(few[:, missing]).all() and np.isfinite(np.delete(few, missing, axis=1)).all()
