@@ -44,9 +44,14 @@ def test_a_small_sweep_has_all_figures(monkeypatch):
 
 
 def test_watch_counts_the_time_of_processes_that_nobody_waits_for():
-    loop = "import time; [None for _ in iter(lambda: time.process_time() < 0.6, False)]"
+    """One that has computed for 0.6 s, and is there when the command that it belongs to ends."""
+    child = (
+        "import time; [None for _ in iter(lambda: time.process_time() < 0.6, False)];"
+        "print('computed', flush=True); time.sleep(5)"
+    )
     parent = (
         "import os, subprocess, sys, time;"
-        f"subprocess.Popen([sys.executable, '-c', {loop!r}]); time.sleep(1.5); os._exit(0)"
+        f"busy = subprocess.Popen([sys.executable, '-c', {child!r}], stdout=subprocess.PIPE);"
+        "busy.stdout.readline(); time.sleep(1); busy.kill(); os._exit(0)"
     )
-    assert watch([sys.executable, "-c", parent], cores=2).cpu > 0.5
+    assert watch([sys.executable, "-c", parent], cores=2).cpu > 0.6
