@@ -5,48 +5,11 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# What each room may import of this project besides itself; nobody imports `sweeps.app`.
-ROOMS = {
-    "ncti.checks": set(),
-    "ncti.machine_code": set(),
-    "ncti.labels": set(),
-    "ncti.compiled": {"ncti.machine_code"},
-    "ncti.normals": {"ncti.compiled"},
-    "ncti.ships": {"ncti.checks"},
-    "ncti.render": {
-        *("ncti.checks", "ncti.compiled", "ncti.labels", "ncti.machine_code", "ncti.ships"),
-    },
-    "ncti.ladar": {
-        *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.normals", "ncti.ships"),
-        "ncti.render",
-    },
-    "ncti.infrared": {
-        *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships", "ncti.render"),
-    },
-    "ncti.irar": {
-        *("ncti.checks", "ncti.compiled", "ncti.machine_code", "ncti.ships", "ncti.render"),
-        *("ncti.labels", "ncti.ladar", "ncti.infrared"),
-    },
-    "ncti.search": {
-        *("ncti.checks", "ncti.render", "ncti.ladar", "ncti.infrared"),
-        *("ncti.features", "ncti.classify"),
-    },
-    "ncti.features": {"ncti.checks", "ncti.ships", "ncti.render", "ncti.ladar", "ncti.infrared"},
-    "ncti.simulate": {
-        *("ncti.checks", "ncti.labels", "ncti.ships", "ncti.render", "ncti.ladar"),
-        *("ncti.infrared", "ncti.irar"),
-    },
-    "ncti.classify": {"ncti.checks"},
-    "ncti.evaluate": {"ncti.checks"},
-    "sweeps.engine": set(),
-    "sweeps.stages": {"sweeps.engine", "ncti"},
-    "sweeps.experiment": {"sweeps.engine", "sweeps.stages", "ncti"},
-    "sweeps.report": {"sweeps.engine", "sweeps.stages", "ncti"},
-    "sweeps.app": {"sweeps.engine", "sweeps.stages", "sweeps.report", "sweeps.experiment"},
-}
+ROOMS = yaml.safe_load(Path(__file__).with_name("rooms.yaml").read_text())
 PROJECT = {"ncti", "sweeps", "benchmarks"}
 ONLY_THE_ENGINE = {"hydra", "omegaconf", "dask", "distributed", "zarr"}
 ALLOWED_OTHERS = {("sweeps.report", "zarr")}  # it reads stores

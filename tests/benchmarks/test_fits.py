@@ -29,12 +29,6 @@ def test_the_error_of_a_mean_is_that_of_its_kinds_of_draws():
     assert error == pytest.approx(np.std([0, 3, 6], ddof=1) / np.sqrt(3))
 
 
-def test_the_error_of_a_mean_falls_with_independent_draws():
-    """64 draws of deviation 1: 1/8, estimated within a third at five standard deviations."""
-    draws = xr.DataArray(np.random.default_rng(1).standard_normal(64), dims="replicate")
-    assert fits.mean_and_error(draws)[1] == pytest.approx(1 / 8, rel=5 / np.sqrt(2 * 63))
-
-
 def test_a_fit_marks_the_value_nearest_to_the_source():
     """A draw lies 10 off the mean of two; the means are 20, 0 and 5 off the source."""
     ours = xr.DataArray(

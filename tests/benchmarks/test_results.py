@@ -25,32 +25,6 @@ LIKENESS = ("profile_correlation", "profile_correlation_without_hangar")
 DRAWS = 2
 
 
-def seeds_of(rng, experiments, *, seeds, views, draws, hopeless):
-    """(experiment, seed) percent correct, and the mean over all seeds.
-
-    A seed draws views; a share of them is nearly always wrong, the others nearly always right.
-    """
-    bad = rng.random((experiments, seeds, views)) < hopeless
-    chance = np.where(bad, 0.1, 0.98)
-    right = rng.binomial(draws, chance) / draws
-    return 100 * right.mean(axis=2), 100 * (0.1 * hopeless + 0.98 * (1 - hopeless))
-
-
-@pytest.mark.parametrize(("views", "hopeless"), [(40, 0.2), (40, 0.6), (120, 0.5), (40, 0.01)])
-def test_intervals_cover_in_95_of_100_repetitions(views, hopeless):
-    """Of 2,000 experiments of all seeds; a binomial test at 1e-4 against 94 %.
-
-    Percentages are no normal variables, hence 94. Where wrong answers are rare, more is covered.
-    """
-    rng = np.random.default_rng(21)
-    found, truth = seeds_of(rng, 2000, seeds=results.SEEDS, views=views, draws=2, hopeless=hopeless)
-    intervals = [over_seeds(one, views=views) for one in found]
-    covered = sum(one.low <= truth <= one.high for one in intervals)
-    assert stats.binom.cdf(covered, 2000, 0.94) > 1e-4, covered
-    if hopeless >= 0.2:  # and not by being wide
-        assert stats.binom.sf(covered, 2000, 0.965) > 1e-4, covered
-
-
 def test_seeds_that_agree_are_no_certainty():
     """Wilson's interval of 400 views that are all right begins at 1 / (1 + z^2 / 400)."""
     found = over_seeds(np.full(10, 100.0), views=40)

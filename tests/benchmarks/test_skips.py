@@ -5,7 +5,6 @@ import trimesh
 
 from benchmarks import skips
 from benchmarks.classifiers import source_task
-from benchmarks.reports import Sample
 
 
 @pytest.fixture(scope="module")
@@ -32,12 +31,3 @@ def test_exact_skips_change_nothing(barge, task):
     assert set(found.values()) == {0}
     by_lines, by_pixels = mirrored.values()
     assert by_lines < 1e-12 and by_pixels < 1e-3
-
-
-def test_both_ways_are_timed(monkeypatch, task):
-    monkeypatch.setattr(skips, "skips", lambda mesh, task: [next(skips.of_views(mesh))])
-    monkeypatch.setattr(skips, "source_task", lambda: task)
-    monkeypatch.setattr(skips, "TURNS", 3)
-    (row,) = skips.measure("duncan", repeats=1).rows
-    assert row["difference"] == 0
-    assert isinstance(row["ratio"], Sample) and row["ratio"].n == 3

@@ -76,23 +76,3 @@ def sphere(radius: float, edges: Floats, slant_range: float = math.inf) -> Float
     cosine = np.clip(cosine, radius * curvature, 1.0)
     disc = radius**2 * (1.0 - cosine**2) / (1.0 - radius * curvature * cosine) ** 2
     return np.diff(math.pi * disc)
-
-
-def plate(width: float, height: float, away: float, edges: Floats, slant_range: float) -> Floats:
-    """Visible area in each bin of a plate about the line of sight and square to it.
-
-    Ranges below an edge are a disc on the plate: its quarter within a quarter of the plate.
-    """
-    distance = slant_range + away
-    radius = np.sqrt(np.maximum((slant_range + edges) ** 2 - distance**2, 0.0))
-
-    def under(x: Floats, radius: Floats) -> Floats:
-        """Integral of sqrt(radius^2 - x^2) from 0 on."""
-        share = np.divide(x, radius, out=np.zeros_like(x), where=radius > 0.0)
-        return (x * np.sqrt(np.maximum(radius**2 - x**2, 0.0)) + radius**2 * np.arcsin(share)) / 2
-
-    # Up to `whole` the arc is above the plate, from `last` on within its edge there is none.
-    last = np.minimum(radius, width / 2)
-    whole = np.minimum(np.sqrt(np.maximum(radius**2 - (height / 2) ** 2, 0.0)), last)
-    quarter = whole * height / 2 + under(last, radius) - under(whole, radius)
-    return 4.0 * np.diff(quarter) * (slant_range / distance) ** 2

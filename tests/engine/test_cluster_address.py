@@ -64,23 +64,11 @@ def test_files_that_are_no_certificates_are_refused(tmp_path):
     )
 
 
-@contextmanager
-def thread_cluster(count):
-    """A scheduler and workers in this process."""
-    with distributed.LocalCluster(
-        n_workers=count,
-        processes=False,
-        threads_per_worker=1,
-        protocol="tcp://",
-        dashboard_address=None,
-        scheduler_kwargs=workers.SCHEDULER,
-    ) as cluster:
-        yield cluster
-
-
 def test_a_scheduler_without_workers_is_refused(monkeypatch):
     monkeypatch.setattr(workers, "ARRIVAL", 0.5)
-    with thread_cluster(0) as cluster:
+    how = {"processes": False, "protocol": "tcp://", "dashboard_address": None}
+    how |= {"n_workers": 0, "scheduler_kwargs": workers.SCHEDULER}
+    with distributed.LocalCluster(**how) as cluster:
         address = cluster.scheduler_address
         choice = ClusterChoice(kind="address", address=address)
         fails_with(choice, f"cluster.address is {address}, but its scheduler has no workers")

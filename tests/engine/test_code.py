@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+import yaml
 from running import ROOT, python
 
 from sweeps.engine import code, sources
@@ -21,58 +22,8 @@ from sweeps.engine.stage import Stage
 ROOTS = frozenset({"fleet", "yard"})
 version = metadata.version
 
-# A little project; `fleet.measure.length` is the function whose code is hashed.
-PROJECT = {
-    "fleet/__init__.py": "",
-    "fleet/measure.py": (
-        "import math\n"
-        "from typing import TYPE_CHECKING\n"
-        "import numpy as np\n"
-        "from fleet.hull import keel\n"
-        "from .deck import planks\n"
-        "from fleet import paint\n"
-        "if TYPE_CHECKING:\n"
-        "    from fleet.typed import Plan\n"
-        "else:\n"
-        "    import fleet.untyped\n"
-        "def length(x):\n"
-        "    from skimage import filters\n"
-        "    from yard.crane import lift\n"
-        "    return np.sqrt(keel(x))\n"
-    ),
-    "fleet/hull.py": "from . import steel\ndef keel(x):\n    return steel.bend(x)\n",
-    "fleet/steel.py": "import fleet.hull\ndef bend(x):\n    return x\n",
-    "fleet/deck/__init__.py": "from fleet.deck.wood import planks\n",
-    "fleet/deck/wood.py": "from ..rope import knot\ndef planks(): ...\n",
-    "fleet/deck/caulk.py": "",
-    "fleet/rope.py": "def knot(): ...\n",
-    "fleet/paint/__init__.py": "",
-    "fleet/paint/colours/red.frag": "void main() {}",
-    "fleet/paint/notes.txt": "",
-    "fleet/paint/varnish/__init__.py": "",
-    "fleet/paint/varnish/gloss.frag": "void main() {}",
-    "fleet/typed.py": "",
-    "fleet/untyped.py": "",
-    "fleet/alone.py": "",
-    "yard/__init__.py": "",
-    "yard/crane.py": "def lift(): ...\n",
-    "yard/gate.py": "",
-}
-COUNTED = {
-    "fleet/measure.py",
-    "fleet/hull.py",
-    "fleet/steel.py",
-    "fleet/deck/__init__.py",
-    "fleet/deck/wood.py",
-    "fleet/rope.py",
-    "fleet/paint/__init__.py",
-    "fleet/paint/colours/red.frag",
-    "fleet/untyped.py",
-    "fleet/__init__.py",
-    "fleet/paint/varnish/gloss.frag",
-    "yard/__init__.py",
-    "yard/crane.py",
-}
+GIVEN = yaml.safe_load(Path(__file__).with_name("project.yaml").read_text())
+PROJECT, COUNTED, IMPORTS = GIVEN["files"], GIVEN["counted"], GIVEN["imports"]
 
 
 def write(folder: Path, files: dict[str, str]) -> Path:
@@ -157,35 +108,9 @@ def test_the_engine_is_left_out(tmp_path, digest_in):
     assert found.libraries == {}
 
 
-LAZY = "def __getattr__(name): ..."
-IMPORTS = {
-    "a package that gives the name of its module to something else": (
-        {"measure": "from fleet.deck import wood", "deck/__init__": "from fleet.rope import wood"},
-        {"fleet.deck", "fleet.deck.wood", "fleet.rope"},
-    ),
-    "a package that imports on demand": (
-        {"__init__": LAZY, "measure": "import fleet\ndef length(): return fleet.deck.wood.planks"},
-        {"fleet.deck", "fleet.deck.wood"},
-    ),
-    "a name of a package that imports on demand": (
-        {"measure": "from fleet.deck import planks", "deck/__init__": LAZY},
-        {"fleet.deck", "fleet.deck.wood"},
-    ),
-    "a call": (
-        {"measure": "import importlib\nrope = importlib.import_module('.rope', __package__)"},
-        {"fleet.rope"},
-    ),
-    "a star": ({"measure": "from fleet.deck import *"}, {"fleet.deck", "fleet.deck.wood"}),
-    "a package above": (
-        {"__init__": "'Ships.'\nimport fleet.rope\nNAMES = ('keel',)", "measure": ""},
-        {"fleet.rope"},
-    ),
-}
-
-
 @pytest.mark.parametrize("how", IMPORTS)
 def test_ways_of_importing(tmp_path, digest_in, how):
-    given, modules = IMPORTS[how]
+    given, modules = IMPORTS[how]["files"], set(IMPORTS[how]["modules"])
     empty = {"__init__": "", "deck/__init__": "", "deck/wood": "", "rope": "wood = 1"}
     files = {f"fleet/{name}.py": f"{text}\n" for name, text in (empty | given).items()}
     if "def length" not in files["fleet/measure.py"]:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 from small_stores import files
 from toys import CALLS, SPRINGS, go
 
@@ -103,38 +104,7 @@ def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
     assert start("store=s.zarr", "spring.limit=1.5") == 1 and CALLS["period"] == 1
 
 
-REFUSED = {
-    "spring.nothing=1": "spring.nothing is not a key of the configuration; spring has stiffness, "
-    "mass, limit, reference",
-    "nothing=1": "nothing is not a key of the configuration; it has spring, measured, seed, ",
-    "spring.mass.deep=1": "spring.mass.deep is not a key of the configuration; spring.mass has ",
-    "spring.mas=1": "spring.mas is not a key of the configuration; did you mean spring.mass?",
-    "sprng.mass=1": "did you mean spring.mass?",
-    "mass=1": "did you mean spring.mass?",
-    "spring=3": "spring is 3, but must hold stiffness, mass, limit, reference",
-    "spring.mass=[1,0]": "spring.mass has 0, but every value must be a finite number at least 0.1",
-    "spring.reference=3": "spring.reference has 3, but must be one of spring.stiffness",
-    "spring.mass=[1,2": "spring.mass=[1,2 cannot be read, but must be KEY=VALUE",
-    "spring.mass=1,2": "spring.mass is 1,2, but must be one value or a list: quote it, "
-    "'spring.mass=[1,2]'",
-    "spring.mass=[1, 2] seed=1": "quote it, 'spring.mass=[1, 2]'",
-    "spring.mass={start: 1, stop: 2, step: 1}": "quote it, 'spring.mass={start: 1, stop: 2, step: ",
-    "=3": "=3 has no key, but must be KEY=VALUE",
-    "cluster=grid": "cluster is 'grid', but must be one of address, inline, local, slurm",
-    "cluster=[inline,local]": "cluster is [inline,local], but must be one choice",
-    "cluster.workers=2": "cluster.workers is 2, but must be null when cluster.kind is inline",
-    "spring.mass=${spring.weight}": "spring.mass is ${spring.weight}, but must refer to keys that "
-    "have a value (Interpolation key 'spring.weight' not found)",
-    "store=${spring.mas}.zarr": "store is ${spring.mas}.zarr, but must refer to keys that have",
-    "spring.mass=${spring.mass}": "spring.mass is ${spring.mass}, but must refer to keys that have "
-    "a value (Recursive interpolation detected)",
-    "store=s3://bucket/s.zarr": "store is 's3://bucket/s.zarr', but must be a folder on a file "
-    "system: URLs are not supported",
-    "cache=gs://bucket/cache": "cache is 'gs://bucket/cache', but must be a folder",
-    "store=notes": "store is 'notes', which exists but is not a store of a sweep; it must be a new "
-    "path or such a store",
-    "store=[a,b]": "store has 2 values, but must have one: it sets where or how to run",
-}
+REFUSED = yaml.safe_load(Path(__file__).with_name("refused.yaml").read_text())["command"]
 
 
 @pytest.mark.parametrize("argument", REFUSED)

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from small_stores import files, opened
-from toys import CALLS, Told, go, run
+from toys import CALLS, Few, Told, go, of, run
 
 from sweeps.engine import tasks
 from sweeps.engine.packs import files_of
-from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, in_memory, stage
+from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Group, Output, in_memory, stage
 from sweeps.engine.store import read_attributes
 
 STIFF = "ValueError: too [stiff]"
@@ -45,19 +45,13 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
     )
 
 
-class Flaky(Settings, key="flaky"):
-    """Of stages that fail while a file is there."""
-
-    size = count([1, 2, 3, 4], label="size")
-
-
 BROKEN = {"values": frozenset()}
 
 
 @stage(
     Output("first", label="first", dtype="f8"),
-    uses=(Flaky,),
-    along=(Flaky.size,),
+    uses=(Few,),
+    along=(Few.size,),
     group=Group("all"),
 )
 def first(size):
@@ -68,7 +62,7 @@ def first(size):
     return np.sqrt(size)
 
 
-@in_memory(uses=(Flaky,))
+@in_memory(uses=(Few,))
 def made(size):
     """An object that cannot be made while others fail."""
     if size + 10 in BROKEN["values"]:
@@ -76,7 +70,7 @@ def made(size):
     return size
 
 
-@stage(Output("second", label="second", dtype="f8"), uses=(Flaky,), group=Group("all"))
+@stage(Output("second", label="second", dtype="f8"), uses=(Few,), group=Group("all"))
 def second(first, made):
     """What needs both."""
     return first + made
@@ -84,8 +78,8 @@ def second(first, made):
 
 @stage(
     Output("total", label="total", dtype="f8"),
-    uses=(Flaky,),
-    gather=(Flaky.size,),
+    uses=(Few,),
+    gather=(Few.size,),
     group=Group("all"),
 )
 def total(second, valid):
@@ -93,7 +87,7 @@ def total(second, valid):
     return second[valid].sum()
 
 
-FLAKY = Experiment("flaky", "Flaky", (Flaky,), (first, made, second, total))
+FLAKY = of(first, made, second, total)
 
 
 @pytest.fixture
@@ -105,7 +99,7 @@ def broken():
 
 @pytest.mark.parametrize("values", [{2}, {1, 4}, {12}, {3, 11}, {1, 2, 3, 4}])
 def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, values):
-    choices = read_choices(FLAKY.declared, {})
+    choices = read_choices(FLAKY.declared, {"few.size": [1, 2, 3, 4]})
     run(FLAKY, choices, tmp_path / "clean.zarr")
     broken["values"] = frozenset(values)
     store = tmp_path / "s.zarr"

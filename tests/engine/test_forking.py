@@ -3,23 +3,16 @@
 import os
 import signal
 import sys
-import time
 from multiprocessing import forkserver
 
 import psutil
 import pytest
+from executors import eventually, result_of, silent
 
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.forking import fork_server, running_server, worth_importing
 
 IMPORTS = ("wave",)  # which nothing else imports, nor `tabnanny`
-
-
-def answers(run, function, *arguments):
-    run.submit(0, function, *arguments)
-    ((_, result, error),) = run.finished()
-    assert error is None, error
-    return result
 
 
 def parent_and_modules():
@@ -31,18 +24,11 @@ def server_is_gone():
     return running_server() is None
 
 
-def wait_until(true, seconds=30):
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.001)
-
-
 def test_workers_have_the_modules_of_stages_and_what_these_list():
     assert worth_importing([__name__, "nowhere", __name__]) == [__name__, "wave", "nowhere"]
     asked = ["tabnanny", "no_such_module", *IMPORTS]
-    with executor(ClusterChoice(workers=1), modules=asked, say=lambda sentence: None) as run:
-        threads, modules = answers(run, parent_and_modules)
+    with executor(ClusterChoice(workers=1), modules=asked, say=silent) as run:
+        threads, modules = result_of(run, parent_and_modules)
     assert {"tabnanny", "wave"} <= modules
     assert threads == 1  # or it would not be safe to fork
     assert server_is_gone()
@@ -57,7 +43,7 @@ def test_the_server_ends_after_an_error():
 def test_a_server_that_is_killed_is_no_error():
     with fork_server([]):
         os.kill(running_server().pid, signal.SIGKILL)
-        wait_until(server_is_gone)
+        eventually(server_is_gone)
         forkserver.ensure_running()  # as the start of a worker does
-        wait_until(running_server)
+        eventually(running_server)
     assert server_is_gone()

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from company import company
 from small_stores import files, opened
-from toys import CALLS, SPRINGS, go, run
+from toys import CALLS, SPRINGS, Few, go, of, run_few
 
-from sweeps.engine.errors import DeclarationError
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, stage
+from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Group, Output, stage
 from sweeps.engine.store import read_attributes
 
 STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
@@ -96,20 +95,14 @@ def test_values_alone_and_in_company_are_equal():
     assert company(SPRINGS, choices, most=5) == {"noisy": 6, "answers": 6}
 
 
-class Poor(Settings, key="poor"):
-    """Of a stage that breaks the rule."""
-
-    size = count([1, 2, 3], label="size")
-
-
-@stage(Output("sum", label="sum"), uses=(Poor,), along=(Poor.size,), group=Group("poor"))
+@stage(Output("sum", label="sum"), uses=(Few,), along=(Few.size,), group=Group("poor"))
 def sociable(size):
     """A sum over the company."""
     return np.full(len(size), sum(size))
 
 
 def test_a_value_that_depends_on_its_company_is_found():
-    poor = Experiment("poor", "Poor", (Poor,), (sociable,))
+    poor = of(sociable)
     with pytest.raises(AssertionError, match="sociable size=1: sum depends on its company"):
         company(poor, read_choices(poor.declared, {}))
 
@@ -120,8 +113,8 @@ TICKS = iter(range(1000))
 @stage(
     Output("took", label="time", unit="s", role="measured"),
     Output("square", label="square"),
-    uses=(Poor,),
-    along=(Poor.size,),
+    uses=(Few,),
+    along=(Few.size,),
     group=Group("poor"),
 )
 def timed(size):
@@ -130,38 +123,27 @@ def timed(size):
 
 
 def test_what_was_measured_is_kept_and_says_so(tmp_path):
-    poor = Experiment("poor", "Poor", (Poor,), (timed,))
-    choices = read_choices(poor.declared, {})
-    run(poor, choices, tmp_path / "a.zarr", tmp_path / "cache")
+    run_few([timed], tmp_path / "a.zarr", tmp_path / "cache")
     first = opened(tmp_path / "a.zarr", "poor")
     assert first.took.attrs["comment"].startswith("measured while the cell was computed")
     assert "comment" not in first.square.attrs
-    more = read_choices(poor.declared, {"poor.size": [1, 2, 3, 4]})
-    run(poor, more, tmp_path / "a.zarr", tmp_path / "cache")
+    run_few([timed], tmp_path / "a.zarr", tmp_path / "cache", [1, 2, 3, 4])
     second = opened(tmp_path / "a.zarr", "poor")
     assert second.sel(size=[1, 2, 3]).took.equals(first.took)
-    assert company(poor, choices) == {"timed": 3}  # its times differ, which is no fault
+    poor = of(timed)
+    assert company(poor, read_choices(poor.declared, {})) == {
+        "timed": 3
+    }  # its times differ, which is no fault
 
 
-@stage(Output("list", ("place",), label="list"), uses=(Poor,), group=Group("poor"))
-def ragged(size):
-    """Arrays of several lengths without a value to pad them with."""
-    return np.zeros(size)
-
-
-@stage(Output("flat", ("place",), label="flat"), uses=(Poor,), group=Group("poor"))
+@stage(Output("flat", ("place",), label="flat"), uses=(Few,), group=Group("poor"))
 def flat(size):
     """A number where an array is declared."""
     return 0.0
 
 
 def test_arrays_that_do_not_fit_their_declaration_are_named(tmp_path):
-    poor = Experiment("poor", "Poor", (Poor,), (ragged,))
-    with pytest.raises(DeclarationError, match="no value to pad it with"):
-        run(poor, read_choices(poor.declared, {}), tmp_path / "s.zarr")
-    assert not (tmp_path / "s.zarr").exists()
-    poor = Experiment("poor", "Poor", (Poor,), (flat,))
-    finished = run(poor, read_choices(poor.declared, {}), tmp_path / "s.zarr")
+    finished = run_few([flat], tmp_path / "s.zarr")
     assert {why for _, why in finished.failures} == {
         "TypeError: flat returned an array of shape () as flat, but must return one of 1 "
         "dimensions of its own"

@@ -5,19 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small_stores import files, opened
-from toys import CALLS, SPRINGS, Told, run
+from toys import CALLS, SPRINGS, Few, Told, of, run
 
 from sweeps.engine import run as running
-from sweeps.engine.settings import Settings, count, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, stage
+from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Group, Output, stage
 
-
-class Few(Settings, key="few"):
-    """Of stages that are not functions of their arguments."""
-
-    size = count([1, 2, 3, 4], label="size")
-
-
+FOUR = {"few.size": [1, 2, 3, 4]}
 COUNTED = {"calls": 0}
 
 
@@ -47,10 +41,6 @@ def swept(experiment, store, verify=1.0, **given):
         return run(experiment, choices, store, watch=Told().watch)
 
 
-def of(*stages):
-    return Experiment("few", "Few", (Few,), stages)
-
-
 def test_reproducible_cells_are_computed_twice_and_the_store_is_the_same(tmp_path):
     CALLS.clear()
     assert swept(SPRINGS, tmp_path / "once.zarr", 0.0).failures == []
@@ -64,7 +54,7 @@ def test_reproducible_cells_are_computed_twice_and_the_store_is_the_same(tmp_pat
 
 
 def test_a_cell_that_differs_fails_alone_by_name(tmp_path):
-    finished = swept(of(counting), tmp_path / "s.zarr")
+    finished = swept(of(counting), tmp_path / "s.zarr", **FOUR)
     assert finished.failures == [
         (
             "counting size=3",
@@ -75,13 +65,13 @@ def test_a_cell_that_differs_fails_alone_by_name(tmp_path):
     assert (
         found.sel(size=3).isnull().all() and (found.isel(place=0).dropna("size") == [1, 2, 4]).all()
     )
-    again = swept(of(counting), tmp_path / "s.zarr")  # the cell was not kept
+    again = swept(of(counting), tmp_path / "s.zarr", **FOUR)  # the cell was not kept
     assert [name for name, _ in again.failures] == ["counting size=3"]
     assert sum(one.reused for one in again.progress.values()) == 3
 
 
 def test_a_cell_that_depends_on_its_company_is_named(tmp_path):
-    finished = swept(of(in_company), tmp_path / "s.zarr")
+    finished = swept(of(in_company), tmp_path / "s.zarr", **FOUR)
     assert finished.failures == [
         (
             "in_company size=2",

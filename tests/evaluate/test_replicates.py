@@ -139,36 +139,6 @@ def test_intervals_cover_the_truth(truth, concentration):
         assert independent < 0.85
 
 
-@pytest.mark.parametrize("of_views", [0.0, 2.0])
-@pytest.mark.parametrize(("draws", "least"), [((8,), 0.92), ((16,), 0.93), ((4, 4), 0.9)])
-def test_intervals_cover_the_truth_where_draws_differ_as_wholes(of_views, draws, least):
-    """A bad training is wrong about many views: logits of views and of draws are random.
-
-    2,000 experiments at 95 %, standard error 0.5 %, by bin and overall. Draws of one kind scatter
-    by 0.8 about a logit of 0.8: the chance of a right answer by 0.16. What 7 numbers say of a
-    variance leaves some intervals short, what 3 numbers say of each of two more.
-    """
-    rng = np.random.default_rng(2)
-    size, kinds = 2000, len(draws)
-    logit = 0.8 + of_views * rng.standard_normal((size, *[1] * kinds, 4, 31))
-    for kind, count in enumerate(draws):
-        place = np.ones(kinds, int)
-        place[kind] = count
-        logit = logit + 0.8 * rng.standard_normal((size, *place, 1, 1))
-    many = 0.8 + np.hypot(of_views, 0.8 * np.sqrt(kinds)) * rng.standard_normal(10**6)
-    truth = (1 / (1 + np.exp(-many))).mean()
-    correct = rng.random((size, *draws, 4, 31)) < 1 / (1 + np.exp(-logit))
-    found = evaluate.replicated_accuracy(correct, ASPECTS, draws=kinds)
-    covered = ((found.ci_low <= truth) & (found.ci_high >= truth)).mean(axis=0)
-    assert np.all(covered > least) and np.all(covered < 0.985)
-    # Were draws no more than looks at the same views, as replicates of the noise are, they would
-    # not: every draw is another training.
-    shares = correct.mean(axis=tuple(range(1, 1 + kinds)))
-    spread = shares.var(axis=(-2, -1), ddof=1) / 124
-    alone = np.abs(shares.mean(axis=(-2, -1)) - truth) < 1.96 * np.sqrt(spread)
-    assert alone.mean() < 0.85
-
-
 def test_no_answers_say_nothing():
     found = evaluate.replicated_accuracy(np.zeros((3, 4, 31), bool), ASPECTS, answered=False)
     assert np.isnan(found.fraction).all()

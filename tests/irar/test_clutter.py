@@ -5,23 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from flown import flight, pole_on_box, seen_from
+from flown import seen_from
 
-from ncti.irar import fly
 from ncti.irar.clutter import clutter, sea_places
 
 DEVIATION, LENGTH = 0.3, 12.0
 DRAWS = 2000
-
-
-@pytest.fixture(scope="module")
-def ship():
-    return pole_on_box(60, 9, 5, 20)
-
-
-@pytest.fixture(scope="module")
-def flown(ship):
-    return fly(ship, flight(175.0, samples=120, line_rate=60))
 
 
 def with_sea(passed, **sea):

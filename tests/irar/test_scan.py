@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from flown import flight, pole_on_box
+from flown import flight
 
 from ncti.infrared import band_contrast
 from ncti.irar import fly
@@ -12,22 +12,12 @@ from ncti.irar.scan import wander
 from ncti.irar.scene import ScanPlan, plan_scan, scan_scene
 
 
-@pytest.fixture(scope="module")
-def ship():
-    return pole_on_box(60, 9, 5, 20)
-
-
-@pytest.fixture(scope="module")
-def flown(ship):
-    return fly(ship, flight(175.0, samples=120, line_rate=60))
-
-
-def test_detectors_trail_each_other_over_the_ship(flown):
+def test_detectors_trail_each_other_over_the_ship(ship, flown):
     """Detector k sees at sample j the column j - k, before the first sample as well."""
     scan = flown.noiseless()
     plan = flown.plan
     assert scan.infrared.shape == (12, plan.lines, 120)
-    seen = scan_scene(pole_on_box(60, 9, 5, 20), plan, leading=11).coverage()
+    seen = scan_scene(ship, plan, leading=11).coverage()
     warmth = band_contrast(plan.flight.slant_range)
     expected = seen * warmth
     for k in range(12):

@@ -97,29 +97,6 @@ def test_signal_of_an_extended_return_is_free_of_the_bin(pulse_width, bin_width)
     )
 
 
-@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
-def test_profile_is_free_of_the_bin(pulse_width):
-    """Signal above the floor, ends included, at 1 m against 0.5 m.
-
-    A return moves by a quarter of a bin at most, up or down: along an extended return that
-    cancels, and at each of its ends, some sigma long in a length L, leaves about (dR / sigma)^2 / 8
-    of it, sigma = N_z dR / 4; besides the ripple of the sum, in amplitude half of that in power.
-    """
-    length = 60 * 1.3  # of the slope, in range [m]
-    image = plane(width=60, height=60, slope=(1.0, 0.3), pixel=0.125)
-    signals = {}
-    for width in (0.5, 1.0):
-        extent = ladar.range_extent(image, slant_range=1e8, ifov=150e-9, bin_width=width)
-        profile = ladar.expected_profile(extent, pulse_width=pulse_width, cnr=CNR)
-        signals[width] = profile - len(extent.cell) * ladar.noise_floor()
-        # The floor does not know the bin at all: the end of the window.
-        assert profile[0] == pytest.approx(len(extent.cell) * ladar.noise_floor(), rel=1e-12)
-    centres = signals[0.5].reshape(-1, 2).mean(axis=1)
-    n_z = SPEED_OF_LIGHT * pulse_width / np.sqrt(2)
-    tolerance = 2 * (1 / 8) / (n_z / 4 * length) + np.exp(-(np.pi**2) * n_z**2 / 8)
-    assert np.abs(centres - signals[1.0]).sum() < tolerance * signals[1.0].sum()
-
-
 def test_a_pulse_too_short_for_the_bins_is_told(stepped):
     with pytest.warns(UserWarning, match=r"9\.43e-09"):
         ladar.expected_profile(stepped[1.0], pulse_width=9e-9, cnr=CNR)

@@ -4,24 +4,15 @@ from pathlib import Path
 
 import pytest
 from commands import swept
+from stores import COARSE, SMALL
 
 # Two ships of which the second is flown past, several values on two of the axes that the notebook
 # asks for and one on the third; few and coarse lines, in a tenth of a second a flight.
 FLIGHTS = [
-    "sensor=irar",
-    "grid.ship=[duncan,roberts]",
-    "grid.aspect=175",
-    "irar.flown=roberts",
-    "irar.range=3",
-    "irar.cnr=[10,20]",
-    "irar.range_filter=[cluster,mean]",
-    "irar.ifov=500",
-    "irar.samples=60",
-    "irar.line_rate=60",
-    "irar.detectors=3",
-    "irar.pulse_rate=4000",
-    "render.pixel=0.5",
-    "render.engine=embree",
+    *("sensor=irar", "grid.ship=[duncan,roberts]", "grid.aspect=175", "irar.flown=roberts"),
+    *("irar.range=3", "irar.cnr=[10,20]", "irar.range_filter=[cluster,mean]"),
+    *(f"irar.{key}={value:g}" for key, value in SMALL.items()),
+    *COARSE,
 ]
 
 

@@ -1,21 +1,17 @@
 """Pictures of flights: drawn when a sweep ends, whole or not at all, of what the store holds."""
 
-import os
 import shutil
 
 import numpy as np
 import pytest
 from commands import swept
 from made import scores
-from matplotlib.figure import Figure
 from matplotlib.image import imread
 from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, signed
 
 import ncti.ships
 from ncti.irar import Chain, Flight, fly, ship_heading
-from sweeps.engine.errors import ConfigurationError
 from sweeps.report.flights import BRIGHTEST, draw_stages, known_ship, scan_of, stages
-from sweeps.report.pictures import write_pictures
 from sweeps.report.places import tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png"]
@@ -54,19 +50,6 @@ def test_a_store_without_flights_has_no_such_pictures(tmp_path, monkeypatch, cap
     assert reported(monkeypatch, "--pictures", path) == 2
     told = capsys.readouterr().err
     assert "has no flights" in told and told.count("\n") == 1
-
-
-def test_a_picture_that_is_not_finished_is_not_there(store, monkeypatch):
-    from rich.console import Console
-
-    def failing(self, target, **how):
-        target.write(b"\x89PNG half")
-        raise PermissionError("no more room")
-
-    monkeypatch.setattr(Figure, "savefig", failing)
-    with pytest.raises(ConfigurationError, match="no more room"), open(os.devnull, "w") as nowhere:
-        write_pictures(store, Console(file=nowhere))
-    assert pictures(tables_folder(store)) == []
 
 
 def test_a_ship_that_is_no_longer_the_same_is_not_drawn(sisters):

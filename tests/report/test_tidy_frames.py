@@ -11,7 +11,6 @@ from made import scores, shown
 from pages import stored
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.zarr_array import nested
 from sweeps.report.files import csv_of
 from sweeps.report.frames import PART, frame, read_frames
 from sweeps.report.words import missing
@@ -132,19 +131,3 @@ def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
         frame(path, "speed")
     with pytest.raises(ConfigurationError, match=r"must be the zarr store"):
         frame(tmp_path / "absent.zarr", "scores")
-
-
-def test_displays_are_read_as_they_were_declared(smoke_store):
-    import zarr
-
-    from sweeps.engine.display import read_display
-    from sweeps.experiment import EXPERIMENT
-
-    store = zarr.open_group(smoke_store, mode="r")
-    for table in EXPERIMENT.tables:
-        if table.group in store and table.displays:
-            written = nested(store[table.group].attrs)["displays"]
-            for one, declared in zip(written, table.displays, strict=True):
-                again = read_display(one)
-                assert (again.name, again.figures) == (declared.name, declared.figures)
-                assert again.rows == declared.rows and again.labels == dict(declared.labels)

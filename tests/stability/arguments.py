@@ -5,7 +5,7 @@ import inspect
 import math
 
 import numpy as np
-from hard_meshes import box
+from hard_meshes import box, mesh
 
 from ncti.render import range_image
 
@@ -22,6 +22,8 @@ SHIFT = {
     **{"aircraft_speed": 90.0, "aircraft_heading": 0.0, "ship_speed": 8.0, "ship_heading": 0.0},
     **{"offset": 5.0, "slant_range": 3900.0, "ifov": 205e-6, "rate": 119.0},
 }
+FACET = [[0, 1, 2]]
+LINE = mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], FACET)
 SIMULATED = {"ship": BOX, "aspect": 30.0, "rng": 0}
 
 # Each function below `ncti`, with arguments that it takes.
@@ -50,7 +52,7 @@ GOOD = {
     "ladar.cumulative_average": {"frames": np.ones((3, 5)), "frame_counts": [1, 3]},
     "ladar.carrier_to_noise": {"slant_range": 1e5},
     "render.far_field_error": {"reach": 70.0, "slant_range": 1e5},
-    "render.range_image": VIEW,
+    "render.range_image": VIEW | {"engine": "embree"},
     "render.mask.ship_mask": VIEW | {"pixel": 0.5},
     "render.line_image": VIEW,
     "render.cast_rays": {"mesh": BOX, "origin": np.ones((4, 3)), "direction": np.ones((4, 3))},
@@ -111,6 +113,14 @@ GOOD = {
     "simulate.flight": SIMULATED,
 }
 
+
+def broken(value):
+    """The box with a coordinate that is not a number."""
+    vertices = np.array(BOX.vertices)
+    vertices[3, 1] = value
+    return mesh(vertices, BOX.faces)
+
+
 NO_NUMBER = ["far", 1j, [[4.0, 16.0], 4.0]]
 # What every function refuses that has an argument of the name: by kinds of arguments, and by name.
 KINDS = [
@@ -164,6 +174,7 @@ WRONG = {name: values for names, values in KINDS for name in names.split()} | {
     "mask": [np.ones(4), np.ones((0, 4)), np.full((4, 4), 1.5)],
     "mast": [(50.0, 40.0)],
     "mirror_angle": [0, 90, NAN],
+    "mesh": [mesh(np.zeros((3, 3)), FACET), LINE, *map(broken, (NAN, INF, -INF))],
     "order": [np.zeros(0, int), [0, 3], [0, -1], [0.7, 1], [2, 0, 2], [[0, 1]]],
     "origin": [np.ones((5, 3)), np.ones(3), np.ones((4, 2))],
     "outer_radius": [0.5],

@@ -46,28 +46,3 @@ def test_hard_facets_change_nothing(engine, name):
             allowed = min(2 * 30 * 200.0 * 0.5 / 256 / 15.0**2, 0.1 * whole)
         difference = np.abs(plain.fraction.sum(axis=0) - hard.fraction.sum(axis=0)).sum()
         assert difference <= allowed
-
-
-@pytest.mark.parametrize("engine", hard_meshes.ENGINES)
-@pytest.mark.parametrize(
-    "vertices", [np.zeros((3, 3)), [[0, 0, 0], [1, 0, 0], [2, 0, 0]]], ids=["point", "line"]
-)
-def test_a_mesh_without_area_is_refused(engine, vertices):
-    with pytest.raises(ValueError, match="mesh has no facets with an area: at least one"):
-        hard_meshes.see(
-            engine, hard_meshes.mesh(vertices, [[0, 1, 2]]), aspect=37.0, depression=3.84
-        )
-
-
-@pytest.mark.parametrize("engine", hard_meshes.ENGINES)
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_vertex_that_is_not_finite_is_refused(engine, value):
-    vertices = np.array(hard_meshes.box().vertices)
-    vertices[3, 1] = value
-    with pytest.raises(ValueError, match="mesh has vertices that are not finite"):
-        hard_meshes.see(
-            engine,
-            hard_meshes.mesh(vertices, hard_meshes.box().faces),
-            aspect=37.0,
-            depression=3.84,
-        )

@@ -2,10 +2,12 @@
 
 import io
 import runpy
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import pytest
+import yaml
 from commands import FAST, chosen, groups_of, ran
 from matplotlib import pyplot as plt
 from matplotlib.image import imread
@@ -29,40 +31,8 @@ GROUPS = sorted(
 )
 EXPERIMENTS = sorted(path.stem for path in conf_folder().glob("experiment/*.yaml"))
 
-# What makes them small; `smoke` is run whole by the tests of its store.
-TWO = "grid.ship=[duncan,texas]"
-PROFILES = "grid.aspect=[0,90] grid.pulse_width=[30,50] grid.frame_count=[2,4]"
-MNN = "classifier.mnn.epochs=20"
-SEEN = "infrared.frame_count=4 infrared.subpixel_offsets=2 infrared.orders=1"
-FAR = "infrared.range=[50,100]"
-NEAR = "grid.range=50 infrared.range=50 grid.random_aspects=1 grid.replicate=2"
-FLOWN = (
-    "irar.ifov=1000 irar.samples=40 irar.line_rate=30 irar.pulse_rate=2000 irar.detectors=2 "
-    "irar.range=3 grid.replicate=1"
-)
-TINY = {
-    "corrections": f"{FLOWN} grid.ship=roberts",
-    "draws": f"{PROFILES} {SEEN} {MNN} {TWO} {FAR} ladar.subpixel_offsets=2 classifier.orders=2 "
-    "grid.vigilance=0.95",
-    "fusion": f"{PROFILES} {SEEN} {TWO} grid.range=50 grid.replicate=2",
-    "measured": f"{PROFILES} {MNN} grid.aspect=175 grid.ship=[duncan,roberts] irar.flown=roberts "
-    f"{FLOWN}",
-    "paper": f"{PROFILES} {SEEN} {MNN} {TWO} {FAR}",
-    "runtime_vs_error": f"{TWO} grid.aspect=90 render.engine=embree render.pixel=1 render.roll=30 "
-    "run_time.repeats=1 run_time.bin_width=1",
-    "scan": f"{TWO} grid.aspect=[0,45,90] grid.frame_count=[2,4] grid.range=50 grid.replicate=1 "
-    "scan.known_views=4",
-    "sensitivity": f"{FLOWN} irar.errors.ship_speed=null irar.errors.ship_heading=null "
-    "irar.errors.aircraft_speed=5 irar.errors.aircraft_heading=null irar.errors.pointing=0.2",
-    "table2": f"{PROFILES} {MNN} {TWO} grid.replicate=2",
-    "table4": f"{PROFILES} {MNN} {TWO} grid.replicate=2",
-    "table5": f"{SEEN} grid.aspect=[0,90] {TWO} {FAR}",
-    "fresh": f"{PROFILES} grid.aspect=[0,45,90] {SEEN} {MNN} {TWO} {NEAR}",
-    "spacing": f"{PROFILES} {SEEN} {TWO} {NEAR} grid.aspect=[0,6,12] "
-    "classifier.template_spacing=[6,12]",
-    "unknown": f"{PROFILES} grid.aspect=[0,1.5,3] classifier.training_aspect=[0,3]",
-    "validation": f"{FLOWN} grid.ship=[duncan,roberts] irar.mast_gain=3 irar.pictures=false",
-}
+ROWS = yaml.safe_load(Path(__file__).with_name("experiments.yaml").read_text())
+TINY, GALLERY = ROWS["small"], ROWS["pictures"]
 
 
 @pytest.mark.parametrize(("group", "name"), GROUPS)
@@ -106,7 +76,7 @@ def test_every_experiment_is_run():
 @pytest.mark.parametrize("name", TINY)
 def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
     fast = [] if name == "runtime_vs_error" else FAST
-    arguments = [*fast, *TINY[name].split(), "store=s.zarr", f"cache={results}"]
+    arguments = [*fast, *TINY[name], "store=s.zarr", f"cache={results}"]
     assert ran(f"+experiment={name}", *arguments) == 0, capsys.readouterr().err
     assert_on_a_page(capsys.readouterr().out)
     assert_tables_fit(folder / "s.zarr")
@@ -121,20 +91,6 @@ def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
             if variable in SCORES and "n" in data:
                 values = values.where(data.n > 0, 0.0)  # no view is between templates of each one
             assert np.isfinite(asked(values, group, flown)).all(), (group, variable)
-
-
-GALLERY = {  # scripts of docs/gallery by experiment, with their arguments after the store
-    "paper": (("range_profiles",), ("categories", "acn"), ("classifiers",), ("silhouettes",)),
-    "draws": (("scores",),),
-    "table5": (("infrared_scores",), ("categories", "acn_infrared")),
-    "fresh": (("fusion",),),
-    "spacing": (("spacing",),),
-    "validation": (("near_stern",), ("flight",)),
-    "measured": (("measured",),),
-    "sensitivity": (("sensitivity",),),
-    "scan": (("field_scan",),),
-    "runtime_vs_error": (("run_time",),),
-}
 
 
 def draw_gallery(experiment, monkeypatch):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import trimesh
 from commands import opened, swept
 
 import ncti.ships
@@ -44,23 +43,6 @@ def error(found: np.ndarray, exact: np.ndarray) -> float:
     return float(np.abs(p - q).sum() / q.sum())
 
 
-def as_seen_from(mesh: trimesh.Trimesh, slant_range: float) -> trimesh.Trimesh:
-    """Return a mesh whose far-field view is that of another from a slant range [m].
-
-    Facets of at most 3 m stay flat within 2 mm at 1 km.
-    """
-    fine = mesh.copy().subdivide_to_size(3.0)
-    a, d = np.radians([ASPECT, DEPRESSION])
-    towards = np.array([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
-    right = np.array([-np.sin(a), np.cos(a), 0.0])
-    axes = np.stack([right, np.cross(towards, right), -towards])
-    h, v, r = (np.asarray(fine.vertices) @ axes.T).T
-    scale = 1.0 / (1.0 + r / slant_range)
-    distance = np.sqrt(h**2 + v**2 + (slant_range + r) ** 2) - slant_range
-    seen = np.stack([h * scale, v * scale, distance], axis=1) @ axes
-    return trimesh.Trimesh(seen, fine.faces, process=False)
-
-
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory, cache):
     """Profiles of the texas at all ranges."""
@@ -78,17 +60,15 @@ def stored(tmp_path_factory, cache):
 
 @pytest.mark.parametrize("slant_range", [1.0, 25.0])
 def test_the_error_that_a_sweep_states_covers_the_truth_at_any_range(stored, slant_range):
-    """Against outlines united exactly, of a mesh that is bent by the perspective of the range.
+    """Against outlines united exactly, as they are seen from the range.
 
     Drawn in the far field, the texas errs by 8.8 % at 1 km and by 0.1 % at 100 km.
     """
     extent = drawn_in_sweeps(slant_range)
-    bent = as_seen_from(ncti.ships.load("texas"), slant_range * 1e3)
-    exact = reference_range_extent(
-        bent, aspect=ASPECT, depression=DEPRESSION, bin_edges=EDGES
-    ).area.sum(axis=0)
+    view = {"aspect": ASPECT, "depression": DEPRESSION, "slant_range": slant_range * 1e3}
+    exact = reference_range_extent(ncti.ships.load("texas"), **view, bin_edges=EDGES)
     side = slant_range * 1e3 * 150e-6
-    truth = error(extent.fraction.sum(axis=0) * side**2, exact)
+    truth = error(extent.fraction.sum(axis=0) * side**2, exact.area.sum(axis=0))
     view = stored.sel(range=slant_range)
     assert float(view.profile_error) == pytest.approx(extent.error_after(PULSE * 1e-9), rel=1e-6)
     assert truth <= float(view.profile_error) <= TOLERANCE

@@ -90,31 +90,25 @@ def store(folder, capsys):
     return folder / "s.zarr"
 
 
-def test_it_looks_along_axes_of_its_own(store):
-    seen = opened(store, "toy")
+def test_it_has_axes_names_ships_and_is_reported(store):
+    seen, answers, table = (
+        opened(store, group) for group in ("toy", "classification/toy", "tables/toy")
+    )
     assert seen.depth.dims == ("ship", "aspect", "echoes", "scatter")
     assert seen.scatter.attrs == {"units": "m", "long_name": "scatter of one echo"}
-    assert (opened(store, "status").view == 1).all()
     exact = seen.depth.sel(scatter=0)
     for ship, draught in DRAUGHT.items():
         assert (exact.sel(ship=ship) == np.float32(draught)).all()
     one, nine = (abs(seen.depth - exact).sel(echoes=number, scatter=2).mean() for number in (1, 9))
     assert 0 < nine < one
-
-
-def test_it_names_ships_and_has_a_table(store):
-    answers, table = opened(store, "classification/toy"), opened(store, "tables/toy")
     assert answers.correct.dims == ("echoes", "scatter", "ship", "aspect")
     assert (answers.correct.sel(scatter=0) == 1).all() and not answers.correct.all()
+    assert (opened(store, "status").view == 1).all()
     assert (opened(store, "status_toy").cell == 1).all()
     xr.testing.assert_equal(table.share, answers.correct.mean(("ship", "aspect")))
     root = read_attributes(store)["configuration"]
     assert root["sensor"] == ["toy"] and root["toy"] == {"echoes": [1, 9], "scatter": [0, 2]}
-
-
-def test_its_table_is_reported(store, capsys):
-    files = {path.name: path for path in store.with_name("s-tables").iterdir()}
-    rows = list(csv.DictReader(files["toy.csv"].open()))
+    rows = list(csv.DictReader((store.with_name("s-tables") / "toy.csv").open()))
     assert len(rows) == 4
     assert [float(row["share"]) for row in rows if float(row["scatter_m"]) == 0] == [1, 1]
 
