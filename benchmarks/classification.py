@@ -47,7 +47,7 @@ def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
         folder = Path(parent)
         timed(EXPERIMENT, choices, on_workers(folder, "first.zarr"))
         for turn in range(repeats):
-            for pack in CellIndex(folder / "cache", lambda sentence: None).packs.values():
+            for pack in CellIndex(folder / "cache", lambda sentence: None).packs:
                 if pack.stage in names:
                     (folder / "cache" / pack.path).unlink()
             runs.append(timed(EXPERIMENT, choices, on_workers(folder, f"{turn}.zarr")))

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.kinds import spelt
-from sweeps.engine.packs import Arrays, Spot
-from sweeps.engine.plan import Axis, Plan
+from sweeps.engine.packs import Arrays, Spots
+from sweeps.engine.plan import Axis, Cells, Plan
+from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import Setting
 from sweeps.engine.stage import COORDINATE, MEASURED, STATE, Bound, Output
 from sweeps.engine.tasks import Damaged, uneven
@@ -23,10 +24,11 @@ from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 MISSING, FAILED, DONE = -1, 0, 1
 FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
 
-REMEMBERED = 2**28  # bytes of cells that stay in memory between variables
-AT_ONCE = 512  # cells whose shapes are looked at
+REMEMBERED = 2**27  # bytes of cells that stay in memory between variables
+OVERHEAD = 600  # bytes of the objects that hold one
+AT_ONCE = 4096  # cells that are read together
 
-Reader = Callable[[Sequence[Spot]], list[Arrays | None]]
+Reader = Callable[[Spots], list[Arrays | None]]
 
 
 ANEW = "measured while the cell was computed; differs if computed again"
@@ -87,20 +89,22 @@ def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
 
 @dataclass
 class Cube:
-    """The arrays of a store, made of the cells of a plan.
+    """The arrays of a store, made of the finished cells of a schedule.
 
-    By key, `spots` has the location of a cell, and `failed` the reason of its failure. `read` gives
-    None for a damaged one.
+    `read` gives None for a damaged one.
     """
 
-    plan: Plan
-    spots: Mapping[str, Spot]
-    failed: Mapping[str, str]
+    schedule: Schedule
     read: Reader
     # By group: starts of own dimensions that have an origin, and lengths of all.
     _extents: dict[str, tuple[dict[str, int], dict[str, int]]] = field(default_factory=dict)
-    _memory: dict[Spot, Arrays] = field(default_factory=dict)
+    _memory: dict[int, Arrays] = field(default_factory=dict)  # by number of the result
     _held: int = 0
+
+    @property
+    def plan(self) -> Plan:
+        """The plan of the cells."""
+        return self.schedule.plan
 
     def groups(self) -> dict[str, Group]:
         """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
@@ -170,16 +174,17 @@ class Cube:
             return Array.of(named, texts, attrs, coordinate=coordinate)
         return Array(named, sizes, dtype, attrs, read, parts, output.empty, coordinate)
 
-    def _keys(self, layout: Layout, ranges: Sequence[range]) -> list[str]:
-        """Return keys of the cells in ranges of the variable's axes, the last fastest."""
+    def _nodes(self, layout: Layout, ranges: Sequence[range]) -> Cells:
+        """Return numbers of the results in ranges of a variable's axes, the last fastest."""
         plan, bound = self.plan, layout.bound
         by_axis = dict(zip(layout.axes, ranges, strict=True))
         own = plan.axes_on(bound)
-        cells = plan.cells(bound).reshape([len(plan.axes[number].points) for number in own])
-        cells = cells[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
+        nodes = self.schedule.nodes[bound]
+        nodes = nodes.reshape([len(plan.axes[number].points) for number in own])
+        nodes = nodes[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
         order = [own.index(number) for number in layout.axes if number in own]
         others = [at for at, number in enumerate(own) if number not in by_axis]
-        return plan.keys(bound, cells.transpose(order + others).ravel()).tolist()
+        return nodes.transpose(order + others).ravel()
 
     def _extents_of(self, layouts: Sequence[Layout]) -> tuple[dict[str, int], dict[str, int]]:
         """Return starts of own dimensions with an origin over all cells, and lengths of all."""
@@ -192,9 +197,9 @@ class Cube:
             lengths |= {dim: max(lengths.get(dim, 0), gathered.get(dim, 0)) for dim in output.dims}
             if gathered.keys() >= set(output.dims):
                 continue
-            keys = self._keys(layout, [range(len(axes[n].points)) for n in layout.axes])
-            spots = [self.spots[key] for key in dict.fromkeys(keys) if key in self.spots]
-            for arrays in self._each(spots[:1] if output.even else spots):
+            nodes = self._nodes(layout, [range(len(axes[n].points)) for n in layout.axes])
+            nodes = nodes[self.schedule.spots.present[nodes]]
+            for arrays in self._each(nodes[:1] if output.even else np.unique(nodes)):
                 shape = arrays[output.name].shape
                 for dim, begin, size in zip(output.dims, layout.begins(arrays), shape, strict=True):
                     low, high = ends.get((dim, dim in output.origin), (begin, begin))
@@ -213,16 +218,17 @@ class Cube:
         ranges = [range(one.start, one.stop) for one in natural[:count]]
         shape = tuple(map(len, ranges))
         flat = np.full((math.prod(shape), *own), output.empty, dtype=output.dtype)
-        wanted: dict[int, Spot] = {}
-        for number, key in enumerate(self._keys(layout, ranges)):
-            if key in self.spots:
-                wanted[number] = self.spots[key]
-            elif key in self.failed and output.role == STATE:
-                flat[number] = FAILED
-        for number, arrays in zip(wanted, self._cells(list(wanted.values())), strict=True):
+        nodes = self._nodes(layout, ranges)
+        if output.role == STATE:
+            flat[np.isin(nodes, [*self.schedule.failed])] = FAILED
+        wanted = np.flatnonzero(self.schedule.spots.present[nodes])
+        for number, arrays in zip(wanted.tolist(), self._each(nodes[wanted]), strict=True):
             array = arrays[output.name]
             if output.even and array.shape != own:
                 raise uneven(layout.bound.name, output.name, array.shape, own)
+            if array.shape == own and not output.origin:
+                flat[number] = array
+                continue
             if output.pad is not None:
                 flat[number] = output.pad
             corner = map(int.__sub__, layout.begins(arrays), first)
@@ -233,26 +239,28 @@ class Cube:
         inside: Any = (..., *natural[count:])
         return flat.reshape((*shape, *own))[inside].transpose(layout.order)
 
-    def _each(self, spots: Sequence[Spot]) -> Iterator[Arrays]:
-        """Yield arrays of cells, of which few are in memory at once."""
-        for start in range(0, len(spots), AT_ONCE):
-            yield from self._cells(spots[start : start + AT_ONCE])
+    def _each(self, nodes: Cells) -> Iterator[Arrays]:
+        """Yield arrays of results, of which few are in memory at once."""
+        for start in range(0, len(nodes), AT_ONCE):
+            yield from self._cells(nodes[start : start + AT_ONCE])
 
-    def _cells(self, spots: Sequence[Spot]) -> list[Arrays]:
-        """Return arrays of cells, from memory if they were read recently."""
-        memory = self._memory
-        found = {spot: memory[spot] for spot in spots if spot in memory}
-        lacking = [spot for spot in dict.fromkeys(spots) if spot not in found]
-        read = dict(zip(lacking, self.read(lacking), strict=True))
-        if damaged := tuple(spot.key for spot, arrays in read.items() if arrays is None):
-            raise Damaged(damaged)
-        for spot, arrays in read.items():
-            if arrays is not None:
-                found[spot] = memory[spot] = arrays
-                self._held += sum(array.nbytes for array in arrays.values())
+    def _cells(self, nodes: Cells) -> list[Arrays]:
+        """Return arrays of results, from memory if they were read recently."""
+        memory, wanted = self._memory, nodes.tolist()
+        lacking = np.array([one for one in dict.fromkeys(wanted) if one not in memory], np.int64)
+        spots = self.schedule.spots[lacking]
+        read = self.read(spots)
+        if None in read:
+            keys = zip(spots.keys, read, strict=True)
+            raise Damaged(tuple(key.tobytes() for key, arrays in keys if arrays is None))
+        for one, arrays in zip(lacking.tolist(), read, strict=True):
+            assert arrays is not None
+            memory[one] = arrays
+            self._held += OVERHEAD + sum(array.nbytes for array in arrays.values())
+        found = [memory[one] for one in wanted]
         if self._held > REMEMBERED:
             self._memory, self._held = {}, 0
-        return [found[spot] for spot in spots]
+        return found
 
     def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
         """Return coordinates of all axes: along dimensions, or scalar if `noted`."""
@@ -295,14 +303,16 @@ class Cube:
         axes = [plan.axes[number] for number in numbers]
         worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
         for bound in bounds:
-            own = plan.axes_on(bound)
-            for cell, key in enumerate(plan.keys(bound, plan.cells(bound))):
-                if key not in self.spots:
-                    point = tuple(
-                        plan.places(bound, number, cell) if number in own else slice(None)
-                        for number in numbers
-                    )
-                    state = FAILED if key in self.failed else MISSING
+            nodes, own = self.schedule.nodes[bound], plan.axes_on(bound)
+            present = self.schedule.spots.present[nodes]
+            failed = np.isin(nodes, [*self.schedule.failed])
+            for state, those in ((MISSING, ~present & ~failed), (FAILED, failed)):
+                cells = np.flatnonzero(those)
+                point = tuple(
+                    plan.places(bound, number, cells) if number in own else slice(None)
+                    for number in numbers
+                )
+                if len(cells):
                     worst[point] = np.where(worst[point] == FAILED, FAILED, state)
         names: list[str] = []
         for axis in axes:

@@ -6,12 +6,11 @@ an input they take, and what these are called, is arithmetic with whole arrays o
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import prod
 from typing import Any, NamedTuple
 
@@ -20,12 +19,15 @@ from numpy.typing import NDArray
 
 from sweeps.engine.code import Code, CodeDigest, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
+from sweeps.engine.keys import Keys, digest, fold, hashed, spelt_key
 from sweeps.engine.kinds import Value, spelt
 from sweeps.engine.seeds import STREAM_VERSION
 from sweeps.engine.settings import Choices, Joint, Run, Setting
 from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
 
-Cells = NDArray[np.int64]  # numbers of cells of a stage
+Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
+
+AT_ONCE = 2**18  # cells whose keys are made together
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,8 @@ class Plan:
         self.together = {bound: self._together(bound) for bound in self.bound.values()}
         # What follows is filled as it is needed.
         self._taken: dict[Bound, dict[Bound, Taken]] = {}
-        self._keys: dict[Bound, NDArray[Any]] = {}
+        self._keys: dict[Bound, tuple[Keys, NDArray[np.bool_]]] = {}
+        self._fingerprints: dict[Bound, str] = {}
         self._plain: dict[tuple[Bound, int], Value] = {}
         for bound in self.bound.values():
             self._check_joint(bound)
@@ -188,6 +191,12 @@ class Plan:
         """Return the places of some cells of a stage on an axis; 0 if it does not depend on it."""
         stride = self._strides[bound].get(number)
         return 0 * cells if stride is None else cells // stride % len(self.axes[number].points)
+
+    def start(self, bound: Bound, cells: Cells) -> Cells:
+        """Return cells at the first place of all axes computed together."""
+        for number, stride in self.together[bound].items():
+            cells = cells - stride * self.places(bound, number, cells)
+        return cells
 
     def value(self, bound: Bound, key: str, cell: int) -> Value:
         """Return the value of a setting in a cell of a stage."""
@@ -294,65 +303,109 @@ class Plan:
                 f"{bound.name} cannot be computed from {words}: {error or type(error).__name__}"
             ) from error
 
+    def column(
+        self, bound: Bound, argument: Argument, cells: Cells
+    ) -> tuple[tuple[Value, ...], Cells]:
+        """Return distinct values of an argument that is a setting or a plain stage, and of which
+        of them is that of each of some cells.
+        """
+        setting, source = argument.setting, argument.source
+        if source is not None:
+            places, size = self.taken(bound)[source].first[cells], self.count(source)
+        elif setting is not None and setting.key not in bound.gather:
+            number = self.axis_number(setting.key)
+            places, size = self.places(bound, number, cells), len(self.axes[number].points)
+        else:
+            places, size = 0 * cells, 1
+        return _column(places, size, cells, partial(self.plain_argument, bound, argument))
+
     def stream(self, bound: Bound, cell: int) -> tuple[int, dict[str, Any]]:
         """Return the seed and the names of a cell's noise stream; see `sweeps.engine.seeds`."""
-        stream = bound.stage.stream
-        name: dict[str, Any] = {"stage": bound.name}
-        if stream is None:
-            keys = [key for key in bound.needs if key != Run.seed.key]
-            name |= {key: self.value(bound, key, cell) for key in keys}
-        else:
-            name["stage"] = stream.name or bound.name
-            for setting in (*stream.settings, *stream.optional):
-                value = self.value(bound, setting.key, cell)
-                if value or setting not in stream.optional:
-                    name[setting.name] = value
+        name: dict[str, Any] = {"stage": self._stream_name(bound)}
+        for label, setting, optional in self._stream_settings(bound):
+            value = self.value(bound, setting.key, cell)
+            if value or not optional:
+                name[label] = value
         return self.value(bound, Run.seed.key, cell), name
+
+    def _stream_name(self, bound: Bound) -> str:
+        return (bound.stage.stream and bound.stage.stream.name) or bound.name
+
+    def _stream_settings(self, bound: Bound) -> list[tuple[str, Setting, bool]]:
+        """Return label, setting, and whether it is optional, of what a stream depends on."""
+        stream, by_key = bound.stage.stream, self.experiment.by_key
+        if stream is None:
+            return [(key, by_key[key], False) for key in bound.needs if key != Run.seed.key]
+        both = ((stream.settings, False), (stream.optional, True))
+        return [(one.name, one, optional) for settings, optional in both for one in settings]
 
     # keys -----------------------------------------------------------------------------------
 
     def key(self, bound: Bound, cell: int) -> str:
-        """Return the key of one cell; see `keys`."""
-        return str(self.keys(bound, np.array([cell]))[0])
+        """Return the key of one cell as text; see `keys`."""
+        return spelt_key(self.keys(bound, np.array([cell]))[0])
 
-    def keys(self, bound: Bound, cells: Cells) -> NDArray[Any]:
-        """Return the hash of everything that a cell depends on, of each of some cells.
+    def keys(self, bound: Bound, cells: Cells | None = None) -> Keys:
+        """Return the hash of all that a cell depends on, of each of some or all cells, (cell, 2).
 
         Those of all that they depend on are made first, and none is made twice.
         """
         if bound not in self._keys:
-            self._keys[bound] = np.full(self.count(bound), "", dtype=object)
-        known = self._keys[bound]
-        new = cells[known[cells] == ""]
-        if new.size:
+            count = self.count(bound)
+            self._keys[bound] = np.zeros((count, 2), np.uint64), np.zeros(count, bool)
+        keys, known = self._keys[bound]
+        new = np.flatnonzero(~known) if cells is None else cells[~known[cells]]
+        if (new[1:] <= new[:-1]).any():
             new = np.unique(new)
-            known[new] = self._new_keys(bound, new)
-        return known[cells]
+        for start in range(0, len(new), AT_ONCE):
+            part = new[start : start + AT_ONCE]
+            keys[part] = self._new_keys(bound, part)
+        known[new] = True
+        return keys if cells is None else keys[cells]
 
-    def _new_keys(self, bound: Bound, cells: Cells) -> list[str]:
-        parts = [[self._code[bound.name]] * len(cells)]
+    def forget_keys(self, bound: Bound) -> None:
+        """Free the memory of a stage's keys, which are made again if they are asked for."""
+        self._keys.pop(bound, None)
+
+    def _new_keys(self, bound: Bound, cells: Cells) -> Keys:
+        keys = np.tile(hashed([self.identity[bound.name]]), (len(cells), 1))
         for argument in bound.arguments:
             source = argument.source
             if source is None or source.stage.plain:
-                values = (self.plain_argument(bound, argument, cell) for cell in cells.tolist())
-                parts.append([f"{argument.name}={value_token(value)}" for value in values])
+                values, places = self.column(bound, argument, cells)
+                texts = [f"{argument.name}={value_token(value)}" for value in values]
+                fold(keys, hashed(texts)[places])
             else:
                 taken = self.taken(bound)[source]
-                _, inverse = np.unique(taken.first[cells], return_inverse=True)
-                rows = self.keys(source, taken.of(cells))
-                every = [f"{argument.name}:{digest(''.join(row))}" for row in rows]
-                parts.append([every[at] for at in inverse.tolist()])
+                first, places = np.unique(taken.first[cells], return_inverse=True)
+                every = (first[:, None] + taken.further.ravel()).ravel()
+                rows = self.keys(source, every).reshape(len(first), -1, 2)
+                several = rows.shape[1] > 1
+                words = hashed(row.tobytes() for row in rows) if several else rows[:, 0]
+                fold(keys, hashed([f"{argument.name}:"]))
+                fold(keys, words[places])
         if bound.random:
-            streams = (self.stream(bound, cell) for cell in cells.tolist())
-            parts.append([repr((STREAM_VERSION, np.__version__, *stream)) for stream in streams])
-        return [digest("\0".join(one)) for one in zip(*parts, strict=True)]
+            versions = (STREAM_VERSION, np.__version__, self._stream_name(bound))
+            fold(keys, hashed([repr(versions)]))
+            settings = [("", Run.seed, False), *self._stream_settings(bound)]
+            for label, setting, optional in settings:
+                number = self.axis_number(setting.key)
+                places, size = self.places(bound, number, cells), len(self.axes[number].points)
+                value = partial(self.value, bound, setting.key)
+                values, places = _column(places, size, cells, value)
+                counting = (one for one in values if one or not optional)
+                named = {one: f"{label}~{value_token(one)}" for one in counting}
+                fold(keys, hashed(named.get(one, "") for one in values)[places])
+        return keys
 
     def fingerprint(self, bound: Bound) -> str:
-        """Return the hash of the keys of all cells of a stage."""
-        return digest("".join(self.keys(bound, self.cells(bound))))
+        """Return the hash of the keys of all cells of a stage, as text."""
+        if bound not in self._fingerprints:
+            self._fingerprints[bound] = spelt_key(hashed([self.keys(bound).data])[0])
+        return self._fingerprints[bound]
 
     @cached_property
-    def _code(self) -> dict[str, str]:
+    def identity(self) -> dict[str, str]:
         """Return by stage the hash of its code and of the names of its function and outputs."""
         # Two stages of one function share their results: its name counts, not theirs. Functions
         # of one name, such as lambdas, are distinguished by the names of their stages.
@@ -392,11 +445,18 @@ class Plan:
         return {name: one.digest for name, one in self.digests.items()}
 
 
+def _column(
+    places: Cells, size: int, cells: Cells, value: Callable[[int], Value]
+) -> tuple[tuple[Value, ...], Cells]:
+    """Return the value at each place that some cells have, and which of these is each cell's.
+
+    `value` is called with one cell of each place, which is below `size`.
+    """
+    used, one_of_each = np.zeros(size, dtype=bool), np.zeros(size, dtype=np.int64)
+    used[places], one_of_each[places] = True, cells
+    return tuple(map(value, one_of_each[used].tolist())), (np.cumsum(used) - 1)[places]
+
+
 def _read_by(stages: Iterable[Bound]) -> set[str]:
     """Return keys of the settings that some stages depend on."""
     return {key for bound in stages for key in (*bound.needs, *bound.gather)}
-
-
-def digest(text: str) -> str:
-    """Return a hash of a text: 32 hexadecimal digits."""
-    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()

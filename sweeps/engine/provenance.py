@@ -10,8 +10,9 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.keys import digest
 from sweeps.engine.kinds import Count, Draws, Number, SetOf, Switch, Text, Value, Word, spelt
-from sweeps.engine.plan import Plan, digest
+from sweeps.engine.plan import Plan
 from sweeps.engine.settings import Joint, Run, Setting, flatten, nested, read_choices
 from sweeps.engine.stage import Experiment
 

@@ -13,6 +13,8 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
+import numpy as np
+
 from sweeps.engine.cluster import ClusterChoice, Executor, executor
 from sweeps.engine.cube import Cube
 from sweeps.engine.failures import Failure, reason, traceback_of
@@ -24,15 +26,16 @@ from sweeps.engine.folders import (
     verify,
 )
 from sweeps.engine.interrupts import heed, heeding, interruptible
-from sweeps.engine.packs import CellIndex, read_cells
+from sweeps.engine.keys import distinct
+from sweeps.engine.packs import MISSING, CellIndex, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
-from sweeps.engine.schedule import Job, Progress, Schedule, Watch
+from sweeps.engine.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Experiment
 from sweeps.engine.store import read_attributes, write_store
-from sweeps.engine.tasks import Call, Damaged, Done, Report, run_calls, uneven
+from sweeps.engine.tasks import Damaged, Outcome, Report, Trouble, run_calls, uneven
 from sweeps.engine.zarr_array import nested, plain
 
 AT_ONCE = 512  # cells that are read again after damage
@@ -40,7 +43,6 @@ ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 QUICK = 1.0  # s of work that finishes before worker processes would have started
 
-Task = list[tuple[Job, Call]]
 Failures = list[tuple[str, str]]
 """Names of cells or tables that failed, and why."""
 
@@ -124,11 +126,12 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
                 failures += _write(schedule, place, watch)
             except Damaged as error:
                 damaged = sorted(_damaged(schedule, place).union(error.keys))
+                keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 lost = f"{len(damaged):,} results in the cache are damaged"
                 watch.say(f"{lost} and are computed again")
-                index.forget(damaged)
+                index.forget(keys)
             else:
-                index.used(path for path, *_ in schedule.spots.values())
+                index.used(np.unique(schedule.spots.pack).tolist())
                 return Finished(schedule.progress, failures, written=True)
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
 
@@ -145,20 +148,20 @@ def _compute(
     stack = ExitStack()
     try:
         with interruptible():
-            schedule.resolve(index.find)
+            schedule.resolve(index)
             missing = schedule.missing_cells()
-        cells = sum(number for _, number in missing)
+        cells = sum(number for _, number, _ in missing)
         total = sum(one.total for one in schedule.progress.values())
         watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
         watch.step(schedule)
         if not missing:
             return []
-        measured = all(bound.name in schedule.costs for bound, _ in missing)
+        measured = all(bound.name in schedule.costs for bound, *_ in missing)
         if choice.kind == "local" and measured and schedule.work_left() < QUICK:
             choice = ClusterChoice("inline")
         entered = executor(
             choice,
-            tasks=len(missing),
+            tasks=sum(calls for *_, calls in missing),
             packages=plan.experiment.code,
             modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
             folder=place.cache,
@@ -181,7 +184,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
     without a value to pad them with, and OSError if results cannot be written.
     """
-    damaged: set[str] = set()
+    damaged: set[bytes] = set()
     shapes: dict[tuple[str, str], tuple[int, ...]] = {}
     failures: Failures = []
     under_way: dict[int, Task] = {}
@@ -192,8 +195,8 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     numbers = count()
 
     def hand_out(task: Task) -> None:
-        number = next(numbers)
-        executor.submit(number, run_calls, tuple(call for _, call in task), index.folder)
+        number, calls = next(numbers), tuple(part.calls for part in task.parts)
+        executor.submit(number, run_calls, calls, task.order, index.folder)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
@@ -201,35 +204,27 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
             hand_out(suspects.popleft())
         most = 0 if alone or suspects else AHEAD * executor.workers
         while schedule.ready and len(under_way) < most:
-            if task := schedule.batch(executor.workers):
+            if (task := schedule.batch(executor.workers)).parts:
                 hand_out(task)
         with interruptible():
             finished = executor.finished()
         for number, report, error in finished:
             task = under_way.pop(number)
             if error is not None and not alone:
-                suspects += [[one] for one in task]
+                suspects += schedule.each(task)
                 continue
             if error is not None:
-                why = (reason(error),) * len(task[0][0].cells)
-                report = Report((Done(0.0, why, traceback=traceback_of(error)),))
+                whole = (reason(error),) * len(task.parts[0].cells)
+                lost = {0: Trouble(whole, traceback=traceback_of(error))}
+                report = Report((Outcome(np.zeros(1), lost),))
             if report.unwritten is not None:
                 raise report.unwritten
-            for (job, _), done in zip(task, report.calls, strict=True):
-                if done.damaged:
-                    damaged.update(done.damaged)
-                    continue
-                if done.traceback and error is None and len(job.cells) > 1:
-                    for one in job.apart:  # one of its values may be the cause
-                        schedule.make_ready(one)
-                    continue
-                schedule.finish(job, done.cells, done.seconds)
-                for cell, why in zip(job.cells, done.cells, strict=True):
-                    if isinstance(why, str):
-                        failures.append((schedule.plan.described(job.bound, cell), why))
-                        watch.failed(Failure(*failures[-1], done.arguments, done.traceback))
-            for pack in report.packs:
-                index.add(pack)
+            for part, outcome in zip(task.parts, report.outcomes, strict=True):
+                damaged.update(*(trouble.damaged for trouble in outcome.troubles.values()))
+                pack = MISSING if outcome.pack is None else index.add(outcome.pack)
+                for cell, why, trouble in schedule.finish(part, outcome, pack, split=error is None):
+                    failures.append((schedule.plan.described(part.bound, cell), why))
+                    watch.failed(Failure(*failures[-1], trouble.arguments, trouble.traceback))
             for stage, output, shape in report.shapes:
                 first = shapes.setdefault((stage, output), shape)
                 if shape != first:
@@ -240,14 +235,15 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     return failures
 
 
-def _damaged(schedule: Schedule, place: Place) -> set[str]:
+def _damaged(schedule: Schedule, place: Place) -> set[bytes]:
     """Return keys of all cells that cannot be read back, so that one round mends them."""
-    spots = sorted(schedule.spots.values())
-    damaged: set[str] = set()
-    for start in range(0, len(spots), AT_ONCE):
-        part = spots[start : start + AT_ONCE]
-        cells = zip(part, read_cells(place.cache, part), strict=True)
-        damaged |= {spot.key for spot, arrays in cells if arrays is None}
+    spots = schedule.spots[schedule.spots.present]
+    order = np.lexsort((spots.row, spots.pack))
+    damaged: set[bytes] = set()
+    for start in range(0, len(order), AT_ONCE):
+        part = spots[order[start : start + AT_ONCE]]
+        cells = zip(part.keys, read_cells(place.cache, part), strict=True)
+        damaged |= {key.tobytes() for key, arrays in cells if arrays is None}
     return damaged
 
 
@@ -269,10 +265,13 @@ def is_whole(plan: Plan, path: Path, old: Mapping[str, object], say: Callable[[s
 def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     """Return the outcome of a sweep whose store has everything already."""
     progress = {}
+    index.refresh()
     for bound in plan.targets:
-        keys = list({*plan.keys(bound, plan.cells(bound))})
-        index.used(path for path, *_ in index.find(keys).values())
-        progress[bound.name] = Progress(len(keys), len(keys))
+        keys = plan.keys(bound)
+        plan.forget_keys(bound)
+        index.used(np.unique(index.find(keys).pack).tolist())
+        total = len(distinct(keys)[0])
+        progress[bound.name] = Progress(total, total)
     cells = sum(one.total for one in progress.values())
     watch.say(f"0 cells to compute, {cells:,} are in the store")
     return Finished(progress)
@@ -282,13 +281,12 @@ def _write(schedule: Schedule, place: Place, watch: Watch) -> Failures:
     """Assemble the store with its tables, and move it to its place; return tables that failed."""
     heed()
     plan, failed = schedule.plan, schedule.failed
-    cube = Cube(plan, schedule.spots, failed, partial(read_cells, place.cache))
+    cube = Cube(schedule, partial(read_cells, place.cache))
     failures = {
-        plan.described(bound, cell): failed[key]
+        plan.described(bound, cell): failed[nodes[cell]]
         for bound in plan.bound.values()
-        if failed and bound.stage.kept
-        for cell, key in enumerate(plan.keys(bound, plan.cells(bound)))
-        if key in failed
+        if failed and (nodes := schedule.nodes.get(bound)) is not None
+        for cell in np.flatnonzero(np.isin(nodes, [*failed])).tolist()
     }
     found: list[Failure] = []
     with interruptible():
@@ -328,9 +326,9 @@ def preview(plan: Plan, cache: Path, store: Path) -> tuple[Mapping[str, tuple[in
         return stages, "nothing to compute: all cells are in the store"
     index = CellIndex(cache, lambda sentence: None)  # which is not saved
     schedule, costs = Schedule(plan), index.costs()
-    schedule.resolve(index.find)
+    schedule.resolve(index)
     stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}
-    calls = len(schedule.missing_cells())
+    calls = sum(number for *_, number in schedule.missing_cells())
     if not calls:
         return stages, "nothing to compute: all cells are in the cache"
     size = work = "unknown"

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict, defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, field
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import astuple, dataclass, field, replace
+from itertools import pairwise
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sweeps.engine.declarations import VALID
 from sweeps.engine.failures import Failure
-from sweeps.engine.packs import Spot
-from sweeps.engine.plan import Cells, Plan, digest
+from sweeps.engine.keys import Keys, distinct, hashed, joined, spelt_key
+from sweeps.engine.packs import NO_SPOTS, CellIndex, Spots
+from sweeps.engine.plan import Cells, Plan
 from sweeps.engine.stage import Bound
-from sweeps.engine.tasks import Call, Read, Recipe, Source, Step
+from sweeps.engine.tasks import Calls, Column, Made, Outcome, Read, Step, Trouble
+from sweeps.engine.waiting import Job, Waiting
 
 SHORTEST, LONGEST = 0.2, 1.5  # s, range of a task's duration
 TOGETHER = 5.0  # s, longest task if cells share costly objects
 UNKNOWN = 0.1  # s a cell, until one is timed
-MOST_CELLS = 4096  # of one task
-
-Find = Callable[[Sequence[str]], dict[str, Spot]]
 
 
 @dataclass
@@ -46,296 +47,339 @@ class Progress:
         return cls(*map(sum, zip(*map(astuple, stages), strict=True)))
 
 
-@dataclass(frozen=True, eq=False)
-class Job:
-    """Cells that one call computes, their keys, and in-memory objects shared with other jobs."""
+class Part(NamedTuple):
+    """Calls of one stage in a task, and what they compute; call k, `begins[k]` to `begins[k + 1]`.
+
+    `cells` and `nodes` are (cell,).
+    """
 
     bound: Bound
-    cells: tuple[int, ...]
-    keys: tuple[str, ...]
-    affinity: tuple[int, ...]  # numbers of these objects, dependencies first
+    cells: Cells
+    nodes: Cells
+    begins: Cells
+    calls: Calls
 
-    @property
-    def apart(self) -> list[Job]:
-        """Jobs of one cell each."""
-        pairs = zip(self.cells, self.keys, strict=True)
-        return [Job(self.bound, (cell,), (key,), self.affinity) for cell, key in pairs]
+
+class Task(NamedTuple):
+    """Calls that a worker runs one after the other; in which order, see `run_calls`."""
+
+    parts: tuple[Part, ...]
+    order: NDArray[np.int16]
 
 
 @dataclass
 class Schedule:
     """Cells of a plan: finished, failed, or still to be computed.
 
-    `costs` has the seconds per cell by stage; `spots`, by key, locations; `failed`, reasons. Of a
-    share `verify` of the cells, calls say how to compute them again, alone.
+    Distinct results, those of different keys, are numbered: `nodes` has by stage the number of each
+    cell, negative if none is needed. `spots` has by number where a result is, and the key under
+    which it is kept; `failed`, why one failed. `costs` are seconds per cell by stage. Of a share
+    `verify` of the cells, calls say how to compute them again, alone.
     """
 
     plan: Plan
     costs: dict[str, float] = field(default_factory=dict)
     verify: float = 0.0
-    spots: dict[str, Spot] = field(default_factory=dict)
-    failed: dict[str, str] = field(default_factory=dict)
+    failed: dict[int, str] = field(default_factory=dict)
     progress: dict[str, Progress] = field(default_factory=dict)
-    _waiting: dict[str, list[Job]] = field(default_factory=lambda: defaultdict(list))
-    _missing: dict[Job, int] = field(default_factory=dict)  # inputs that each job waits for
-    _ready: OrderedDict[tuple[int, ...], deque[Job]] = field(default_factory=OrderedDict)
-    _load: dict[str, int] = field(default_factory=lambda: defaultdict(int))
-    _objects: dict[str, int] = field(default_factory=dict)
-    _find: Find = lambda keys: {}
+    nodes: dict[Bound, Cells] = field(default_factory=dict)
+    spots: Spots = field(default_factory=lambda: NO_SPOTS)
 
     # what is missing ------------------------------------------------------------------------
 
-    def resolve(self, find: Find) -> None:
+    def resolve(self, index: CellIndex) -> None:
         """Look up all cells that are needed, and plan calls for missing ones."""
-        plan, self._find = self.plan, find
+        plan, self._index = self.plan, index
+        index.refresh()
+        self.spots = replace(NO_SPOTS, paths=index.paths)
         wanted = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
         for bound in plan.targets:
             wanted[bound][:] = True
-        todo: set[str] = set()
-        stages: list[list[Job]] = []
+            plan.fingerprint(bound)  # while its keys are known
+        missing: dict[Bound, Cells] = {}
+        alike: dict[str, list[range]] = defaultdict(list)  # nodes by code of their function
         for bound in reversed(plan.bound.values()):  # each before those that it needs
             cells = np.flatnonzero(wanted[bound])
             if bound.stage.kept and cells.size:
-                # Equal keys are one cell.
-                pairs = zip(plan.keys(bound, cells).tolist(), cells.tolist(), strict=True)
-                # Cells that another stage is about to compute are shared, and counted there.
-                by_key = {key: cell for key, cell in pairs if key not in todo}
-                self.spots.update(find(list(by_key)))
-                missing = {key: cell for key, cell in by_key.items() if key not in self.spots}
-                total = len(by_key)
-                self.progress[bound.name] = Progress(total, total - len(missing))
-                todo.update(missing)
-                stages.append(self._jobs(bound, missing))
-                cells = np.array([*missing.values()], dtype=np.int64)
+                cells = self._look_up(bound, cells, alike[plan.identity[bound.name]])
+                missing[bound] = cells
             for taken in plan.inputs(bound):
                 wanted[taken.source][taken.of(cells)] = True
-        unfinished: dict[tuple[Bound, Bound, int], set[str]] = {}
-        for job in (job for jobs in reversed(stages) for job in jobs):
-            needs = self._unfinished(job.bound, np.array(job.cells), todo, unfinished)
-            self._missing[job] = len(needs)
-            for key in needs:
-                self._waiting[key].append(job)
-            if not needs:
-                self.make_ready(job)
+        self._odd = np.zeros(len(self.spots), dtype=bool)
+        missing = {bound: cells for bound, cells in missing.items() if len(cells)}
+        self._calls = Waiting(plan, self.nodes, ~self.spots.present, missing)
 
-    def _unfinished(
-        self, bound: Bound, cells: Cells, todo: set[str], known: dict[Any, set[str]]
-    ) -> set[str]:
-        """Return keys of inputs of some cells that are to be computed; `known` has earlier ones."""
-        needs: set[str] = set()
-        for source, first, further in self.plan.inputs(bound):
-            for start in set(first[cells].tolist()):
-                one = bound, source, start
-                if one not in known:
-                    taken = (start + further).ravel()
-                    if source.stage.kept:
-                        known[one] = todo.intersection(self.plan.keys(source, taken).tolist())
-                    else:
-                        known[one] = self._unfinished(source, taken, todo, known)
-                needs |= known[one]
-        return needs
+    def _look_up(self, bound: Bound, cells: Cells, alike: list[range]) -> Cells:
+        """Number the results of some cells; return those that are to be computed, one of each.
+
+        Cells of equal keys are one result, also of other stages of the same function, whose
+        results are `alike`.
+        """
+        every = len(cells) == self.plan.count(bound)
+        keys = self.plan.keys(bound, None if every else cells)
+        self.plan.forget_keys(bound)  # those of what it depends on are made
+        known = np.array([node for nodes in alike for node in nodes], dtype=np.int32)
+        first, number = distinct(joined(self.spots.keys[known], keys))
+        again, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
+        before = len(self.spots)
+        numbers = joined(again, np.arange(before, before + len(new), dtype=np.int32))
+        nodes = np.full(self.plan.count(bound), -1, dtype=np.int32)
+        nodes[cells] = numbers[number[len(known) :]]
+        self.nodes[bound] = nodes
+        alike.append(range(before, before + len(new)))
+        found = self._index.find(keys[new] if len(new) < len(keys) else keys)
+        absent = cells[new[~found.present]]
+        self.spots = Spots(
+            found.paths,
+            joined(self.spots.pack, found.pack),
+            joined(self.spots.row, found.row),
+            joined(self.spots.keys, found.keys),
+        )
+        # What another stage is about to compute is counted there.
+        total = len(new) + int(self.spots.present[again].sum())
+        self.progress[bound.name] = Progress(total, total - len(absent))
+        return absent
 
     @property
     def ready(self) -> bool:
         """Return whether there are calls whose inputs are all finished."""
-        return bool(self._ready)
+        return self._calls.ready
 
-    def missing_cells(self) -> list[tuple[Bound, int]]:
-        """Return stage and number of cells of every call that is left."""
-        return [(job.bound, len(job.cells)) for job in self._missing]
-
-    def _jobs(self, bound: Bound, missing: Mapping[str, int]) -> list[Job]:
-        """Return calls for some cells: those that differ only on axes computed together share one.
-
-        Calls that share in-memory objects are adjacent, closest where they share most.
-        """
-        groups: dict[int, list[tuple[str, int]]] = defaultdict(list)
-        starts = self._start(bound, np.array([*missing.values()], dtype=np.int64)).tolist()
-        for start, one in zip(starts, missing.items(), strict=True):
-            groups[start].append(one)
-        jobs = []
-        for group in groups.values():
-            keys, cells = zip(*group, strict=True)
-            objects = dict.fromkeys(self._shared(bound, cells[0])) or [bound.name]
-            affinity = [self._objects.setdefault(key, len(self._objects)) for key in objects]
-            jobs.append(Job(bound, cells, keys, tuple(affinity)))
-        return sorted(jobs, key=lambda job: job.affinity)
-
-    def _start(self, bound: Bound, cells: Cells) -> Cells:
-        """Return cells at the first place of all axes computed together."""
-        for number, stride in self.plan.together[bound].items():
-            cells = cells - stride * self.plan.places(bound, number, cells)
-        return cells
-
-    def _shared(self, bound: Bound, cell: int) -> list[str]:
-        """Return keys of the in-memory objects that a cell needs, dependencies first."""
-        keys: list[str] = []
-        for source, first, _ in self.plan.inputs(bound):
-            if source.stage.memory:
-                there = int(first[cell])
-                keys += [*self._shared(source, there), self.plan.key(source, there)]
-        return keys
+    def missing_cells(self) -> list[tuple[Bound, int, int]]:
+        """Return every stage with missing cells, how many, and in how many calls."""
+        return self._calls.counts()
 
     # batches --------------------------------------------------------------------------------
 
-    def make_ready(self, job: Job) -> None:
-        """Let a job be part of the next batches."""
-        self._ready.setdefault(job.affinity, deque()).append(job)
-        self._load[job.bound.name] += len(job.cells)
-
-    def batch(self, workers: int) -> list[tuple[Job, Call]]:
+    def batch(self, workers: int) -> Task:
         """Remove and return the next task of the calls that are ready; empty if there is none.
 
         `workers` tasks run at once: towards the end they get shorter, so that none idles.
         """
         costs = defaultdict(lambda: UNKNOWN, self.costs)
-        left = sum(costs[name] * cells for name, cells in self._load.items())
+        left = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
         size = min(max(left / (3 * workers), SHORTEST), LONGEST)
-        task: list[tuple[Job, Call]] = []
-        seconds, cells = 0.0, 0
-        # At least one, even if a damaged index has wrong costs.
-        while self._ready and cells < MOST_CELLS:
-            affinity, queue = next(iter(self._ready.items()))
-            before = task[-1][0].affinity if task else ()
-            shared = len(affinity) > 2 and affinity[:2] == before[:2]
-            longest = min(TOGETHER, max(left / workers / 2, size)) if shared else size
-            if cells and seconds >= longest:
-                break
-            job = queue.popleft()
-            if not queue:
-                del self._ready[affinity]
-            self._missing.pop(job, None)
-            self._load[job.bound.name] -= len(job.cells)
-            task += self._calls(job)
-            seconds += costs[job.bound.name] * len(job.cells)
-            cells += len(job.cells)
-        return task
+        together = min(TOGETHER, max(left / workers / 2, size))
+        return self._task(self._calls.next(costs, size, together))
 
-    def _calls(self, job: Job) -> Iterator[tuple[Job, Call]]:
-        """Yield a job's calls: one, or one per cell if some input has failed."""
-        found = [self._now(job.bound, cell) for cell in job.cells] if self.failed else []
-        if all(now == ("", key) for now, key in zip(found, job.keys, strict=False)):
-            yield job, self.call(job)
-            return
-        for alone, (why, key) in zip(job.apart, found, strict=True):
-            if why:
-                self.finish(alone, [why], 0.0)
-            elif spot := self._find([key]).get(key):
-                self.finish(alone, [spot], 0.0)
+    def _task(self, jobs: Iterable[Job]) -> Task:
+        """Return a task of calls: the stage of each, and the cells that it computes."""
+        of_stage: dict[tuple[Bound, bytes], list[Cells]] = defaultdict(list)
+        order: list[int] = []
+        numbers: dict[tuple[Bound, bytes], int] = {}
+        for bound, cells in self.possible(jobs) if self.failed else jobs:
+            # Those of a part compute equal places of the axes that are computed together.
+            place = cells - self.plan.start(bound, cells[:1]) if bound.along else cells[:0]
+            pattern = place.tobytes()
+            order.append(numbers.setdefault((bound, pattern), len(numbers)))
+            of_stage[bound, pattern].append(cells)
+        parts = (self.part(bound, cells) for (bound, _), cells in of_stage.items())
+        return Task(tuple(parts), np.array(order, dtype=np.int16))
+
+    def possible(self, jobs: Iterable[Job]) -> Iterator[Job]:
+        """Yield calls as they are if no input has failed, else those of cells that are possible."""
+        for bound, cells in jobs:
+            odd = self._is_odd(bound, cells)
+            if not odd.any():
+                yield bound, cells
+                continue
+            for number in range(len(cells)):
+                one = cells[number : number + 1]
+                node = self.nodes[bound][one]
+                why, self.spots.keys[node] = self._now(bound, int(one[0]))
+                self._odd[node] = odd[number]
+                found = self._index.find(self.spots.keys[node])
+                if why:
+                    self._fail(bound, int(node[0]), why)
+                elif found.present[0]:
+                    self._finish(bound, node, found.pack, found.row)
+                else:
+                    yield bound, one
+
+    def _is_odd(self, bound: Bound, cells: Cells) -> NDArray[np.bool_]:
+        """Return which cells depend on any that failed, or on one that in turn does."""
+        found = np.zeros(len(cells), dtype=bool)
+        for source, first, further in self.plan.inputs(bound):
+            starts, places = np.unique(first[cells], return_inverse=True)
+            if source.stage.kept:
+                nodes = self.nodes[source][starts[:, None] + further.ravel()]
+                found |= self._odd[nodes].any(axis=1)[places]
             else:
-                yield alone, self.call(alone)
+                found |= self._is_odd(source, starts)[places]
+        return found
 
-    def _now(self, bound: Bound, cell: int) -> tuple[str, str]:
+    def _now(self, bound: Bound, cell: int) -> tuple[str, Keys]:
         """Return why a cell cannot be computed, if an input failed, and the key of its result.
 
         That is another key than its own where some of the inputs that it gathers failed.
         """
-        key = self.plan.key(bound, cell)
+        key = self.plan.keys(bound, np.array([cell]))[0]
         odd = []
         for source, first, further in self.plan.inputs(bound) if self.failed else ():
             taken = (first[cell] + further).ravel().tolist()
             states = [self._input_now(source, there) for there in taken]
             gone = [there for there, (why, _) in zip(taken, states, strict=True) if why]
             if gone and (len(gone) == len(taken) or not further.ndim):
-                return f"needs {self.plan.described(source, gone[0])}, which failed", ""
-            for number, (there, (_, now)) in enumerate(zip(taken, states, strict=True)):
-                if now != self.plan.key(source, there):
-                    odd.append((source.name, number, now))
-        return "", digest(repr((key, odd))) if odd else key
+                return f"needs {self.plan.described(source, gone[0])}, which failed", key
+            planned = self.plan.keys(source, np.array(taken))
+            for number, (why, now) in enumerate(states):
+                if why or (now != planned[number]).any():
+                    odd.append((source.name, number, "" if why else spelt_key(now)))
+        return "", hashed([repr((spelt_key(key), odd))])[0] if odd else key
 
-    def _input_now(self, source: Bound, cell: int) -> tuple[str, str]:
-        """Return why an input's cell failed, or else the key under which its result is kept."""
+    def _input_now(self, source: Bound, cell: int) -> tuple[str, Keys]:
+        """Return why an input's cell failed, and the key under which its result is kept."""
         if not source.stage.kept:
             return self._now(source, cell)
-        key = self.plan.key(source, cell)
-        return (self.failed[key], "") if key in self.failed else ("", self.spots[key].key)
+        node = int(self.nodes[source][cell])
+        return self.failed.get(node, ""), self.spots.keys[node]
 
     # calls ----------------------------------------------------------------------------------
 
-    def call(self, job: Job, *, verified: bool = True) -> Call:
-        """Return one call for a job; a share of its cells is computed again if `verified`."""
-        plan, bound = self.plan, job.bound
-        # The cells that it computes: by the values that occur on each axis computed together.
-        grid = self._start(bound, np.array(job.cells[0]))
-        strides = plan.together[bound]
+    def part(self, bound: Bound, jobs: Sequence[Cells], *, verified: bool = True) -> Part:
+        """Return calls of a stage, each for cells that lie on its axes as those of the others do.
+
+        A share of the cells is computed again if `verified`.
+        """
+        plan, cells = self.plan, np.concatenate(jobs)
+        begins = np.cumsum([0, *map(len, jobs)])
+        firsts = plan.start(bound, np.array([job[0] for job in jobs]))
+        # The cells that a call computes: by the values that occur on each axis computed together.
+        grid = np.zeros((), dtype=np.int64)
         for key in bound.along:
             number = plan.axis_number(key)
-            places = np.unique(plan.places(bound, number, np.array(job.cells)))
-            grid = np.add.outer(grid, strides.get(number, 0) * places)
-        at = {cell: place for place, cell in enumerate(grid.ravel().tolist())}
-        keys = [self._now(bound, cell)[1] for cell in job.cells] if self.failed else job.keys
-        cells = zip(keys, (at[cell] for cell in job.cells), strict=True)
-        again = [
-            (number, self.call(alone, verified=False))
-            for number, alone in enumerate(job.apart if verified and self.verify else ())
-            if int(alone.keys[0][:8], 16) < self.verify * 2**32
-        ]
-        return Call(self._recipe(bound, grid), grid.shape, tuple(cells), tuple(again))
+            stride = plan.together[bound].get(number, 0)
+            grid = np.add.outer(grid, stride * np.unique(plan.places(bound, number, jobs[0])))
+        order = np.argsort(grid.ravel())
+        moved = cells - np.repeat(firsts, np.diff(begins))
+        places = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
+        nodes = self.nodes[bound][cells]
+        chosen = self.spots.keys[nodes, 0] >> np.uint64(32) if verified and self.verify else ()
+        again = np.flatnonzero(np.asarray(chosen) < self.verify * 2**32).tolist()
+        calls = self._calls_at(
+            bound,
+            firsts,
+            grid,
+            keys=self.spots.keys[nodes],
+            begins=begins,
+            places=places,
+            again={k: self.part(bound, [cells[k : k + 1]], verified=False).calls for k in again},
+        )
+        return Part(bound, cells, nodes, begins, calls)
 
-    def _recipe(self, bound: Bound, grid: Cells) -> Recipe:
-        """Return arguments of a call for cells of which each axis is one that it computes."""
-        plan, along, cell = self.plan, bound.along, int(grid.flat[0])
-        sources: dict[str, Source] = {}
+    def _calls_at(self, bound: Bound, firsts: Cells, grid: Cells, **computed: Any) -> Calls:
+        """Return calls for cells, (call,), and a grid of others from each of these on.
+
+        The grid is an array of numbers to be added; each axis is one that is computed together.
+        What is `computed` is passed on to `Calls`.
+        """
+        plan, along, count = self.plan, bound.along, len(firsts)
+        sources: dict[str, Column | Read | Made] = {}
         asks = VALID in bound.stage.arguments
         gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
-        valid = np.ones(gathered, dtype=bool) if asks else None
+        valid = np.ones((count, *gathered), dtype=bool) if asks else None
         for argument in bound.arguments:
             source, setting = argument.source, argument.setting
             if setting is not None and setting.key in along:
                 rows = np.moveaxis(grid, along.index(setting.key), 0)
-                firsts = rows.reshape(len(rows), -1)[:, 0].tolist()
-                values = tuple(plan.value(bound, setting.key, first) for first in firsts)
-                sources[argument.name] = (setting.in_si(values),)
+                at = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
+                values = tuple(plan.value(bound, setting.key, cell) for cell in at.tolist())
+                sources[argument.name] = Column(
+                    (setting.in_si(values),), np.zeros(count, dtype=np.int32)
+                )
             elif source is None or source.stage.plain:
-                sources[argument.name] = (plan.plain_argument(bound, argument, cell),)
+                found, places = plan.column(bound, argument, firsts)
+                sources[argument.name] = Column(found, places.astype(np.int32))
             elif not source.stage.kept:
-                there = plan.taken(bound)[source].first[cell]
-                sources[argument.name] = self._recipe(source, np.array(there))
+                made, places = np.unique(
+                    plan.taken(bound)[source].first[firsts], return_inverse=True
+                )
+                keys = plan.keys(source, made)
+                for one in np.flatnonzero(self._is_odd(source, made)) if self.failed else ():
+                    _, keys[one] = self._now(source, int(made[one]))
+                own = {"keys": keys, "begins": np.arange(len(made) + 1), "places": 0 * made}
+                calls = self._calls_at(source, made, np.zeros((), dtype=np.int64), **own)
+                sources[argument.name] = Made(calls, places.astype(np.int32))
             else:
-                read, present = self._read(bound, source, grid)
-                sources[argument.name] = read
+                sources[argument.name], present = self._read(bound, source, firsts, grid)
                 if valid is not None:
                     valid &= present
-        stream = plan.stream(bound, cell) if bound.random else None
-        key = "" if bound.stage.kept else self._now(bound, cell)[1]
-        return Recipe(Step.of(bound.stage), sources, stream, valid, key)
+        streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)
+        step = Step.of(bound.stage)
+        return Calls(
+            step, sources, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
+        )
 
-    def _read(self, bound: Bound, source: Bound, grid: Cells) -> tuple[Read, Any]:
-        """Return an input, and where on the gathered axes all of its cells exist."""
-        plan, (_, first, further) = self.plan, self.plan.taken(bound)[source]
+    def _read(
+        self, bound: Bound, source: Bound, firsts: Cells, grid: Cells
+    ) -> tuple[Read, NDArray[np.bool_]]:
+        """Return an input, and by call where on the gathered axes all of its cells exist."""
+        _, first, further = self.plan.taken(bound)[source]
         # Along axes on which the input does not depend, it is the same.
-        own = tuple(slice(None) if key in source.needs else 0 for key in bound.along)
-        taken = np.add.outer(first[grid[own]], further)
-        found = [self.spots.get(key) for key in plan.keys(source, taken.ravel())]
-        places = [place for place, spot in enumerate(found) if spot is not None]
-        spots = tuple(spot for spot in found if spot is not None)
-        read = Read(Step.of(source.stage), spots, np.shape(taken) or None, tuple(places))
-        there = np.array([spot is not None for spot in found]).reshape(np.shape(taken))
-        present = np.asarray(there.all(axis=tuple(range(there.ndim - further.ndim))))
-        lacking = tuple(slice(None) if key in source.needs else None for key in bound.gather)
-        return read, present[lacking]
+        own = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
+        taken = np.add.outer(first[np.add.outer(firsts, own)], further)
+        spots = self.spots[self.nodes[source][taken]].alone()
+        each = range(1, spots.present.ndim - further.ndim)
+        present = np.asarray(spots.present.all(axis=tuple(each)))
+        lacking = (slice(None) if key in source.needs else None for key in bound.gather)
+        return Read(Step.of(source.stage), spots), present[(slice(None), *lacking)]
 
     # outcomes -------------------------------------------------------------------------------
 
-    def finish(self, job: Job, cells: Sequence[Spot | str], seconds: float) -> None:
-        """Record where each of a job's cells is, or why it failed, and release waiting calls."""
-        name = job.bound.name
-        shown = self.progress[name]
-        shown.seconds += seconds
-        if seconds:
-            each = seconds / len(cells)
-            self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
-        for key, found in zip(job.keys, cells, strict=True):
-            if isinstance(found, str):
-                self.failed[key] = found
-                shown.failed += 1
+    def finish(
+        self, part: Part, outcome: Outcome, pack: int, *, split: bool = True
+    ) -> list[tuple[int, str, Trouble]]:
+        """Record where the cells of some calls are, and release those that wait for them.
+
+        Returns the cells that failed, and why. Those of a call that failed as a whole are computed
+        by one call each if `split`, since one of them may be the cause.
+        """
+        bound, begins = part.bound, part.begins
+        name = bound.name
+        done = np.ones(len(part.cells), dtype=bool)
+        failed: list[tuple[int, str, Trouble]] = []
+        for call, trouble in outcome.troubles.items():
+            begin, end = begins[call : call + 2].tolist()
+            if trouble.damaged:
+                done[begin:end] = False
+            elif split and trouble.traceback and end - begin > 1:
+                done[begin:end] = False
+                cells = part.cells[begin:end]
+                self._calls.add((bound, cells[k : k + 1]) for k in range(len(cells)))
             else:
-                self.spots[key] = found
-                shown.done += 1
-            for waiting in self._waiting.pop(key, ()):
-                self._missing[waiting] -= 1
-                if not self._missing[waiting]:
-                    self.make_ready(waiting)
+                for cell, why in enumerate(trouble.why, begin):
+                    done[cell] = not why
+                    if why:
+                        failed.append((int(part.cells[cell]), why, trouble))
+                        self._fail(bound, int(part.nodes[cell]), why)
+        nodes = part.nodes[done]
+        self._finish(bound, nodes, pack, np.arange(len(nodes), dtype=np.int32))
+        seconds = float(outcome.seconds.sum())
+        self.progress[name].seconds += seconds
+        if seconds:
+            each = seconds / len(part.cells)
+            self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
+        return failed
+
+    def each(self, task: Task) -> list[Task]:
+        """Return a task for every call of a task."""
+        jobs = [
+            (part.bound, part.cells[begin:end])
+            for part in task.parts
+            for begin, end in pairwise(part.begins.tolist())
+        ]
+        tasks = (self._task([job]) for job in jobs)
+        return [task for task in tasks if task.parts]
+
+    def _finish(self, bound: Bound, nodes: Cells, pack: Any, row: Any) -> None:
+        self.spots.pack[nodes], self.spots.row[nodes] = pack, row
+        self.progress[bound.name].done += len(nodes)
+        self._calls.release(nodes)
+
+    def _fail(self, bound: Bound, node: int, why: str) -> None:
+        self.failed[node], self._odd[node] = why, True
+        self.progress[bound.name].failed += 1
+        self._calls.release(np.array([node]))
 
     def work_left(self) -> float:
         """Return seconds that the missing cells take; the median stands in for an untimed stage."""

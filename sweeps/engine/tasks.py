@@ -1,17 +1,18 @@
 """Tasks of a worker: calls of stages, whose inputs it reads or makes, and whose results it packs.
 
 A task is a batch of calls. A call computes one cell, or several along the axes that its stage
-computes together. Inputs come by recipe: a plain value, arrays from a pack, a stack of such arrays,
-or an object made by another stage in this process, which keeps the last few of each.
+computes together. The arguments of all calls of a function come together: a plain value, arrays
+from a pack, a stack of such arrays, or an object made by another stage in this process, which keeps
+the last few of each.
 """
 
 from __future__ import annotations
 
 import threading
 import time
-from collections import OrderedDict, defaultdict, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from pkgutil import resolve_name
@@ -23,7 +24,8 @@ from numpy.typing import NDArray
 from sweeps.engine.declarations import RNG, VALID
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.failures import described, reason, traceback_of
-from sweeps.engine.packs import Arrays, Pack, Spot, read_cells, write_pack
+from sweeps.engine.keys import Keys
+from sweeps.engine.packs import Arrays, Pack, Packing, Spots, read_cells
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.stage import MEASURED, Output, Stage
 
@@ -60,106 +62,109 @@ class Step:
         return found.function if isinstance(found, Stage) else found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A plain argument of many calls: the distinct values, and which of them each call gets."""
+
+    values: tuple[Any, ...]
+    places: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
 class Read:
-    """An argument read from packs: one cell, or many in an array of leading `shape`.
+    """An argument of many calls that is read from packs.
 
-    Cells are at `places` of the flattened shape; the other places are empty.
+    `spots` are (call,) or, of an argument that is an array of several cells, (call, ...).
     """
 
     step: Step
-    spots: tuple[Spot, ...]
-    shape: tuple[int, ...] | None = None
-    places: tuple[int, ...] = ()
+    spots: Spots
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """A function and its arguments, with seed and name of `rng` and the flags of `valid`.
+@dataclass(frozen=True, eq=False)
+class Made:
+    """An argument of many calls that is an object, made in this process: which call makes it."""
 
-    An object that is kept in memory has a key.
+    calls: Calls
+    places: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Calls:
+    """Calls of one function: the arguments of all by name, and the cells that they compute.
+
+    Call k computes the cells `begins[k]` to `begins[k + 1]` of those with `keys`, (cell, 2), and
+    `places`, (cell,), on the axes of lengths `shape` that it computes together. A call that makes
+    an object has one cell.
     """
 
     step: Step
-    sources: Mapping[str, Source]
-    stream: tuple[int, dict[str, Any]] | None = None
-    valid: NDArray[np.bool_] | None = None
-    key: str = ""
+    sources: Mapping[str, Column | Read | Made]
+    keys: Keys
+    begins: NDArray[np.int64]
+    places: NDArray[np.int64]
+    shape: tuple[int, ...] = ()
+    streams: tuple[tuple[int, dict[str, Any]], ...] = ()  # seed and name of the `rng` of each
+    valid: NDArray[np.bool_] | None = None  # (call, ...): flags of each
+    # By number of a cell, a call that computes it again, alone, to compare it.
+    again: Mapping[int, Calls] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.begins) - 1
 
 
-Source = tuple[Any] | Read | Recipe
-"""A plain value in a tuple, cells to be read, or an object made or kept in this process."""
+class Trouble(NamedTuple):
+    """What is wrong with a call: why each of its cells failed, or which inputs are lost."""
 
-
-class Call(NamedTuple):
-    """One call of a function, and the cells that it computes."""
-
-    recipe: Recipe
-    shape: tuple[int, ...]  # lengths of the axes that it computes together
-    cells: tuple[tuple[str, int], ...]  # key of each wanted, and its place on these axes
-    # Calls, by number of a cell, that compute it again, alone, to compare it.
-    again: tuple[tuple[int, Call], ...] = ()
-
-
-class Done(NamedTuple):
-    """Outcome of a call: the spot of each of its cells, or why that failed."""
-
-    seconds: float
-    cells: tuple[Spot | str, ...] = ()
-    arguments: str = ""  # of a call that failed
+    why: tuple[str, ...] = ()  # empty for a cell that did not
+    arguments: str = ""
     traceback: str = ""
-    damaged: tuple[str, ...] = ()  # keys of lost inputs, without which it was not run
+    damaged: tuple[bytes, ...] = ()  # keys of lost inputs, without which it was not run
+
+
+class Outcome(NamedTuple):
+    """Outcome of some calls: how long each took [s], and by number what went wrong.
+
+    All other cells are in a pack, in their order, from a row on.
+    """
+
+    seconds: NDArray[np.float64]
+    troubles: Mapping[int, Trouble] = {}
+    pack: Pack | None = None
 
 
 class Report(NamedTuple):
-    """Outcome of a task: its calls in order, and the packs that it wrote."""
+    """Outcomes of the calls of a task."""
 
-    calls: tuple[Done, ...]
-    packs: tuple[Pack, ...] = ()
+    outcomes: tuple[Outcome, ...]
     unwritten: OSError | None = None  # why results could not be packed, if so
     # Shapes met, by stage and output, of outputs that have the same in every cell.
     shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
 
 
 class Damaged(Exception):
-    """Inputs differ from what was written."""
+    """Inputs differ from what was written; their keys."""
 
-    def __init__(self, keys: tuple[str, ...]) -> None:
+    def __init__(self, keys: tuple[bytes, ...]) -> None:
         super().__init__("damaged")
         self.keys = keys
 
 
-Cell = tuple[str, Arrays]  # its key, and its results
+def run_calls(parts: tuple[Calls, ...], order: Iterable[int], folder: Path) -> Report:
+    """Run calls one after the other, even if some raise, and pack their results in a folder.
 
-
-def run_calls(calls: tuple[Call, ...], folder: Path) -> Report:
-    """Run calls one after the other, even if some raise, and pack their results in a folder."""
-    outcomes = [_run(call, inputs, folder) for call, inputs in _with_inputs(calls, folder)]
-    results: dict[str, list[Cell]] = defaultdict(list)
-    spent: dict[str, float] = defaultdict(float)  # s, by stage
-    shapes: set[tuple[str, str, tuple[int, ...]]] = set()
-    for call, (done, cells) in zip(calls, outcomes, strict=True):
-        step = call.recipe.step
-        results[step.name] += cells
-        spent[step.name] += done.seconds
-        for output in step.even if cells else ():  # those of a call are of one array
-            shapes.add((step.name, output, cells[0][1][output].shape))
-    packs: dict[str, Pack] = {}
-    spots: dict[str, Iterator[Spot]] = {}
-    for name, written in results.items():
-        if not written:
-            continue
+    `order` has the part of which the next call is run, each in turn.
+    """
+    running = [_Running(part, folder) for part in parts]
+    for number in order:
+        running[number].run()
+    outcomes = []
+    for one in running:
         try:
-            packs[name] = pack = write_pack(folder, name, written, spent[name])
+            outcomes.append(one.outcome())
         except OSError as error:
             return Report((), unwritten=error)
-        spots[name] = iter([Spot(pack.path, row, key) for row, key in enumerate(pack.keys)])
-    finished = []
-    for call, (done, _) in zip(calls, outcomes, strict=True):
-        name = call.recipe.step.name
-        found = tuple(why or next(spots[name]) for why in done.cells)
-        finished.append(done._replace(cells=found))
-    return Report(tuple(finished), tuple(packs.values()), shapes=tuple(sorted(shapes)))
+    return Report(tuple(outcomes), shapes=tuple(sorted({s for one in running for s in one.shapes})))
 
 
 def uneven(
@@ -172,52 +177,93 @@ def uneven(
     )
 
 
-def _run(call: Call, inputs: Inputs, folder: Path) -> tuple[Done, list[Cell]]:
-    """Return the outcome of a call, with empty texts instead of spots, and its finished cells."""
-    start = time.perf_counter()
-    given: dict[str, Any] = {}
-    try:
-        given = _arguments(call.recipe, inputs, folder)
-        cells = _computed(call, given)
-    except Damaged as error:
-        return Done(0.0, damaged=error.keys), []
-    except Exception as error:
-        if call.recipe.stream is not None:  # from which the generator can be made again
-            seed, name = call.recipe.stream
-            given[RNG] = f"cell_rng({seed}, **{name})"
-        why = (reason(error),) * len(call.cells)
-        return Done(0.0, why, described(given), traceback_of(error)), []
-    seconds = time.perf_counter() - start
-    differing = dict(_differing(call, cells, folder))
-    whole = [cell for number, cell in enumerate(cells) if number not in differing]
-    return Done(seconds, tuple(differing.get(k, "") for k in range(len(cells)))), whole
+class _Running:
+    """Calls of one function, under way: what is done of them."""
 
+    def __init__(self, calls: Calls, folder: Path) -> None:
+        self.calls, self.folder = calls, folder
+        self.function = calls.step.call
+        self.packing = Packing()
+        self.next = 0
+        self.kept: list[int] = []  # numbers of cells that are packed
+        self.seconds = np.zeros(len(calls))
+        self.troubles: dict[int, Trouble] = {}
+        self.shapes: set[tuple[str, str, tuple[int, ...]]] = set()
+        self._inputs = _with_inputs(calls, folder)
 
-def _computed(call: Call, arguments: Mapping[str, Any]) -> list[Cell]:
-    """Return each wanted cell of a call's result."""
-    step = call.recipe.step
-    arrays = arrays_of(step.name, step.outputs, step.call(**arguments), call.shape)
-    cells: list[Cell] = []
-    for key, place in call.cells:
-        at: Any = (*np.unravel_index(place, call.shape), ...)  # an array even for one value
-        cells.append((key, {name: array[at].copy() for name, array in arrays.items()}))
-    return cells
+    def run(self) -> None:
+        """Run the next call."""
+        calls, step, number = self.calls, self.calls.step, self.next
+        self.next += 1
+        begin, end = calls.begins[number : number + 2].tolist()
+        inputs = next(self._inputs)
+        start = time.perf_counter()
+        given: dict[str, Any] = {}
+        try:
+            given = _arguments(calls, number, inputs, self.folder)
+            cells = self._computed(number, given)
+        except Damaged as error:
+            self.troubles[number] = Trouble(damaged=error.keys)
+            return
+        except Exception as error:
+            if calls.streams:  # from which the generator can be made again
+                seed, name = calls.streams[number]
+                given[RNG] = f"cell_rng({seed}, **{name})"
+            why = (reason(error),) * (end - begin)
+            self.troubles[number] = Trouble(why, described(given), traceback_of(error))
+            return
+        self.seconds[number] = time.perf_counter() - start
+        differing = {
+            cell: how
+            for cell in range(begin, end)
+            if cell in calls.again and (how := self._difference(cell, cells[cell - begin]))
+        }
+        for cell, arrays in enumerate(cells, begin):
+            if cell not in differing:
+                self.packing.add(arrays)
+                self.kept.append(cell)
+        if differing:
+            why = tuple(differing.get(cell, "") for cell in range(begin, end))
+            self.troubles[number] = Trouble(why)
+        for output in step.even:  # those of a call are of one array
+            self.shapes.add((step.name, output, cells[0][output].shape))
 
-
-def _differing(call: Call, cells: Sequence[Cell], folder: Path) -> Iterator[tuple[int, str]]:
-    """Yield how cells differ if they are computed again, each alone and from new objects."""
-    for number, alone in call.again:
+    def _difference(self, cell: int, first: Arrays) -> str:
+        """Return how a cell differs if it is computed again, alone and from new objects."""
         forget_all()
-        [inputs] = _read([alone.recipe], folder)
-        done, again = _run(alone, inputs, folder)
-        forget_all()
-        if done.damaged:
-            continue  # noticed by others who need it
-        how = f"it raises {done.cells[0]}"
-        if again:
-            how = _difference(alone.recipe.step, cells[number][1], again[0][1])
-        if how:
-            yield number, f"it differs when computed again, alone: {how}"
+        alone = _Running(self.calls.again[cell], self.folder)
+        [inputs] = alone._inputs
+        try:
+            given = _arguments(alone.calls, 0, inputs, self.folder)
+            [again] = alone._computed(0, given)
+            how = _difference(alone.calls.step, first, again)
+        except Damaged:
+            return ""  # noticed by others who need it
+        except Exception as error:
+            how = f"it raises {reason(error)}"
+        finally:
+            forget_all()
+        return how and f"it differs when computed again, alone: {how}"
+
+    def _computed(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
+        """Return each wanted cell of a call's result."""
+        calls, step = self.calls, self.calls.step
+        arrays = arrays_of(step.name, step.outputs, self.function(**arguments), calls.shape)
+        if not calls.shape:
+            return [arrays]
+        cells: list[Arrays] = []
+        for place in calls.places[calls.begins[number] : calls.begins[number + 1]].tolist():
+            at: Any = (*np.unravel_index(place, calls.shape), ...)  # an array even for one value
+            cells.append({name: array[at] for name, array in arrays.items()})
+        return cells
+
+    def outcome(self) -> Outcome:
+        """Write the pack of all cells; return the outcome."""
+        if not self.kept:
+            return Outcome(self.seconds, self.troubles)
+        keys, spent = self.calls.keys[self.kept], float(self.seconds.sum())
+        pack = self.packing.write(self.folder, self.calls.step.name, keys, spent)
+        return Outcome(self.seconds, self.troubles, pack)
 
 
 def _difference(step: Step, first: Arrays, again: Arrays) -> str:
@@ -235,90 +281,89 @@ def _difference(step: Step, first: Arrays, again: Arrays) -> str:
 
 # arguments --------------------------------------------------------------------------------------
 
-Inputs = deque[Any]
-"""Arrays of each cell that a recipe reads, in order; None where they cannot be read back."""
+Inputs = dict[str, list[Any]]
+"""By argument, arrays of each cell that a call reads, in order; None where they are damaged."""
 
 
-def _with_inputs(calls: Sequence[Call], folder: Path) -> Iterator[tuple[Call, Inputs]]:
-    """Yield calls with what they read, for as many at once as fit, estimated from earlier ones.
+def _with_inputs(calls: Calls, folder: Path, start: int = 0) -> Iterator[Inputs]:
+    """Yield what each call from one on reads, for as many at once as fit, estimated from earlier.
 
     Opening a pack takes longer than reading a small cell in it.
     """
-    start, window = 0, 1
+    reads = {name: one for name, one in calls.sources.items() if isinstance(one, Read)}
+    window = 1
     while start < len(calls):
-        part = calls[start : start + window]
-        found = _read([call.recipe for call in part], folder)
-        cells = (arrays for inputs in found for arrays in inputs if arrays)
-        size = sum(array.nbytes for arrays in cells for array in arrays.values())
-        fitting = AHEAD_BYTES * len(part) // max(size, 1)
-        start, window = start + len(part), min(max(fitting, 1), 8 * window, AHEAD_CALLS)
-        yield from zip(part, found, strict=True)
+        stop = min(start + window, len(calls)) if reads else len(calls)
+        found: list[Inputs] = [{} for _ in range(start, stop)]
+        size = 0
+        for name, read in reads.items():
+            spots = read.spots[start:stop]
+            present = spots.present.reshape(stop - start, -1)
+            cells = iter(read_cells(folder, spots[spots.present]))
+            for inputs, count in zip(found, present.sum(axis=1).tolist(), strict=True):
+                inputs[name] = [next(cells) for _ in range(count)]
+                size += sum(array.nbytes for one in inputs[name] if one for array in one.values())
+        yield from found
+        fitting = AHEAD_BYTES * (stop - start) // max(size, 1)
+        start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
 
 
-def _read(recipes: Sequence[Recipe], folder: Path) -> list[Inputs]:
-    """Return what each recipe itself reads; no two share an array."""
-    wanted = [_spots(recipe) for recipe in recipes]
-    cells = deque(read_cells(folder, [spot for spots in wanted for spot in spots]))
-    return [deque(cells.popleft() for _ in spots) for spots in wanted]
-
-
-def _spots(recipe: Recipe) -> list[Spot]:
-    reads = (source for source in recipe.sources.values() if isinstance(source, Read))
-    return [spot for read in reads for spot in read.spots]
-
-
-def _arguments(recipe: Recipe, inputs: Inputs, folder: Path) -> dict[str, Any]:
-    """Return arguments by name, and empty the inputs; raise `Damaged` if one is unreadable."""
-    spots = _spots(recipe)
-    if lost := [spot.key for spot, cell in zip(spots, inputs, strict=True) if cell is None]:
+def _arguments(calls: Calls, number: int, inputs: Inputs, folder: Path) -> dict[str, Any]:
+    """Return arguments of a call by name; raise `Damaged` if one is unreadable."""
+    lost: list[bytes] = []
+    for name, cells in inputs.items():
+        spots = calls.sources[name].spots[number]  # type: ignore[union-attr]
+        keys = spots.keys.reshape(-1, 2)[spots.present.ravel()]
+        lost += [key.tobytes() for key, cell in zip(keys, cells, strict=True) if cell is None]
+    if lost:
         raise Damaged(tuple(lost))
     given: dict[str, Any] = {}
-    for name, source in recipe.sources.items():
-        if isinstance(source, tuple):
-            given[name] = source[0]
-        elif isinstance(source, Recipe):
-            given[name] = _object(source, folder)
+    for name, source in calls.sources.items():
+        if isinstance(source, Column):
+            given[name] = source.values[source.places[number]]
+        elif isinstance(source, Made):
+            given[name] = _object(source.calls, int(source.places[number]), folder)
         else:
-            arrays = _joined(source, [inputs.popleft() for _ in source.spots])
+            arrays = _joined(source.step, source.spots.present[number], inputs.pop(name))
             given[name] = arrays[source.step.outputs[0].name] if len(arrays) == 1 else arrays
-    if recipe.stream is not None:
-        seed, cell = recipe.stream
+    if calls.streams:
+        seed, cell = calls.streams[number]
         given[RNG] = cell_rng(seed, **cell)
-    if recipe.valid is not None:
-        given[VALID] = recipe.valid.copy()
+    if calls.valid is not None:
+        given[VALID] = calls.valid[number].copy()
     return given
 
 
-def _object(recipe: Recipe, folder: Path) -> Any:
+def _object(calls: Calls, number: int, folder: Path) -> Any:
     """Return an object by its key, made if missing; the oldest of its stage is evicted."""
     # By the function's name: stages that share one share its results. A function that comes with
     # each task, from a script or a session, is another object each time.
-    objects = vars(_kept).setdefault(recipe.step.place, OrderedDict())
-    if recipe.key in objects:
-        objects.move_to_end(recipe.key)
-        return objects[recipe.key]
-    while len(objects) >= recipe.step.keep:
+    objects = vars(_kept).setdefault(calls.step.place, OrderedDict())
+    key = calls.keys[number].tobytes()
+    if key in objects:
+        objects.move_to_end(key)
+        return objects[key]
+    while len(objects) >= calls.step.keep:
         objects.popitem(last=False)
-    [inputs] = _read([recipe], folder)
-    objects[recipe.key] = made = recipe.step.call(**_arguments(recipe, inputs, folder))
+    inputs = next(_with_inputs(calls, folder, number))
+    objects[key] = made = calls.step.call(**_arguments(calls, number, inputs, folder))
     return made
 
 
-def _joined(source: Read, cells: Sequence[Arrays]) -> Arrays:
+def _joined(step: Step, present: NDArray[np.bool_], cells: Sequence[Arrays]) -> Arrays:
     """Return arrays of one cell, or of many as one; empty values where there is no cell."""
-    if source.shape is None:
+    if not present.ndim:
         return cells[0]
-    total = int(np.prod(source.shape))
     whole: Arrays = {}
-    for output in source.step.outputs:
+    for output in step.outputs:
         name, shape = output.name, cells[0][output.name].shape
         if any(cell[name].shape != shape for cell in cells):
-            raise ValueError(f"{name} of {source.step.name} has a shape that differs between cells")
-        joined = np.empty((total, *shape), dtype=output.dtype)
-        if len(cells) < total:
+            raise ValueError(f"{name} of {step.name} has a shape that differs between cells")
+        joined = np.empty((*present.shape, *shape), dtype=output.dtype)
+        if not present.all():
             joined[...] = output.empty
-        joined[list(source.places)] = [cell[name] for cell in cells]
-        whole[name] = joined.reshape(*source.shape, *shape)
+        joined[present] = [cell[name] for cell in cells]
+        whole[name] = joined
     return whole
 
 

@@ -33,6 +33,7 @@ from sweeps.engine.process import environment, one_thread
 
 SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
+    "distributed.admin.low-level-log-length": 0,  # of messages, which have all of a task
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.admin.tick.cycle": "5s",
     "distributed.admin.tick.interval": "1s",

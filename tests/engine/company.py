@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.packs import CellIndex, read_cells
+from sweeps.engine.packs import CellIndex, Spots, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import one_thread
 from sweeps.engine.run import execute
-from sweeps.engine.schedule import Job, Schedule, Watch
+from sweeps.engine.schedule import Schedule, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import Experiment
 from sweeps.engine.tasks import forget_all, run_calls
@@ -47,7 +47,7 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
         folder = Path(name)
         quiet = Watch(lambda sentence: None)
         index = CellIndex(folder, quiet.say)
-        schedule.resolve(index.find)
+        schedule.resolve(index)
         with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
             failures = execute(schedule, one, index, quiet)
             assert not failures, failures[0]
@@ -57,12 +57,14 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
                     continue
                 cells = plan.cells(bound).tolist()
                 for cell in cells[:: max(1, len(cells) // most)]:
-                    key, what = plan.key(bound, cell), plan.described(bound, cell)
-                    call = schedule.call(Job(bound, (cell,), (key,), ()))
+                    what = plan.described(bound, cell)
+                    part = schedule.part(bound, [np.array([cell])])
                     with one_thread():  # as workers are
-                        [done] = run_calls((call,), folder).calls
-                    assert not done.traceback, f"{what}: {done.traceback}"
-                    there, again = read_cells(folder, [schedule.spots[key], done.cells[0]])
+                        [done] = run_calls((part.calls,), [0], folder).outcomes
+                    assert not done.troubles, f"{what}: {done.troubles}"
+                    there = read_cells(folder, schedule.spots[part.nodes])
+                    alone = Spots([done.pack.path], np.array([0]), np.array([0]), part.calls.keys)
+                    (there,), (again,) = there, read_cells(folder, alone)
                     measured = {one.name for one in bound.stage.outputs if one.role == "measured"}
                     _compare(what, there, again, measured)
                     compared[bound.name] = compared.get(bound.name, 0) + 1

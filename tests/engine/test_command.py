@@ -227,4 +227,4 @@ def test_a_command_that_is_stopped_says_so_and_goes_on(ended, number):
     if number == signal.SIGTERM:
         slow = {"measured__pause": 0.02, "spring__stiffness": STIFF}
         finished = go(folder / "s.zarr", folder / "cache", **slow)
-        assert finished.progress["period"].reused > 0
+        assert any(one.reused for one in finished.progress.values())

@@ -8,8 +8,7 @@ import pytest
 from small_stores import files, opened
 from toys import CALLS, Few, Told, go, of, run
 
-from sweeps.engine import tasks
-from sweeps.engine.packs import files_of
+from sweeps.engine.packs import Packing, files_of
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Group, Output, in_memory, stage
 from sweeps.engine.store import read_attributes
@@ -185,15 +184,15 @@ def test_a_damaged_chunk_of_a_store_is_made_again_and_said(tmp_path, kept):
 
 
 def test_a_full_cache_stops_a_sweep_that_is_resumed(tmp_path, monkeypatch):
-    write, written = tasks.write_pack, []
+    write, written = Packing.write, []
 
-    def full(folder, *what):
+    def full(packing, folder, *what):
         if written:
             raise OSError(errno.ENOSPC, "No space left on device", str(folder))
         written.append(what)
-        return write(folder, *what)
+        return write(packing, folder, *what)
 
-    monkeypatch.setattr(tasks, "write_pack", full)
+    monkeypatch.setattr(Packing, "write", full)
     with pytest.raises(OSError, match="No space left on device"):
         go(tmp_path / "s.zarr", tmp_path / "cache")
     assert [one.name for one in tmp_path.iterdir()] == ["cache"]

@@ -21,7 +21,7 @@ def planned(**given):
 def keys(plan, name):
     """Keys of all cells of a stage, in order."""
     bound = plan.bound[name]
-    return plan.keys(bound, plan.cells(bound)).tolist()
+    return [plan.key(bound, cell) for cell in plan.cells(bound)]
 
 
 def test_what_a_stage_depends_on_follows_from_names():

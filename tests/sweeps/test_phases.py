@@ -1,10 +1,12 @@
 """Draws of range profiles: places of a ship on the grid of IFOVs, and orders of presentation."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from commands import FAST, chosen, groups_of, swept
 
+from sweeps.engine.packs import CellIndex
 from sweeps.engine.plan import Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.experiment import EXPERIMENT
@@ -29,9 +31,9 @@ def plan_of(*overrides):
 def to_make(*overrides):
     """Range extents that a sweep makes when nothing is at hand, of what is learned and tested."""
     schedule = Schedule(plan_of(*overrides))
-    schedule.resolve(lambda keys: {})
+    schedule.resolve(CellIndex(Path("none"), print))
     extents = {"extent", "seen_extent"}
-    return sum(cells for bound, cells in schedule.missing_cells() if bound.name in extents)
+    return sum(cells for bound, cells, _ in schedule.missing_cells() if bound.name in extents)
 
 
 def keys(stage, *overrides):

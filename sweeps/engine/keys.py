@@ -1,0 +1,93 @@
+"""Keys of results: 128-bit hashes of many cells at once, as arrays of two numbers each."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Keys = NDArray[np.uint64]  # (..., 2)
+
+BYTES = 16
+
+
+def digest(text: str) -> str:
+    """Return a hash of a text: 32 hexadecimal digits."""
+    return hashlib.blake2b(text.encode(), digest_size=BYTES).hexdigest()
+
+
+def hashed(texts: Iterable[str | bytes | memoryview]) -> Keys:
+    """Return the hash of each text, (text, 2) ndarray."""
+    contents = (text.encode() if isinstance(text, str) else text for text in texts)
+    found = b"".join(hashlib.blake2b(one, digest_size=BYTES).digest() for one in contents)
+    return np.frombuffer(found, "<u8").reshape(-1, 2).astype(np.uint64)
+
+
+def fold(keys: Keys, words: Keys) -> None:
+    """Mix further hashes into keys, in place; the order of what is mixed in counts.
+
+    Each half of a key, a number of 64 bits, is mixed on its own: with that of the hash by exclusive
+    or, and then by the finalizer of SplitMix64 (Steele, Lea and Flood 2014,
+    https://doi.org/10.1145/2660193.2660195), which has an inverse. As halves of hashes are
+    independent, n keys hold two equal ones by chance with a probability of n^2 / 2^129.
+
+    Parameters
+    ----------
+    keys : (cell, 2) ndarray
+        What is changed.
+    words : (cell, 2) or (2,) ndarray
+        What is mixed in.
+    """
+    keys ^= words
+    keys ^= keys >> np.uint64(30)
+    keys *= np.uint64(0xBF58476D1CE4E5B9)
+    keys ^= keys >> np.uint64(27)
+    keys *= np.uint64(0x94D049BB133111EB)
+    keys ^= keys >> np.uint64(31)
+
+
+def distinct(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return where each distinct key occurs first, in that order, and the number of every key's.
+
+    Parameters
+    ----------
+    keys : (key, 2) ndarray
+        In any order.
+
+    Returns
+    -------
+    first, number : (distinct,) and (key,) ndarrays
+        `keys[first][number]` equals `keys`.
+    """
+    order = np.argsort(keys[:, 0])
+    halves = keys[order, 0]
+    if (halves[1:] != halves[:-1]).all():
+        every = np.arange(len(keys), dtype=np.int32)
+        return every, every
+    del halves
+    same = keys[order[1:]] == keys[order[:-1]]
+    if (same[:, 0] & ~same[:, 1]).any():  # by chance once in 10^19 pairs
+        order = np.lexsort((keys[:, 1], keys[:, 0]))
+        same = keys[order[1:]] == keys[order[:-1]]
+    new = np.concatenate([[True], ~same.all(axis=1)])
+    first = np.minimum.reduceat(order, np.flatnonzero(new))
+    by_place = np.argsort(first)
+    rank = np.empty_like(by_place)
+    rank[by_place] = np.arange(len(first))
+    number = np.empty_like(order)
+    number[order] = rank[np.cumsum(new) - 1]
+    return first[by_place].astype(np.int32), number.astype(np.int32)
+
+
+def joined(*arrays: NDArray[Any]) -> NDArray[Any]:
+    """Return arrays one after the other; the same array if all others are empty."""
+    filled = [array for array in arrays if len(array)] or [arrays[0]]
+    return filled[0] if len(filled) == 1 else np.concatenate(filled)
+
+
+def spelt_key(key: Keys) -> str:
+    """Return a key as text: 32 hexadecimal digits."""
+    return "".join(f"{half:016x}" for half in key.tolist())
