@@ -204,10 +204,11 @@ class Patches:
         """Patches of a stage `hits`, with left and right swapped or not."""
         pixel, left, bottom, roll = hits["lattice"].tolist()
         if not hits["columns"]:
-            span = hits["span"]
+            line, span = hits["line"], hits["span"]
             if mirrored:
                 span, roll = -span[:, ::-1], -roll
-            line = hits["line"]
+                order = np.lexsort((span[:, 0], line))  # pieces of a line are in order
+                line, span = line[order], span[order]
             # Only the place across the line of sight counts.
             flat = np.concatenate([span, np.zeros_like(span)], axis=1), np.zeros_like(line)
             lines = LineImage(line, *flat, np.zeros((1, 3)), pixel, bottom, 0.0, 0.0, roll)
