@@ -25,6 +25,7 @@ CELLS = (4_000, 16_000, 64_000)
 WHOLE = "total"
 PARTS = ("resolve", "execute", "write")  # of the whole
 PHASES = ("plan", *PARTS, WHOLE, "again")
+FEW, MANY = 100_000, 10_000_000  # cells of a sweep by worker processes
 
 
 def measure(*, repeats: int, grids: Sequence[Sequence[int]] = GRIDS) -> Report:
@@ -161,3 +162,61 @@ def peaks(cells: int) -> tuple[float, float]:
     with tempfile.TemporaryDirectory() as folder:
         timed(toy.PROFILES, chosen, _inline(Path(folder)))
     return before, peak_memory()
+
+
+def measure_cells(*, most: int = MANY) -> Report:
+    """Time sweeps of a stage that does nothing on two worker processes, each in a new process.
+
+    Parameters
+    ----------
+    most : int
+        Largest number of cells, from 100,000 on in steps of ten.
+
+    Returns
+    -------
+    Report
+        One row per number of cells: time a cell, time of the same sweep again, and peak memory.
+    """
+    rows: list[dict[str, Any]] = []
+    while (cells := FEW * 10 ** len(rows)) <= most:
+        code = f"from benchmarks.engine import many; print(*many({cells}))"
+        run = watch([sys.executable, "-c", code], cores=2)
+        first, again, peak, peak_again = map(float, run.output.split())
+        rows.append(
+            {
+                "cells": cells,
+                "time_ms": 1e3 * first / cells,
+                "again_s": again,
+                "peak_mib": peak,
+                "peak_again_mib": peak_again,
+            }
+        )
+    return Report(
+        "Sweeps of a stage that does nothing, on two worker processes",
+        (
+            Column("cells", "cells", "d"),
+            Column("time_ms", "time a cell [ms]", ".4f"),
+            Column("again_s", "again [s]", ".1f"),
+            Column("peak_mib", "peak of the command [MiB]", ".0f"),
+            Column("peak_again_mib", "when it is repeated [MiB]", ".0f"),
+        ),
+        rows,
+        [
+            "Each number once. Time a cell: with the start of the workers and the store. Again: the "
+            "same sweep, whose store has everything."
+        ],
+    )
+
+
+def many(cells: int) -> tuple[float, float, float, float]:
+    """Return the seconds of a sweep on two processes, and again, and the peaks after each [MiB]."""
+    # Four ships, and five values of each other axis but the aspects.
+    chosen = toy.choices(toy.NOTHING, (4, cells // 2500, 5, 5, 5, 5))
+    found: list[float] = []
+    with tempfile.TemporaryDirectory() as name:
+        place = Place(Path(name, "s.zarr"), Path(name, "cache"), ClusterChoice("local", 2))
+        for _ in range(2):
+            taken = timed(toy.NOTHING, chosen, place).total
+            found += [taken, peak_memory()]
+    first, peak, again, peak_again = found
+    return first, again, peak, peak_again

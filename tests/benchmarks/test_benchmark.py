@@ -4,7 +4,7 @@ import sys
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import accuracy, views
+from benchmarks import accuracy, engine, views
 from benchmarks.processes import watch
 from ncti.render import available_engines
 
@@ -63,6 +63,13 @@ def test_watch_sees_the_memory_of_a_child_process():
     assert run.largest == run.worker > 64
     assert run.together > 64
     assert run.driver < run.worker
+
+
+def test_cells_are_swept_by_workers(monkeypatch):
+    monkeypatch.setattr(engine, "FEW", 2500)
+    [row] = engine.measure_cells(most=2500).rows
+    assert row["cells"] == 2500 and 0 < row["peak_mib"] <= row["peak_again_mib"] < 1000
+    assert row["time_ms"] > 0 and 1e3 * row["again_s"] < 2500 * row["time_ms"]
 
 
 def test_command_prints_and_writes_json(monkeypatch, tmp_path, capsys):
