@@ -202,8 +202,8 @@ def measure_cells(*, most: int = MANY) -> Report:
         ),
         rows,
         [
-            "Each number once. Time a cell: with the start of the workers and the store. Again: the "
-            "same sweep, whose store has everything."
+            "Each number once. Time a cell: with start of workers and store. Again: the same "
+            "sweep, whose store has everything."
         ],
     )
 
