@@ -29,9 +29,10 @@ def hashed(texts: Iterable[str | bytes | memoryview]) -> Keys:
 def fold(keys: Keys, words: Keys) -> None:
     """Mix further hashes into keys, in place; the order of what is mixed in counts.
 
-    Each half of a key, a number of 64 bits, is mixed on its own: with that of the hash by exclusive
-    or, and then by the finalizer of SplitMix64 (Steele, Lea and Flood 2014,
-    https://doi.org/10.1145/2660193.2660195), which has an inverse. As halves of hashes are
+    Each half of a key, a number of 64 bits, is mixed on its own: it is multiplied by the increment
+    of SplitMix64, so that key and hash do not count alike, joined with that of the hash by
+    exclusive or, and then goes through SplitMix64's finalizer (Steele, Lea and Flood 2014,
+    https://doi.org/10.1145/2660193.2660195). All of it has an inverse. As halves of hashes are
     independent, n keys hold two equal ones by chance with a probability of n^2 / 2^129.
 
     Parameters
@@ -41,6 +42,7 @@ def fold(keys: Keys, words: Keys) -> None:
     words : (cell, 2) or (2,) ndarray
         What is mixed in.
     """
+    keys *= np.uint64(0x9E3779B97F4A7C15)
     keys ^= words
     keys ^= keys >> np.uint64(30)
     keys *= np.uint64(0xBF58476D1CE4E5B9)

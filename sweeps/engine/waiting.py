@@ -68,7 +68,7 @@ class Waiting:
             self._cells = self._cells[_ranges(begins[order], lengths)]
         self._begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
         self._wait()
-        del self._nodes, self._absent, self._numbers
+        del self._nodes, self._absent, self._numbers, self._known
 
     def _calls(self, number: int, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
         """Return stage, number of cells and in-memory objects of each call; and all their cells.
