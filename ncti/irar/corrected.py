@@ -252,7 +252,7 @@ def image_of(arrays: Arrays) -> Snapshot:
     at = tuple(arrays["ship_pixel"].T)
     ranges[:] = np.nan
     intensity[at], ranges[at] = arrays["ship_value"].T
-    pixels = Window(int(arrays["window_bottom"]), int(arrays["window_left"]), 0, column.size)
+    pixels = Window(int(arrays["first_row"]), int(arrays["first_column"]), 0, column.size)
     nothing = np.zeros(intensity.shape)
     return Snapshot(pixels, row, column, intensity, ranges, nothing, nothing.astype(np.intp))
 

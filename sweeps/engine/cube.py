@@ -17,7 +17,7 @@ from sweeps.engine.packs import Arrays, Spots
 from sweeps.engine.plan import Axis, Cells, Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import Setting
-from sweeps.engine.stage import COORDINATE, MEASURED, STATE, Bound, Output
+from sweeps.engine.stage import COORDINATE, MEASURED, SHARE, STATE, Bound, Output
 from sweeps.engine.tasks import Damaged, uneven
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
 
@@ -46,8 +46,13 @@ class Layout:
 
     def begins(self, arrays: Arrays) -> list[int]:
         """Return where a cell begins on each own dimension."""
-        begins = {dim: int(arrays[name]) for dim, name in self.output.origin.items()}
+        begins = {dim: int(arrays[first.name]) for dim, first in self.origin.items()}
         return [begins.get(dim, 0) for dim in self.output.dims]
+
+    @property
+    def origin(self) -> dict[str, Output]:
+        """The outputs at which a cell begins, by own dimension."""
+        return self.bound.stage.origin(self.output)
 
 
 def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
@@ -122,10 +127,9 @@ class Cube:
         names, arrays = self._names(layouts), dict[str, Array]()
         starts, lengths = self._extents[layouts[0].group] = self._extents_of(layouts)
         for layout in layouts:
-            named = {output.name: output for output in layout.bound.stage.outputs}
-            for dim, name in layout.output.origin.items():
+            for dim, first in layout.origin.items():
                 values = starts.get(dim, 0) + np.arange(lengths[dim])
-                about = {"units": named[name].unit, "long_name": named[name].label}
+                about = {"units": first.unit, "long_name": first.label}
                 arrays[dim] = Array.of((dim,), values, about, coordinate=True)
             arrays[layout.output.name] = self._variable(layout, names)
         return Group(arrays | self._coordinates(layouts, names))
@@ -161,7 +165,9 @@ class Cube:
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if words else {"units": output.unit}
-        attrs |= {"long_name": output.label, **output.attrs}
+        attrs |= {"long_name": output.label}
+        if output.role == SHARE:  # of which xarray makes numbers from 0 to 1
+            attrs["scale_factor"] = 1 / int(np.iinfo(dtype).max)
         if output.role == MEASURED:
             attrs["comment"] = ANEW
         if output.role == STATE:
@@ -197,13 +203,14 @@ class Cube:
             lengths |= {dim: max(lengths.get(dim, 0), gathered.get(dim, 0)) for dim in output.dims}
             if gathered.keys() >= set(output.dims):
                 continue
+            origin, even = layout.origin, layout.bound.stage.is_even(output)
             nodes = self._nodes(layout, [range(len(axes[n].points)) for n in layout.axes])
             nodes = nodes[self.schedule.spots.present[nodes]]
-            for arrays in self._each(nodes[:1] if output.even else np.unique(nodes)):
+            for arrays in self._each(nodes[:1] if even else np.unique(nodes)):
                 shape = arrays[output.name].shape
                 for dim, begin, size in zip(output.dims, layout.begins(arrays), shape, strict=True):
-                    low, high = ends.get((dim, dim in output.origin), (begin, begin))
-                    ends[dim, dim in output.origin] = min(low, begin), max(high, begin + size)
+                    low, high = ends.get((dim, dim in origin), (begin, begin))
+                    ends[dim, dim in origin] = min(low, begin), max(high, begin + size)
         for (dim, _), (low, high) in ends.items():
             lengths[dim] = max(lengths[dim], high - low)
         return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
@@ -212,9 +219,10 @@ class Cube:
         """Return values of a region of a variable, complete along its own dimensions."""
         output, count = layout.output, len(layout.axes)
         starts, lengths = self._extents[layout.group]
+        origin, even = layout.origin, layout.bound.stage.is_even(output)
         natural = [region[k] for k in np.argsort(layout.order)]
         own = tuple(lengths[dim] for dim in output.dims)
-        first = [starts.get(dim, 0) if dim in output.origin else 0 for dim in output.dims]
+        first = [starts.get(dim, 0) if dim in origin else 0 for dim in output.dims]
         ranges = [range(one.start, one.stop) for one in natural[:count]]
         shape = tuple(map(len, ranges))
         flat = np.full((math.prod(shape), *own), output.empty, dtype=output.dtype)
@@ -224,9 +232,9 @@ class Cube:
         wanted = np.flatnonzero(self.schedule.spots.present[nodes])
         for number, arrays in zip(wanted.tolist(), self._each(nodes[wanted]), strict=True):
             array = arrays[output.name]
-            if output.even and array.shape != own:
+            if even and array.shape != own:
                 raise uneven(layout.bound.name, output.name, array.shape, own)
-            if array.shape == own and not output.origin:
+            if array.shape == own and not origin:
                 flat[number] = array
                 continue
             if output.pad is not None:

@@ -96,9 +96,6 @@ def _check_stage(stage: Any, keys: set[str]) -> None:
     for output in stage.outputs:
         for name in (output.name, *output.dims):
             _check_name(what, name)
-        for dim, begin in output.origin.items():
-            _check_known(f"{what}: dimension of an origin", dim, output.dims)
-            _check_known(f"{what}: output of an origin", begin, [o.name for o in stage.outputs])
         _check_dtype(f"{what}: {output.name}", output.dtype, stage.place_of(output))
     if stage.stream is not None:
         named += (*stage.stream.settings, *stage.stream.optional)

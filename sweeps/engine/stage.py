@@ -35,6 +35,7 @@ Condition = Callable[[Choices], bool]
 Say = Callable[[str], None]
 
 EVERY = math.inf
+FIRST = "first_"  # before the name of a dimension: the output at which arrays begin on it
 
 
 def always(choices: Choices) -> bool:
@@ -43,6 +44,7 @@ def always(choices: Choices) -> bool:
 
 
 RESULT, COORDINATE, INNER, STATE, MEASURED = "result", "coordinate", "inner", "state", "measured"
+SHARE = "share"
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Output:
     """One array that a stage returns for every cell: a variable of the store with own dimensions.
 
     An own dimension that is named like that of a gathered setting has its values as coordinate.
+    If the stage has an output `first_row`, a whole number, a cell's array begins there on the
+    dimension `row` of other outputs, whose label and unit it has.
     """
 
     name: str
@@ -57,16 +61,12 @@ class Output:
     dtype: str = "f4"
     label: str = ""
     unit: str = "1"
-    fill: float | None = None  # value of missing results; None: NaN, -1 of integers, no text
-    pad: float | None = None  # padding up to the largest cell's array; None: as `fill`
-    # Own dimension: the output, a whole number, at which a cell's array begins on it. Its
-    # label and unit are the dimension's.
-    origin: Mapping[str, str] = field(default_factory=dict)
+    pad: float | None = None  # padding up to the largest cell's array; None: all have one shape
     without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
     # RESULT; COORDINATE of its group; INNER: of other stages only; STATE of cells that a group
-    # gathers; MEASURED by the machine, such as a run time: computed again, it differs.
+    # gathers; MEASURED by the machine, such as a run time: computed again, it differs; SHARE, from
+    # 0 to 1, in unsigned integers up to their largest.
     role: str = RESULT
-    attrs: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def stored(self) -> bool:
@@ -74,18 +74,11 @@ class Output:
         return self.role != INNER
 
     @property
-    def even(self) -> bool:
-        """Whether the store needs arrays of one shape in all cells."""
-        return self.stored and bool(self.dims) and self.pad is None and not self.origin
-
-    @property
     def empty(self) -> float | str:
-        """Value of missing results."""
-        if np.dtype(self.dtype).kind == "U":
-            return ""
-        if self.fill is not None:
-            return self.fill
-        return np.nan if np.dtype(self.dtype).kind == "f" else -1
+        """Value of missing results: NaN, no text, false, 0 without a sign, else `pad` or -1."""
+        of_kind: dict[str, float | str] = {"f": np.nan, "U": "", "b": False, "u": 0}
+        of_integers = -1 if self.pad is None else self.pad
+        return of_kind.get(np.dtype(self.dtype).kind, of_integers)
 
 
 coordinate = partial(Output, role=COORDINATE)
@@ -195,6 +188,17 @@ class Stage:
             )
         )
         return named + tuple(name for name in self.reads if takes_any and name not in named)
+
+    def origin(self, output: Output) -> dict[str, Output]:
+        """Return the outputs at which the arrays of another begin, by dimension."""
+        firsts = {one.name: one for one in self.outputs if not one.dims}
+        named = {dim: firsts.get(f"{FIRST}{dim}") for dim in output.dims}
+        return {dim: first for dim, first in named.items() if first is not None}
+
+    def is_even(self, output: Output) -> bool:
+        """Return whether the store needs arrays of one shape in all cells."""
+        padded = output.pad is not None or self.origin(output)
+        return output.stored and bool(output.dims) and not padded
 
     @property
     def at(self) -> dict[Setting, Setting]:

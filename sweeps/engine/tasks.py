@@ -27,7 +27,7 @@ from sweeps.engine.failures import described, reason, traceback_of
 from sweeps.engine.keys import Keys
 from sweeps.engine.packs import Arrays, Pack, Packing, Spots, read_cells
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.stage import MEASURED, Output, Stage
+from sweeps.engine.stage import FIRST, MEASURED, Output, Stage
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
@@ -52,7 +52,7 @@ class Step:
         place = f"{function.__module__}:{function.__qualname__}"
         imported = "<" not in place and not place.startswith("__main__:")
         given = None if imported else function
-        even = tuple(one.name for one in stage.outputs if stage.place_of(one) and one.even)
+        even = tuple(o.name for o in stage.outputs if stage.place_of(o) and stage.is_even(o))
         return cls(stage.name, place, given, stage.outputs, even, stage.memory)
 
     @property
@@ -173,7 +173,7 @@ def uneven(
     """Return the error of arrays of two shapes, which a store cannot hold without padding."""
     return DeclarationError(
         f"stage {stage}: {output} has the shape {shape} in one cell and {other} in another, but no "
-        "value to pad it with; declare pad=... or origin=..."
+        f"value to pad it with; declare pad=..., or an output {FIRST}{{dimension}}"
     )
 
 

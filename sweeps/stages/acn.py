@@ -335,7 +335,6 @@ acn_training = OF_RANGE.stage(
         (),
         "i4",
         "presentations until the categories settled, negative if they did not",
-        fill=0,
         without=RULES[:1],
     ),
     Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),

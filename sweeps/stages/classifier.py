@@ -167,8 +167,8 @@ def training_marks(of: Group) -> tuple[Stage, Stage]:
     of = replace(of, uses=(Grid, Classifier))
     learned = "in the training set, at ships that are known; others are tests only"
     known = "in the training set; others are unknown to classifiers"
-    aspects = coordinate("learned", ("aspect",), "?", learned, fill=0, without=(Run.seed.name,))
-    ships = coordinate("known", ("ship",), "?", known, fill=0)
+    aspects = coordinate("learned", ("aspect",), "?", learned, without=(Run.seed.name,))
+    ships = coordinate("known", ("ship",), "?", known)
     return (
         of.stage(aspects, gather=GATHERED[1:], name=f"{of.path}_learned")(training_aspects),
         of.stage(ships, gather=GATHERED[:1], name=f"{of.path}_known")(training_ships),

@@ -189,9 +189,8 @@ IMAGES = {  # unit and label
     "range_image": ("m", "range relative to the ship origin, of the same pixels"),
     "infrared_image": ("K", "apparent temperature above the sea, of the same pixels"),
 }
-ORIGIN = {"row": "window_bottom", "column": "window_left"}
 
-_place = partial(inner, dtype="i4", unit="pixel", fill=0)
+_place = partial(inner, dtype="i4", unit="pixel")
 # Parts of the overscanned image that show the ship.
 _part = partial(inner, dtype="f8")
 
@@ -217,11 +216,11 @@ flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
         for name, (label, unit) in LANDMARKS.items()
     ),
     *(
-        Output(name, ("row", "column"), label=label, unit=unit, origin=ORIGIN)
+        Output(name, ("row", "column"), label=label, unit=unit)
         for name, (unit, label) in IMAGES.items()
     ),
-    _place("window_bottom", label="row of pixels, upwards from the ship origin"),
-    _place("window_left", label="column of pixels, rightwards from the ship origin"),
+    _place("first_row", label="row of pixels, upwards from the ship origin"),
+    _place("first_column", label="column of pixels, rightwards from the ship origin"),
     _part("fine_row", ("fine_row",)),
     _part("fine_column", ("fine_column",)),
     _part("ship_pixel", ("pixel", "place"), dtype="i4"),
@@ -263,8 +262,8 @@ def corrected(
         "intensity": shown.intensity,
         "range_image": shown.range - flight.slant_range,
         "infrared_image": shown.infrared,
-        "window_bottom": np.array(pixels.bottom),
-        "window_left": np.array(pixels.left),
+        "first_row": np.array(pixels.bottom),
+        "first_column": np.array(pixels.left),
         **comparison.measure_tilts(
             flight_chain, noisy, clean, whole, view, navigation, shown=visible
         ),

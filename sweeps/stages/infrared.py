@@ -24,7 +24,17 @@ from ncti.render.loops import MASK
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word
-from sweeps.engine.stage import Group, Output, Table, coordinate, in_memory, inner, plain, stage
+from sweeps.engine.stage import (
+    SHARE,
+    Group,
+    Output,
+    Table,
+    coordinate,
+    in_memory,
+    inner,
+    plain,
+    stage,
+)
 from sweeps.stages import views
 from sweeps.stages.ladar import subpixel_offset
 from sweeps.stages.scores import with_bins
@@ -384,8 +394,7 @@ def look(
 
 # Images
 
-_shares = {"scale_factor": 1 / STEPS}  # of which xarray makes numbers from 0 to 1
-_map = partial(Output, dims=("angle", "radius"), dtype="u1", fill=0, attrs=_shares)
+_map = partial(Output, dims=("angle", "radius"), dtype="u1", role=SHARE)
 
 OF_VIEWS = Group(
     "infrared",
@@ -410,7 +419,6 @@ WINDOW = {  # keywords of `whole_window`
         label="frame-averaged image of the first position, contrast against the mean sea",
         unit="K",
         pad=np.nan,
-        origin={"row": "first_row", "col": "first_col"},
     ),
     inner("first_row", dtype="i8", label="row of pixels, from the lowest"),
     inner("first_col", dtype="i8", label="column of pixels, from the left"),

@@ -79,8 +79,8 @@ mnn_settings = plain(reads=by_key(Mnn), name="mnn_settings")(keywords)
         "i1",
         "1 where ship and aspect bin of the expected profile are right",
     ),
-    Output("presentations", dtype="i4", fill=0, label="epochs trained"),
-    Output("hidden", dtype="i2", fill=0, label="hidden nodes"),
+    Output("presentations", dtype="i4", label="epochs trained"),
+    Output("hidden", dtype="i2", label="hidden nodes"),
     Output("loss", label="mean square error of the outputs at the end"),
     *(inner(name, (dim,), "i8" if name == "classes_" else "f8") for name, dim in WHOLE.items()),
     *(

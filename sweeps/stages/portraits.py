@@ -44,8 +44,8 @@ MOST_LINES = 12  # of ships, on the screen
     Output(
         "picture",
         ("row", "column"),
-        label="brightness from 0 to 1 of the ship from its port bow; NaN: background",
-        attrs={"aspect_deg": ASPECT, "depression_deg": DEPRESSION, "row_0": "lowest"},
+        label=f"brightness from 0 to 1 at aspect {ASPECT:g} deg, depression {DEPRESSION:g} deg, "
+        "the lowest row first; NaN: background",
     ),
     Output(
         "warning",

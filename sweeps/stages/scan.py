@@ -159,7 +159,7 @@ scan_imager = plain(
 )(Imager)
 _of_target = partial(Output, dims=("target",), dtype="i4")
 _of_detection = partial(Output, dims=("detection", "edge"), dtype="i4", pad=-1)
-_ship = partial(Output, dims=("detection",), dtype="i4", pad=-2, fill=-2)
+_ship = partial(Output, dims=("detection",), dtype="i4", pad=-2)
 
 detected = FIELD.stage(
     _of_target("column", label="column of a target's origin in the field"),

@@ -83,9 +83,9 @@ class Cut(Settings, key="cut"):
 
 
 @stage(
-    Output("piece", ("bin",), label="piece", dtype="f4", origin={"bin": "first"}),
-    Output("same", ("bin",), label="same", dtype="i2", pad=7, origin={"bin": "first"}),
-    Output("first", label="bin", dtype="i8", role="inner"),
+    Output("piece", ("bin",), label="piece", dtype="f4"),
+    Output("same", ("bin",), label="same", dtype="i2", pad=7),
+    Output("first_bin", label="bin", dtype="i8", role="inner"),
     Output("tail", ("k", "j"), label="tail", pad=0),
     Output("none", ("nothing",), label="nothing"),
     uses=(Cut,),
@@ -98,7 +98,7 @@ def piece(begin, size):
         raise ValueError("too far")
     values = np.where(np.arange(size) % 2, np.nan, begin)
     tail = np.zeros((size - 1, begin))
-    found = {"piece": values, "same": np.full(size, 7), "first": begin - 4, "tail": tail}
+    found = {"piece": values, "same": np.full(size, 7), "first_bin": begin - 4, "tail": tail}
     return found | {"none": np.zeros(0)}
 
 

@@ -77,7 +77,6 @@ MISTAKES = [
     ("one takes valid, but gathers nothing", FEW, [one(function=lambda size, valid: size)]),
     ("one: x has the dtype 'O', but must have", FEW, [one(Output("x", dtype="O"))]),
     ("one: x has the dtype 'f3', unknown", FEW, [one(Output("x", dtype="f3"))]),
-    ("output of an origin at", FEW, [one(Output("x", ("bin",), origin={"bin": "at"}))]),
     ("stage one: setting spring.mass is not", FEW, [one(group=OVER_MASS)]),
 ]
 

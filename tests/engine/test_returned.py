@@ -92,7 +92,7 @@ def test_padding_that_is_not_declared_is_refused_and_costs_no_results(tmp_path):
         run_few([growing], tmp_path / "s.zarr", tmp_path / "cache")
     assert str(refused.value) == (
         "stage growing: x has the shape (2,) in one cell and (1,) in another, but no value to pad "
-        "it with; declare pad=... or origin=..."
+        "it with; declare pad=..., or an output first_{dimension}"
     )
     assert not (tmp_path / "s.zarr").exists()
     padded = replace(growing, outputs=(replace(growing.outputs[0], pad=-1.0),))

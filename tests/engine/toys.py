@@ -85,8 +85,8 @@ def period(solver, limit, pause):
 
 @stage(
     Output("energy", unit="J", label="energy", dtype="f8"),
-    Output("shape", ("bin",), label="shape", origin={"bin": "begin"}, fill=0),
-    Output("begin", unit="m", label="bin", dtype="i4", role="inner"),
+    Output("shape", ("bin",), label="shape", pad=0),
+    Output("first_bin", unit="m", label="bin", dtype="i4", role="inner"),
     uses=(Spring,),
     group=Group("springs"),
 )
@@ -95,7 +95,7 @@ def energy(solver, mass):
     CALLS["energy"] += 1
     bins = 1 + int(mass)
     begin = int(10 * solver["rate"])
-    return {"energy": solver["rate"] ** 2, "shape": 1.0 + np.arange(bins), "begin": begin}
+    return {"energy": solver["rate"] ** 2, "shape": 1.0 + np.arange(bins), "first_bin": begin}
 
 
 @stage(
