@@ -22,13 +22,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.packs import make_folder, raise_shortage, undamaged, unseal
+from sweeps.engine.packs import raise_shortage, undamaged, unseal
+from sweeps.engine.places import OPEN, make_folder
 from sweeps.engine.zarr_array import METADATA
 
 MANIFEST = "manifest"
 PARTIAL = "partial"  # suffix of a folder that is incomplete or being deleted
 ASIDE = "aside"  # suffix of the old folder, where two folders cannot be exchanged
-OPEN, READABLE = 0o755, 0o644  # modes of folders and files of a store: others may read them
+READABLE = 0o644  # mode of files of a store: others may read them
 OF_ZARR = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
 
 # A Path keeps one slash of a URL; several schemes may be chained.

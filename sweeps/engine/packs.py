@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.keys import Keys
+from sweeps.engine.places import make_folder
 
 ROOM = "cells"
 ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
@@ -155,16 +156,6 @@ def _plain(code: str | np.dtype[Any]) -> np.dtype[Any]:
     if dtype.hasobject or dtype.names or dtype.subdtype:
         raise TypeError(f"arrays of dtype {dtype} cannot be kept")
     return dtype
-
-
-def make_folder(path: Path, mode: int) -> None:
-    """Make a folder and its missing parents, with at most this mode; the umask may say less."""
-    if path.is_dir():
-        return
-    for part in reversed((path, *path.parents)):
-        if not part.is_dir():
-            with suppress(FileExistsError):  # made by another process just now
-                part.mkdir(mode)
 
 
 def is_own(file: Path) -> bool:

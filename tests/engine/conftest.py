@@ -1,7 +1,9 @@
 """Fixtures of several tests of executors."""
 
 import signal
+import uuid
 
+import buckets
 import pytest
 from executors import eventually, silent
 
@@ -44,3 +46,26 @@ def local(no_server_of_other_tests, at_a_terminal):
 @pytest.fixture
 def impatient(monkeypatch):
     monkeypatch.setattr(workers, "ANSWER", 0.5)
+
+
+@pytest.fixture(scope="session")
+def served():
+    """The environment that leads to a server with a bucket."""
+    if buckets.ABSENT:
+        pytest.skip(buckets.ABSENT)
+    with buckets.serving() as environment:
+        yield environment
+
+
+@pytest.fixture
+def bucket(served, monkeypatch):
+    """A new place in a bucket, as URL."""
+    for name, value in served.items():
+        monkeypatch.setenv(name, value)
+    return f"s3://{buckets.BUCKET}/{uuid.uuid4().hex}"
+
+
+@pytest.fixture(params=["folder", "bucket"])
+def place(request, tmp_path):
+    """A new place of either kind."""
+    return tmp_path if request.param == "folder" else request.getfixturevalue("bucket")

@@ -1,0 +1,87 @@
+"""Folders and buckets behave alike, and what fails is one sentence without a secret."""
+
+import errno
+import os
+import pickle
+from pathlib import Path
+
+import pytest
+from buckets import SECRET
+
+from sweeps.engine import places
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.places import Objects, where
+
+
+def below(place, name):
+    return place / name if isinstance(place, Path) else f"{place}/{name}"
+
+
+def test_objects_of_either_kind_behave_alike(place):
+    there = Objects(below(place, "new"), make=True)
+    assert there.sizes() == {}
+    assert there.get("a/b") is None
+    assert there.create("a/b", b"one")
+    assert not there.create("a/b", b"two")
+    assert there.get("a/b") == b"one"
+    there.put("a/b", b"three")
+    assert there.copy("a/b", "c")
+    assert not there.copy("absent", "d")
+    assert there.sizes() == {"a/b": 5, "c": 5}
+    assert there.sizes("a") == {"a/b": 5}
+    again = pickle.loads(pickle.dumps(there))
+    assert again == there and again.get("c") == b"three"
+    there.delete(["a/b", "c", "absent"])
+    assert there.sizes() == {}
+
+
+def test_a_folder_that_is_read_is_not_made(tmp_path):
+    there = Objects(tmp_path / "a" / "b")
+    assert there.get("x") is None and there.sizes() == {}
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        *("ftp://a/b", "file:///a", "http://a/b", "simplecache::s3://x/y", "s3:/x/y", "s3://"),
+        *(
+            "s3://key:SECRET@bucket/x",
+            "s3://SECRET@bucket/x",
+            "az://c/x?sig=SECRET",
+            "s3://b/x#SECRET",
+        ),
+    ],
+)
+def test_other_urls_are_refused_without_their_secrets(url):
+    with pytest.raises(
+        ConfigurationError, match=r"^store is [^\n]* but must be [^\n]*$"
+    ) as refused:
+        where("store", url)
+    assert "SECRET" not in str(refused.value)
+    assert where("store", "gs://b/x/") == "gs://b/x"
+    assert where("store", "a/b") == Path("a/b")
+
+
+def test_absent_buckets_and_refused_keys_are_failures(bucket, monkeypatch):
+    there = Objects("s3://nobucket/x")
+    with pytest.raises(OSError, match="404"):
+        there.sizes()
+    with pytest.raises(OSError, match="no such bucket"):
+        there.put("a", b"")
+    monkeypatch.setattr(places, "RETRIES", 1)
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    for method, given in (("sizes", ()), ("get", ("a",)), ("put", ("a", b""))):
+        with pytest.raises(OSError, match=r"^[^\n]*$") as failed:
+            getattr(Objects(bucket), method)(*given)
+        assert failed.value.errno == errno.EIO
+        assert not isinstance(failed.value, FileNotFoundError)
+        assert failed.value.filename == bucket
+        assert SECRET not in str(failed.value)
+
+
+def test_errors_of_a_disk_keep_their_number(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match=os.strerror(errno.ENOTDIR)) as failed:
+        Objects(tmp_path).put("file/x", b"")
+    assert failed.value.errno == errno.ENOTDIR
