@@ -7,7 +7,6 @@ SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses incons
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from importlib import import_module
@@ -21,7 +20,7 @@ from ncti.render.choice import choose_engine
 from ncti.render.loops import LINES, MASK, of_engine
 from sweeps.engine.kinds import Draws, Kind, SetOf, Word
 from sweeps.engine.process import environment
-from sweeps.engine.settings import Choices, Run, Setting, Settings
+from sweeps.engine.settings import Choices, Setting, Settings
 from sweeps.engine.stage import Experiment, Stage
 from sweeps.stages import views
 from sweeps.stages.classifier import Classifier
@@ -38,16 +37,6 @@ MODULES = tuple(
         *("run_time", "scan"),
     )
 )
-
-EXAMPLES = (
-    ("+experiment=smoke", "seconds, into sweep.zarr"),
-    ("+experiment=paper store=paper.zarr", "the article's experiment"),
-    ("+experiment=paper dry_run=true", "cells and time it would take"),
-    ("grid.ship=duncan grid.aspect=[0,30,60,90]", "one ship, four aspects"),
-    ("ladar.cnr=[26,29,32]", "any setting takes a list"),
-    ("-m ladar=full_profile,peak_pulse", "receivers as an axis"),
-)
-MAIN = ("sensor", "grid", "classifier.name", "render")  # keys that `--help` lists
 
 
 def conf_folder() -> Path:
@@ -84,7 +73,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     )
 
     def check(choices: Choices) -> Choices:
-        with environment(_variables(choices)):
+        with environment(choices.variables):
             for module in modules:
                 if hasattr(module, "check"):
                     choices = module.check(choices)
@@ -115,15 +104,12 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         settings,
         stages,
         tables=declared("TABLES"),
-        environment=_variables,
         check=check,
         about=about,
         prepare=compile_loops,
         attributes=attributes,
         conf=conf_folder(),
         code=("ncti", "sweeps", *code),
-        examples=EXAMPLES,
-        main=MAIN,
     )
 
 
@@ -148,12 +134,6 @@ def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
             from ncti.compiled import keep  # numba takes long to import
 
             keep(loops)
-
-
-def _variables(choices: Choices) -> dict[str, str]:
-    """Return the environment in which stages find the cache of ships."""
-    folder = choices.one(Run.cache)
-    return {views.CACHE_VARIABLE: os.path.abspath(folder)} if folder else {}
 
 
 def groups_of(module: Any) -> tuple[type[Settings], ...]:

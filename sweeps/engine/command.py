@@ -7,7 +7,6 @@ import logging
 import sys
 import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -153,15 +152,12 @@ class Command:
                 cache = self._cache_folder(choices)
                 check_folder("cache", cache)
                 check_apart(map(Path, stores), Path(cache), self.beside)
-                with self._variables(choices):
+                with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
                     existing(self.experiment, Path(store), plan)
                 sweeps.append((plan, Path(store)))
         return sweeps
-
-    def _variables(self, choices: Choices) -> AbstractContextManager[None]:
-        return environment(self.experiment.environment(choices))
 
     def _cache_folder(self, choices: Choices) -> str | Path:
         return choices.one(Run.cache) or user_cache_path(self.name)
@@ -179,7 +175,7 @@ class Command:
         left: list[str] = []
         for plan, store in sweeps:
             choices = plan.choices
-            with self._variables(choices):
+            with environment(choices.variables):
                 unread = plan.unread({key.lstrip("+~") for key in keys})
                 remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
                 for sentence in (*remarks, *self.experiment.about(choices)):

@@ -16,7 +16,7 @@ from sweeps.engine.kinds import spelt
 from sweeps.engine.packs import Arrays, Spots
 from sweeps.engine.plan import Axis, Cells, Plan
 from sweeps.engine.schedule import Schedule
-from sweeps.engine.settings import Setting
+from sweeps.engine.settings import DIMENSION, Setting
 from sweeps.engine.stage import COORDINATE, MEASURED, SHARE, STATE, Bound, Output
 from sweeps.engine.tasks import Damaged, uneven
 from sweeps.engine.zarr_array import Array, Group, suggest_chunks
@@ -88,7 +88,9 @@ def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
     axes = [(number, plan.axes[number]) for number in sorted(numbers)]
     return [
-        n for n, axis in axes if axis.several or any(setting.shown for setting in axis.settings)
+        n
+        for n, axis in axes
+        if axis.several or any(setting.single == DIMENSION for setting in axis.settings)
     ]
 
 
@@ -271,7 +273,7 @@ class Cube:
         return found
 
     def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
-        """Return coordinates of all axes: along dimensions, or scalar if `noted`."""
+        """Return coordinates of all axes: along dimensions, or scalar ones of one value."""
         found: dict[str, Array] = {}
         dims = {dim for layout in layouts for dim in layout.output.dims}
         for number, name in names.items():
@@ -280,7 +282,7 @@ class Cube:
                 found |= axis_coordinates(axis, name)
             elif not axis.several:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
-                    if setting.noted:
+                    if setting.single == COORDINATE:
                         label = setting.name if axis.is_joint else name
                         found |= setting_coordinates(setting, label, [value], scalar=True)
         return found

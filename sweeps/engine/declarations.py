@@ -57,7 +57,7 @@ def check_names(settings: Iterable[Any], stages: Iterable[Any]) -> None:
     stages : iterable of Bound
         Its stages, with the settings that they depend on.
     """
-    in_stores = {s.key: s for s in settings if s.shown or s.noted or not s.fixed}
+    in_stores = {s.key: s for s in settings if s.single or not s.fixed}
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
     dims: set[tuple[str, str]] = set()
     stored = [

@@ -17,7 +17,7 @@ from sweeps.engine.kinds import Count, Kind, Number, Switch, Text
 from sweeps.engine.run import Place
 from sweeps.engine.run import sweep as run
 from sweeps.engine.schedule import Watch
-from sweeps.engine.settings import Run, Setting, read_choices
+from sweeps.engine.settings import DIMENSION, Run, Setting, read_choices
 from sweeps.engine.stage import Experiment, Group, Output, Stage
 
 if TYPE_CHECKING:
@@ -111,4 +111,4 @@ def _setting(key: str, given: Iterable[Any]) -> Setting:
         kind = Count(low=-math.inf)
     elif all(isinstance(one, str) for one in listed):
         kind = Text()
-    return Setting(kind, listed, key.rpartition(".")[2], shown=True, key=key)
+    return Setting(kind, listed, key.rpartition(".")[2], single=DIMENSION, key=key)

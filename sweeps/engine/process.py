@@ -81,6 +81,8 @@ def _settle(stream: Any) -> None:
 
 # environment
 
+CACHE = "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
+
 
 @contextmanager
 def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:

@@ -97,7 +97,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     start, begun = time.perf_counter(), time.time()
     place = replace(place, cache=place.cache.absolute())  # workers may be started elsewhere
     with ExitStack() as stack:
-        stack.enter_context(environment(experiment.environment(choices)))
+        stack.enter_context(environment(choices.variables))
         check_target(place.store)
         check_folder("cache", place.cache)
         check_apart([place.store], place.cache, lambda store: ())

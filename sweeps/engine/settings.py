@@ -13,11 +13,12 @@ checks, its line in the table of settings, and its coordinate in a store.
 from __future__ import annotations
 
 import math
+import os
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import (
@@ -34,6 +35,22 @@ from sweeps.engine.kinds import (
     Word,
     shown,
 )
+from sweeps.engine.process import CACHE
+
+DIMENSION, COORDINATE = "dimension", "coordinate"
+NO_RESULT = "no result depends on it"  # why a setting of where or how to run takes one value
+
+
+class Unit(str):
+    """A unit of settings that stages get in SI: its symbol, and its factor to SI."""
+
+    si: float
+
+    def __new__(cls, symbol: str, si: float = 1.0) -> Self:
+        """Return the unit of a symbol."""
+        unit = super().__new__(cls, symbol)
+        unit.si = si
+        return unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +64,9 @@ class Setting:
     help: str = ""  # further information for users
     dimension: str = ""  # its name in stores; by default the last word of its key
     fixed: str = ""  # why it takes one value only; empty if several make it an axis
-    shown: bool = False  # whether it is a dimension even with one value
-    noted: bool | None = None  # whether, with one value, it is a scalar coordinate; None: see class
+    # In stores, with one value: a DIMENSION, a scalar COORDINATE, or nothing; None: as its class.
+    single: str | None = None
     fallback: Setting | None = None  # whose values null stands for
-    identity: bool = True  # whether results depend on it
-    si: float | None = None  # factor from its unit to SI, in which stages get it
     key: str = ""  # in the configuration, given by `Settings`
 
     @property
@@ -65,11 +80,18 @@ class Setting:
         worded = isinstance(self.kind, Word | Text)
         return ({} if worded else {"units": self.unit}) | {"long_name": self.label}
 
+    @property
+    def identity(self) -> bool:
+        """Whether results depend on it."""
+        return self.fixed != NO_RESULT
+
     def in_si(self, value: Value) -> Value:
-        """Return a value, or a tuple of values, as stages get it: in SI if it has a factor."""
-        if isinstance(value, tuple) and self.si is not None:
-            return tuple(self.in_si(one) for one in value)
-        return value if self.si is None or value is None else value * self.si
+        """Return a value, or a tuple of values, as stages get it: in SI of a `Unit`."""
+        if not isinstance(self.unit, Unit) or value is None:
+            return value
+        if isinstance(value, tuple):
+            return tuple(map(self.in_si, value))
+        return value * self.unit.si
 
     @property
     def entries(self) -> tuple[Setting, ...]:
@@ -95,14 +117,14 @@ class Settings:
     key: ClassVar[str] = ""
     declared: ClassVar[tuple[Setting, ...]] = ()
 
-    def __init_subclass__(cls, *, key: str = "", noted: bool = False) -> None:
+    def __init_subclass__(cls, *, key: str = "", single: str = "") -> None:
         found: dict[Setting, Setting] = {}
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
                 if hasattr(Settings, name):
                     raise TypeError(f"{cls.__name__} has a setting {name}, a name that is taken")
-                of = noted if value.noted is None else value.noted
-                setting = replace(value, key=f"{key}.{name}".lstrip("."), noted=of)
+                of = single if value.single is None else value.single
+                setting = replace(value, key=f"{key}.{name}".lstrip("."), single=of)
                 if value.fallback in found:  # of the same group, whose key is set only now
                     setting = replace(setting, fallback=found[value.fallback])
                 setattr(cls, name, setting)
@@ -165,8 +187,6 @@ def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...
 
 # settings of the engine: the seed, and where and how a sweep runs
 
-_WHERE: dict[str, Any] = {"fixed": "it sets where or how to run", "identity": False}
-
 CLUSTERS = ("inline", "local", "address", "slurm")
 
 
@@ -174,24 +194,26 @@ class Run(Settings):
     """The run."""
 
     seed = count(0, 0, 2**63, label="seed of all noise")
-    store = text(None, label="folder of the store; null: sweep.zarr", **_WHERE)
-    cache = text(None, label="folder of finished results; null: the user's cache folder", **_WHERE)
+    store = text(None, label="folder of the store; null: sweep.zarr", fixed=NO_RESULT)
+    cache = text(
+        None, label="folder of finished results; null: the user's cache folder", fixed=NO_RESULT
+    )
     cache_limit = number(
         20,
         0,
         1e6,
         unit="GB",
         label="limit of the cache; the least recently used results are deleted first",
-        **_WHERE,
+        fixed=NO_RESULT,
     )
-    dry_run = switch(False, label="only print what would be computed", **_WHERE)
+    dry_run = switch(False, label="only print what would be computed", fixed=NO_RESULT)
     verify = number(
         0,
         0,
         1,
         label="share of the computed cells that are computed again, alone, and compared",
         help="a cell of which a bit differs fails; reused cells are not checked",
-        **_WHERE,
+        fixed=NO_RESULT,
     )
 
 
@@ -202,26 +224,26 @@ class Together(Settings, key="grid"):
         Groups(),
         None,
         label="settings that run together instead of crossed: [[a, b], [c, d]]",
-        **_WHERE,
+        fixed=NO_RESULT,
     )
 
 
 class Cluster(Settings, key="cluster"):
     """The cluster; see `sweeps.engine.cluster.ClusterChoice`."""
 
-    kind = word("local", CLUSTERS, label="where tasks run", **_WHERE)
+    kind = word("local", CLUSTERS, label="where tasks run", fixed=NO_RESULT)
     workers = count(
-        None, 1, 4096, label="worker processes, or jobs of Slurm; null: one a core", **_WHERE
+        None, 1, 4096, label="worker processes, or jobs of Slurm; null: one a core", fixed=NO_RESULT
     )
-    address = text(None, label="address of a dask scheduler", **_WHERE)
-    ca_file = text(None, label="TLS: file of the authority", **_WHERE)
-    cert = text(None, label="TLS: file of the certificate", **_WHERE)
-    private_key = text(None, label="TLS: file of its private key", **_WHERE)
-    queue = text(None, label="Slurm: partition", **_WHERE)
-    account = text(None, label="Slurm: account", **_WHERE)
-    walltime = text(None, label="Slurm: longest time of a job", **_WHERE)
-    memory = text(None, label="Slurm: memory of a job", **_WHERE)
-    interface = text(None, label="Slurm: network interface", **_WHERE)
+    address = text(None, label="address of a dask scheduler", fixed=NO_RESULT)
+    ca_file = text(None, label="TLS: file of the authority", fixed=NO_RESULT)
+    cert = text(None, label="TLS: file of the certificate", fixed=NO_RESULT)
+    private_key = text(None, label="TLS: file of its private key", fixed=NO_RESULT)
+    queue = text(None, label="Slurm: partition", fixed=NO_RESULT)
+    account = text(None, label="Slurm: account", fixed=NO_RESULT)
+    walltime = text(None, label="Slurm: longest time of a job", fixed=NO_RESULT)
+    memory = text(None, label="Slurm: memory of a job", fixed=NO_RESULT)
+    interface = text(None, label="Slurm: network interface", fixed=NO_RESULT)
 
 
 ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Together, Cluster)
@@ -250,6 +272,12 @@ class Choices:
         """Return all values of a setting."""
         self.asked.add(setting.key)
         return self.values[setting.key]
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """Environment variables that hold while anything of a sweep is called, also on workers."""
+        folder = self.one(Run.cache)
+        return {CACHE: os.path.abspath(folder)} if folder and "://" not in folder else {}
 
     def one(self, setting: Setting) -> Value:
         """Return the value of a setting that has one."""

@@ -26,7 +26,15 @@ from sweeps.engine.declarations import RNG, VALID, check_declarations, check_nam
 from sweeps.engine.display import Display
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.kinds import Value
-from sweeps.engine.settings import ENGINE_SETTINGS, Choices, Joint, Run, Setting, Settings
+from sweeps.engine.settings import (
+    COORDINATE,
+    ENGINE_SETTINGS,
+    Choices,
+    Joint,
+    Run,
+    Setting,
+    Settings,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,8 +51,7 @@ def always(choices: Choices) -> bool:
     return True
 
 
-RESULT, COORDINATE, INNER, STATE, MEASURED = "result", "coordinate", "inner", "state", "measured"
-SHARE = "share"
+RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", "share"
 
 
 @dataclass(frozen=True)
@@ -292,8 +299,6 @@ class Experiment:
     settings: tuple[type[Settings] | Setting, ...]
     stages: tuple[Stage, ...]
     tables: tuple[Table, ...] = ()  # computed in this order
-    # Environment variables that hold while anything of a sweep is called, also on workers.
-    environment: Callable[[Choices], Mapping[str, str]] = lambda choices: {}
     # Refuses inconsistent choices (`ConfigurationError`), and drops values that
     # nothing uses.
     check: Callable[[Choices], Choices] = nothing_to_check
@@ -304,10 +309,6 @@ class Experiment:
     prepare: Callable[[Choices, Say], None] = lambda choices, say: None
     conf: Path | None = None  # folder of its Hydra configuration
     code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
-    # For `--help`: arguments of the command with a few words on each, and the keys, or the first
-    # words of keys, to list; all keys if there are none.
-    examples: tuple[tuple[str, str], ...] = ()
-    main: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_declarations(self.declared, self.stages, self.tables)

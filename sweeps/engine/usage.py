@@ -6,9 +6,11 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+import yaml
+
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import spelt
-from sweeps.engine.settings import Cluster, Run, Setting, Together
+from sweeps.engine.settings import DIMENSION, Cluster, Run, Setting, Together
 from sweeps.engine.stage import Experiment
 
 WIDTH = 79  # of 80, so that no terminal breaks a full line
@@ -40,7 +42,6 @@ def usage(experiment: Experiment) -> str:
         if folder != "experiment"
     }
     sections: dict[str, Iterable[tuple[str, str]]] = {
-        "Examples:": [(f"{name} {given}".strip(), about) for given, about in experiment.examples],
         "Experiments (+experiment=NAME):": descriptions(conf, "experiment"),
         f"Main keys ({several}):": [
             (setting.key, _about(setting)) for setting in main_settings(experiment)
@@ -52,6 +53,7 @@ def usage(experiment: Experiment) -> str:
     parts = [
         _wrapped(f"{name}: {experiment.title}.", ""),
         [f"Usage: {name} [+experiment=NAME] [KEY=VALUE ...] [OPTION ...]"],
+        *([header] if (header := _header(conf)) else ()),
         *([heading, *lines] for heading, lines in listed.items() if lines),
         _wrapped(STATUS, ""),
     ]
@@ -59,14 +61,10 @@ def usage(experiment: Experiment) -> str:
 
 
 def main_settings(experiment: Experiment) -> list[Setting]:
-    """Return the settings that `--help` lists: the main keys, and those of every run."""
-    keys = experiment.main
-    own = [
-        setting
-        for setting in experiment.own
-        if not keys or setting.key in keys or setting.key.partition(".")[0] in keys
-    ]
-    return [*own, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
+    """Return the settings that `--help` lists: dimensions of stores, and those of every run."""
+    dims = [one for one in experiment.own if one.single == DIMENSION and one.fallback is None]
+    own = [one for one in experiment.own if "." not in one.key]
+    return [*own, *dims, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
 
 
 def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:
@@ -78,6 +76,15 @@ def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:
         lines = path.read_text(encoding="utf-8").splitlines()
         comments = (line[1:].strip() for line in lines if line.startswith("#"))
         yield path.stem, next((comment for comment in comments if not comment.startswith("@")), "")
+
+
+def _header(conf: Path | None) -> list[str]:
+    """Return the lines of `hydra.help.header` of a configuration."""
+    if conf is None:
+        return []
+    tree = yaml.safe_load((conf / "config.yaml").read_text(encoding="utf-8"))
+    text: str = tree.get("hydra", {}).get("help", {}).get("header", "")
+    return text.splitlines()
 
 
 def _about(setting: Setting) -> str:

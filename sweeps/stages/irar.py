@@ -18,7 +18,18 @@ from ncti.ladar.budget import power_ratio
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Kind, Number, Value
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import Setting, Settings, count, number, set_of, switch, word
+from sweeps.engine.settings import (
+    COORDINATE,
+    DIMENSION,
+    NO_RESULT,
+    Setting,
+    Settings,
+    count,
+    number,
+    set_of,
+    switch,
+    word,
+)
 from sweeps.engine.stage import Group
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.ships import ships
@@ -96,18 +107,18 @@ class Errors(Kind):
 
 # With one value they are scalar coordinates of what depends on them.
 # Not in SI, since their values name the noise, too.
-_axis = partial(quantity, si=None)
-_word = partial(word, noted=True)
+_axis = partial(quantity, si=False)
+_word = partial(word, single=COORDINATE)
 
 
-class Course(Settings, key="irar", noted=True):
+class Course(Settings, key="irar", single=COORDINATE):
     """Course and radar of a flight: what the pass and the truth depend on.
 
     The source gives the ranges, the mirror, the detectors and the 1 m of a range; speeds, rates,
     gate, samples and carrier-to-noise ratio are assumptions that lead to its 8 to 12 lines a pixel.
     """
 
-    range = quantity(3.9, 0.1, 1000, "km", "slant range", shown=True, si=None)
+    range = quantity(3.9, 0.1, 1000, "km", "slant range", single=DIMENSION, si=False)
     depression = _axis(6.7, 0.1, 60, "degree", "depression of the line of sight")
     aircraft_speed = _axis(90, 1, 1000, "m s-1", "speed of the aircraft")
     ship_speed = _axis(
@@ -155,7 +166,7 @@ class Course(Settings, key="irar", noted=True):
     )
 
 
-class Receivers(Settings, key="irar", noted=True):
+class Receivers(Settings, key="irar", single=COORDINATE):
     """The receivers of a flight: what its raw images depend on as well."""
 
     cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
@@ -164,7 +175,7 @@ class Receivers(Settings, key="irar", noted=True):
     nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
 
 
-class Passive(Settings, key="irar", noted=True):
+class Passive(Settings, key="irar", single=COORDINATE):
     """The passive image of a flight; it does not name the noise."""
 
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
@@ -197,13 +208,13 @@ class Irar(Course, Receivers, Passive, key="irar"):
         label="error of a recorded flight parameter, by number; 0 is none",
         help="one at a time; each a value, a list, or start, stop and step",
         dimension="error",
-        noted=True,
+        single=COORDINATE,
     )
     autofocus = switch(
         False,
         label="estimation of the closing speed from the image",
         help="of the exact chain",
-        noted=True,
+        single=COORDINATE,
     )
     chain = _word(
         EXACT,
@@ -240,8 +251,7 @@ class Irar(Course, Receivers, Passive, key="irar"):
     pictures = switch(
         False,
         label="pictures of every stage of the corrections, written beside the tables",
-        fixed="pictures are drawn of the numbers",
-        identity=False,
+        fixed=NO_RESULT,
     )
 
 

@@ -20,7 +20,7 @@ from ncti.ladar import RangeExtent, banded_frame_moments
 from ncti.search import Box, Field, Imager, Laser, Rates, Survey, Target
 from ncti.search.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.display import Display, Figure
-from sweeps.engine.settings import Choices, Settings, count, number, word
+from sweeps.engine.settings import Choices, Settings, Unit, count, number, word
 from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.classifier import check_receiver
@@ -37,7 +37,7 @@ SENSOR = SCAN
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 BARGE, NO_DECOY = "barge", "none"
 DECOY = "decoy"  # name of the last target
-DEGREE = math.pi / 180
+DEGREE = Unit("degree", math.pi / 180)
 
 
 class Scan(Settings, key="scan"):
@@ -47,8 +47,8 @@ class Scan(Settings, key="scan"):
     IFOV and the 2 x 2 detector. Rates, the imager's array and the decoy are assumptions.
     """
 
-    width = quantity(3, 0.1, 60, "degree", "width of the field of regard", si=DEGREE)
-    height = quantity(2, 0.1, 60, "degree", "height of the field of regard", si=DEGREE)
+    width = quantity(3, 0.1, 60, DEGREE, "width of the field of regard")
+    height = quantity(2, 0.1, 60, DEGREE, "height of the field of regard")
     detector = count(2, 1, 64, label="elements of the laser radar along a side of its detector")
     pulse_rate = quantity(
         *(1000, 1, 1e9, "Hz", "pulses of the laser radar a second, one a frame"),

@@ -26,7 +26,20 @@ from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import SetOf, spelt
-from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, set_of, word
+from sweeps.engine.process import CACHE
+from sweeps.engine.settings import (
+    COORDINATE,
+    DIMENSION,
+    Choices,
+    Setting,
+    Settings,
+    Unit,
+    count,
+    draws,
+    number,
+    set_of,
+    word,
+)
 from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
 from sweeps.stages.ships import ShipFile, ShipName, ships
 
@@ -47,17 +60,17 @@ Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Profiles = NDArray[np.float32]
 
-CACHE_VARIABLE = "NCTI_CACHE"
-"""Name of the environment variable with the cache folder, whose `meshes` keeps built ships."""
-
 
 SI = {"km": 1e3, "ns": 1e-9, "urad": 1e-6, "um": 1e-6, "dB km-1": 1e-3}
 """Factors of units to SI; angles of a view stay in degrees."""
 
 
-def quantity(default: Any, low: float, high: float, unit: str, label: str, **about: Any) -> Setting:
+def quantity(
+    default: Any, low: float, high: float, unit: str, label: str, *, si: bool = True, **about: Any
+) -> Setting:
     """Return a setting that is a number with a unit, which stages get in SI; see `Setting`."""
-    return number(default, low, high, **{"unit": unit, "label": label, "si": SI.get(unit), **about})
+    of = Unit(unit, SI[unit]) if si and unit in SI else unit
+    return number(default, low, high, unit=of, label=label, **about)
 
 
 class Sweep(Settings):
@@ -77,27 +90,27 @@ class Grid(Settings, key="grid"):
         label="ship",
         help="a known name, a path, or a mapping of the keys below",
         entries=ShipFile.declared,
-        shown=True,
+        single=DIMENSION,
     )
     aspect = number(
         *({"start": 0, "stop": 90, "step": 3}, 0),
         below=360,
         unit="degree",
         label="aspect, 0 bow-on, 90 port beam",
-        shown=True,
+        single=DIMENSION,
     )
-    pulse_width = quantity(30, 1, 1000, "ns", "pulse width, full width at 1/e^2", shown=True)
+    pulse_width = quantity(30, 1, 1000, "ns", "pulse width, full width at 1/e^2", single=DIMENSION)
     frame_count = count(
         [4, 8, 16, 32],
         1,
         MOST_FRAMES,
         label="frames averaged",
         help="averages share their first frames",
-        shown=True,
+        single=DIMENSION,
     )
-    range = quantity(100, 1, 1000, "km", "slant range", shown=True)
-    vigilance = number(0.95, 0, 1, label="vigilance in training", shown=True)
-    replicate = draws(1, label="draw of the noise, by number", noted=True)
+    range = quantity(100, 1, 1000, "km", "slant range", single=DIMENSION)
+    vigilance = number(0.95, 0, 1, label="vigilance in training", single=DIMENSION)
+    replicate = draws(1, label="draw of the noise, by number", single=COORDINATE)
 
 
 class Scene(Settings, key="scene"):
@@ -309,7 +322,7 @@ def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
 
 def cache_folder() -> Path:
     """Return the folder of finished results: that of the environment, or the user's."""
-    given = os.environ.get(CACHE_VARIABLE)
+    given = os.environ.get(CACHE)
     return Path(given) if given else user_cache_path("ncti-sweep")
 
 

@@ -15,7 +15,17 @@ from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.schedule import Watch
-from sweeps.engine.settings import Settings, count, draws, number, read_choices, switch, word
+from sweeps.engine.settings import (
+    COORDINATE,
+    DIMENSION,
+    Settings,
+    count,
+    draws,
+    number,
+    read_choices,
+    switch,
+    word,
+)
 from sweeps.engine.stage import (
     At,
     Experiment,
@@ -37,8 +47,8 @@ CALLS: Counter[str] = Counter()
 class Spring(Settings, key="spring"):
     """A mass on a spring."""
 
-    stiffness = number([1.0, 2.0, 4.0], 0, unit="N m-1", label="stiffness", shown=True)
-    mass = number([1.0, 2.0], 0.1, unit="kg", label="mass", shown=True)
+    stiffness = number([1.0, 2.0, 4.0], 0, unit="N m-1", label="stiffness", single=DIMENSION)
+    mass = number([1.0, 2.0], 0.1, unit="kg", label="mass", single=DIMENSION)
     limit = number(100.0, unit="s-1", label="largest angular frequency")
     reference = number(None, 0, unit="N m-1", label="stiffness compared with")
 
@@ -46,9 +56,9 @@ class Spring(Settings, key="spring"):
 class Measured(Settings, key="measured"):
     """What is measured of it."""
 
-    length = count([2, 4], 1, 50, label="samples", shown=True)
+    length = count([2, 4], 1, 50, label="samples", single=DIMENSION)
     draw = draws(2, label="draw")
-    rule = word(["max", "mean"], ("max", "mean", "min"), label="rule", noted=True)
+    rule = word(["max", "mean"], ("max", "mean", "min"), label="rule", single=COORDINATE)
     doubled = switch(False, label="whether the answer is doubled")
     pause = number(0.0, 0, 10, unit="s", label="time that a period takes")
 

@@ -39,7 +39,7 @@ def test_help_has_every_experiment_and_the_main_keys_in_80_columns(capsys):
         assert about.endswith(".") and f" {name} {about}" in words
     settings = main_settings(EXPERIMENT)
     keys = {one.key for one in settings}
-    assert {"sensor", "grid.aspect", "render.engine", "classifier.name", "store", "cache"} <= keys
+    assert {"sensor", "grid.aspect", "classifier.name", "store", "cache"} <= keys
     assert {"seed", "dry_run", "cluster.kind", "grid.zip"} <= keys
     for one in settings:
         assert f" {one.key} {one.label}" in words

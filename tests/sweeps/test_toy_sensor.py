@@ -13,7 +13,7 @@ import xarray as xr
 from commands import opened, ran
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Settings, count, number
+from sweeps.engine.settings import COORDINATE, DIMENSION, Settings, count, number
 from sweeps.engine.stage import STATE, Group, Output, Status, Stream
 from sweeps.engine.store import read_attributes
 from sweeps.stages.classifier import names_by
@@ -26,8 +26,8 @@ DRAUGHT = {"duncan": 4.5, "spruance": 6.3, "texas": 8.0}
 class Toy(Settings, key="toy"):
     """The depth sounder."""
 
-    echoes = count(4, 1, 100, label="echoes averaged", shown=True)
-    scatter = number(0.5, 0, 10, unit="m", label="scatter of one echo", noted=True)
+    echoes = count(4, 1, 100, label="echoes averaged", single=DIMENSION)
+    scatter = number(0.5, 0, 10, unit="m", label="scatter of one echo", single=COORDINATE)
 
 
 KEELS = Group("toy", looks(SENSOR), (Grid, Toy), status=STATUS)
