@@ -2,6 +2,8 @@
 
 from ncti.infrared.bands import LONG_WAVE, MID_WAVE, band_contrast
 from ncti.infrared.detection import detection_probability, detection_threshold
+from ncti.infrared.detector_view import DetectorView, LargestWindow
+from ncti.infrared.hits import Hits
 from ncti.infrared.imager import Imager
 from ncti.infrared.radiometry import (
     CONTRAST_AT_ZERO,
@@ -27,7 +29,10 @@ __all__ = [
     "NEDT",
     "SPREAD",
     "SUPER_RESOLUTIONS",
+    "DetectorView",
+    "Hits",
     "Imager",
+    "LargestWindow",
     "Silhouette",
     "attenuation",
     "band_contrast",

@@ -11,7 +11,7 @@ from ncti.irar.printed import correct_as_printed
 from ncti.irar.registration import azimuth_shift
 from ncti.irar.scan import Pass, Scan, fly
 from ncti.irar.signature import measured_extent
-from ncti.irar.snapshot import Snapshot, Window, ship_window, true_snapshot
+from ncti.irar.snapshot import ShipPixels, Snapshot, Window, ship_window, true_snapshot
 from ncti.irar.tilt import Tilt, tilts
 from ncti.irar.time_delay import time_delay_integrate
 
@@ -23,6 +23,7 @@ __all__ = [
     "Pass",
     "Peak",
     "Scan",
+    "ShipPixels",
     "Snapshot",
     "Tilt",
     "Window",

@@ -144,6 +144,47 @@ class Chain:
         return window
 
 
+def navigated(flight: Flight, error: tuple[str, float]) -> Flight:
+    """Return a flight as navigation has it, with one parameter wrong.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight; its pointing is settled where that is wrong.
+    error : (str, float)
+        Name of the parameter and its error, in percent of the aircraft's speed, else in the
+        parameter's unit; `NO_ERROR` for none.
+
+    Returns
+    -------
+    Flight
+        The estimate that corrections start from.
+
+    Raises
+    ------
+    ValueError
+        If no such flight can be.
+
+    See Also
+    --------
+    ncti.irar.autofocus : Estimates the closing speed from the image.
+
+    Examples
+    --------
+    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, aircraft_speed=80.0)
+    >>> navigated(flight, ("aircraft_speed", 5.0)).aircraft_speed
+    84.0
+    """
+    parameter, value = error
+    if parameter == NO_ERROR[0]:
+        return flight
+    if parameter == "aircraft_speed":
+        return replace(flight, aircraft_speed=flight.aircraft_speed * (1 + value / 100))
+    if parameter == "pointing" and flight.pointing is None:
+        return replace(flight, pointing=flight.offset + value)
+    return replace(flight, **{parameter: getattr(flight, parameter) + value})
+
+
 def measure_tilts(
     chain: Chain,
     scan: Scan,
@@ -229,32 +270,6 @@ def model_profiles(
     ]
     noiseless = profile(truth, flight, bins=len(drawn[0]), bin_width=bin_width)
     return np.stack([noiseless, *drawn])
-
-
-def ship_pixels(fine: Snapshot) -> Arrays:
-    """Return the pixels of a segmented image that show the ship, as arrays; see `image_of`."""
-    valid = np.isfinite(fine.range) & (fine.intensity > 0)
-    return {
-        "fine_row": fine.row,
-        "fine_column": fine.column,
-        "ship_pixel": np.argwhere(valid),
-        "ship_value": np.stack([fine.intensity[valid], fine.range[valid]], axis=-1),
-    }
-
-
-def image_of(arrays: Arrays) -> Snapshot:
-    """Return the overscanned image of a flight from its `ship_pixels` and its window.
-
-    Intensity and range where it shows the ship; nothing elsewhere, and no infrared.
-    """
-    row, column = arrays["fine_row"], arrays["fine_column"]
-    intensity, ranges = np.zeros((2, row.size, column.size))
-    at = tuple(arrays["ship_pixel"].T)
-    ranges[:] = np.nan
-    intensity[at], ranges[at] = arrays["ship_value"].T
-    pixels = Window(int(arrays["first_row"]), int(arrays["first_column"]), 0, column.size)
-    nothing = np.zeros(intensity.shape)
-    return Snapshot(pixels, row, column, intensity, ranges, nothing, nothing.astype(np.intp))
 
 
 def _widened(truth: Snapshot, values: Floats, window: Window) -> Floats:

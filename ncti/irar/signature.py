@@ -6,12 +6,12 @@ import numpy as np
 
 from ncti.checks import NothingSeenError, require
 from ncti.irar.flight import Flight
-from ncti.irar.snapshot import Snapshot
+from ncti.irar.snapshot import ShipPixels, Snapshot
 from ncti.ladar import RangeExtent
 
 
 def measured_extent(
-    snapshot: Snapshot,
+    image: Snapshot | ShipPixels,
     flight: Flight,
     *,
     slant_range: float,
@@ -23,8 +23,8 @@ def measured_extent(
 
     Parameters
     ----------
-    snapshot : Snapshot
-        Segmented image.
+    image : Snapshot or ShipPixels
+        Segmented image, or its pixels that show the ship.
     flight : Flight
         The pass that made it.
     slant_range : float
@@ -87,8 +87,8 @@ def measured_extent(
     require("bin_width", bin_width, positive=True)
     require("window", window, positive=True)
     # Pixels of the ship and their range bins.
-    row, column = np.nonzero(np.isfinite(snapshot.range) & (snapshot.intensity > 0))
-    down_range = snapshot.range[row, column] - flight.slant_range
+    pixels = image if isinstance(image, ShipPixels) else image.ship_pixels
+    down_range = pixels.range - flight.slant_range
     bins = round(window / bin_width)
     place = np.floor(down_range / bin_width + bins / 2).astype(np.intp)
     inside = (place >= 0) & (place < bins)
@@ -96,19 +96,14 @@ def measured_extent(
         raise NothingSeenError(
             f"window is {window:g} m, but must contain part of the ship in the image"
         )
-    row, column, place = row[inside], column[inside], place[inside]
     # IFOVs of the wider sensor that the pixels belong to.
     side = ifov * slant_range
-    cells = np.stack([snapshot.column[column], snapshot.row[row]], axis=1) * flight.pixel
+    cells = np.stack([pixels.column[inside], pixels.row[inside]], axis=1) * flight.pixel
     cell, which = np.unique(np.floor(cells / side).astype(np.int64), axis=0, return_inverse=True)
-    spacing = [
-        float(places[1] - places[0]) if len(places) > 1 else 1.0
-        for places in (snapshot.row, snapshot.column)
-    ]
     # Area of each pixel that returns, as a fraction of such an IFOV.
-    filled = np.minimum(snapshot.intensity[row, column] / flight.cnr, 1.0)
-    area = filled * flight.pixel**2 * spacing[0] * spacing[1] / side**2
+    filled = np.minimum(pixels.intensity[inside] / flight.cnr, 1.0)
+    area = filled * flight.pixel**2 * pixels.height * pixels.width / side**2
     fraction = np.zeros((len(cell), bins))
-    np.add.at(fraction, (which.ravel(), place), area)
+    np.add.at(fraction, (which.ravel(), place[inside]), area)
     centres = np.arange(-(bins - 1) / 2, bins / 2, dtype=np.float64) * bin_width
     return RangeExtent(fraction, centres, bin_width, cell, ifov, slant_range)

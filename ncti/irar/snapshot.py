@@ -101,6 +101,56 @@ class Snapshot:
     infrared: Floats
     looks: NDArray[np.intp]
 
+    @property
+    def ship_pixels(self) -> ShipPixels:
+        """Pixels that show the ship: those with a range and a return."""
+        row, column = np.nonzero(np.isfinite(self.range) & (self.intensity > 0))
+        height, width = (
+            float(places[1] - places[0]) if len(places) > 1 else 1.0
+            for places in (self.row, self.column)
+        )
+        values = self.intensity[row, column], self.range[row, column]
+        return ShipPixels(self.row[row], self.column[column], *values, height, width)
+
+
+@dataclass(frozen=True, eq=False)
+class ShipPixels:
+    """Pixels of a segmented image that show the ship.
+
+    All its attributes are arrays and numbers, so that `vars` of it can be kept in a file.
+
+    Attributes
+    ----------
+    row, column : (pixel,) float64 ndarray
+        Their centres [pixel].
+    intensity : (pixel,) float64 ndarray
+        Mean of the looks, in noise powers.
+    range : (pixel,) float64 ndarray
+        Range [m].
+    height, width : float
+        Distance between rows and between columns [pixel].
+
+    See Also
+    --------
+    Snapshot.ship_pixels : Returns them.
+    measured_extent : Range extent of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.irar import ShipPixels
+    >>> pixel = np.ones(1)
+    >>> ShipPixels(0 * pixel, 0 * pixel, 100 * pixel, 3.9e3 * pixel).range
+    array([3900.])
+    """
+
+    row: Floats
+    column: Floats
+    intensity: Floats
+    range: Floats
+    height: float = 1.0
+    width: float = 1.0
+
 
 def centres(first: int, count: int, cells: int) -> Floats:
     """Return centres of pixels cut into cells, (count * cells,), from pixel `first` [pixel].

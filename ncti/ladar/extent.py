@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,13 +92,6 @@ class RangeExtent:
     line_count: int = 0
     shift: tuple[float, float] = (0.0, 0.0)
     far_field_error: float = 0.0
-
-    @classmethod
-    def of(cls, attributes: Mapping[str, Any]) -> RangeExtent:
-        """Return the range extent whose attributes are given by name, numbers as arrays or not."""
-        arrays = {name: np.asarray(value) for name, value in attributes.items()}
-        plain: Any = {name: one if one.ndim else one.item() for name, one in arrays.items()}
-        return cls(**plain)
 
     @property
     def error(self) -> float:

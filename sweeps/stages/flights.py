@@ -122,27 +122,11 @@ def scan(
 def navigation(scan: tuple[Scan, Scan], error: Error, focused: bool) -> Flight:
     """Return what the corrections take for the flight."""
     noisy, _ = scan
-    found = navigated(noisy.flight, error)
+    estimate = comparison.navigated(noisy.flight, error)
     if focused:
         with suppress(NothingSeenError):  # no ship in the image: navigation is all there is
-            found = library.autofocus(noisy, found)
-    return found
-
-
-def navigated(flight: Flight, error: Error) -> Flight:
-    """Return a flight as navigation has it, of which it has one parameter wrong.
-
-    Its pointing is to be settled where that is wrong; errors of the aircraft's speed are in
-    percent. ValueError if no such flight can be.
-    """
-    parameter, value = error
-    if parameter == comparison.NO_ERROR[0]:
-        return flight
-    if parameter == "aircraft_speed":
-        return replace(flight, aircraft_speed=flight.aircraft_speed * (1 + value / 100))
-    if parameter == "pointing" and flight.pointing is None:
-        return replace(flight, pointing=flight.offset + value)
-    return replace(flight, **{parameter: getattr(flight, parameter) + value})
+            estimate = library.autofocus(noisy, estimate)
+    return estimate
 
 
 # Corrected images, compared with the truth, and their range profiles
@@ -191,8 +175,6 @@ IMAGES = {  # unit and label
 }
 
 _place = partial(inner, dtype="i4", unit="pixel")
-# Parts of the overscanned image that show the ship.
-_part = partial(inner, dtype="f8")
 
 
 flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
@@ -221,10 +203,8 @@ flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
     ),
     _place("first_row", label="row of pixels, upwards from the ship origin"),
     _place("first_column", label="column of pixels, rightwards from the ship origin"),
-    _part("fine_row", ("fine_row",)),
-    _part("fine_column", ("fine_column",)),
-    _part("ship_pixel", ("pixel", "place"), dtype="i4"),
-    _part("ship_value", ("pixel", "value")),
+    *(inner(f"pixel_{name}", ("pixel",), "f8") for name in ("row", "column", "intensity", "range")),
+    *(inner(f"pixel_{name}", dtype="f8") for name in ("height", "width")),
     uses=(Grid, Irar, Ladar),
     reads={"error": Irar.errors},
 )
@@ -267,14 +247,14 @@ def corrected(
         **comparison.measure_tilts(
             flight_chain, noisy, clean, whole, view, navigation, shown=visible
         ),
-        **comparison.ship_pixels(fine),
+        **{f"pixel_{name}": array for name, array in vars(fine.ship_pixels).items()},
         **comparison.compare_profiles(profiles, bins, aspect=aspect, ship=ship),
     }
 
 
 def _nothing(bins: int) -> Arrays:
     """Return the empty results of a ship that is not flown past."""
-    lengths = {"source": len(comparison.SOURCES), "down_range": bins, "place": 2, "value": 2}
+    lengths = {"source": len(comparison.SOURCES), "down_range": bins}
     return {
         output.name: np.full([lengths.get(dim, 0) for dim in output.dims], output.empty)
         for output in corrected.outputs
@@ -345,7 +325,7 @@ def _check_estimate(flight: Flight, error: Error) -> None:
     parameter, value = error
     wrong = f"irar.errors.{parameter} has {value:g}, with which"
     try:
-        speed = navigated(flight, error).closing_speed
+        speed = comparison.navigated(flight, error).closing_speed
     except ValueError as why:
         raise ConfigurationError(f"{wrong} {why}") from why
     least, most = (share * flight.closing_speed for share in (SLOWEST, FASTEST))

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache, partial
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,10 +15,9 @@ from ncti import infrared as library
 from ncti.evaluate import aspect_bins
 from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
-from ncti.infrared import Imager, Silhouette
-from ncti.infrared.super_resolution import enlarge
+from ncti.infrared import DetectorView, Hits, Imager, LargestWindow
+from ncti.infrared.detector_view import MOST_OFFSETS
 from ncti.render import LineImage, RangeImage
-from ncti.render.image import Lattice
 from ncti.render.loops import MASK
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.seeds import cell_rng
@@ -49,7 +47,7 @@ from sweeps.engine.stage import (
 from sweeps.stages import views
 from sweeps.stages.ladar import subpixel_offset
 from sweeps.stages.scores import with_bins
-from sweeps.stages.views import Arrays, Floats, Grid, data_set, looks, quantity
+from sweeps.stages.views import Arrays, Grid, data_set, looks, quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,7 +60,6 @@ OPENGL = ("osmesa", "egl")  # engines whose hits `ncti.render.mask` has, too
 IMPORTS = ("ncti.infrared.cells", "skimage.filters")
 VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")  # of its dimensions
 
-LEAST_CONTRAST = 1e-6  # K, below which the relative error of images is undefined
 PLACE = "{} place on the target, the ship origin within a pixel"
 SEEN = ("range", "frame_count")  # axes of the sensor
 OVER = (*VIEW, "phase")  # what tables of images are means over
@@ -72,16 +69,7 @@ STEPS = 255  # of a cell between empty and full
 
 OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
 
-MOST_OFFSETS = 1000  # of the ship on the pixels
-MARGIN = 4  # pixels of sea around a ship
-
 Bytes = NDArray[np.uint8]
-SubpixelOffset = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
-
-HALVES = {"none": 2, "perfect": 1, "shifted": 1}
-"""By way of super-resolution: how many half pixels of the detector a pixel is wide."""
-
-WHOLE = HALVES["none"]  # of a pixel of the detector
 
 # Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
 # 0.5 / sqrt(10,000), is still no less than the 1e-6 K that matched segmentation can tell from 0.
@@ -189,174 +177,6 @@ class Infrared(Settings, key="infrared"):
     )
 
 
-# A ship on the detector: its positions on the pixels, and its images
-
-
-def pack_hits(image: RangeImage | LineImage | Mask) -> Arrays:
-    """Return where a range image, lines or a mask show the ship.
-
-    Returns
-    -------
-    dict of str to ndarray
-        lattice : (4,) float64, pixel, origin across and up, and roll; of lines their spacing, 0,
-        phase and roll. bits : (byte,) uint8, a bit a pixel; columns : (), of the image, 0 of lines.
-        line : (piece,) int32 and span : (piece, 2) float64, begin and end of what lines see.
-    """
-    if isinstance(image, LineImage):
-        lattice = np.array([image.spacing, 0.0, image.phase, image.roll])
-        pieces: Arrays = {"line": image.line, "span": image.piece[:, :2]}
-        return {"bits": np.zeros(0, np.uint8), "columns": np.array(0), "lattice": lattice, **pieces}
-    lattice = np.array([image.pixel, *image.origin, image.roll])
-    pixels: Arrays = {"bits": np.packbits(image.hit), "columns": np.array(image.hit.shape[1])}
-    return {"line": np.zeros(0, np.int32), "span": np.zeros((0, 2)), "lattice": lattice, **pixels}
-
-
-@dataclass(frozen=True, eq=False)
-class Patches:
-    """Patches of a ship: (point,) cross-ranges [m], and the area of one [m^2].
-
-    Of lines, points are the corners of their bounding box, and `lines` has what lies between.
-    """
-
-    horizontal: Floats
-    vertical: Floats
-    area: float
-    lines: LineImage | None = None
-
-    @classmethod
-    def of(cls, hits: Arrays, *, mirrored: bool = False) -> Patches:
-        """Patches of a stage `hits`, with left and right swapped or not."""
-        pixel, left, bottom, roll = hits["lattice"].tolist()
-        if not hits["columns"]:
-            line, span = hits["line"], hits["span"]
-            if mirrored:
-                span, roll = -span[:, ::-1], -roll
-                order = np.lexsort((span[:, 0], line))  # pieces of a line are in order
-                line, span = line[order], span[order]
-            # Only the place across the line of sight counts.
-            flat = np.concatenate([span, np.zeros_like(span)], axis=1), np.zeros_like(line)
-            lines = LineImage(line, *flat, np.zeros((1, 3)), pixel, bottom, 0.0, 0.0, roll)
-            return cls(*lines.bounds, pixel**2, lines)
-        from ncti.infrared.cells import places_of_bits  # numba takes long to import
-
-        lattice = pixel, (left, bottom), Lattice(pixel, (left, bottom), roll).turn
-        horizontal, vertical = places_of_bits(hits["bits"], int(hits["columns"]), *lattice)
-        return cls(-horizontal if mirrored else horizontal, vertical, pixel**2)
-
-    @cached_property
-    def extent(self) -> tuple[float, float, float, float]:
-        """The bounding box, for windows of one shape at all places on the detector."""
-        (left, right), (bottom, top) = (
-            (float(line.min()), float(line.max())) for line in (self.horizontal, self.vertical)
-        )
-        return left, right, bottom, top
-
-    def covering(self, footprint: float, place: SubpixelOffset, *, subdivision: int) -> Silhouette:
-        """Coverage of a detector's pixels with this footprint [m], or of parts of them."""
-        window: dict[str, Any] = {"footprint": footprint, "phase": place, "margin": MARGIN}
-        window |= {"extent": self.extent, "subdivision": subdivision}
-        if self.lines is not None:
-            return library.silhouette(self.lines, **window)
-        return library.coverage_of(self.horizontal, self.vertical, area=self.area, **window)
-
-
-@dataclass(frozen=True, eq=False)
-class Look:
-    """A ship at one aspect and range on one detector, imaged on request.
-
-    Only the ship and a margin of sea around it are synthesised: sea farther off does not
-    affect the ship.
-    """
-
-    patches: Patches
-    footprint: float  # side of a pixel on the target [m]
-    contrast: float  # ship above sea, after the air [K]
-    imager: Imager
-    seed: int
-    name: dict[str, Any]  # ship, aspect and range, which name the noise
-    _drawn: dict[tuple[str, tuple[int, ...]], tuple[np.random.Generator, list[Floats]]] = field(
-        default_factory=dict
-    )
-
-    @cached_property
-    def _places(self) -> list[list[float]]:
-        # One stream for all, so that a place does not depend on their number.
-        rng = cell_rng(self.seed, stage="infrared_place", **self.name)
-        return rng.random((MOST_OFFSETS, 2)).tolist()
-
-    def place(self, offset: int) -> SubpixelOffset:
-        """Return the position of the ship origin in a pixel, by its number."""
-        across, up = self._places[offset]
-        return across, up
-
-    @cached_property
-    def covered(self) -> Callable[[int], Silhouette]:
-        """Coverage of half pixels by the ship at one of its places on the detector, by number."""
-        covering = partial(self.patches.covering, self.footprint, subdivision=2)
-        return cache(lambda offset: covering(self.place(offset)))
-
-    def shown(self, offset: int, halves: int) -> NDArray[np.bool_]:
-        """(row, col): pixels of 1 or 2 half pixels' width that show the ship."""
-        pixels = self.covered(offset).coverage
-        if halves > 1:
-            rows, cols = (size // halves for size in pixels.shape)
-            pixels = pixels.reshape(rows, halves, cols, halves).mean(axis=(1, 3))
-        return pixels >= self.imager.coverage_rule
-
-    def images(self, way: str, offsets: tuple[int, ...], frame_counts: tuple[int, ...]) -> Floats:
-        """Return (offset, frame_count, row, col) images [K] of one super-resolution method.
-
-        All places are drawn from one stream in turn, so those before the last one wanted, too.
-        """
-        draw = library.shifted_images if way == "shifted" else library.thermal_images
-        if (way, frame_counts) not in self._drawn:
-            rng = cell_rng(self.seed, stage="infrared", super_resolution=way, **self.name)
-            self._drawn[way, frame_counts] = rng, []
-        rng, drawn = self._drawn[way, frame_counts]
-        for offset in range(len(drawn), max(offsets) + 1):
-            images = draw(
-                self.shown(offset, HALVES[way]),
-                contrast=self.contrast,
-                frame_counts=frame_counts,
-                rng=rng,
-                nedt=self.imager.nedt,
-                target_spread=self.imager.target_spread,
-                sea_spread=self.imager.sea_spread,
-            )
-            drawn.append(images)
-        return np.array([drawn[offset] for offset in offsets])
-
-
-@lru_cache(maxsize=8)  # all ways of super-resolution at one place have it
-def whole_window(
-    *,
-    slant_range: float,
-    depression: float,
-    ifov: float,
-    length: float,
-    height: float,
-    place: SubpixelOffset = (0.0, 0.0),
-) -> Silhouette:
-    """Return half pixels of a window for the largest ship, all of them sea.
-
-    At a slant range [m] and depression [deg], of an IFOV [rad]; length and height are the ship's
-    [m], and its origin is at a place in a pixel.
-    """
-    half, down = length / 2, np.radians(depression)
-    bottom = -half * np.sin(down)
-    top = half * np.sin(down) + height * np.cos(down)
-    # The nearest part of the ship looks this much larger than at the range of the ship origin.
-    nearest = half * np.cos(down) + height * np.sin(down)
-    larger = 1.0 / (1.0 - min(nearest / slant_range, 0.5))
-    sides = (-half * larger, half * larger, bottom * larger, top * larger)
-    frame: dict[str, Any] = {"extent": sides, "margin": MARGIN}
-    pixel = library.footprint(slant_range, ifov)
-    sea = np.zeros(0)
-    return library.coverage_of(
-        sea, sea, area=1.0, footprint=pixel, phase=place, **frame, subdivision=2
-    )
-
-
 # Stages
 
 
@@ -373,23 +193,26 @@ training_images = views.image_stages(
     "training_image", range=Infrared.training_range, engine="silhouette_engine"
 )
 
-hits = stage(
+
+@stage(
     Output("bits", ("byte",), "u1"),
     Output("columns", dtype="i8"),
     Output("lattice", ("part",), "f8"),
     Output("line", ("piece",), "i4"),
     Output("span", ("piece", "end"), "f8"),
     reads={"image": "infrared_image"},
-    name="hits",
-)(pack_hits)
+)
+def hits(image: RangeImage | LineImage | Mask) -> Arrays:
+    """Return where a view shows the ship."""
+    return vars(Hits.of(image))
+
+
 training_hits = replace(hits, name="training_hits", reads={"image": "training_image"})
-
-
 imager = plain(uses=(Infrared,), name="imager")(Imager)
 
 
 @in_memory(uses=(Infrared, Grid, Run))
-def look(
+def detector_view(
     hits: Arrays,
     imager: Imager,
     ship: str,
@@ -398,12 +221,12 @@ def look(
     range: float,
     ifov: float,
     seed: int,
-) -> Look:
+) -> DetectorView:
     """Return a ship on the detector."""
-    name = {"ship": str(ship), "aspect": aspect, "range": range / views.SI["km"]}
-    patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
-    contrast = imager.contrast(range)
-    return Look(patches, library.footprint(range, ifov), contrast, imager, seed, name)
+    stream = partial(cell_rng, seed, ship=str(ship), aspect=aspect, range=range / views.SI["km"])
+    patches = views.restored(Hits, hits).patches(mirrored=aspect != drawn_aspect)
+    side = library.footprint(range, ifov)
+    return DetectorView(patches, side, imager.contrast(range), imager, stream)
 
 
 # Images
@@ -417,13 +240,18 @@ OF_VIEWS = Group(
     (*VIEW, *OF_SILHOUETTES, "phase", *LOOK),
     views.STATUS,
 )
-WINDOW = {  # keywords of `whole_window`
-    "slant_range": Infrared.range,
-    "depression": "infrared_image_depression",
-    "ifov": Infrared.ifov,
-    "length": Infrared.window_length,
-    "height": Infrared.window_height,
-}
+OF_VIEW = {"self": "detector_view"}  # of methods of it
+BY_PLACE: dict[str, Any] = {"along": (Infrared.subpixel_offsets, Infrared.frame_count)}
+infrared_window = plain(
+    uses=(Infrared,),
+    reads={
+        "slant_range": Infrared.range,
+        "depression": "infrared_image_depression",
+        "length": Infrared.window_length,
+        "height": Infrared.window_height,
+    },
+    name="infrared_window",
+)(LargestWindow)
 
 
 @OF_VIEWS.stage(
@@ -437,92 +265,42 @@ WINDOW = {  # keywords of `whole_window`
     inner("first_row", dtype="i8", label="row of pixels, from the lowest"),
     inner("first_col", dtype="i8", label="column of pixels, from the left"),
     along=(Infrared.frame_count,),
-    reads=WINDOW,
 )
 def thermal_image(
-    look: Look, super_resolution: str, frame_count: tuple[int, ...], **window: float
-) -> dict[str, NDArray[Any]]:
-    """Return images of the first place on the detector, in the window of the largest ship.
-
-    Returns
-    -------
-    dict of str to ndarray
-        image : (frame_count, row, col) [K], NaN where nothing was synthesised; first_row,
-        first_col : (frame_count,), where it begins.
-    """
-    (found,) = look.images(super_resolution, (0,), frame_count)
-    whole = whole_window(**window, place=look.place(0))
-    ours = look.covered(0).origin
-    cells = HALVES[super_resolution]
-    rows, cols = (n // cells for n in whole.coverage.shape)
-    row, col = (
-        round((ours[axis] - whole.origin[axis]) / whole.footprint) // cells for axis in (1, 0)
-    )
-    placed = np.full((len(frame_count), rows, cols), np.nan)
-    # The ship's window may end with a pixel of sea that the whole one does not hold.
-    found = found[:, : rows - row, : cols - col]
-    placed[:, row : row + found.shape[1], col : col + found.shape[2]] = found
+    detector_view: DetectorView,
+    infrared_window: LargestWindow,
+    super_resolution: str,
+    frame_count: tuple[int, ...],
+) -> Arrays:
+    """Return images [K] in the window of the largest ship, and where that begins."""
     begin = np.zeros(len(frame_count), dtype=np.int64)
-    return {"image": placed, "first_row": begin, "first_col": begin}
+    image = detector_view.image_in(infrared_window, super_resolution, frame_count)
+    return {"image": image, "first_row": begin, "first_col": begin}
 
 
-@OF_VIEWS.stage(
+image_window = OF_VIEWS.stage(
     coordinate("vertical", ("row",), "f8", PLACE.format("vertical"), "m", pad=np.nan),
     coordinate("horizontal", ("col",), "f8", PLACE.format("horizontal"), "m", pad=np.nan),
-    reads=WINDOW,
-)
-def image_window(super_resolution: str, **window: float) -> dict[str, NDArray[Any]]:
-    """Return where the rows and columns of images lie on the target [m]."""
-    whole = whole_window(**window)
-    found = {}
-    for axis, name in enumerate(("vertical", "horizontal")):
-        halves = whole.origin[1 - axis] + whole.footprint * np.arange(whole.coverage.shape[axis])
-        found[name] = halves.reshape(-1, HALVES[super_resolution]).mean(axis=1)
-    return found
+    reads={"self": "infrared_window"},
+    name="image_window",
+)(LargestWindow.axes)
 
-
-@OF_VIEWS.stage(
+detection_probability = OF_VIEWS.stage(
     Output("detection_probability", label="probability that a pixel of the ship is detected"),
-    along=(Infrared.subpixel_offsets, Infrared.frame_count),
-)
-def detection_probability(
-    look: Look, false_alarm: float, subpixel_offsets: tuple[int, ...], frame_count: tuple[int, ...]
-) -> Floats:
-    """Return the (offset, frame_count) probability that a ship pixel exceeds the threshold."""
-    pixels = [np.count_nonzero(look.shown(offset, WHOLE)) for offset in subpixel_offsets]
-    detected = np.vectorize(library.detection_probability)
-    return detected(
-        np.array(pixels)[:, None],
-        contrast=look.contrast,
-        false_alarm=false_alarm,
-        **look.imager.sigmas(np.array(frame_count)),
-    )
+    reads=OF_VIEW,
+    name="detection_probability",
+    **BY_PLACE,
+)(DetectorView.detection_probability)
 
-
-@OF_VIEWS.stage(
+reconstruction_error = OF_VIEWS.stage(
     Output(
         "reconstruction_error",
         label="rms difference from the noiseless image of half the pixel, over the contrast",
     ),
-    along=(Infrared.subpixel_offsets, Infrared.frame_count),
-)
-def reconstruction_error(
-    look: Look,
-    super_resolution: str,
-    subpixel_offsets: tuple[int, ...],
-    frame_count: tuple[int, ...],
-) -> Floats:
-    """Return the (offset, frame_count) error of images, NaN for negligible contrast."""
-    if look.contrast < LEAST_CONTRAST:  # no contrast to divide by
-        return np.full((len(subpixel_offsets), len(frame_count)), np.nan)
-    shown = look.images(super_resolution, subpixel_offsets, frame_count)
-    finer = enlarge(shown) if HALVES[super_resolution] == WHOLE else shown
-    return np.array(
-        [
-            library.reconstruction_error(image, look.shown(offset, 1), contrast=look.contrast)
-            for offset, image in zip(subpixel_offsets, finer, strict=True)
-        ]
-    )
+    reads=OF_VIEW,
+    name="reconstruction_error",
+    **BY_PLACE,
+)(DetectorView.reconstruction_error)
 
 
 # Silhouettes
@@ -542,29 +320,23 @@ def map_cells() -> dict[str, NDArray[Any]]:
     }
 
 
-@stage(
-    Output("silhouettes", ("row", "byte"), "u1"),
-    uses=(Infrared,),
-    along=(Infrared.subpixel_offsets, Infrared.frame_count),
-)
+@stage(Output("silhouettes", ("row", "byte"), "u1"), uses=(Infrared,), **BY_PLACE)
 def silhouettes(
-    look: Look,
+    detector_view: DetectorView,
     super_resolution: str,
     segmentation: str,
     subpixel_offsets: tuple[int, ...],
     frame_count: tuple[int, ...],
 ) -> Bytes:
     """Return (offset, frame_count, row, byte) masks of images, one bit per pixel."""
-    shown = look.images(super_resolution, subpixel_offsets, frame_count)
-    known: Any = look.imager.sigmas(np.array(frame_count), super_resolution)
-    masks = features.segment(shown, method=segmentation, contrast=look.contrast, **known)
+    images = detector_view.images(super_resolution, subpixel_offsets, frame_count)
+    known: Any = detector_view.imager.sigmas(np.array(frame_count), super_resolution)
+    known["contrast"] = detector_view.contrast
+    masks = features.segment(images, method=segmentation, **known)
     return np.packbits(masks, axis=-1)
 
 
-@OF_VIEWS.stage(
-    _map("log_polar", label="log-polar map of the segmented silhouette"),
-    along=(Infrared.subpixel_offsets, Infrared.frame_count),
-)
+@OF_VIEWS.stage(_map("log_polar", label="log-polar map of the segmented silhouette"), **BY_PLACE)
 def log_polar(silhouettes: Bytes, inner_radius: float, interpolation: str) -> Bytes:
     """Return (offset, frame_count, angle, radius) maps."""
     # Padding bits beyond the last column are sea, which does not change the map.
@@ -590,14 +362,14 @@ def template_log_polar(
     subpixel_offsets: tuple[int, ...],
 ) -> Bytes:
     """Return (offset, angle, radius) noiseless maps."""
-    patches = Patches.of(hits, mirrored=aspect != drawn_aspect)
+    patches = views.restored(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(training_range, ifov)
-    shown = [
-        patches.covering(side, subpixel_offset(offset), subdivision=1).target(coverage_rule)
+    targets = [
+        patches.covering(side, subpixel_offset(offset)).target(coverage_rule)
         for offset in subpixel_offsets
     ]
     # Without noise every segmentation gives the same mask.
-    return maps_of(features.segment(shown, method="otsu"), inner_radius, interpolation)
+    return maps_of(features.segment(targets, method="otsu"), inner_radius, interpolation)
 
 
 def maps_of(masks: NDArray[np.bool_], inner_radius: float, interpolation: str) -> Bytes:

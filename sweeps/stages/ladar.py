@@ -179,8 +179,8 @@ def extent(image: RangeImage | LineImage, **beam: Any) -> Arrays:
 @in_memory(uses=(Grid,))
 def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
     """Return the library's range extent, mirrored where the other side was drawn."""
-    found = RangeExtent.of(extent)
-    return found if aspect == drawn_aspect else found.mirrored()
+    drawn = views.restored(RangeExtent, extent)
+    return drawn if aspect == drawn_aspect else drawn.mirrored()
 
 
 # Of the first offset these cells are those of the training views.

@@ -7,15 +7,14 @@ for, and of ships in simulated flights (the source, 'Conclusions': synthetic pro
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import NothingSeenError
-from ncti.irar import measured_extent
-from ncti.irar.corrected import image_of
+from ncti.irar import ShipPixels, measured_extent
 from ncti.ladar import expected_profile, no_return
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import NOWHERE, Output, Stream, coordinate, in_memory, plain
@@ -84,11 +83,11 @@ def signature(
     """
     measured = np.full_like(learned_signature, np.nan)
     if course is not None:
-        flight = flight_of(aspect, dict(course + receivers))
+        pixels = {f.name: corrected[f"pixel_{f.name}"] for f in fields(ShipPixels)}
         try:
             seen = measured_extent(
-                image_of(corrected),
-                flight,
+                views.restored(ShipPixels, pixels),
+                flight_of(aspect, dict(course + receivers)),
                 slant_range=profile_range,
                 ifov=ladar_ifov,
                 bin_width=bin_width,

@@ -74,7 +74,7 @@ def exact_extent(mesh: trimesh.Trimesh, **view: Any) -> Arrays:
 @in_memory()
 def exact_ifovs(exact_extent: Arrays) -> RangeExtent:
     """Return the exact extent as the library has it."""
-    return RangeExtent.of(exact_extent)
+    return views.restored(RangeExtent, exact_extent)
 
 
 exact_signature = stage(

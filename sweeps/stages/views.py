@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,7 @@ Keywords = tuple[tuple[str, Any], ...]  # values with their names
 Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Profiles = NDArray[np.float32]
+Kind = TypeVar("Kind")
 
 
 SI = {"km": 1e3, "ns": 1e-9, "urad": 1e-6, "um": 1e-6, "dB km-1": 1e-3}
@@ -308,6 +309,15 @@ def keywords(**values: Any) -> Keywords:
 def by_key(settings: type[Settings]) -> dict[str, Setting]:
     """Return the settings of a group by the last words of their keys."""
     return {setting.key.rpartition(".")[2]: setting for setting in settings.declared}
+
+
+def restored(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
+    """Return an object of the arrays that `vars` of another made; those of one number as numbers.
+
+    This is how dataclasses cross the cache, whatever they hold.
+    """
+    given = {name: np.asarray(array) for name, array in arrays.items()}
+    return kind(**{name: one if one.ndim else one.item() for name, one in given.items()})
 
 
 def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ncti.infrared import Hits, Imager
 from ncti.render import RangeImage
 from sweeps.engine.settings import read_choices
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import infrared
-from sweeps.stages.infrared import Imager, Patches, pack_hits
 
 WAYS = ("none", "perfect", "shifted")
 LENGTH, HEIGHT = 130.0, 24.0
@@ -44,12 +44,12 @@ def drawn(pixel=0.5, roll=31.7):
     return replace(empty, down_range=np.where(hit, 0.0, np.nan))
 
 
-HITS = pack_hits(drawn())
-PATCHES = Patches.of(HITS)
+HITS = vars(Hits.of(drawn()))
+PATCHES = Hits.of(drawn()).patches()
 
 
-def look_from(slant_range, **changed):
+def view_from(slant_range, **changed):
     """The boxes before the detector at a range [km]."""
     view = {"ship": "boxes", "aspect": 60.0, "drawn_aspect": 60.0, "range": slant_range * 1e3}
     detector = {name: changed.pop(name, given) for name, given in DETECTOR.items()}
-    return infrared.look(HITS, Imager(**{**IMAGER, **changed}), **view, **detector)
+    return infrared.detector_view(HITS, Imager(**{**IMAGER, **changed}), **view, **detector)

@@ -3,28 +3,23 @@
 import numpy as np
 import pytest
 import trimesh
-from infrared_channel import EXPERIMENT, PATCHES, WAYS, choose, look_from
+from infrared_channel import EXPERIMENT, PATCHES, WAYS, choose, view_from
 from scipy import stats
 
-from ncti.infrared import contrast, shifted_images, thermal_images
+from ncti.infrared import LargestWindow, contrast, shifted_images, thermal_images
+from ncti.infrared.hits import MARGIN
 from ncti.render import line_image
 from sweeps.engine.plan import Plan
 from sweeps.engine.seeds import cell_rng
-from sweeps.stages.infrared import (
-    MARGIN,
-    detection_probability,
-    reconstruction_error,
-    thermal_image,
-    whole_window,
-)
+from sweeps.stages.infrared import thermal_image
 
 WINDOW = {"depression": 3.84, "ifov": 150e-6, "length": 200.0, "height": 50.0}
 
 
-def placed(look, slant_range, way, frame_count, **window):
+def placed(view, slant_range, way, frame_count):
     """(frame_count, row, col) images in the window of the largest ship."""
-    largest = {"slant_range": slant_range * 1e3, **WINDOW, **window}
-    found = thermal_image(look, super_resolution=way, frame_count=frame_count, **largest)
+    largest = LargestWindow(slant_range * 1e3, **WINDOW)
+    found = thermal_image(view, largest, super_resolution=way, frame_count=frame_count)
     assert not found["first_row"].any() and not found["first_col"].any()
     return found["image"]
 
@@ -40,7 +35,7 @@ def test_the_window_holds_the_largest_ship_at_any_range(slant_range, aspect):
     block.apply_translation((0.0, 0.0, 24.5))
     view = {"aspect": aspect, "depression": 3.84, "slant_range": slant_range * 1e3}
     (left, right), (bottom, top) = line_image(block, spacing=0.5, **view).bounds
-    window = whole_window(slant_range=slant_range * 1e3, **WINDOW)
+    window = LargestWindow(slant_range * 1e3, **WINDOW).half_pixels()
     margin = MARGIN * 2 * window.footprint  # in half pixels
     rows, columns = window.coverage.shape
     for low, high, first, count in (
@@ -100,17 +95,17 @@ def test_templates_are_seen_from_the_training_range_whatever_is_tested():
 def test_a_cell_is_the_library_done_by_hand(slant_range, rule):
     """Every variable of every way to see the ship, from templates counted by histogram."""
     frames, phases = (1, 16), (0, 1)
-    look = look_from(slant_range, coverage_rule=rule)
+    view = view_from(slant_range, coverage_rule=rule)
     named = {"ship": "boxes", "aspect": 60.0, "range": slant_range}
     places = cell_rng(3, stage="infrared_place", **named).random((2, 2))
     x, y, area = PATCHES.horizontal, PATCHES.vertical, PATCHES.area
     warmth = contrast(slant_range * 1e3)
     footprint = 150e-6 * slant_range * 1e3
-    detected = detection_probability(look, 1e-4, phases, frames)
+    detected = view.detection_probability(1e-4, phases, frames)
     for way in WAYS:
         rng = cell_rng(3, stage="infrared", super_resolution=way, **named)
-        shown = placed(look, slant_range, way, frames)
-        errors = reconstruction_error(look, way, phases, frames)
+        shown = placed(view, slant_range, way, frames)
+        errors = view.reconstruction_error(way, phases, frames)
         for phase, (across, up) in enumerate(places):
             # Whole pixels about the ship, and four more on each side of its own bounding box.
             edges = [
@@ -135,7 +130,7 @@ def test_a_cell_is_the_library_done_by_hand(slant_range, rule):
                 target_spread=0.15,
                 sea_spread=0.08,
             )
-            np.testing.assert_array_equal(look.images(way, (phase,), frames)[0], images)
+            np.testing.assert_array_equal(view.images(way, (phase,), frames)[0], images)
             doubled = images.repeat(2, 1).repeat(2, 2) if way == "none" else images
             for n, count in enumerate(frames):
                 if phase == 0:

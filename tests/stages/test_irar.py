@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import ncti.ships
 from ncti.irar import Flight, ship_heading
+from ncti.irar.corrected import navigated
 from ncti.irar.scene import plan_scan
-from sweeps.stages.flights import navigated
 from sweeps.stages.irar import FLOWN, MOST_WRONG, RECORDED, Irar, flight_of
 
 # errors ---------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from infrared_channel import HITS, PATCHES, WAYS, look_from
+from infrared_channel import HITS, PATCHES, WAYS, view_from
 
 from ncti import features
 from ncti.infrared import coverage_of, pixel_sigma
@@ -29,22 +29,22 @@ FRAMES = (1, 16)
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("slant_range", [25.0, 50.0])
 def test_a_cell_is_the_library_done_by_hand(way, slant_range):
-    look = look_from(slant_range)
+    view = view_from(slant_range)
     phases = (0, 1)
-    masks = [silhouettes(look, way, method, phases, FRAMES) for method in METHODS]
+    masks = [silhouettes(view, way, method, phases, FRAMES) for method in METHODS]
     maps = {
         (m, r, b): log_polar(masks[m], RADII[r], BETWEEN[b])
         for m, r, b in product(range(2), range(2), range(2))
     }
     assert maps[0, 0, 0].dtype == np.uint8
     for p, f in product(phases, range(2)):
-        image = look.images(way, (p,), FRAMES)[0, f]
+        image = view.images(way, (p,), FRAMES)[0, f]
         known = {
             name: pixel_sigma(spread, frame_count=FRAMES[f], nedt=0.3, super_resolution=way)
             for name, spread in (("target_sigma", 0.15), ("sea_sigma", 0.08))
         }
         cut = (
-            features.segment(image, method="matched", contrast=look.contrast, **known),
+            features.segment(image, method="matched", contrast=view.contrast, **known),
             features.segment(image, method="otsu"),
         )
         for m, r, b in product(range(2), range(2), range(2)):

@@ -1,0 +1,253 @@
+"""A ship before the imager: its images, their errors and its detection, at places on the pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache, cached_property, lru_cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.infrared.detection import detection_probability
+from ncti.infrared.hits import MARGIN, Patches
+from ncti.infrared.imager import Imager
+from ncti.infrared.silhouette import Silhouette, coverage_of, footprint
+from ncti.infrared.super_resolution import enlarge, reconstruction_error, shifted_images
+from ncti.infrared.synthesis import thermal_images
+
+Floats = NDArray[np.float64]
+SubpixelOffset = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
+
+HALVES = {"none": 2, "perfect": 1, "shifted": 1}
+"""Half pixels of the detector that a pixel is wide, by super-resolution method."""
+
+WHOLE = HALVES["none"]  # of a pixel of the detector
+
+MOST_OFFSETS = 1000
+"""Largest number of places of a ship on the pixels."""
+
+LEAST_CONTRAST = 1e-6
+"""Contrast [K] below which the relative error of images is undefined."""
+
+
+@dataclass(frozen=True)
+class LargestWindow:
+    """Window that holds the image of the largest ship, at any aspect.
+
+    Attributes
+    ----------
+    slant_range : float
+        Sensor to ship [m].
+    depression : float
+        Depression of the line of sight [deg].
+    ifov : float
+        Field of view of a pixel [rad].
+    length, height : float
+        Length and height of the largest ship [m].
+
+    See Also
+    --------
+    DetectorView.image_in : Image of a ship in it.
+
+    Examples
+    --------
+    >>> from ncti.infrared import LargestWindow
+    >>> window = LargestWindow(100e3, 3.84, 150e-6, 200.0, 50.0)
+    >>> window.half_pixels().coverage.shape
+    (28, 46)
+    """
+
+    slant_range: float
+    depression: float
+    ifov: float
+    length: float
+    height: float
+
+    def half_pixels(self, place: SubpixelOffset = (0.0, 0.0)) -> Silhouette:
+        """Return its half pixels, all of them sea, for a ship origin at a place in its pixel."""
+        return _half_pixels(self, place)  # kept: every super-resolution method at a place has it
+
+    def axes(self, super_resolution: str) -> dict[str, Floats]:
+        """Return `vertical` (row,) and `horizontal` (col,), places of its pixels [m]."""
+        whole = self.half_pixels()
+        found = {}
+        for axis, name in enumerate(("vertical", "horizontal")):
+            halves = whole.origin[1 - axis] + whole.footprint * np.arange(
+                whole.coverage.shape[axis]
+            )
+            found[name] = halves.reshape(-1, HALVES[super_resolution]).mean(axis=1)
+        return found
+
+
+@lru_cache(maxsize=8)
+def _half_pixels(window: LargestWindow, place: SubpixelOffset) -> Silhouette:
+    half, down = window.length / 2, np.radians(window.depression)
+    bottom = -half * np.sin(down)
+    top = half * np.sin(down) + window.height * np.cos(down)
+    # The nearest part of the ship looks this much larger than at the range of the ship origin.
+    nearest = half * np.cos(down) + window.height * np.sin(down)
+    larger = 1.0 / (1.0 - min(nearest / window.slant_range, 0.5))
+    sides = (-half * larger, half * larger, bottom * larger, top * larger)
+    sea, pixel = np.zeros(0), footprint(window.slant_range, window.ifov)
+    where = {"footprint": pixel, "phase": place, "margin": MARGIN, "extent": sides}
+    return coverage_of(sea, sea, area=1.0, **where, subdivision=2)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False)
+class DetectorView:
+    """A ship at one aspect and range on one detector, imaged on request.
+
+    Only the ship and a margin of sea around it are synthesised: sea farther off does not
+    affect the ship.
+
+    Attributes
+    ----------
+    patches : Patches
+        The ship across the line of sight, as of `Hits.patches`.
+    footprint : float
+        Side of a pixel on the target [m].
+    contrast : float
+        Ship above sea, after the air [K].
+    imager : Imager
+        The imager.
+    stream : callable
+        Function of `stage`, and perhaps `super_resolution`, that returns a random generator,
+        the same for the same words: of `infrared_place` for places of the ship on the pixels, of
+        `infrared` for images.
+
+    See Also
+    --------
+    Hits : Its patches.
+    thermal_images, shifted_images : Images of a target.
+
+    Examples
+    --------
+    The probability to detect a box of 100 m at 50 km, at two places on the pixels, for 1 and 16
+    frames:
+
+    >>> import numpy as np
+    >>> import trimesh
+    >>> from ncti.infrared import DetectorView, Hits, Imager
+    >>> from ncti.render import line_image
+    >>> box = trimesh.creation.box((100, 12, 10)).apply_translation((0, 0, 5))
+    >>> hits = Hits.of(line_image(box, aspect=90, depression=3.84, spacing=1.0))
+    >>> imager = Imager(0.25, 2.1585, 0.181e-3, 0.3, 0.1, 0.1)
+    >>> view = DetectorView(hits.patches(), 7.5, imager.contrast(50e3), imager,
+    ...                     lambda stage, **more: np.random.default_rng(0))
+    >>> view.detection_probability(1e-6, (0, 1), (1, 16)).round(2)
+    array([[0.22, 1.  ],
+           [0.23, 1.  ]])
+    """
+
+    patches: Patches
+    footprint: float
+    contrast: float
+    imager: Imager
+    stream: Callable[..., np.random.Generator]
+    _drawn: dict[tuple[str, tuple[int, ...]], tuple[np.random.Generator, list[Floats]]] = field(
+        default_factory=dict
+    )
+
+    @cached_property
+    def _places(self) -> list[list[float]]:
+        # One stream for all, so that a place does not depend on their number.
+        return self.stream(stage="infrared_place").random((MOST_OFFSETS, 2)).tolist()
+
+    def place(self, offset: int) -> SubpixelOffset:
+        """Return the position of the ship origin in a pixel, by its number."""
+        across, up = self._places[offset]
+        return across, up
+
+    @cached_property
+    def covered(self) -> Callable[[int], Silhouette]:
+        """Coverage of half pixels by the ship at one of its places on the detector, by number."""
+        covering = partial(self.patches.covering, self.footprint, subdivision=2)
+        return cache(lambda offset: covering(self.place(offset)))
+
+    def shown(self, offset: int, halves: int) -> NDArray[np.bool_]:
+        """Return (row, col) pixels of 1 or 2 half pixels' width that show the ship."""
+        pixels = self.covered(offset).coverage
+        if halves > 1:
+            rows, cols = (size // halves for size in pixels.shape)
+            pixels = pixels.reshape(rows, halves, cols, halves).mean(axis=(1, 3))
+        return pixels >= self.imager.coverage_rule
+
+    def images(
+        self, super_resolution: str, subpixel_offsets: tuple[int, ...], frame_count: tuple[int, ...]
+    ) -> Floats:
+        """Return (offset, frame_count, row, col) images [K] of one super-resolution method.
+
+        All places are drawn from one stream in turn, so those before the last one wanted, too.
+        """
+        kept = super_resolution, frame_count
+        if kept not in self._drawn:
+            rng = self.stream(stage="infrared", super_resolution=super_resolution)
+            self._drawn[kept] = rng, []
+        rng, drawn = self._drawn[kept]
+        draw = shifted_images if super_resolution == "shifted" else thermal_images
+        for offset in range(len(drawn), max(subpixel_offsets) + 1):
+            images = draw(
+                self.shown(offset, HALVES[super_resolution]),
+                contrast=self.contrast,
+                frame_counts=frame_count,
+                rng=rng,
+                nedt=self.imager.nedt,
+                target_spread=self.imager.target_spread,
+                sea_spread=self.imager.sea_spread,
+            )
+            drawn.append(images)
+        return np.array([drawn[offset] for offset in subpixel_offsets])
+
+    def image_in(
+        self, window: LargestWindow, super_resolution: str, frame_count: tuple[int, ...]
+    ) -> Floats:
+        """Return (frame_count, row, col) images [K] of its first place on the pixels, in a window.
+
+        NaN where nothing is synthesised, away from the ship.
+        """
+        (images,) = self.images(super_resolution, (0,), frame_count)
+        whole, ours = window.half_pixels(self.place(0)), self.covered(0).origin
+        cells = HALVES[super_resolution]
+        rows, cols = (n // cells for n in whole.coverage.shape)
+        row, col = (
+            round((ours[axis] - whole.origin[axis]) / whole.footprint) // cells for axis in (1, 0)
+        )
+        placed = np.full((len(frame_count), rows, cols), np.nan)
+        # The ship's window may end with a pixel of sea that the whole one does not hold.
+        images = images[:, : rows - row, : cols - col]
+        placed[:, row : row + images.shape[1], col : col + images.shape[2]] = images
+        return placed
+
+    def detection_probability(
+        self, false_alarm: float, subpixel_offsets: tuple[int, ...], frame_count: tuple[int, ...]
+    ) -> Floats:
+        """Return the (offset, frame_count) probability that a ship pixel exceeds the threshold.
+
+        The threshold is that of a false-alarm probability of a pixel of sea.
+        """
+        pixels = [np.count_nonzero(self.shown(offset, WHOLE)) for offset in subpixel_offsets]
+        return np.vectorize(detection_probability)(
+            np.array(pixels)[:, None],
+            contrast=self.contrast,
+            false_alarm=false_alarm,
+            **self.imager.sigmas(np.array(frame_count)),
+        )
+
+    def reconstruction_error(
+        self, super_resolution: str, subpixel_offsets: tuple[int, ...], frame_count: tuple[int, ...]
+    ) -> Floats:
+        """Return the (offset, frame_count) error of images, NaN for negligible contrast.
+
+        See `ncti.infrared.reconstruction_error`; the noiseless image is that of half pixels.
+        """
+        if self.contrast < LEAST_CONTRAST:  # no contrast to divide by
+            return np.full((len(subpixel_offsets), len(frame_count)), np.nan)
+        images = self.images(super_resolution, subpixel_offsets, frame_count)
+        finer = enlarge(images) if HALVES[super_resolution] == WHOLE else images
+        return np.array(
+            [
+                reconstruction_error(image, self.shown(offset, 1), contrast=self.contrast)
+                for offset, image in zip(subpixel_offsets, finer, strict=True)
+            ]
+        )

@@ -1,0 +1,57 @@
+"""Where a ship is seen, kept as arrays: pixels and lines, and their mirror image."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from ncti.infrared import Hits, silhouette
+from ncti.render import line_image, range_image
+from sweeps.stages.views import restored
+
+VIEW = {"aspect": 25.0, "depression": 3.84}
+PLACE = (0.3, 0.8)
+
+
+def ship():
+    """A hull with a house that is far aft and to port."""
+    hull = trimesh.creation.box((100.0, 12.0, 8.0)).apply_translation((0.0, 0.0, 4.0))
+    house = trimesh.creation.box((20.0, 5.0, 9.0)).apply_translation((-30.0, 2.0, 12.0))
+    return trimesh.util.concatenate([hull, house])
+
+
+def images():
+    """The ship by pixels and by lines."""
+    pixels = range_image(ship(), pixel=0.5, engine="embree", **VIEW)
+    return {"pixels": pixels, "lines": line_image(ship(), spacing=0.5, **VIEW)}
+
+
+@pytest.fixture(params=("pixels", "lines"))
+def image(request):
+    return images()[request.param]
+
+
+def test_patches_cover_what_the_view_does(image):
+    hits = Hits.of(image)
+    kept = restored(Hits, {name: np.asarray(array) for name, array in vars(hits).items()})
+    assert type(kept.columns) is int
+    patches = kept.patches()
+    seen = patches.covering(15.0, PLACE)
+    whole = silhouette(image, footprint=15.0, phase=PLACE, extent=patches.extent)
+    np.testing.assert_array_equal(seen.coverage, whole.coverage)
+    assert seen.origin == whole.origin
+
+
+def test_a_mirrored_ship_covers_the_mirrored_pixels(image):
+    """About a ship origin in the middle of a pixel columns change places, and nothing else."""
+    plain, mirrored = (shares(Hits.of(image).patches(mirrored=flag)) for flag in (False, True))
+    assert plain.keys() == {-column for column in mirrored}
+    for column, share in plain.items():
+        np.testing.assert_allclose(mirrored[-column], share, atol=1e-9)
+    assert any(abs(share - plain[-column]).max() > 0.5 for column, share in plain.items())
+
+
+def shares(patches):
+    """Coverage of each column of pixels that shows the ship, by its number from the origin."""
+    seen = patches.covering(3.75, (0.5, 0.5))
+    columns = np.rint(seen.origin[0] / 3.75).astype(int) + np.arange(seen.coverage.shape[1])
+    return {c: seen.coverage[:, k] for k, c in enumerate(columns) if seen.coverage[:, k].any()}
