@@ -55,11 +55,7 @@ def test_a_number_is_refused_exactly_if_out_of_bounds(
         # More than a float holds, and more digits than Python prints.
         (10**400, {}, "wind is inf, but must be a finite number"),
         pytest.param(-(10**5000), {}, "wind is -inf, but must be a finite number", id="-1e5000"),
-        (
-            np.eye(2),
-            {},
-            "wind is array([[1., 0.], [0., 1.]]), but must be a finite number",
-        ),
+        (np.eye(2), {}, "wind is array([[1., 0.], [0., 1.]]), but must be a finite number"),
         ("x" * 100, {}, f"wind is '{'x' * 76}..., but must be a finite number"),
     ],
 )

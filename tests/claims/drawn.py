@@ -1,6 +1,6 @@
 """Small experiments whose every choice is drawn from one seed, and the figures they give.
 
-    PYTHONPATH=tests/claims:tests/engine:tests/sweeps:tests/convergence python -m drawn 8 1000
+    PYTHONPATH=tests/claims:tests/engine:tests/sweeps python -m drawn 8 1000
 
 prints their means and standard deviations over 8 seeds from 1000 on, in some 5 minutes.
 """
@@ -16,15 +16,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from commands import opened, swept
-from metric import EDGES, FAR, PULSE, SIDE, areas, error
 from numpy.typing import NDArray
 
 import ncti.ships
-from ncti import irar
 from ncti.classify import Similarities, cluster
 from ncti.features import profile_vector
-from ncti.ladar import expected_profile, lines_within, range_extent
-from ncti.ladar.reference import reference_range_extent
+from ncti.ladar import expected_profile, range_extent
 from ncti.render import line_image
 
 KNOWN = ("duncan", "horne", "spruance", "texas")
@@ -33,9 +30,6 @@ PULSES = (10, 30, 50)  # [ns]
 CNR, TARGET_FREE, DEPRESSION = 10**3.2, 4000, 3.84
 
 GRIDS, ORDERS = 2, 4
-LINED = 20
-FLIGHTS = 2
-TOLERANCE = 0.005  # of lines, after the 30 ns pulse
 
 PROFILES = (
     "sensor=range",
@@ -76,10 +70,7 @@ def stream(seed: int, what: str) -> np.random.Generator:
     return np.random.default_rng([seed, *what.encode()])
 
 
-@cache
-def ship(name: str) -> Any:
-    """Return a ship's mesh."""
-    return ncti.ships.load(name)
+ship = cache(ncti.ships.load)
 
 
 def sweep_of(seed: int, folder: Path, name: str, *overrides: str) -> Path:
@@ -209,52 +200,13 @@ def category_counts(seed: int) -> dict[str, float]:
     }
 
 
-def line_errors(seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(view,) errors of profiles by lines, and their bars, at views drawn at random."""
-    rng = stream(seed, "lines")
-    errors, bars = [], []
-    for _ in range(LINED):
-        mesh = ship(str(rng.choice((*KNOWN, *UNKNOWN))))
-        view = {"aspect": float(rng.uniform(0, 360)), "depression": float(rng.uniform(0.3, 12.7))}
-        lines = lines_within(mesh, tolerance=TOLERANCE, pulse_width=PULSE, **view)
-        found = range_extent(lines, slant_range=FAR, ifov=SIDE / FAR)
-        exact = reference_range_extent(mesh, bin_edges=EDGES, side=SIDE, **view)
-        errors.append(error(areas(found).sum(axis=0), exact.area.sum(axis=0), PULSE))
-        bars.append(found.error_after(PULSE))
-    return np.array(errors), np.array(bars)
-
-
-def flown(seed: int) -> dict[str, float]:
-    """Return mean correlations of corrected profiles with noiseless ones, whole and in part.
-
-    Of flights past either ship of the source, near the stern, at 20 dB.
-    """
-    rng = stream(seed, "flights")
-    found = []
-    for _ in range(FLIGHTS):
-        mesh, aspect = ship(str(rng.choice(UNKNOWN))), float(rng.uniform(172, 178))
-        flight = irar.Flight(
-            slant_range=float(rng.uniform(3000, 4000)),
-            ship_heading=irar.ship_heading(aspect=aspect, sight=5),
-            cnr=100.0,
-        )
-        window = irar.ship_window(mesh, flight)
-        truth = irar.profile(irar.true_snapshot(mesh, flight, window, cells=4), flight)
-        image = irar.correct(irar.fly(mesh, flight).record(rng), window=window)
-        measured = irar.profile(irar.segmented(image, flight), flight)
-        beside = np.abs(np.arange(truth.size) - truth.argmax()) > 4
-        found.append([np.corrcoef(measured[part], truth[part])[0, 1] for part in (..., beside)])
-    whole, part = np.mean(found, axis=0)
-    return {"flights": float(whole), "flights, beside the hangar": float(part)}
-
-
 def figures(seed: int, folder: Path) -> dict[str, float]:
     """Return all figures of a seed."""
     profiles = profile_sweep(seed, folder)
     right = shares_of_profiles(profiles) | shares_of_both(sweep_of_both(seed, folder))
     found = {name: float(answer.mean()) for name, answer in right.items()}
     found["OSCR"] = float(rejection(profiles).oscr)
-    return found | category_counts(seed) | flown(seed)
+    return found | category_counts(seed)
 
 
 def main(number: int, first: int = 1000) -> None:

@@ -1,7 +1,7 @@
 """The main claims of the README, at reduced size, by a seed that nobody has chosen.
 
 The seed is the date; `NCTI_TEST_SEED` repeats one. Noise, fresh aspects, grids of aspects, places
-on the detector, orders of presentation, views and flights are drawn from it (`drawn`).
+on the detector and orders of presentation are drawn from it (`drawn`).
 
 A claim fails falsely with a probability of at most `LEVEL`, and all of them together with at most
 `RISK` (Bonferroni):
@@ -14,8 +14,9 @@ A claim fails falsely with a probability of at most `LEVEL`, and all of them tog
 - Classifiers beside each other on the same views: an exact sign test over views.
 - Learned and fresh aspects: Welch's t-test over aspects, each the mean of its ships and draws.
 - Thresholds and areas of rejection: inequalities of Massart and of Hoeffding.
-- Error bars and tolerances: binomial, views being independent.
-- Means of categories and flights: Student's prediction interval, from earlier seeds.
+- Means of categories: Student's prediction interval, from earlier seeds.
+
+What is claimed of lines, their error bars and flights is in `tests/convergence` and `tests/irar`.
 """
 
 import datetime
@@ -27,8 +28,6 @@ import drawn
 import pytest
 from commands import opened
 from drawn import (
-    LINED,
-    TOLERANCE,
     answers,
     is_multiple,
     named_by,
@@ -95,8 +94,6 @@ MEANS = {
     "categories, 50 ns": Mean(14.27, 0.57, 16, low=10, high=19),
     "categories, 10 ns less 30 ns": Mean(9.89, 0.85, 16, low=3),
     "categories, 30 ns less 50 ns": Mean(4.88, 0.45, 16, low=1),
-    "flights": Mean(0.969, 0.0085 / math.sqrt(2), 20, low=0.92),
-    "flights, beside the hangar": Mean(0.947, 0.0118 / math.sqrt(2), 20, low=0.88),
 }
 
 
@@ -154,7 +151,7 @@ def counts():
     return drawn.category_counts(SEED)
 
 
-@pytest.mark.parametrize("name", [name for name in MEANS if name.startswith("categories")])
+@pytest.mark.parametrize("name", MEANS)
 def test_longer_pulses_form_fewer_categories(counts, name):
     assert MEANS[name].low < counts[name] < MEANS[name].high
 
@@ -222,36 +219,3 @@ def test_the_detector_finds_ships_at_25_and_50_km_and_not_at_100(both):
     found = opened(both, "tables/detection").probability.sel(aspect_bin="overall").squeeze()
     assert found.sel(range=25) > 0.999 and found.sel(range=50) > 0.99
     assert 0.001 < found.sel(range=100) < 0.1
-
-
-# Profiles themselves
-
-
-@pytest.fixture(scope="module")
-def lines():
-    """Errors of profiles by lines, and their bars."""
-    return drawn.line_errors(SEED)
-
-
-def test_lines_keep_their_tolerance(lines):
-    """At least 19 of 20 views in the long run."""
-    errors, _ = lines
-    assert stats.binom.sf((errors > TOLERANCE).sum() - 1, LINED, 0.05) >= LEVEL, errors
-
-
-def test_error_bars_cover(lines):
-    """At least nine in ten errors in the long run, and not by being wide: see the factor's test."""
-    errors, bars = lines
-    assert stats.binom.sf((errors > bars).sum() - 1, LINED, 0.1) >= LEVEL, errors / bars
-    assert (bars <= TOLERANCE).all()
-
-
-@pytest.fixture(scope="module")
-def flown():
-    """Mean correlations of flights."""
-    return drawn.flown(SEED)
-
-
-@pytest.mark.parametrize("name", [name for name in MEANS if name.startswith("flights")])
-def test_a_corrected_profile_is_nearly_the_noiseless_one(flown, name):
-    assert flown[name] > MEANS[name].low

@@ -6,9 +6,6 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils.estimator_checks import parametrize_with_checks
@@ -121,30 +118,6 @@ def test_a_category_that_lost_its_vectors_does_not_answer():
     # What is left of the lost category lies at 29.9 deg, where it would have answered.
     category, _ = network.match(on_a_circle(29.0))
     assert category == [0]
-
-
-# What the vigilance does ---------------------------------------------------------------------
-
-
-elements = st.floats(0.0, 1.0, allow_subnormal=False).map(lambda x: round(x, 3))
-vectors = st.tuples(st.integers(1, 12), st.integers(1, 6)).flatmap(
-    lambda shape: arrays(np.float64, shape, elements=elements)
-)
-rates = st.sampled_from([0.01, 0.1, 0.5, 1.0])
-
-
-@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
-@given(X=vectors.filter(lambda X: X.any()), rate=rates, vigilance=st.floats(-1.0, 1.0))
-def test_categories_are_means_of_their_vectors(X, rate, vigilance):
-    network = fit(X, vigilance=vigilance, learning_rate=rate, max_passes=20)
-    assert 1 <= network.n_categories_ <= np.count_nonzero(X.any(axis=1))
-    assert set(network.labels_[X.any(axis=1)]) == set(range(network.n_categories_))
-    # A convex combination stays within the box of the vectors, hence its norm within theirs.
-    assert np.all(network.categories_ <= X.max(axis=0) * (1.0 + 1e-12))
-    assert np.all(network.categories_ >= X.min(axis=0) * (1.0 - 1e-12))
-
-
-# Scale and numbers off the usual road ----------------------------------------------------------
 
 
 def test_opposite_vectors_that_cancel_leave_no_nan():

@@ -30,11 +30,6 @@ def start(tmp_path, monkeypatch):
     return start
 
 
-def listing(folder):
-    """All files of a folder with their contents."""
-    return files(folder)
-
-
 def test_without_a_store_it_is_in_the_current_folder_and_hydra_makes_none(start, tmp_path):
     assert start() == 0
     assert {path.name for path in tmp_path.iterdir()} == {"cache", "sweep.zarr"}
@@ -111,18 +106,18 @@ REFUSED = yaml.safe_load(Path(__file__).with_name("refused.yaml").read_text())["
 def test_what_is_wrong_exits_with_2_and_one_sentence(start, tmp_path, capsys, argument):
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
-    before = listing(tmp_path)
+    before = files(tmp_path)
     assert start(*argument.split(" ")) == 2  # as a shell splits it
     said = capsys.readouterr()
     (sentence,) = said.err.splitlines()
     assert said.out == "" and sentence.startswith("springs: ") and REFUSED[argument] in sentence
-    assert listing(tmp_path) == before and not CALLS
+    assert files(tmp_path) == before and not CALLS
 
 
 def test_a_store_of_another_experiment_is_refused(start, tmp_path, capsys):
     assert start("store=s.zarr") == 0
     other = replace(SPRINGS, name="pendulums", title="Pendulums")
-    before = listing(tmp_path)
+    before = files(tmp_path)
     capsys.readouterr()
     assert Command(other).main(["cache=cache", "cluster=inline", "store=s.zarr"]) == 2
     assert capsys.readouterr().err == (
@@ -131,13 +126,13 @@ def test_a_store_of_another_experiment_is_refused(start, tmp_path, capsys):
     )
     assert start("store=s.zarr", "spring.mass=9") == 2
     assert "give spring.mass=[1,2,9] to have both, or another store" in capsys.readouterr().err
-    assert listing(tmp_path) == before
+    assert files(tmp_path) == before
 
 
 def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     asked = ("store=s.zarr", "dry_run=true")
     assert start(*asked) == 0
-    assert listing(tmp_path) == {} and list(tmp_path.iterdir()) == []
+    assert files(tmp_path) == {} and list(tmp_path.iterdir()) == []
     said = capsys.readouterr().out.split("\n")
     assert said[-2] == "50 calls to run; new results unknown; time on one core unknown"
     rows = {row.split()[0]: row.split()[1:] for row in said[1:-2]}
@@ -149,7 +144,7 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
         "answers": ["16", "0", "16"],
     }
     assert start("store=s.zarr") == 0
-    before = listing(tmp_path)
+    before = files(tmp_path)
     capsys.readouterr()
     assert start(*asked) == 0
     assert capsys.readouterr().out.endswith("nothing to compute: all cells are in the store\n")
@@ -163,7 +158,7 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     assert ["trace", "24", "0", "24"] in rows
     assert start("dry_run=true") == 0  # without a store
     assert start(*asked, "spring.mass=9") == 2
-    assert listing(tmp_path) == before and not (tmp_path / "new").exists()
+    assert files(tmp_path) == before and not (tmp_path / "new").exists()
 
 
 # processes ----------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from toys import SPRINGS, period
 
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import Settings, number, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, bind, stage
+from sweeps.engine.stage import Experiment, Group, Output, stage
 
 
 def planned(**given):
@@ -22,22 +22,6 @@ def keys(plan, name):
     """Keys of all cells of a stage, in order."""
     bound = plan.bound[name]
     return [plan.key(bound, cell) for cell in plan.cells(bound)]
-
-
-def test_what_a_stage_depends_on_follows_from_names():
-    bound = bind(SPRINGS)
-    assert list(bound)[:3] == ["rate", "solver", "period"]
-    assert bound["rate"].needs == ("spring.mass", "spring.stiffness")
-    assert bound["period"].needs == (
-        "measured.pause",
-        "spring.limit",
-        "spring.mass",
-        "spring.stiffness",
-    )
-    assert "seed" in bound["noisy"].needs and "measured.draw" in bound["noisy"].needs
-    assert "spring.stiffness" not in bound["answers"].needs  # which it gathers
-    assert "spring.reference" in bound["compared"].needs
-    assert "spring.stiffness" not in bound["compared"].needs  # taken at the reference
 
 
 @settings(deadline=None)

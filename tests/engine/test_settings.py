@@ -101,11 +101,7 @@ REFUSED = [
     (Draws(9), 10, "a.b is 10, but must be a whole number from 1 to 9"),
     (PAIRS, "neither", "a.b is 'neither', but must be one of x, y, both"),
     (PAIRS, ["z"], "a.b has 'z', but every value must be one of x, y"),
-    (
-        Groups(),
-        [["a"]],
-        "a.b is [['a']], but must be a list of lists of names, two or more in each",
-    ),
+    (Groups(), [["a"]], "a.b is [['a']], but must be a list of lists"),
 ]
 
 

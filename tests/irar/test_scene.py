@@ -143,16 +143,13 @@ def _samples_needed(mesh, flown):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"samples": 60}, r"samples is 60, but must be at least \d+ for this ship and its drift"),
-        ({"range_gate": 40.0}, "range_gate is 40 m, but must be at least 53, as deep as"),
-        (
-            {"slant_range": 100.0},
-            r"slant_range is 100, but must be at least \d+, twice the distance",
-        ),
-        ({"line_rate": 50_000.0, "pulse_rate": 1e8}, r"line_rate is 50000, but must be at most"),
-        ({"depression": 0.01}, r"slant_range is 3900, but must be at least \d+, twice"),
-        ({"pointing": 60.0}, "pointing is 60, but must be nearer 5: the lines, which"),
-        ({"offset": 60.0}, "offset is 60, but must be nearer 0: the lines, which"),
+        ({"samples": 60}, r"^samples is 60, .* at least \d+"),
+        ({"range_gate": 40.0}, r"^range_gate is 40 m, .* at least 53"),
+        ({"slant_range": 100.0}, r"^slant_range is 100, .* at least \d+, twice"),
+        ({"line_rate": 50_000.0, "pulse_rate": 1e8}, r"^line_rate is 50000, .* at most"),
+        ({"depression": 0.01}, r"^slant_range is 3900, .* at least \d+, twice"),
+        ({"pointing": 60.0}, r"^pointing is 60, .* nearer 5"),
+        ({"offset": 60.0}, r"^offset is 60, .* nearer 0"),
     ],
 )
 def test_a_pass_that_cannot_see_the_ship_is_refused(changes, message):

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 from zlib import crc32
 
-import xarray as xr
 import zarr
 from once import made_once, sharing_ships
 from rich.console import Console
@@ -80,11 +79,6 @@ def printed(path: Path, width: int = 200) -> str:
     console = Console(file=io.StringIO(), width=width)
     report(path, console)
     return console.file.getvalue()
-
-
-def opened(path: Path, group: str) -> xr.Dataset:
-    """A group of a store."""
-    return xr.open_zarr(path, group=group).load()
 
 
 def attributes_of(path: Path) -> dict[str, Any]:

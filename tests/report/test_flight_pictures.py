@@ -4,10 +4,10 @@ import shutil
 
 import numpy as np
 import pytest
-from commands import swept
+from commands import opened, swept
 from made import scores
 from matplotlib.image import imread
-from stores import FLIGHTS, SMALL, attributes_of, contents, opened, reported, signed
+from stores import FLIGHTS, SMALL, attributes_of, contents, reported, signed
 
 import ncti.ships
 from ncti.irar import Chain, Flight, fly, ship_heading

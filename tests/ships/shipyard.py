@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import trimesh
 import yaml
 from manifold3d import Manifold, Mesh64
 
-from ncti.ships import sheets
+from ncti import ships
+from ncti.ships import errors, sheets
 
 
 def packaged_text(name: str) -> str:
@@ -32,3 +34,24 @@ def barge() -> dict[str, Any]:
     """A sheet of one plain hull with a component of nearly every kind."""
     sheet: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("barge.yaml").read_text())
     return sheet
+
+
+def refusal(path: str | Path) -> str:
+    """What is said of a file that is no ship."""
+    with pytest.raises(ships.ShipError) as caught:
+        ships.load(path)
+    return sentence(caught.value)
+
+
+def refused_sheet(text: str) -> str:
+    """What is said of the text of a sheet."""
+    with pytest.raises(ships.ShipError) as caught:
+        sheets.parse(text, "{}", where="barge")
+    return sentence(caught.value)
+
+
+def sentence(error: Exception) -> str:
+    """One short line that any terminal shows."""
+    message = str(error)
+    assert message.isprintable() and message.endswith(".") and len(message) <= errors.LONGEST
+    return message

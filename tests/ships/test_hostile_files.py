@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,32 +11,12 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from running import python
-from shipyard import barge
+from shipyard import barge, refusal, refused_sheet, sentence
 
 from ncti import ships
-from ncti.ships import documents, errors, loading, sheets
+from ncti.ships import documents, errors, loading
 
 BOX = trimesh.creation.box((100, 14, 20)).apply_translation((0, 0, 10))
-
-
-def refusal(path: str | Path) -> str:
-    with pytest.raises(ships.ShipError) as caught:
-        ships.load(path)
-    return sentence(caught.value)
-
-
-def sentence(error: Exception) -> str:
-    message = str(error)
-    assert message.isprintable()
-    assert message.endswith(".")
-    assert len(message) <= errors.LONGEST
-    return message
-
-
-def refused_sheet(text: str) -> str:
-    with pytest.raises(ships.ShipError) as caught:
-        sheets.parse(text, "{}", where="barge")
-    return sentence(caught.value)
 
 
 # Names
@@ -142,6 +121,9 @@ def test_value_that_holds_itself_is_refused() -> None:
         ("a: &a 1\nb: &a 2", "is not valid YAML"),
         ("\x1b[31m", "is not valid YAML"),
         ('"a\\e[31m": 1', "'components' is missing"),
+        ("name: barge\nname: barge", "'name' is given twice (line "),
+        ("name: a\nnote: [0, {a: 1, 'a': 2}]", "'a' is given twice (line "),
+        ("name: a\nnote: [0, {1: 1, 1: 2}]", "1 is given twice (line "),
     ],
 )
 def test_text_that_costs_too_much_or_says_nothing_is_refused(text, told) -> None:

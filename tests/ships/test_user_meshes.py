@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from shipyard import refusal
 
 from ncti import ships
 
@@ -25,15 +26,6 @@ def saved(geometry: trimesh.Trimesh | trimesh.Scene, path: Path) -> Path:
     with np.errstate(invalid="ignore"):  # some are broken on purpose
         geometry.export(path)
     return path
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(ships.ShipError) as caught:
-        ships.load(path)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert message.endswith(".")
-    return message
 
 
 @pytest.fixture(params=KINDS)

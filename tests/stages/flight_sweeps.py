@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from once import sharing_ships
 
 from sweeps.engine.cluster import ClusterChoice
@@ -49,11 +48,6 @@ def flown(folder, name="s", **given):
     found = sweep(EXPERIMENT, checked(**given), place, Watch(lambda text: None))
     assert not found.failures
     return place.store
-
-
-def opened(path, group="validation"):
-    """A group of a store."""
-    return xr.open_zarr(path, group=group).load()
 
 
 def at(found, **values):

@@ -6,8 +6,6 @@ import numpy as np
 
 from ncti.infrared import Hits, Imager
 from ncti.render import RangeImage
-from sweeps.engine.settings import read_choices
-from sweeps.experiment import EXPERIMENT
 from sweeps.stages import infrared
 
 WAYS = ("none", "perfect", "shifted")
@@ -22,14 +20,6 @@ IMAGER = {
     "target_spread": 0.15,
     "sea_spread": 0.08,
 }
-
-
-def choose(**given):
-    """Choices of the infrared channel; keys have __ for dots."""
-    given = {"sensor": "infrared"} | given
-    return read_choices(
-        EXPERIMENT.declared, {key.replace("__", "."): value for key, value in given.items()}
-    )
 
 
 def drawn(pixel=0.5, roll=31.7):

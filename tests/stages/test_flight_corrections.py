@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flight_sweeps import at, flown, in_window, opened, read
+from commands import opened
+from flight_sweeps import at, flown, in_window, read
 
 import ncti.ships
 from ncti.irar import Chain, correct_as_printed, profile, segmented
@@ -17,7 +18,7 @@ from sweeps.stages.irar import FLOWN, RECORDED, scan_again
 def test_the_source_s_chain_is_a_choice(chain, rate, folder):
     """Its image by the library, with the estimate of the cell."""
     given = {"chain": ["exact", "printed", "printed_pulse_rate"], "errors": {"aircraft_speed": 1}}
-    found = opened(flown(folder, "printed", **given))
+    found = opened(flown(folder, "printed", **given), "validation")
     error = ("aircraft_speed", 1.0)
     ours = at(found, chain=chain, error=error)
     mesh, choices = ncti.ships.load("roberts"), read()
@@ -39,7 +40,7 @@ def test_the_source_s_chain_is_a_choice(chain, rate, folder):
 
 def test_a_wrong_pointing_leaves_the_ship_in_its_window(folder):
     """It seems to be 35 or 14 pixels aside, where the window follows it; with as many looks."""
-    found = opened(flown(folder, "pointing", errors={"pointing": [-1, 0.4]}))
+    found = opened(flown(folder, "pointing", errors={"pointing": [-1, 0.4]}), "validation")
     right = at(found, error=("none", 0.0))
     middle = {}
     for degrees in (0.0, -1.0, 0.4):
@@ -59,7 +60,7 @@ def test_nothing_but_noise_fails_nothing(folder):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         path = flown(folder, "noise", cnr=-30, autofocus=True, segmentation_threshold=1e6)
-    ours = at(opened(path))
+    ours = at(opened(path, "validation"))
     assert np.all(ours.profile[0] == 0)
     assert ours.profile_correlation == 0
     assert ours.closing_speed_error == 0

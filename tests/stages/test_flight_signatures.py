@@ -3,7 +3,8 @@
 import math
 
 import numpy as np
-from flight_sweeps import at, flown, opened
+from commands import opened
+from flight_sweeps import at, flown
 
 import ncti.ships
 from ncti.ladar import cumulative_average, expected_profile, range_extent, sample_frames
@@ -14,7 +15,7 @@ from sweeps.engine.seeds import cell_rng
 def test_synthetic_signatures_are_those_of_the_range_channel(folder):
     """Same view, same sensor, drawn at the flight's depression; tests have a name of their own."""
     given = {"depression": 5, "profile_frames": [8, 16], "grid__replicate": 2}
-    found = opened(flown(folder, "deep", **given))
+    found = opened(flown(folder, "deep", **given), "validation")
     mesh = ncti.ships.load("roberts")
     view = {"aspect": 175.0, "depression": 5.0, "slant_range": 100e3, "engine": "embree"}
     image = range_image(mesh, pixel=0.5, **view)

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flight_sweeps import SMALL, at, flown, in_window, opened
+from commands import opened
+from flight_sweeps import SMALL, at, flown, in_window
 
 import ncti.ships
 from ncti import irar
@@ -31,7 +32,7 @@ SEVERAL = {
 @pytest.fixture(scope="module")
 def several(folder):
     """A sweep with two values on axes of every sort."""
-    return opened(flown(folder, **SEVERAL))
+    return opened(flown(folder, **SEVERAL), "validation")
 
 
 @pytest.mark.parametrize(
@@ -176,7 +177,8 @@ def test_a_flight_is_the_same_in_another_grid(several, tmp_path):
         flown(
             tmp_path, seed=7, mast_gain=3, cnr=[12, 20], range=[2.5, 3], offset=5,
             grid__ship=["duncan", "roberts"], flown=["duncan", "roberts"], errors={"pointing": -1},
-        )
+        ),
+        "validation",
     )  # fmt: skip
     ours, theirs = (
         at(found, ship="roberts", mast_gain=mast, cnr=20, range=3, error=("none", 0.0))

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from infrared_channel import EXPERIMENT, PATCHES, WAYS, choose, view_from
+from infrared_channel import PATCHES, WAYS, view_from
+from range_channel import choose
 from scipy import stats
 
 from ncti.infrared import LargestWindow, contrast, shifted_images, thermal_images
@@ -11,6 +12,7 @@ from ncti.infrared.hits import MARGIN
 from ncti.render import line_image
 from sweeps.engine.plan import Plan
 from sweeps.engine.seeds import cell_rng
+from sweeps.experiment import EXPERIMENT
 from sweeps.stages.infrared import thermal_image
 
 WINDOW = {"depression": 3.84, "ifov": 150e-6, "length": 200.0, "height": 50.0}
@@ -74,8 +76,9 @@ def test_images_of_one_view_are_drawn_once_for_all_sensors():
 
 def test_templates_are_seen_from_the_training_range_whatever_is_tested():
     """At one altitude, where the depression goes by the range: 25 km is seen from 15.6 deg."""
-    given = {"grid__ship": "duncan", "grid__aspect": 60, "infrared__subpixel_offsets": 1}
+    given = {"sensor": "infrared", "grid__ship": "duncan", "grid__aspect": 60}
     given |= {"scene__geometry": "altitude", "infrared__training_range": 25}
+    given["infrared__subpixel_offsets"] = 1
 
     def template(**more):
         plan = Plan(EXPERIMENT, choose(**given, **more))

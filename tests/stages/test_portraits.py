@@ -6,7 +6,6 @@ import trimesh
 from range_channel import choose
 
 import ncti.ships
-from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.stage import value_token
 from sweeps.stages import views
 from sweeps.stages.ships import ship_name
@@ -33,28 +32,6 @@ def hull(tmp_path, monkeypatch):
 def ship(**given):
     [found] = choose(grid__ship=given)[Grid.ship]
     return found
-
-
-WRONG = [
-    ({"up": "y"}, "grid.ship is {'up': 'y'}, but must have path"),
-    ({"path": "duncan", "up": ["x", "y"]}, "grid.ship.up has 2 values, but must have one"),
-    ({"path": "duncan", 3: 1}, "grid.ship.3 is not a key of the configuration; grid.ship has path"),
-    ({"path": "duncan", "up": "y", "forward": "y"}, "forward is 'y', but must be along another"),
-    ({"path": "duncan", "scale": {"start": 1, "stop": 2, "step": 1}}, "grid.ship.scale has 2 val"),
-    ({"path": "duncan", "offset": [0, 0]}, "grid.ship.offset is [0, 0], but must be a list of 3"),
-    ({"path": "duncan", "offset": [0, 0, True]}, "grid.ship.offset is [0, 0, True], but must be"),
-    ({"path": "duncan", "name": "a\x1b[1m"}, r"grid.ship.name is 'a\x1b[1m', but must be 1 to 100"),
-    ({"path": "duncan", "name": "a.stl"}, "grid.ship.name is 'a.stl', but must not end as a file"),
-    ({"path": "duncan", "name": " "}, "grid.ship.name is ' ', but must be 1 to 100 printable"),
-]
-
-
-@pytest.mark.parametrize(("given", "sentence"), WRONG)
-def test_wrong_keys_and_values_are_refused_in_one_sentence(given, sentence):
-    with pytest.raises(ConfigurationError) as refused:
-        choose(grid__ship=[given, "texas"])
-    assert sentence in str(refused.value) and "\n" not in str(refused.value)
-    assert str(refused.value).startswith("grid.ship")
 
 
 def test_a_transform_counts_in_the_key_of_results(hull):
