@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import signal
 import sys
 import uuid
 from collections import deque
@@ -188,6 +190,26 @@ def executor(
             shared = Shared(code, stack.enter_context(marked(folder)) if folder else "")
         start = getattr(workers, choice.kind)
         yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
+
+
+def import_jobqueue() -> Any:
+    """Return dask's class of clusters of Slurm jobs, which only the main thread can import first.
+
+    Raises ConfigurationError if it is not installed, or this machine cannot submit jobs.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        from dask_jobqueue import SLURMCluster
+    except (ImportError, ValueError) as error:
+        raise ConfigurationError(
+            "cluster.kind is slurm, but dask-jobqueue (pip install dask-jobqueue) cannot be "
+            f"imported: {error}"
+        ) from error
+    if signal.getsignal(signal.SIGINT) is not before:  # its import would let Ctrl-C exit at once
+        signal.signal(signal.SIGINT, before)
+    if shutil.which("sbatch") is None:
+        raise ConfigurationError("cluster.kind is slurm, but this machine has no sbatch command")
+    return SLURMCluster
 
 
 # what workers elsewhere share with this command ---------------------------------------------------

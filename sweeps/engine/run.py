@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sweeps.engine.cluster import ClusterChoice, Executor, executor
+from sweeps.engine.cluster import ClusterChoice, Executor, executor, import_jobqueue
 from sweeps.engine.cube import Cube
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import (
@@ -159,6 +159,8 @@ def _compute(
         measured = all(bound.name in schedule.costs for bound, *_ in missing)
         if choice.kind == "local" and measured and schedule.work_left() < QUICK:
             choice = ClusterChoice("inline")
+        if choice.kind == "slurm":
+            import_jobqueue()
         entered = executor(
             choice,
             tasks=sum(calls for *_, calls in missing),

@@ -10,8 +10,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-import shutil
-from collections.abc import Callable, Iterator, Mapping
+from asyncio.subprocess import DEVNULL, PIPE
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,7 +26,7 @@ from distributed.security import Security
 from distributed.threadpoolexecutor import ThreadPoolExecutor
 from tornado.ioloop import PeriodicCallback
 
-from sweeps.engine.cluster import UNSHARED, Shared
+from sweeps.engine.cluster import UNSHARED, Shared, import_jobqueue
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.forking import ENVIRONMENT, interrupts_held
 from sweeps.engine.process import environment, one_thread
@@ -51,6 +51,8 @@ SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 ANSWER, ARRIVAL, CHECKED = 10, 60, 1.0  # s: for a scheduler's answer, its first worker; of checks
 JOBS_CHECKED = 10.0  # s between checks whether a job has ended, for example by its time limit
 LOST = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
+VAIN = 3  # checks that find jobs ended, and no worker, until jobs are submitted no more
+GONE = "the scheduler of the cluster is gone, with the tasks it had"
 
 SCRATCH = "temporary-directory"
 # Removing a scratch folder must not fail for a file that a dying worker still writes.
@@ -84,6 +86,7 @@ class DaskExecutor:
         self._client = client
         self._workers = workers
         self._shared = shared
+        self._cancelled: Exception = SweepIncomplete(GONE)
         self._completed = as_completed(loop=client.loop)
         self._running: dict[Future, int] = {}
 
@@ -105,10 +108,15 @@ class DaskExecutor:
         # wakes up ten times a second, to handle interrupts
         return [self._outcome(future) for future in self._completed.next_batch()]
 
+    async def abandon(self, why: str) -> None:
+        """Cancel all tasks, for which `finished` then raises ConfigurationError."""
+        self._cancelled = ConfigurationError(why)
+        await self._client.cancel([*self._running], asynchronous=True)
+
     def _outcome(self, future: Future) -> Outcome:
         number = self._running.pop(future)
         if future.cancelled():
-            raise SweepIncomplete("the scheduler of the cluster is gone, with the tasks it had")
+            raise self._cancelled
         try:
             return number, future.result(), None
         except KilledWorker:
@@ -203,7 +211,7 @@ def slurm(
 ) -> Iterator[DaskExecutor]:
     """Submit Slurm jobs with some settings, and cancel them at the end.
 
-    Until then, the certificate of the run is in a private folder in the
+    Until then, the certificate of the run and what jobs print are in a private folder in the
     current directory, which the jobs must be able to read.
     """
     jobs = max(1, min(workers, tasks))
@@ -213,11 +221,19 @@ def slurm(
         private = TemporaryDirectory(prefix=".sweep-", dir=os.getcwd(), **FORGIVING)
         folder = stack.enter_context(private)
         stack.enter_context(_started_with(settings | {SCRATCH: folder}, ENVIRONMENT))
-        with interrupts_held():
-            cluster = stack.enter_context(_slurm_cluster(Path(folder), asked))
-        _submit(cluster, jobs)
-        stack.enter_context(_workers_replaced(cluster, jobs, every=JOBS_CHECKED))
-        yield DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
+        try:
+            with interrupts_held():
+                cluster = stack.enter_context(_slurm_cluster(Path(folder), asked))
+            _submit(cluster, jobs)
+        except RuntimeError as error:  # Slurm's own words, if they are its
+            reason = " ".join(str(error).rpartition("stderr:")[2].split())
+            raise ConfigurationError(
+                f"cluster.kind is slurm, but no job starts: {reason}"
+            ) from error
+        run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
+        look = _Queue(cluster, run, Path(folder), say).look
+        stack.enter_context(_workers_replaced(cluster, jobs, every=JOBS_CHECKED, look=look))
+        yield run
 
 
 def _check_scheduler(url: str, security: Security) -> None:
@@ -237,13 +253,11 @@ def _check_scheduler(url: str, security: Security) -> None:
 
 
 def _security(ca_file: str | None, cert: str | None, private_key: str | None) -> Security:
-    """Return the certificates of the client."""
-    security = Security(
-        tls_ca_file=ca_file,
-        tls_client_cert=cert,
-        tls_client_key=private_key,
-        require_encryption=True,
-    )
+    """Return the certificates of all roles, of which this process is the client."""
+    roles = ("client", "scheduler", "worker")
+    own = {f"tls_{role}_cert": cert for role in roles}
+    own |= {f"tls_{role}_key": private_key for role in roles}
+    security = Security(tls_ca_file=ca_file, require_encryption=True, **own)
     try:
         security.get_connection_args("client")
     except OSError as error:
@@ -255,23 +269,20 @@ def _security(ca_file: str | None, cert: str | None, private_key: str | None) ->
 
 
 def _slurm_cluster(folder: Path, asked: Mapping[str, Any]) -> Any:
-    """Return a cluster without jobs, whose certificate and scratch files are in a folder."""
-    try:
-        from dask_jobqueue import SLURMCluster
-    except ImportError as error:
-        raise ConfigurationError(
-            "cluster.kind is slurm, but dask-jobqueue is not installed: pip install dask-jobqueue"
-        ) from error
-    if shutil.which("sbatch") is None:
-        raise ConfigurationError("cluster.kind is slurm, but this machine has no sbatch command")
-    return SLURMCluster(
+    """Return a cluster without jobs, whose certificate, logs and scratch files are in a folder."""
+    made = Security.temporary()
+    files = {"certificate.pem": made.tls_ca_file, "key.pem": made.tls_client_key}
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="ascii")
+    certificate, key = (str(folder / name) for name in files)
+    return import_jobqueue()(
         **asked,
         cores=1,
         processes=1,
         local_directory=str(folder),
         protocol="tls://",
-        security=Security.temporary(),
-        shared_temp_directory=str(folder),  # of the certificate
+        security=_security(certificate, certificate, key),
+        log_directory=str(folder),
         scheduler_options=SCHEDULER,
         job_script_prologue=[f"export {name}={value}" for name, value in ENVIRONMENT.items()],
         worker_extra_args=["--no-dashboard", "--dashboard-address", SCHEDULER["dashboard_address"]],
@@ -280,7 +291,7 @@ def _slurm_cluster(folder: Path, asked: Mapping[str, Any]) -> Any:
 
 
 def _submit(cluster: Any, jobs: int) -> None:
-    """Submit the first jobs; raise ConfigurationError with Slurm's message if it refuses."""
+    """Submit the first jobs; raise RuntimeError with Slurm's message if it refuses."""
     for _ in range(jobs):
         cluster.worker_spec.update(cluster.new_worker_spec())
 
@@ -289,26 +300,70 @@ def _submit(cluster: Any, jobs: int) -> None:
 
     try:
         cluster.sync(submitted)
-    except RuntimeError as error:
+    except RuntimeError:
         for job in cluster.workers.values():
             if job.job_id is None:  # else the cluster does not close
                 job.status = Status.failed
-        reason = " ".join(str(error).split())
-        raise ConfigurationError(f"cluster.kind is slurm, but no job starts: {reason}") from error
+        raise
+
+
+class _Queue:
+    """Slurm's queue: which jobs have ended, and why others wait."""
+
+    def __init__(self, cluster: Any, run: DaskExecutor, folder: Path, say: Say) -> None:
+        self._cluster, self._run, self._folder, self._say = cluster, run, folder, say
+        self._told: set[str] = set()
+        self._vain = 0  # checks, since there was a worker, that found jobs ended
+
+    async def look(self) -> None:
+        """Mark jobs that ended; say why all others wait; give up if jobs end without a worker."""
+        jobs = [job for job in self._cluster.workers.values() if job.job_id]
+        asked = ("squeue", "--me", "--noheader", "--format=%A %t %r")
+        process = await asyncio.create_subprocess_exec(*asked, stdout=PIPE, stderr=DEVNULL)
+        out, _ = await process.communicate()
+        if process.returncode:
+            return
+        lines = [line.split(maxsplit=2) for line in out.decode().splitlines()]
+        listed = {number: why if state == "PD" else "" for number, state, why in lines}
+        ended = [job for job in jobs if job.job_id not in listed]
+        for job in ended:
+            job.status = Status.closed
+        if self._cluster.scheduler.workers:
+            self._vain = 0
+            return
+        self._vain += bool(ended)
+        if self._vain == VAIN:
+            logs = sorted(self._folder.glob("*.err"), key=os.path.getmtime)
+            last = logs[-1].read_text(errors="replace").split("\n") if logs else []
+            why = next((line.strip() for line in reversed(last) if line.strip()), "no message")
+            await self._run.abandon(
+                f"cluster.kind is slurm, but its jobs end before they have a worker ({why})"
+            )
+        reasons = {listed.get(job.job_id, "") for job in jobs} - {"", "None"} - self._told
+        for reason in sorted(reasons):
+            self._told.add(reason)
+            self._say(f"no job of Slurm has a worker yet ({reason})")
+
+
+async def _nothing() -> None:
+    """Wait for nothing."""
 
 
 @contextmanager
-def _workers_replaced(cluster: Any, count: int, *, every: float) -> Iterator[None]:
-    """Replace workers that are gone, checking every few seconds.
+def _workers_replaced(
+    cluster: Any, count: int, *, every: float, look: Callable[[], Awaitable[None]] = _nothing
+) -> Iterator[None]:
+    """Replace workers that are gone, checking every few seconds, after a look at what is there.
 
     Dask restarts a worker process that dies, but gives up if it dies during its start, as by a task
     that it gets at once. It does not replace a job that ended.
     """
 
-    def restore() -> None:
+    async def restore() -> None:
+        await look()
         for name, worker in list(cluster.workers.items()):
             if worker.status in {Status.closed, Status.failed}:
-                del cluster.workers[name]
+                del cluster.workers[name], cluster.worker_spec[name]
         cluster.scale(count)  # starts those that are missing
 
     callback = PeriodicCallback(restore, 1000 * every)

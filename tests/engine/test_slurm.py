@@ -1,84 +1,216 @@
-"""Jobs of Slurm as workers, on a machine whose Slurm is made of two scripts."""
+"""Jobs of a real Slurm as workers: computed, killed, drained, cancelled, and refused."""
 
-import gc
+import logging
 import os
-import shlex
 import signal
 import stat
+import threading
+from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
+import slurm
 from executors import IMPORTS, blas_threads, eventually, refuse_odd, result_of, started_with
+from running import python
+from small_stores import files
+from toys import SPRINGS, go
 
 from sweeps.engine import workers
 from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.command import Command
 from sweeps.engine.process import ONE_THREAD
 
-pytestmark = pytest.mark.usefixtures("at_a_terminal")
+pytestmark = [
+    pytest.mark.usefixtures("at_a_terminal", "queue"),
+    pytest.mark.skipif(bool(slurm.missing()), reason=slurm.missing()),
+]
+ON_SLURM = ["cluster=slurm", "cluster.workers=2", "cluster.memory=500MiB", "cluster.interface=lo"]
+
+
+@pytest.fixture(scope="module")
+def daemons(tmp_path_factory):
+    with slurm.started(tmp_path_factory.mktemp("slurm") / "daemons") as configuration:
+        yield configuration
 
 
 @pytest.fixture
-def slurm_machine(tmp_path, monkeypatch):
-    """Folder of a machine whose Slurm starts each job at once, as a session of its own."""
-    commands = tmp_path / "bin"
-    commands.mkdir()
-    jobs = shlex.quote(str(tmp_path))
-    sbatch = f"""#!/bin/bash
-script=$(cat "$1")
-setsid bash -c "$script" > /dev/null 2>&1 < /dev/null &
-echo "$script" > {jobs}/$!.sh
-echo "Submitted batch job $!"
-"""
-    scancel = f"#!/bin/bash\necho $1 >> {jobs}/cancelled\nkill -KILL -- -$1\n"
-    for name, text in {"sbatch": sbatch, "scancel": scancel}.items():
-        (commands / name).write_text(text)
-        (commands / name).chmod(0o755)
-    monkeypatch.setenv("PATH", f"{commands}:{os.environ['PATH']}")
+def queue(daemons, tmp_path, monkeypatch):
+    """A queue that is empty in the end, looked at often."""
+    monkeypatch.setenv("SLURM_CONF", str(daemons))
     monkeypatch.setenv("PYTHONPATH", IMPORTS)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(workers, "LOST", 0.1)
-    monkeypatch.setattr(workers, "JOBS_CHECKED", 0.1)
-    yield tmp_path
-    # The files of certificates went with their folder, of which their finalizers complain. Where
-    # that happened while a module is parsed, CPython 3.11 would take the parser to be broken.
-    gc.collect()
+    monkeypatch.setattr(workers, "JOBS_CHECKED", 0.3)
+    eventually(lambda: "idle" in slurm.asked("sinfo", "-h", "-o", "%T"))
+    yield
+    eventually(lambda: jobs() == [])
+    # The scheduler's scratch folder is gone, of which its finalizer may complain after the tests.
+    logging.getLogger("distributed.diskutils").setLevel(logging.CRITICAL)
 
 
-ON_SLURM = ClusterChoice(
-    kind="slurm",
-    workers=2,
-    queue="short",
-    account="radar",
-    walltime="1-12:00:00",
-    memory="2GiB",
-    interface="lo",
-)
+def jobs(*states):
+    """Numbers of the jobs in some states, or of all that have not ended, ascending."""
+    chosen = ["-t", ",".join(states)] if states else []
+    return sorted(map(int, slurm.asked("squeue", "-h", "-o", "%A", *chosen)))
 
 
-def test_slurm_jobs_run_tasks_and_are_replaced(slurm_machine):
-    def submitted():
-        return {path.stem: path.read_text() for path in slurm_machine.glob("*.sh")}
+@contextmanager
+def meanwhile(function):
+    """Call a function in a thread, which ends without error."""
+    errors = []
 
+    def called():
+        try:
+            function()
+        except BaseException as error:
+            errors.append(error)
+            raise
+
+    thread = threading.Thread(target=called)
+    thread.start()
+    yield
+    thread.join()
+    assert not errors
+
+
+def test_jobs_run_tasks_with_one_thread_and_what_is_asked_of_slurm(tmp_path):
+    asked = {"queue": "compute", "account": "radar", "walltime": "0-00:10:00", "memory": "500MiB"}
     sentences = []
-    with executor(ON_SLURM, tasks=1, say=sentences.append) as run:
+    choice = ClusterChoice(kind="slurm", workers=2, interface="lo", **asked)
+    with executor(choice, tasks=1, say=sentences.append) as run:
         assert run.workers == 1
-        ((job, script),) = submitted().items()
         result_of(run, refuse_odd, 2)
         assert set(result_of(run, blas_threads)) == {1}
         assert {f"{name}=1" for name in ONE_THREAD} <= result_of(run, started_with)
-        (folder,) = slurm_machine.glob(".sweep-*")
+        (number,) = jobs()
+        told = slurm.asked("scontrol", "show", "job", str(number))
+        expected = {"Account=radar", "TimeLimit=00:10:00", "MinMemoryNode=500M", "NumTasks=1"}
+        assert {*expected, "Partition=compute", "CPUs/Task=1", "JobState=RUNNING"} <= {*told}
+        script = slurm.asked("scontrol", "write", "batch_script", str(number), "-")
+        (folder,) = tmp_path.glob(".sweep-*")
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-        assert f"--tls-key {folder}/" in script
-        # Its time is up.
-        os.killpg(int(job), signal.SIGKILL)
-        eventually(lambda: len(submitted()) == 2)
-        result_of(run, refuse_odd, 2)
-    for line in ("-p short", "-A radar", "-t 1-12:00:00", "--mem=2G", "--cpus-per-task=1", "-n 1"):
-        assert f"#SBATCH {line}\n" in script
-    for name, value in workers.ENVIRONMENT.items():
-        assert f"export {name}={value}\n" in script
-    assert " tls://127.0.0.1:" in script and "--nthreads 1 " in script
-    assert "--nworkers" not in script
+        assert f"{folder}/key.pem" in script and "--nworkers" not in script
+        assert {f"{name}={value}" for name, value in workers.ENVIRONMENT.items()} <= {*script}
+        assert script[script.index("--nthreads") + 1] == "1"
+        assert any(word.startswith("tls://127.0.0.1:") for word in script)
     assert sentences == ["submitting 1 job to Slurm"]
-    # Certificates and jobs are gone.
-    assert not folder.exists()
-    assert set((slurm_machine / "cancelled").read_text().split()) == set(submitted())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_job_killed_and_a_node_drained_change_nothing_of_the_store(tmp_path, monkeypatch, capsys):
+    (node,) = slurm.asked("sinfo", "-h", "-o", "%n")
+
+    def meddle():
+        eventually(lambda: len(jobs("running")) == 2)
+        eventually(lambda: list((tmp_path / "cache").rglob("*.pack")))
+        first, second = jobs()
+        slurm.asked("scancel", str(first))
+        eventually(lambda: max(jobs("running")) > second)  # a third
+        slurm.asked("scontrol", "update", f"NodeName={node}", "State=DRAIN", "Reason=test")
+        slurm.asked("scancel", str(second))
+        eventually(lambda: jobs("pending"))  # a fourth, which waits
+        slurm.asked("scontrol", "update", f"NodeName={node}", "State=RESUME")
+
+    with meanwhile(meddle):
+        given = [*ON_SLURM, "store=s.zarr", "cache=cache", "measured.pause=1.5"]
+        assert Command(SPRINGS).main(given) == 0
+    assert capsys.readouterr().err.splitlines()[1] == "springs: submitting 2 jobs to Slurm"
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["cache", "s.zarr"]
+    monkeypatch.setattr("toys.time", SimpleNamespace(sleep=lambda seconds: None))
+    go(tmp_path / "inline.zarr", measured__pause=1.5)
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "inline.zarr")
+
+
+def test_ctrl_c_cancels_jobs(tmp_path, capsys):
+    def interrupt():
+        eventually(lambda: list((tmp_path / "cache").rglob("*.pack")))
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with meanwhile(interrupt):
+        given = [*ON_SLURM, "store=s.zarr", "cache=cache", "measured.pause=5"]
+        assert Command(SPRINGS).main(given) == 130
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1] == "springs: interrupted; the same command resumes the sweep"
+    assert [one.name for one in tmp_path.iterdir()] == ["cache"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "why"),
+    [
+        ("cluster.queue=nowhere", "invalid partition specified: nowhere"),
+        ("cluster.memory=900GiB", "Memory specification can not be satisfied"),
+        ("cluster.interface=ib7", "'ib7' is not a valid network interface"),
+    ],
+)
+def test_what_slurm_has_not_is_refused_in_a_sentence(asked, why, capsys):
+    assert Command(SPRINGS).main(["cache=cache", "store=s.zarr", *ON_SLURM, asked]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1].startswith("springs: cluster.kind is slurm, but no job starts: ")
+    assert why in said[-1] and len(said) == 3
+
+
+def test_jobs_that_end_before_they_have_a_worker_are_given_up(monkeypatch, capsys):
+    def start():
+        given = ["cache=cache", "store=s.zarr", *ON_SLURM]
+        assert Command(SPRINGS).main(given) == 2
+
+    monkeypatch.setenv("PYTHONHOME", "/nowhere")
+    start()
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1].startswith(
+        "springs: cluster.kind is slurm, but its jobs end before they have a worker ("
+    )
+    assert len(jobs()) == 0
+
+
+def test_a_job_that_waits_says_why():
+    sentences = []
+    choice = ClusterChoice(kind="slurm", workers=1, memory="1GiB", walltime="3-0:0:0")
+    with executor(choice, say=sentences.append):
+        eventually(lambda: len(sentences) == 2)
+    assert sentences[1].startswith("no job of Slurm has a worker yet (Partition")
+
+
+def test_the_launcher_of_hydra_runs_a_job_of_slurm_for_each_sweep(tmp_path, monkeypatch):
+    pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
+    (tmp_path / "springs.py").write_text(
+        "import sys\nfrom toys import SPRINGS\nfrom sweeps.engine.command import Command\n"
+        "if __name__ == '__main__':\n    sys.exit(Command(SPRINGS).main())\n"
+    )
+    launcher = {"partition": "compute", "timeout_min": 5, "mem_gb": 1, "cpus_per_task": 1}
+    given = [f"hydra.launcher.{name}={value}" for name, value in launcher.items()]
+    given += ["hydra/launcher=submitit_slurm", "hydra.sweep.dir=out", "spring.mass=1"]
+    given += ["measured.rule=max,mean", "cluster=inline", f"cache={tmp_path / 'cache'}"]
+    python("springs.py", "-m", *given, cwd=tmp_path, PYTHONPATH=IMPORTS)
+    for number, rule in enumerate(["max", "mean"]):
+        assert list((tmp_path / "out" / ".submitit").glob(f"*_{number}"))
+        go(tmp_path / f"{rule}.zarr", spring__mass=1, measured__rule=rule)
+        assert files(tmp_path / "out" / str(number) / "sweep.zarr") == files(
+            tmp_path / f"{rule}.zarr"
+        )
+
+
+JOBQUEUE = """
+import signal, threading
+from sweeps.engine.cluster import import_jobqueue
+from sweeps.engine.errors import ConfigurationError
+
+def refused():
+    try:
+        import_jobqueue()
+    except ConfigurationError as error:
+        print(error)
+
+before = signal.getsignal(signal.SIGINT)
+thread = threading.Thread(target=refused)
+thread.start()
+thread.join()
+import_jobqueue()
+print(signal.getsignal(signal.SIGINT) is before)
+"""
+
+
+def test_the_import_of_dask_jobqueue_needs_the_main_thread_and_leaves_ctrl_c_alone():
+    refused, kept = python("-c", JOBQUEUE).stdout.splitlines()
+    assert refused.startswith("cluster.kind is slurm, but dask-jobqueue (pip install dask-jobqueue")
+    assert "main thread" in refused and kept == "True"
