@@ -109,7 +109,8 @@ def test_private_names_of_other_packages_are_in_few_places():
     used = {name: set() for name in trees}
     for name, node in nodes:
         if isinstance(node, ast.Attribute):
-            of_self = ast.unparse(node.value) in {"self", "cls", "super()"}
+            of = node.value.func if isinstance(node.value, ast.Call) else node.value
+            of_self = isinstance(of, ast.Name) and of.id in {"self", "cls", "super"}
             used[name] |= set() if of_self or node.attr in own else {node.attr}
         elif isinstance(node, ast.ImportFrom) and not (node.module or "").startswith(OURS):
             used[name] |= {*(node.module or "").split("."), *(one.name for one in node.names)}

@@ -50,7 +50,7 @@ def test_table_1_follows_from_one_contrast():
 def test_a_tolerance_is_judged_by_what_it_was_not_fitted_to():
     small = (
         *("classifier=mnn", "grid.ship=[duncan,texas]", "grid.aspect=[0,3,30,33,60,63]"),
-        *("grid.frame_count=[8,16]", "grid.replicate=2", "seed=[0,1]", "classifier.mnn.epochs=20"),
+        *("grid.frame_count=[8,16]", "grid.replicate=2", "seed=[0,1]", "classifier.mnn.epochs=5"),
     )
     report = fits.tolerance(small, (0.1, 0.35))
     assert [row["value"] for row in report.rows] == ["0.1", "0.35 (default)"]

@@ -47,28 +47,6 @@ def test_blocks_cover_all_rows_once_and_leave_no_single_one(count, half):
     assert all(2 <= size <= 2 * half + 1 for size in sizes) or count <= 1
 
 
-@settings(deadline=None, max_examples=60)
-@given(
-    samples=st.integers(1, 700),
-    templates=st.integers(2, 60),
-    features=st.integers(1, 600),
-    half=st.integers(1, 200),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_a_product_in_blocks_is_the_product(samples, templates, features, half, seed):
-    rng = np.random.default_rng(seed)
-    X, _ = polar(rng.standard_normal((samples, features)))
-    T, _ = polar(rng.standard_normal((templates, features)))
-    whole = X @ T.T
-    found = np.concatenate([X[rows] @ T.T for rows in row_blocks(samples, 2 * half)])
-    assert_products(found, whole, features)
-    # Nor do templates that are left out change the others' elements, but for those of an odd row.
-    few = np.sort(rng.permutation(templates)[: max(2, templates // 3)])
-    even, product = samples - samples % 2, X @ T[few].T
-    assert_products(product[:even], whole[:even, few], features)
-    np.testing.assert_allclose(product, whole[:, few], atol=2 * features * np.finfo(float).eps)
-
-
 @settings(deadline=None, max_examples=40)
 @given(
     samples=st.integers(1, 900),

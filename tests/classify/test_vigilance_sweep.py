@@ -61,6 +61,11 @@ def test_it_is_the_network(vigilance, learning_rate, max_passes):
     )
 
 
+def test_a_vector_must_exceed_the_vigilance():
+    """As in the network: to equal it is not enough."""
+    assert cluster(Similarities.of(np.eye(2)), vigilance=0.0).labels.tolist() == [0, 1]
+
+
 def test_samples_left_out_of_the_order_are_not_learned():
     rng = np.random.default_rng(0)
     training = rng.normal(size=(9, 5))

@@ -10,7 +10,7 @@ from toys import CALLS, Few, Told, go, of, run
 
 from sweeps.engine.packs import Packing, files_of
 from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Group, Output, in_memory, stage
+from sweeps.engine.stage import Group, Output, Status, in_memory, stage
 from sweeps.engine.store import read_attributes
 
 STIFF = "ValueError: too [stiff]"
@@ -45,13 +45,14 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
 
 
 BROKEN = {"values": frozenset()}
+ALL = Group("all", status=Status("state:all", "state of all", (Few.size,)))
 
 
 @stage(
     Output("first", label="first", dtype="f8"),
     uses=(Few,),
     along=(Few.size,),
-    group=Group("all"),
+    group=ALL,
 )
 def first(size):
     """Computed together; some values may fail."""
@@ -69,7 +70,7 @@ def made(size):
     return size
 
 
-@stage(Output("second", label="second", dtype="f8"), uses=(Few,), group=Group("all"))
+@stage(Output("second", label="second", dtype="f8"), uses=(Few,), group=ALL)
 def second(first, made):
     """What needs both."""
     return first + made
@@ -79,7 +80,7 @@ def second(first, made):
     Output("total", label="total", dtype="f8"),
     uses=(Few,),
     gather=(Few.size,),
-    group=Group("all"),
+    group=ALL,
 )
 def total(second, valid):
     """A sum of what is there; in vain where nothing is."""
@@ -108,7 +109,10 @@ def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, v
         "RuntimeError: cannot be made",
     }
     assert len(finished.failures) == len(values)
-    there = opened(store, "all")
+    there, state = opened(store, "all"), opened(store, "state")["all"]
+    failed = [n in values or n + 10 in values for n in (1, 2, 3, 4)]
+    # A cell that failed, and not those that need it and are missing.
+    assert (state == np.where(failed, 0, 1)).all()
     assert np.isfinite(there["first"]).sum() == 4 - len({one for one in values if one < 10})
     assert np.isfinite(there["second"]).sum() == 4 - len(values)
     expected = sum(np.sqrt(n) + n for n in (1, 2, 3, 4) if not {n, n + 10} & values)

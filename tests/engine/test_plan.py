@@ -73,6 +73,22 @@ def test_how_an_output_is_kept_counts(change):
     assert not set(keys(after, "period")) & set(keys(planned(), "period"))
 
 
+def summed(**given):
+    """A function of any keywords: its code is the same by whatever name an input comes."""
+    return sum(given.values())
+
+
+def test_the_keyword_by_which_a_function_gets_an_input_counts():
+    def key(name):
+        how = {"reads": {name: "period"}, "name": "told", "group": Group("told")}
+        told = stage(Output("told", label="told"), **how)(summed)
+        springs = replace(SPRINGS, stages=(*SPRINGS.stages[:3], told), tables=())
+        plan = Plan(springs, read_choices(SPRINGS.declared, {}))
+        return plan.key(plan.bound["told"], 0)
+
+    assert key("ours") == key("ours") != key("theirs")
+
+
 def test_the_order_of_axes_given_to_a_function_counts():
     """A gathered array of one value on an axis has the same cells in either order."""
 

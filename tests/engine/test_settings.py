@@ -98,6 +98,7 @@ REFUSED = [
     (Text(), "", "a.b is empty, but must be a text"),
     (Text(), 3, "a.b is 3, but must be a text"),
     (Draws(9), [1], "a.b is [1], but must be a whole number from 1 to 9"),
+    (Draws(9), 0, "a.b is 0, but must be a whole number from 1 to 9"),
     (Draws(9), 10, "a.b is 10, but must be a whole number from 1 to 9"),
     (PAIRS, "neither", "a.b is 'neither', but must be one of x, y, both"),
     (PAIRS, ["z"], "a.b has 'z', but every value must be one of x, y"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from company import company
 from small_stores import files, opened
-from toys import CALLS, SPRINGS, Few, go, of, run_few
+from toys import CALLS, SPRINGS, Few, go, of, run_few, timed
 
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import read_choices
@@ -107,28 +107,13 @@ def test_a_value_that_depends_on_its_company_is_found():
         company(poor, read_choices(poor.declared, {}))
 
 
-TICKS = iter(range(1000))
-
-
-@stage(
-    Output("took", label="time", unit="s", role="measured"),
-    Output("square", label="square"),
-    uses=(Few,),
-    along=(Few.size,),
-    group=Group("poor"),
-)
-def timed(size):
-    """A time, which is another whenever it is taken, and a result, which is not."""
-    return {"took": np.array([next(TICKS) for _ in size]), "square": np.square(size)}
-
-
 def test_what_was_measured_is_kept_and_says_so(tmp_path):
     run_few([timed], tmp_path / "a.zarr", tmp_path / "cache")
-    first = opened(tmp_path / "a.zarr", "poor")
+    first = opened(tmp_path / "a.zarr", "timed")
     assert first.took.attrs["comment"].startswith("measured while the cell was computed")
     assert "comment" not in first.square.attrs
     run_few([timed], tmp_path / "a.zarr", tmp_path / "cache", [1, 2, 3, 4])
-    second = opened(tmp_path / "a.zarr", "poor")
+    second = opened(tmp_path / "a.zarr", "timed")
     assert second.sel(size=[1, 2, 3]).took.equals(first.took)
     poor = of(timed)
     assert company(poor, read_choices(poor.declared, {})) == {

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small_stores import files, opened
-from toys import CALLS, SPRINGS, Few, Told, of, run
+from toys import CALLS, SPRINGS, Few, Told, of, run, timed
 
 from sweeps.engine import run as running
 from sweeps.engine.settings import read_choices
@@ -79,6 +79,10 @@ def test_a_cell_that_depends_on_its_company_is_named(tmp_path):
         )
     ]
     assert opened(tmp_path / "s.zarr", "all").x.dropna("size").values.tolist() == [1, 3, 4]
+
+
+def test_what_is_measured_may_differ(tmp_path):
+    assert swept(of(timed), tmp_path / "s.zarr", **FOUR).failures == []
 
 
 def test_a_share_is_chosen_by_key(tmp_path):

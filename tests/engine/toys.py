@@ -252,3 +252,18 @@ def run_few(stages, store, cache=None, sizes=(1, 2, 3), **how):
     """Run stages that take a size into a store."""
     few = of(*stages)
     return run(few, read_choices(few.declared, {"few.size": list(sizes)}), store, cache, **how)
+
+
+TICKS = iter(range(1000))
+
+
+@stage(
+    Output("took", label="time", unit="s", role="measured"),
+    Output("square", label="square"),
+    uses=(Few,),
+    along=(Few.size,),
+    group=Group("timed"),
+)
+def timed(size):
+    """A time, which is another whenever it is taken, and a result, which is not."""
+    return {"took": np.array([next(TICKS) for _ in size]), "square": np.square(size)}

@@ -22,6 +22,7 @@ def test_wilson_interval_is_scipys(trials, fraction, confidence):
     low, high = wilson_interval(successes, trials, confidence=confidence)
     np.testing.assert_allclose([low, high], [theirs.low, theirs.high], rtol=0, atol=1e-12)
     assert 0.0 <= low <= successes / trials <= high <= 1.0
+    assert wilson_interval(8, 10) == wilson_interval(8, 10, confidence=0.95)
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, np.nan])

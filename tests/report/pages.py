@@ -65,6 +65,10 @@ class _Reader(HTMLParser):
             element.text += data
 
 
+def _refused(name: str) -> None:
+    raise ValueError(f"{name} is not JSON, and no browser reads it")
+
+
 @dataclass
 class Page:
     """A page: its text as written, its root, and the frames of its script."""
@@ -75,7 +79,8 @@ class Page:
     @property
     def data(self) -> dict:
         """What the script is given."""
-        return json.loads(self.root.one("script", type="application/json").text)
+        text = self.root.one("script", type="application/json").text
+        return json.loads(text, parse_constant=_refused)
 
 
 def parsed(written: str) -> Page:

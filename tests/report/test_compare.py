@@ -9,7 +9,7 @@ from stores import reported, signed
 
 from ncti.evaluate import paired_difference
 from sweeps.engine.errors import ConfigurationError
-from sweeps.report.compare import NAME, compare
+from sweeps.report.compare import NAME, compare, sentences
 
 ASPECTS = np.arange(0.0, 60.0, 3.0)
 
@@ -56,6 +56,16 @@ def test_the_other_way_round_is_the_opposite(answers, tmp_path):
     rows, opposite = compare(*paths)[NAME].rows, compare(*reversed(paths))[NAME].rows
     np.testing.assert_allclose(rows.difference, -opposite.difference)
     np.testing.assert_allclose(rows.ci_low, -opposite.ci_high)
+
+
+@pytest.mark.parametrize("better", [0, 1])
+def test_differences_beyond_their_intervals_are_counted_either_way(better, tmp_path):
+    right = np.arange(40).reshape(2, 20) % 10 > 0  # nine in ten, and one
+    paths = [store(tmp_path / f"{k}.zarr", right if k == better else ~right) for k in range(2)]
+    [said] = sentences(compare(*paths))
+    assert (
+        said.startswith("1 of 1 differences") and f"{'-' if better == 0 else '+'}80 points" in said
+    )
 
 
 def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, capsys):

@@ -11,7 +11,7 @@ from stores import FLIGHTS, SMALL, attributes_of, contents, reported, signed
 
 import ncti.ships
 from ncti.irar import Chain, Flight, fly, ship_heading
-from sweeps.report.flights import BRIGHTEST, draw_stages, known_ship, scan_of, stages
+from sweeps.report.flights import known_ship, scan_of, stages
 from sweeps.report.places import tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png"]
@@ -140,25 +140,3 @@ def test_stages_are_those_of_the_source_unless_something_is_left_out():
     assert titles(mirror="none") == [averaged, "shifted in azimuth: all corrections"]
     assert titles(azimuth="none", mirror="none") == [f"{averaged}: all corrections"]
     assert titles(chain="printed") == ["all corrections as printed,\nf the line rate"]
-
-
-@pytest.mark.parametrize("cnr", [-10.0, 0.0, 10.0, 40.0])
-def test_one_shade_is_one_intensity_and_few_pixels_saturate(cnr):
-    every = stages(*flown(cnr))
-    figure = draw_stages(every, title="")
-    shown = [axes for axes in figure.axes if axes.get_title(loc="left")]
-    assert len(shown) == len(every)
-    (ends,) = {axes.images[0].get_clim() for axes in shown}
-    assert ends[0] == 0
-    for axes, stage in zip(shown[1:], every[1:], strict=True):
-        lit = stage.intensity[np.nan_to_num(stage.intensity) > 0]
-        assert (lit > ends[1]).sum() <= (1 - BRIGHTEST / 100) * lit.size + 1
-        # Pixels without a look are covered, and no others.
-        over = axes.images[1].get_array() if stage.unseen.any() else np.ma.masked_all((1, 1))
-        assert np.array_equal(~np.ma.getmaskarray(over), stage.unseen) or not stage.unseen.any()
-    # As bright as the truth says, where it is bright enough to tell from the noise.
-    if cnr == 40.0:
-        seen, truth = (
-            np.median(k[k > 0.1 * k.max()]) for k in (every[-2].intensity, every[-1].intensity)
-        )
-        assert 0.5 < seen / truth < 2.0

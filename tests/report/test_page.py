@@ -11,6 +11,7 @@ import xarray as xr
 from made import scores
 from pages import page_of, parsed, read_page, stored
 
+from sweeps.report.chart import scale_of
 from sweeps.report.frames import frame, read_frames
 from sweeps.report.places import page_file
 
@@ -156,6 +157,19 @@ def test_whatever_a_store_says_is_text(tmp_path):
         assert word.replace("\x1b", "\\x1b") in page.root.text
     words = page.data["tables"]["x"]["rows"]["word"]
     assert set(words) == {word.replace("\x1b", "\\x1b") for word in HOSTILE}
+
+
+def test_numbers_that_are_not_finite_are_none_of_the_script(tmp_path):
+    table = xr.Dataset({"height": ("size", [1.0, np.inf, np.nan])}, {"size": [1.0, 2.0, 3.0]})
+    page = parsed(page_of(stored(tmp_path / "s.zarr", tables__o=table)))
+    assert page.data["tables"]["o"]["rows"]["height"] == [1.0, None, None]
+
+
+def test_only_positive_numbers_of_a_large_ratio_have_a_logarithmic_axis():
+    logarithmic = [
+        scale_of(ends, 6) == {"type": "log"} for ends in ([1, 7], [1, 6], [0, 7], [-1, 7])
+    ]
+    assert logarithmic == [True, False, False, False]
 
 
 def all_of(element):

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from range_channel import ASPECTS, SHIPS, made
+from range_channel import ASPECTS, SHIPS, choose, made
 
 from ncti.classify import AdaptiveClusteringNetwork, Similarities
+from sweeps.engine.plan import Plan
+from sweeps.experiment import EXPERIMENT
 from sweeps.stages import acn
 from sweeps.stages.acn import (
     TrainingSet,
@@ -165,6 +167,31 @@ def test_views_that_are_not_there_change_no_other_answer(kind):
         assert (found[name][..., 2, :] == -1).all()
     assert np.isnan(found["similarity"][..., 2, :]).all()
     np.testing.assert_array_equal(found["cell"][..., 2, :], 0)
+
+
+@of_both
+def test_by_category_views_outside_training_are_not_asked_for(kind):
+    """They fall into categories all the same; by ship they are asked for."""
+    training_views = np.ones((SHIPS, len(ASPECTS)), dtype=bool)
+    training_views[1], training_views[:, 3] = False, False
+    views = views_of(kind)
+    for score, asked in (("category", training_views), ("ship", training_views | True)):
+        found = answered(kind, views, rules=("first", score), training_views=training_views)
+        np.testing.assert_array_equal(
+            found["correct"] >= 0, np.broadcast_to(asked, found["correct"].shape)
+        )
+        np.testing.assert_array_equal(found["cell"], np.where(asked, 1, -1) + 0 * found["cell"])
+        assert (found["category"] >= 0).all()
+
+
+def test_orders_of_presentation_but_that_of_the_grid_are_drawn_from_the_seed():
+    def keys(seed):
+        given = {"sensor": "range", "classifier__name": "acn", "classifier__orders": 2}
+        plan = Plan(EXPERIMENT, choose(seed=seed, **given))
+        return [plan.key(plan.bound["acn_training"], place) for place in (0, 1)]
+
+    (of_grid, drawn), (same, other) = keys(0), keys(1)
+    assert of_grid == same and drawn != other
 
 
 # Many views in blocks

@@ -57,6 +57,13 @@ def test_it_is_the_most_similar_profile(training, frames):
         assert 0 < answers["correct"][:, j].mean() < 1
 
 
+def test_an_only_aspect_is_not_left_out():
+    given = {"training_aspect": (30.0,)}
+    with pytest.raises(ValueError, match=r"^classifier\.left_out has True"):
+        answered(made(), left_out=(True,), **given)
+    assert (answered(made(), left_out=(False,), **given)["predicted"] >= 0).all()
+
+
 def test_the_draw_that_is_tested_is_not_learned():
     cell = made(noise=3.0)
     before = answered(cell, "noisy")
