@@ -7,7 +7,7 @@ a short list of the surfaces that the line is over; the sensor sees the nearest 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +96,44 @@ def number_of(rank: Any, every: Any, kept: Any) -> Any:
 
 
 @compiled
+def by_lines(
+    found: NDArray[np.void], of: Places, strip: Places, strips: Places, start: NDArray[np.int64]
+) -> NDArray[np.void]:
+    """Return crossings line by line, and of a line strip by strip.
+
+    Parameters
+    ----------
+    found : (crossing,) CROSSING ndarray
+        Crossings in any order.
+    of, strip : (crossing,) uint32 ndarray
+        Line and strip of each.
+    strips : (STRIPS,) uint32 ndarray
+        Number of crossings of each strip; overwritten.
+    start : (line + 1,) int64 ndarray
+        How many more crossings each line has than the one before; then where each begins.
+    """
+    first = np.uint32(0)
+    for s in range(STRIPS):
+        count = strips[s]
+        strips[s] = first
+        first += count
+    by_strip = np.empty(len(found), np.uint32)
+    for n in range(len(found)):
+        by_strip[strips[strip[n]]] = n
+        strips[strip[n]] += 1
+    before, crossings = np.int64(0), np.int64(0)
+    for k in range(len(start)):
+        crossings += start[k]
+        start[k] = before
+        before += crossings
+    crossing, free = np.empty(len(found), CROSSING), start.copy()
+    for c in by_strip:
+        crossing[free[of[c]]] = found[c]
+        free[of[c]] += 1
+    return crossing
+
+
+@compiled
 def cross(
     point: Floats,
     bounds: Floats,
@@ -172,26 +210,7 @@ def cross(
             strips[strip[n]] += 1
             n += 1
 
-    # By strips, then by lines.
-    first = np.uint32(0)
-    for s in range(STRIPS):
-        count = strips[s]
-        strips[s] = first
-        first += count
-    by_strip = np.empty(total, np.uint32)
-    for n in range(total):
-        by_strip[strips[strip[n]]] = n
-        strips[strip[n]] += 1
-    before, crossings = np.int64(0), np.int64(0)
-    for k in range(lines + 1):
-        crossings += start[k]
-        start[k] = before
-        before += crossings
-    crossing, free = np.empty(total, CROSSING), start.copy()
-    for one in by_strip:
-        crossing[free[of[one]]] = found[one]
-        free[of[one]] += 1
-    return lowest, start, crossing
+    return lowest, start, by_lines(found, of, strip, strips, start)
 
 
 @inlined
@@ -253,18 +272,52 @@ def outline(
         begun[begins] = count | (m + 1) if count == ONCE else count
 
 
+class Active(NamedTuple):
+    """Surfaces that a line is over, in no order.
+
+    Attributes
+    ----------
+    crossing : (most,) uint32 ndarray
+        Number of the crossing where each began.
+    origin, base, tilt : (most,) float64 ndarray
+        Coordinate and depth there, and how the depth grows along the line.
+    slot : (most + 1,) int32 ndarray
+        Place in the list of what began at each crossing; -1 if it is not there.
+    """
+
+    crossing: Places
+    origin: Floats
+    base: Floats
+    tilt: Floats
+    slot: Indices
+
+
+class Pieces(NamedTuple):
+    """Room for visible pieces: line, begin, end and the depths there, and surface of each."""
+
+    line: Indices
+    piece: Floats
+    seen: Indices
+
+
+@inlined
+def depth_of(active: Active, place: int, now: float) -> float:
+    """Return how deep a surface in the list is at a coordinate."""
+    return active.base[place] + active.tilt[place] * (now - active.origin[place])
+
+
 @inlined
 def overtaking(
-    front: int, over: tuple[Floats, Floats, Floats], since: float, now: float
+    active: Active, count: int, front: int, since: float, now: float
 ) -> tuple[int, float]:
     """Return which surface that a line is over is the first to get before the front one, and where.
 
     Parameters
     ----------
+    active, count
+        The list, and how many are in it.
     front : int
         Place in the list of the surface that is seen.
-    over : three ndarrays
-        Of the surfaces in the list: where each began, its depth there, and how that grows.
     since, now : float
         Where the front one came to be seen, and a place by which the other is ahead.
 
@@ -273,17 +326,150 @@ def overtaking(
     place, when
         Its place in the list, -1 if there is none; and the coordinate.
     """
-    origin, base, tilt = over
-    seen_at, first, when = base[front] + tilt[front] * (now - origin[front]), -1, now
-    for i in range(len(origin)):
-        ahead = seen_at - (base[i] + tilt[i] * (now - origin[i]))
+    seen_at, first, when = depth_of(active, front, now), -1, now
+    for i in range(count):
+        ahead = seen_at - depth_of(active, i, now)
         if ahead > NEARER:
-            closing = tilt[front] - tilt[i]
+            closing = active.tilt[front] - active.tilt[i]
             passing = now - ahead / closing if closing > 0.0 else since
             passing = max(passing, since)
             if first < 0 or passing < when:
                 first, when = i, passing
     return first, when
+
+
+@inlined
+def overtaking_matters(
+    active: Active, slot: int, front: int, nearest: float, begins: float, now: float
+) -> bool:
+    """Return whether it matters at a crossing which surface is in front.
+
+    Surfaces that run through one another change places between crossings. It matters where the
+    nearest ends, or seems to be hidden by one that begins, or what was hidden ends.
+    """
+    if slot == front or begins < nearest:
+        return True
+    return slot >= 0 and depth_of(active, slot, now) < nearest - NEARER
+
+
+@inlined
+def take_out(active: Active, slot: int, last: int) -> None:
+    """Take a surface out of the list: the last one takes its place."""
+    if slot < last:
+        active.crossing[slot], active.origin[slot] = active.crossing[last], active.origin[last]
+        active.base[slot], active.tilt[slot] = active.base[last], active.tilt[last]
+        active.slot[active.crossing[slot]] = slot
+
+
+@inlined
+def put(active: Active, slot: int, m: int, now: float, depth: float, tilt: float) -> None:
+    """Put the surface that begins at a crossing into a place of the list."""
+    active.crossing[slot], active.slot[m] = m, slot
+    active.origin[slot], active.base[slot], active.tilt[slot] = now, depth, tilt
+
+
+@inlined
+def nearest_of(active: Active, count: int, now: float) -> int:
+    """Return the place in the list of the surface nearest at a coordinate; -1 of none."""
+    front, nearest = -1, np.inf
+    for s in range(count):
+        depth = depth_of(active, s, now)
+        if depth < nearest:
+            front, nearest = s, depth
+    return front
+
+
+@inlined
+def write(
+    pieces: Pieces, number: int, own: Any, began: Any, slope: float, since: float, until: float
+) -> None:
+    """Write the piece of a line along which the surface is seen that began at a crossing."""
+    pieces.line[number], pieces.seen[number] = own, began.begins
+    pieces.piece[number, 0], pieces.piece[number, 1] = since, until
+    pieces.piece[number, 2] = began.depth + slope * (since - began.t)
+    pieces.piece[number, 3] = began.depth + slope * (until - began.t)
+
+
+@inlined
+def sweep_line(
+    some: NDArray[np.void],
+    surfaces: int,
+    outlines: tuple[Floats, Floats, Places],
+    active: Active,
+    pieces: Pieces,
+    number: int,
+    own: Any,
+) -> int:
+    """Write the visible pieces of one line, and return the number of all; -1 without room.
+
+    Parameters
+    ----------
+    some : (crossing,) CROSSING ndarray
+        Its crossings, in order.
+    surfaces : int
+        Number of surfaces.
+    outlines : three ndarrays
+        Slopes, ends and beginnings, as of `outline`.
+    active : Active
+        Room for the surfaces that it is over.
+    pieces, number : Pieces, int
+        The pieces, and how many there are.
+    own : int32
+        Number of the line.
+    """
+    slope, stop, opened = outlines
+    # `shown` began what is seen, from `since` on; it is at `front` in the list.
+    count, front, shown, since = 0, -1, -1, 0.0
+    active.slot[len(some)] = -1  # of what ends nothing
+    for m in range(len(some)):
+        c = some[m]
+        now, depth = c.t, c.depth
+        fresh = c.begins < surfaces and stop[m] > now
+        active.slot[m] = -1
+        slot = active.slot[opened[m]]
+        if slot < 0 and not fresh:
+            continue
+        nearest = depth_of(active, front, now) if count else np.inf
+        matters = overtaking_matters(active, slot, front, nearest, depth if fresh else np.inf, now)
+        while matters and count > 1:
+            nearer, when = overtaking(active, count, front, since, now)
+            if nearer < 0:
+                break
+            if when > since:
+                if number == len(pieces.line):
+                    return -1
+                write(pieces, number, own, some[shown], slope[shown], since, when)
+                number += 1
+            front, shown, since = nearer, active.crossing[nearer], when
+        old = shown
+        if slot >= 0 and fresh:  # one surface takes the place of another
+            i = slot
+            if slot == front or depth < depth_of(active, front, now) - NEARER:
+                front, shown = slot, m
+        elif slot >= 0:
+            i = -1
+            count -= 1
+            take_out(active, slot, count)
+            if front == slot:
+                front = nearest_of(active, count, now)
+                shown = active.crossing[front] if front >= 0 else -1
+            elif front == count:
+                front = slot
+        else:
+            i = count
+            count += 1
+            if front < 0 or depth < depth_of(active, front, now):
+                front, shown = i, m
+        if i >= 0:
+            put(active, i, m, now, depth, slope[m])
+        if shown != old:
+            if old >= 0 and now > since:
+                if number == len(pieces.line):
+                    return -1
+                write(pieces, number, own, some[old], slope[old], since, now)
+                number += 1
+            since = now
+    return number
 
 
 @compiled
@@ -327,100 +513,24 @@ def sweep(
     for k in range(lines):
         most = max(most, start[k + 1] - start[k])
     capacity = room * (start[lines] - start[0])
-    piece, seen = np.empty((capacity, 4)), np.empty(capacity, np.int32)
-    line = np.empty(capacity, np.int32)
-    # Of the crossings of a line.
+    line, seen = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
+    pieces = Pieces(line, np.empty((capacity, 4)), seen)
+    # Of the crossings of a line, and of the surfaces that it is over. A side seen edge-on is as
+    # steep as rounding allows.
     slope, stop, opened = np.empty(most), np.empty(most), np.empty(most, np.uint32)
-    slot_of = np.empty(most + 1, np.int32)  # place in the list of what began there
-    # Of the surfaces that the line is over: the crossing where each began, its place and depth,
-    # and how that grows. A side seen edge-on is as steep as rounding allows.
-    over, origin = np.empty(most, np.uint32), np.empty(most)
-    base, tilt = np.empty(most), np.empty(most)
+    depths = np.empty(most), np.empty(most), np.empty(most)
+    active = Active(np.empty(most, np.uint32), *depths, np.empty(most + 1, np.int32))
     begun = np.zeros(surfaces + 1, np.int64)
-    number = 0
+    outlines, number = (slope, stop, opened), 0
     for k in range(lines):
-        n = start[k + 1] - start[k]
         some = crossing[start[k] : start[k + 1]]
         sort(some)
         outline(some, slope, stop, opened, begun)
         own = np.int32(number_of(lowest + k, every, kept))
-        # The sweep: `shown` began what is seen, from `since` on; it is at `front` in the list.
-        active, front, shown, since = 0, -1, -1, 0.0
-        slot_of[n] = -1  # of what ends nothing
-        for m in range(n):
-            c = some[m]
-            now, depth = c.t, c.depth
-            fresh = c.begins < surfaces and stop[m] > now
-            slot_of[m] = -1
-            slot = slot_of[opened[m]]
-            if slot < 0 and not fresh:
-                continue
-            # Surfaces that run through one another change places between crossings. It matters
-            # where the nearest ends, or seems to be hidden, or what was hidden ends.
-            nearest = base[front] + tilt[front] * (now - origin[front]) if active else np.inf
-            changes = slot == front or (fresh and depth < nearest)
-            if not changes and slot >= 0:
-                changes = base[slot] + tilt[slot] * (now - origin[slot]) < nearest - NEARER
-            while changes and active > 1:
-                nearer, when = overtaking(front, (origin[:active], base, tilt), since, now)
-                if nearer < 0:
-                    break
-                if when > since:
-                    if number == capacity:
-                        return False, line, piece, seen
-                    was = some[shown]
-                    piece[number, 0], piece[number, 1] = since, when
-                    piece[number, 2] = was.depth + slope[shown] * (since - was.t)
-                    piece[number, 3] = was.depth + slope[shown] * (when - was.t)
-                    seen[number] = was.begins
-                    line[number] = own
-                    number += 1
-                front, shown, since = nearer, over[nearer], when
-            old = shown
-            if slot >= 0:
-                if fresh:
-                    i = slot
-                    nearest = base[front] + tilt[front] * (now - origin[front])
-                    if slot == front or depth < nearest - NEARER:
-                        front, shown = slot, m
-                else:
-                    active -= 1
-                    i = -1
-                    if slot < active:
-                        over[slot], origin[slot] = over[active], origin[active]
-                        base[slot], tilt[slot] = base[active], tilt[active]
-                        slot_of[over[slot]] = slot
-                    if front == slot:
-                        front, shown, nearest = -1, -1, np.inf
-                        for s in range(active):
-                            ahead = base[s] + tilt[s] * (now - origin[s])
-                            if ahead < nearest:
-                                front, nearest = s, ahead
-                        if front >= 0:
-                            shown = over[front]
-                    elif front == active:
-                        front = slot
-            else:
-                i = active
-                active += 1
-                if front < 0 or depth < base[front] + tilt[front] * (now - origin[front]):
-                    front, shown = i, m
-            if i >= 0:
-                over[i], origin[i], base[i], tilt[i] = m, now, depth, slope[m]
-                slot_of[m] = i
-            if shown != old:
-                if old >= 0 and now > since:
-                    if number == capacity:
-                        return False, line, piece, seen
-                    was = some[old]
-                    piece[number, 0], piece[number, 1] = since, now
-                    piece[number, 2] = was.depth + slope[old] * (since - was.t)
-                    piece[number, 3] = was.depth + slope[old] * (now - was.t)
-                    seen[number] = was.begins
-                    line[number] = own
-                    number += 1
-                since = now
-    return True, line[:number], piece[:number], seen[:number]
+        number = sweep_line(some, surfaces, outlines, active, pieces, number, own)
+        if number < 0:
+            return False, line, pieces.piece, seen
+    return True, line[:number], pieces.piece[:number], seen[:number]
 
 
 @compiled

@@ -201,6 +201,56 @@ def cells_seen(
     return cell, kept
 
 
+@inlined
+def border(
+    at: Any,
+    goal: Any,
+    columns: int,
+    y: float,
+    turn: tuple[float, float],
+    origin: tuple[float, float],
+) -> tuple[float, Any]:
+    """Return where a line leaves a cell on its way to another, and the number of the next cell.
+
+    Of a line at y [m] on a grid turned by a cosine and sine [cell/m], its ship origin at a place
+    from the lower left corner [cell].
+    """
+    (cos, sin), high, onward = turn, 0.0, goal
+    i, j, last_i, last_j = at % columns, at // columns, goal % columns, goal // columns
+    if i != last_i:
+        side = (i + 1 if last_i > i else i) - origin[0]
+        high = (side + y * sin) / cos
+        onward = at + (1 if last_i > i else -1)
+    if j != last_j:
+        side = (j + 1 if last_j > j else j) - origin[1]
+        upper = (side - y * cos) / sin
+        if i == last_i or upper < high:
+            high = upper
+            onward = at + (columns if last_j > j else -columns)
+    return high, onward
+
+
+@inlined
+def spread_over(
+    area: Floats, into: Any, strands: Floats, strand: Any, share: float, near: float, far: float
+) -> None:
+    """Add an area evenly to the bins between two ranges [bin], of a cell and of a strand."""
+    m, n = int(near), int(far)
+    if m == n:
+        area[into, m] += share
+        strands[strand, m] += share
+    else:
+        rate = share / (far - near)
+        first_part, last_part = rate * (m + 1 - near), rate * (far - n)
+        area[into, m] += first_part
+        strands[strand, m] += first_part
+        for between in range(m + 1, n):
+            area[into, between] += rate
+            strands[strand, between] += rate
+        area[into, n] += last_part
+        strands[strand, n] += last_part
+
+
 @compiled
 def bin_pieces(
     line: NDArray[np.int32],
@@ -253,20 +303,9 @@ def bin_pieces(
         reach = max(reach, abs(r))
         before = min(max((r - edge) * per_bin, 0.0), last_bin)
         while True:
-            # To the next border of the grid, or the end.
             high, onward = end, goal
             if at != goal:
-                i, j, last_i, last_j = at % columns, at // columns, goal % columns, goal // columns
-                if i != last_i:
-                    border = (i + 1 if last_i > i else i) - from_left
-                    high = (border + y * sin) / cos
-                    onward = at + (1 if last_i > i else -1)
-                if j != last_j:
-                    border = (j + 1 if last_j > j else j) - from_bottom
-                    upper = (border - y * cos) / sin
-                    if i == last_i or upper < high:
-                        high = upper
-                        onward = at + (columns if last_j > j else -columns)
+                high, onward = border(at, goal, columns, y, (cos, sin), (from_left, from_bottom))
                 high = min(max(high, low), end)
             into = number[at]
             # A bent wavefront in pieces short enough to be straight.
@@ -285,21 +324,7 @@ def bin_pieces(
                 r = down_range(q, x, y, curvature, wavefront)
                 reach = max(reach, abs(r))
                 r = min(max((r - edge) * per_bin, 0.0), last_bin)
-                a, b = min(before, r), max(before, r)
-                m, n = int(a), int(b)
-                if m == n:
-                    area[into, m] += share
-                    strands[strand, m] += share
-                else:
-                    rate = share / (b - a)
-                    first_part, last_part = rate * (m + 1 - a), rate * (b - n)
-                    area[into, m] += first_part
-                    strands[strand, m] += first_part
-                    for between in range(m + 1, n):
-                        area[into, between] += rate
-                        strands[strand, between] += rate
-                    area[into, n] += last_part
-                    strands[strand, n] += last_part
+                spread_over(area, into, strands, strand, share, min(before, r), max(before, r))
                 before = r
             if at == goal:
                 break
