@@ -14,6 +14,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import chain, islice
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
@@ -31,6 +32,7 @@ from sweeps.engine.stage import FIRST, MEASURED, Output, Stage
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
+JOINED = 4096  # cells that are read and joined together
 
 
 @dataclass(frozen=True)
@@ -281,8 +283,8 @@ def _difference(step: Step, first: Arrays, again: Arrays) -> str:
 
 # arguments --------------------------------------------------------------------------------------
 
-Inputs = dict[str, list[Any]]
-"""By argument, arrays of each cell that a call reads, in order; None where they are damaged."""
+Inputs = dict[str, Arrays | Exception]
+"""By argument, the arrays of what a call reads, or why there are none."""
 
 
 def _with_inputs(calls: Calls, folder: Path, start: int = 0) -> Iterator[Inputs]:
@@ -298,25 +300,28 @@ def _with_inputs(calls: Calls, folder: Path, start: int = 0) -> Iterator[Inputs]
         size = 0
         for name, read in reads.items():
             spots = read.spots[start:stop]
-            present = spots.present.reshape(stop - start, -1)
-            cells = iter(read_cells(folder, spots[spots.present]))
-            for inputs, count in zip(found, present.sum(axis=1).tolist(), strict=True):
-                inputs[name] = [next(cells) for _ in range(count)]
-                size += sum(array.nbytes for one in inputs[name] if one for array in one.values())
-        yield from found
+            cells = _each(folder, spots[spots.present])
+            for number, inputs in enumerate(found):
+                inputs[name] = arrays = _joined(read.step, spots[number], cells)
+                if not isinstance(arrays, Exception):
+                    size += sum(array.nbytes for array in arrays.values())
+        while found:
+            yield found.pop(0)  # and hold it no longer
         fitting = AHEAD_BYTES * (stop - start) // max(size, 1)
         start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
 
 
+def _each(folder: Path, spots: Spots) -> Iterator[Arrays | None]:
+    """Yield arrays of cells in order, None for damaged ones; some are in memory at once."""
+    for first in range(0, len(spots), JOINED):
+        yield from read_cells(folder, spots[first : first + JOINED])
+
+
 def _arguments(calls: Calls, number: int, inputs: Inputs, folder: Path) -> dict[str, Any]:
     """Return arguments of a call by name; raise `Damaged` if one is unreadable."""
-    lost: list[bytes] = []
-    for name, cells in inputs.items():
-        spots = calls.sources[name].spots[number]  # type: ignore[union-attr]
-        keys = spots.keys.reshape(-1, 2)[spots.present.ravel()]
-        lost += [key.tobytes() for key, cell in zip(keys, cells, strict=True) if cell is None]
-    if lost:
-        raise Damaged(tuple(lost))
+    damaged = [one.keys for one in inputs.values() if isinstance(one, Damaged)]
+    if damaged:
+        raise Damaged(tuple(chain(*damaged)))
     given: dict[str, Any] = {}
     for name, source in calls.sources.items():
         if isinstance(source, Column):
@@ -324,7 +329,9 @@ def _arguments(calls: Calls, number: int, inputs: Inputs, folder: Path) -> dict[
         elif isinstance(source, Made):
             given[name] = _object(source.calls, int(source.places[number]), folder)
         else:
-            arrays = _joined(source.step, source.spots.present[number], inputs.pop(name))
+            arrays = inputs.pop(name)
+            if isinstance(arrays, Exception):
+                raise arrays
             given[name] = arrays[source.step.outputs[0].name] if len(arrays) == 1 else arrays
     if calls.streams:
         seed, cell = calls.streams[number]
@@ -350,21 +357,36 @@ def _object(calls: Calls, number: int, folder: Path) -> Any:
     return made
 
 
-def _joined(step: Step, present: NDArray[np.bool_], cells: Sequence[Arrays]) -> Arrays:
-    """Return arrays of one cell, or of many as one; empty values where there is no cell."""
-    if not present.ndim:
-        return cells[0]
-    whole: Arrays = {}
-    for output in step.outputs:
-        name, shape = output.name, cells[0][output.name].shape
-        if any(cell[name].shape != shape for cell in cells):
-            raise ValueError(f"{name} of {step.name} has a shape that differs between cells")
-        joined = np.empty((*present.shape, *shape), dtype=output.dtype)
-        if not present.all():
-            joined[...] = output.empty
-        joined[present] = [cell[name] for cell in cells]
-        whole[name] = joined
-    return whole
+def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays | Exception:
+    """Return arrays of the next cells as one, or of a single one; empty values where there is none.
+
+    An exception, if cells are damaged or their shapes differ.
+    """
+    present, whole = spots.present, Arrays()
+    lost: list[bytes] = []
+    wrong: Exception | None = None
+    places = np.flatnonzero(present)
+    for start in range(0, len(places), JOINED):
+        at = places[start : start + JOINED]
+        read = [*islice(cells, len(at))]
+        found = [cell for cell in read if cell is not None]
+        if len(found) < len(read):
+            keys = zip(spots.keys.reshape(-1, 2)[at], read, strict=True)
+            lost += [key.tobytes() for key, cell in keys if cell is None]
+        elif not present.ndim:
+            return found[0]
+        for output in step.outputs if not (lost or wrong) else ():
+            name, shape = output.name, found[0][output.name].shape
+            if start == 0:
+                whole[name] = np.empty((*present.shape, *shape), dtype=output.dtype)
+                if not present.all():
+                    whole[name][...] = output.empty
+            shape = whole[name].shape[present.ndim :]
+            if any(cell[name].shape != shape for cell in found):
+                wrong = ValueError(f"{name} of {step.name} has a shape that differs between cells")
+                break
+            whole[name].reshape(-1, *shape)[at] = [cell[name] for cell in found]
+    return Damaged(tuple(lost)) if lost else wrong or whole
 
 
 _kept = threading.local()
