@@ -302,7 +302,11 @@ def _with_inputs(calls: Calls, folder: Path, start: int = 0) -> Iterator[Inputs]
             spots = read.spots[start:stop]
             cells = _each(folder, spots[spots.present])
             for number, inputs in enumerate(found):
-                inputs[name] = arrays = _joined(read.step, spots[number], cells)
+                if spots.pack.ndim == 1:  # one cell, as most often
+                    arrays: Any = next(cells) or Damaged((spots.keys[number].tobytes(),))
+                else:
+                    arrays = _joined(read.step, spots[number], cells)
+                inputs[name] = arrays
                 if not isinstance(arrays, Exception):
                     size += sum(array.nbytes for array in arrays.values())
         while found:
@@ -358,7 +362,7 @@ def _object(calls: Calls, number: int, folder: Path) -> Any:
 
 
 def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays | Exception:
-    """Return arrays of the next cells as one, or of a single one; empty values where there is none.
+    """Return arrays of the next cells as one; empty values where there is none.
 
     An exception, if cells are damaged or their shapes differ.
     """
@@ -373,8 +377,6 @@ def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays 
         if len(found) < len(read):
             keys = zip(spots.keys.reshape(-1, 2)[at], read, strict=True)
             lost += [key.tobytes() for key, cell in keys if cell is None]
-        elif not present.ndim:
-            return found[0]
         for output in step.outputs if not (lost or wrong) else ():
             name, shape = output.name, found[0][output.name].shape
             if start == 0:
