@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +17,9 @@ import xarray as xr
 from commands import opened, swept
 from numpy.typing import NDArray
 
-import ncti.ships
-from ncti.classify import Similarities, cluster
-from ncti.features import profile_vector
-from ncti.ladar import expected_profile, range_extent
-from ncti.render import line_image
-
 KNOWN = ("duncan", "horne", "spruance", "texas")
 UNKNOWN = ("connole", "roberts")
-PULSES = (10, 30, 50)  # [ns]
-CNR, TARGET_FREE, DEPRESSION = 10**3.2, 4000, 3.84
 
-GRIDS, ORDERS = 2, 4
 
 PROFILES = (
     "sensor=range",
@@ -68,9 +58,6 @@ Answers = NDArray[np.float64]
 def stream(seed: int, what: str) -> np.random.Generator:
     """Return the random numbers of one experiment of a seed."""
     return np.random.default_rng([seed, *what.encode()])
-
-
-ship = cache(ncti.ships.load)
 
 
 def sweep_of(seed: int, folder: Path, name: str, *overrides: str) -> Path:
@@ -164,49 +151,13 @@ def rejection(store: Path) -> xr.Dataset:
     return table.sel(template_spacing=1.5).squeeze()
 
 
-# What the library makes
-
-
-def category_counts(seed: int) -> dict[str, float]:
-    """Return mean numbers of categories, by pulse width, of 31 aspects 3 degrees apart.
-
-    Of grids that begin anywhere in the first 3 degrees, presented in any order.
-    """
-    rng = stream(seed, "categories")
-    counts = np.zeros(len(PULSES))
-    for first in rng.uniform(0, 3, GRIDS):
-        extents = [
-            range_extent(
-                line_image(ship(name), aspect=aspect, depression=DEPRESSION, spacing=0.5),
-                slant_range=100e3,
-            )
-            for name in KNOWN
-            for aspect in first + 3 * np.arange(30)
-        ]
-        orders = [rng.permutation(len(extents)) for _ in range(ORDERS)]
-        for k, width in enumerate(PULSES):
-            signal: dict[str, Any] = {"pulse_width": width * 1e-9, "cnr": CNR}
-            seen = [
-                expected_profile(one, target_free_ifovs=TARGET_FREE, **signal) for one in extents
-            ]
-            alike = Similarities.of(profile_vector(np.array(seen)))
-            for order in orders:
-                formed = cluster(alike, vigilance=0.95, order=order)
-                counts[k] += formed.labels.max() + 1
-    mean = dict(zip(PULSES, counts / (GRIDS * ORDERS), strict=True))
-    return {f"categories, {width} ns": count for width, count in mean.items()} | {
-        "categories, 10 ns less 30 ns": mean[10] - mean[30],
-        "categories, 30 ns less 50 ns": mean[30] - mean[50],
-    }
-
-
 def figures(seed: int, folder: Path) -> dict[str, float]:
     """Return all figures of a seed."""
     profiles = profile_sweep(seed, folder)
     right = shares_of_profiles(profiles) | shares_of_both(sweep_of_both(seed, folder))
     found = {name: float(answer.mean()) for name, answer in right.items()}
     found["OSCR"] = float(rejection(profiles).oscr)
-    return found | category_counts(seed)
+    return found
 
 
 def main(number: int, first: int = 1000) -> None:

@@ -14,7 +14,6 @@ A claim fails falsely with a probability of at most `LEVEL`, and all of them tog
 - Classifiers beside each other on the same views: an exact sign test over views.
 - Learned and fresh aspects: Welch's t-test over aspects, each the mean of its ships and draws.
 - Thresholds and areas of rejection: inequalities of Massart and of Hoeffding.
-- Means of categories: Student's prediction interval, from earlier seeds.
 
 What is claimed of lines, their error bars and flights is in `tests/convergence` and `tests/irar`.
 """
@@ -26,7 +25,6 @@ from dataclasses import dataclass
 
 import drawn
 import pytest
-from commands import opened
 from drawn import (
     answers,
     is_multiple,
@@ -77,26 +75,6 @@ AREA = 0.50  # in the long run, under known ships right over unknown ones let th
 REJECTED_LESS = 0.32  # known ships kept where 76 % of answers to unknown ones are rejected
 
 
-@dataclass(frozen=True)
-class Mean:
-    """A figure over earlier seeds: mean, deviation and number; and what is claimed of it."""
-
-    mean: float
-    deviation: float
-    seeds: int
-    low: float = -math.inf
-    high: float = math.inf
-
-
-MEANS = {
-    "categories, 10 ns": Mean(29.05, 0.61, 16, low=24, high=34),
-    "categories, 30 ns": Mean(19.16, 0.53, 16, low=15, high=24),
-    "categories, 50 ns": Mean(14.27, 0.57, 16, low=10, high=19),
-    "categories, 10 ns less 30 ns": Mean(9.89, 0.85, 16, low=3),
-    "categories, 30 ns less 50 ns": Mean(4.88, 0.45, 16, low=1),
-}
-
-
 @pytest.fixture(autouse=True)
 def _seed():
     """Say which seed a test that fails had."""
@@ -143,17 +121,6 @@ def test_each_share_of_right_answers_is_within_what_is_claimed(shares, name):
 
 
 # Range profiles
-
-
-@pytest.fixture(scope="module")
-def counts():
-    """Mean numbers of categories, and their differences."""
-    return drawn.category_counts(SEED)
-
-
-@pytest.mark.parametrize("name", MEANS)
-def test_longer_pulses_form_fewer_categories(counts, name):
-    assert MEANS[name].low < counts[name] < MEANS[name].high
 
 
 @pytest.mark.parametrize(
@@ -212,10 +179,3 @@ def test_both_sensors_name_no_less_than_either(both):
                 (right["both"] < right[alone]).sum(),
             )
             assert stats.binom.cdf(wins, wins + losses, 0.5) >= LEVEL, (distance, alone)
-
-
-def test_the_detector_finds_ships_at_25_and_50_km_and_not_at_100(both):
-    """Probabilities in closed form: what is drawn is the grid of aspects alone."""
-    found = opened(both, "tables/detection").probability.sel(aspect_bin="overall").squeeze()
-    assert found.sel(range=25) > 0.999 and found.sel(range=50) > 0.99
-    assert 0.001 < found.sel(range=100) < 0.1

@@ -90,6 +90,22 @@ def test_noise_about_a_target_too_faint_to_be_seen_has_the_distribution_of_its_p
     assert distance < 0.01 + 1.95 / math.sqrt(COUNT)
 
 
+@pytest.mark.parametrize("apart", [0.3, 0.5])
+def test_returns_closer_than_a_pulse_add_their_fields(apart):
+    """Fields exp(-2 x^2 / L^2) of two halves of the power, d L apart: 2 exp(-d^2) at the middle."""
+    length = flight().pulse_length
+    intensity, range_ = received(rays([RANGE, RANGE + apart * length]), cnr=CLEAN, still=True)
+    assert intensity.mean() / CLEAN == pytest.approx(2 * math.exp(-(apart**2)), rel=0.02)
+    assert range_.mean() == pytest.approx(RANGE + apart * length / 2, abs=0.05)
+
+
+def test_what_lies_beyond_the_gate_is_not_received():
+    """However strong: a gate of 300 m about the nominal range, and a wall 151 m behind that."""
+    for beyond, seen in ((149.0, True), (151.0, False)):
+        _, range_ = received(rays([RANGE + beyond] * 9), cnr=CLEAN, threshold=100.0, still=True)
+        assert np.isfinite(range_).all() == seen and np.isfinite(range_).any() == seen
+
+
 @pytest.mark.parametrize("range_sigma", [0.5, 1.0])
 def test_ranges_of_a_wall_have_the_error_of_the_sensor(range_sigma):
     """Chi-square of 3,000 ranges at the level 1e-3, and no bias beyond 3.3 standard errors."""

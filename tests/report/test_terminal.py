@@ -20,9 +20,9 @@ DISPLAY, *_ = score_displays(
 )
 
 
-def printed(frame, width, swept=()):
+def printed(frame, width, swept=(), most=None):
     console = Console(file=io.StringIO(), width=width)
-    print_table(laid_out(frame, swept), console, most=None)
+    print_table(laid_out(frame, swept), console, most=most)
     return console.file.getvalue()
 
 
@@ -63,6 +63,12 @@ def test_the_swept_axis_comes_first():
     for swept, first, second in (("cnr", "cnr", "count"), ("frame_count", "count", "cnr")):
         heading = printed(frame, 120, [swept]).partition("─")[0].splitlines()[-1]
         assert heading.index(first) < heading.index(second)
+
+
+def test_rows_that_are_left_out_are_counted():
+    frame = tidy(scores(cnr=[20.0, 30.0], frame_count=[4, 8, 16]), DISPLAY, "tables/acn")
+    assert len(laid_out(frame).lines) == 6
+    assert "4 more rows are in scores.csv" in printed(frame, 120, most=2)
 
 
 def test_nothing_is_read_as_markup_and_chance_is_said():

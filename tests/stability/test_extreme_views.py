@@ -32,15 +32,6 @@ def check(engine, solid, *, pixel, size=130.0, **view):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("length", [1.0, 10e3])
-@pytest.mark.parametrize("slant_range", [None, 100e3, 1e6])
-def test_a_ship_of_a_metre_and_one_of_ten_kilometres(engine, length, slant_range):
-    scale = length / 130.0
-    view = {"aspect": 37.0, "depression": 3.84, "slant_range": slant_range}
-    check(engine, box(scale), pixel=0.5 * scale, size=length, **view)
-
-
-@pytest.mark.parametrize("engine", ENGINES)
 def test_a_ship_around_the_sensor_is_refused(engine):
     view = {"aspect": 37.0, "depression": 3.84}
     with pytest.raises(ValueError, match=r"slant_range is 100 m, and the ship reaches 4768"):
