@@ -1,14 +1,7 @@
-"""Small experiments whose every choice is drawn from one seed, and the figures they give.
-
-    PYTHONPATH=tests/claims:tests/engine:tests/sweeps python -m drawn 8 1000
-
-prints their means and standard deviations over 8 seeds from 1000 on, in some 5 minutes.
-"""
+"""Small experiments whose every choice is drawn from one seed, and the answers they give."""
 
 from __future__ import annotations
 
-import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -149,28 +142,3 @@ def rejection(store: Path) -> xr.Dataset:
     """Return what the correlation classifier rejects of six ships, two of them unknown."""
     table = opened(store, "tables/rejection_correlation").sel(aspects="learned")
     return table.sel(template_spacing=1.5).squeeze()
-
-
-def figures(seed: int, folder: Path) -> dict[str, float]:
-    """Return all figures of a seed."""
-    profiles = profile_sweep(seed, folder)
-    right = shares_of_profiles(profiles) | shares_of_both(sweep_of_both(seed, folder))
-    found = {name: float(answer.mean()) for name, answer in right.items()}
-    found["OSCR"] = float(rejection(profiles).oscr)
-    return found
-
-
-def main(number: int, first: int = 1000) -> None:
-    """Print mean, deviation, least and greatest of every figure over some seeds."""
-    made = []
-    for seed in range(first, first + number):
-        with tempfile.TemporaryDirectory() as folder:
-            made.append(figures(seed, Path(folder)))
-    for name in made[0]:
-        values = np.array([one[name] for one in made])
-        spread = values.std(ddof=1) if number > 1 else np.nan
-        print(f"{name}: {values.mean():.4f} {spread:.4f} {values.min():.4f} {values.max():.4f}")
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))

@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from running import python
 
 import sweeps
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
@@ -51,6 +50,9 @@ def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
     assert run(x=[1, 2], y=[0.5, 1.5]).equals(found) and not CALLS
     more = run(x=[1, 2, 3], y=[0.5, 1.5])
     assert CALLS == [(3, 0.5), (3, 1.5)] and more.sel(x=[1, 2]).equals(found)
+    how = {"store": tmp_path / "t.zarr", "cache": tmp_path / "d", "cluster": "local"}
+    elsewhere = sweeps.sweep(product, {"x": [1, 2], "y": [0.5, 1.5]}, **how)
+    assert elsewhere.equals(found) and len(CALLS) == 2  # which workers of this machine computed
 
 
 def test_arrays_noise_and_values_of_other_types(tmp_path):
@@ -95,23 +97,3 @@ def test_mistakes_are_named(tmp_path, function, values, sentence):
     with pytest.raises(ConfigurationError, match=sentence):
         sweeps.sweep(function, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
     assert not (tmp_path / "s.zarr").exists()
-
-
-SCRIPT = """
-import sweeps
-
-SHIFT = 1
-
-def shifted(x):
-    return x + SHIFT
-
-if __name__ == "__main__":
-    how = {"store": "s.zarr", "cache": "c", "cluster": "local"}
-    print(sweeps.sweep(shifted, {"x": [1, 2, 3]}, **how).shifted.values)
-"""
-
-
-def test_a_script_uses_all_cores_in_five_lines(tmp_path):
-    (tmp_path / "script.py").write_text(SCRIPT)
-    done = python("script.py", cwd=tmp_path, check=False)
-    assert done.stdout == "[2. 3. 4.]\n", done.stderr

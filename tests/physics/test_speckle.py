@@ -55,17 +55,6 @@ def test_averaging_reduces_the_variance_as_one_over_n():
     assert abs(z) < stats.norm.isf(LEVEL / 2)
 
 
-def test_ifovs_are_independent():
-    amplitude = draw(9)[:, FACE]
-    one = draw(1, seed=2)[:, FACE]
-    # Nine independent IFOVs: nine times the mean and the variance of one.
-    error = math.hypot(amplitude.std(), 9 * one.std()) / math.sqrt(FRAMES)
-    assert abs(amplitude.mean() - 9 * one.mean()) < stats.norm.isf(LEVEL / 2) * error
-    # The variance of a Rayleigh sample errs by sqrt((kurtosis - 1) / N) = sqrt(2.245 / N).
-    ratio = amplitude.var() / (9 * one.var())
-    assert abs(ratio - 1) < stats.norm.isf(LEVEL / 2) * 2 * math.sqrt(2.245 / FRAMES)
-
-
 def test_magnitude_covariance_has_its_limits():
     field = np.array([[2.0, 0.0, 2.0], [0.0, 3.0, 0.0], [2.0, 0.0, 2.0]])
     covariance = magnitude_covariance(field)

@@ -18,19 +18,6 @@ def profiles(seed=0):
     return np.random.default_rng(seed).random((32, 40))
 
 
-@pytest.mark.parametrize("learning_rate", [np.nextafter(0, 1), 1e-12, 0.1, 1.0])
-def test_vigilance_of_nought_and_one(learning_rate):
-    """Vectors that all agree are one category at 0; at 1 every direction has its own."""
-    one, all_ = (
-        AdaptiveClusteringNetwork(vigilance=v, learning_rate=learning_rate).fit(profiles(), LABELS)
-        for v in (0.0, 1.0)
-    )
-    assert (one.n_categories_, all_.n_categories_) == (1, 32)
-    assert one.converged_
-    assert all_.converged_
-    assert (all_.predict(profiles()) == LABELS).all()
-
-
 @settings(max_examples=25)
 @given(
     st.floats(1e-6, 1e6),

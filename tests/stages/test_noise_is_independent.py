@@ -4,9 +4,8 @@ A setting that is missing from the name of a stream leaves every result as proba
 for itself. It shows only where cells are averaged: their noise then does not average out.
 """
 
-import numpy as np
 import pytest
-from commands import chosen, opened, swept
+from commands import chosen
 
 from sweeps.engine.plan import Plan
 from sweeps.experiment import EXPERIMENT
@@ -47,24 +46,3 @@ def test_no_two_cells_have_one_stream(stage, overrides, cells):
     names, count = streams(stage, *overrides)
     assert count == cells
     assert len(names) == cells
-
-
-def test_noise_of_profiles_that_differ_in_anything_is_uncorrelated(tmp_path, cache):
-    """Of 2^6 cells, two by two at either pulse width.
-
-    Bins l apart correlate by some exp(-4 l^2 / N_t^2), N_t = cT / 2 dR, so that the correlation of
-    two cells over B bins has a variance of N_t sqrt(pi / 8) / B: at 30 ns 0.106 squared. Six times
-    that is reached once in 5e8 pairs; cells that share their noise correlate by nearly 1.
-    """
-    swept(tmp_path / "s.zarr", cache, *RANGE)
-    found = opened(tmp_path / "s.zarr", "range_profile")
-    assert (found.within_tolerance == -1).all()  # no tolerance is asked for
-    noise = (found.averaged - found.expected).squeeze("frame_count", drop=True)
-    for width in noise.pulse_width.values:
-        cells = noise.sel(pulse_width=width).transpose(..., "down_range").values
-        alike = np.corrcoef(cells.reshape(-1, cells.shape[-1]))
-        n_t = 299_792_458 * width * 1e-9 / 2
-        reach = 6 * np.sqrt(max(1, n_t * np.sqrt(np.pi / 8)) / cells.shape[-1])
-        pairs = np.abs(alike[np.triu_indices(len(alike), 1)])
-        assert pairs.size == 32 * 31 / 2
-        assert pairs.max() < reach < 0.7

@@ -1,4 +1,4 @@
-"""Views at their own slant range: what sweeps state of their error holds from 1 to 100 km."""
+"""Views at their own slant range: what sweeps state of their error holds near and far."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import ncti.ships
 from ncti.ladar import RangeExtent
 from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import Sampling, far_field_error
-from ncti.render.far_field import reach_of
+from ncti.render import Sampling
 from ncti.render.view import ROLL
 from sweeps.stages import ladar, views
 from sweeps.stages.ships import ship_name
 
 ASPECT, DEPRESSION = 20.3, 3.84  # a view in which the far field errs most
-RANGES = (1.0, 4.0, 25.0, 100.0)  # [km]
+RANGES = (1.0, 25.0)  # [km]
 TOLERANCE = 1e-3
 PULSE = 30.0  # [ns]
 PIXEL = 0.14  # of lines that start; an IFOV at 1 km is 0.15 m wide
@@ -73,12 +72,3 @@ def test_the_error_that_a_sweep_states_covers_the_truth_at_any_range(stored, sla
     assert float(view.profile_error) == pytest.approx(extent.error_after(PULSE * 1e-9), rel=1e-6)
     assert truth <= float(view.profile_error) <= TOLERANCE
     assert int(view.within_tolerance) == 1
-
-
-def test_a_shared_view_errs_by_no_more_than_its_share():
-    """One far-field view for all ranges from 1.5 reach / (tolerance / 10) on: 27 km at 5 %."""
-    hull, tolerance = views.hull(ship_name("texas")), 0.05
-    reach = reach_of(views.mesh(hull).vertices)
-    shared = [views.drawn_range(hull, r, tolerance, "all") is None for r in (26e3, 28e3, 100e3)]
-    assert shared == [False, True, True]
-    assert far_field_error(reach, 28e3) <= tolerance / 10 < far_field_error(reach, 26e3)
