@@ -1,13 +1,19 @@
-"""Doctests of the library, collected as tests wherever `ncti` or a part of it is tested."""
+"""The cache of all tests, and doctests of the library wherever `ncti` or a part of it is tested."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 from _pytest.doctest import DoctestModule
 
 LIBRARY = Path(__file__).parent / "ncti"
+
+# Ships and compiled loops are kept from run to run, and never in the cache of whoever runs tests.
+os.environ["XDG_CACHE_HOME"] = str(Path(__file__).parent / ".pytest_cache" / "home")
+for variable in ("SWEEP_CACHE", "NUMBA_CACHE_DIR"):  # which would come first
+    os.environ.pop(variable, None)
 
 
 def pytest_collect_file(file_path: Path, parent: Any) -> DoctestModule | None:

@@ -10,9 +10,6 @@ from hypothesis import settings
 from once import made_once, sharing_ships
 from platformdirs import user_cache_path
 
-# Ships and compiled loops are kept from run to run, and never in the cache of whoever runs tests.
-os.environ["XDG_CACHE_HOME"] = str(Path(__file__).parents[1] / ".pytest_cache" / "home")
-
 # The first example of a test may import a library, which takes longer than a deadline allows.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")

@@ -1,4 +1,4 @@
-"""Libraries that take long to import wait until something needs them."""
+"""Libraries that take long to import wait until something needs them; whose cache tests use."""
 
 from importlib import metadata
 
@@ -17,6 +17,15 @@ def test_the_library_alone_loads_nothing_but_itself():
     found = loaded_after("import ncti")
     assert {name for name in found if name.startswith("ncti")} == {"ncti"}
     assert not found & {"numpy", "scipy", "sklearn", "trimesh", "xarray"}
+
+
+def test_no_test_touches_the_cache_of_whoever_runs_it(tmp_path):
+    """Also where examples of the library are run alone, of ships, which are kept."""
+    example = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "ncti/ships/loading.py")
+    names = ("HOME", "XDG_CACHE_HOME", "SWEEP_CACHE", "NUMBA_CACHE_DIR")
+    places = {name: str(tmp_path / name) for name in names}
+    assert " passed" in python(*example, **places).stdout
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_library_has_the_version_of_its_distribution():
