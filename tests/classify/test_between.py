@@ -82,7 +82,7 @@ def fresh(count=120, frames=16, noise=0.5):
 
 
 def test_probabilities_at_fresh_aspects_are_not_too_sure():
-    """Surprise at the true label: smaller than with exact templates, and no more than claimed.
+    """Negative log-likelihood of the true label: smaller than with exact templates, and no more than claimed.
 
     Of 360 answers the share that is wrong is below the mean claim plus 3 standard errors.
     """
@@ -127,7 +127,7 @@ def test_errors_are_calibrated_on_averages_of_sixteen_frames(monkeypatch):
 
 
 @pytest.mark.parametrize("added", [0.25, 1.0])
-def test_the_likely_doubt_is_that_of_a_search_of_all(added):
+def test_the_likely_outlier_fraction_is_that_of_a_search_of_all(added):
     """By the sum itself, on a grid of 1 in 1,000 of outlier fractions, for several weights."""
     rng = np.random.default_rng(10)
     sure = rng.beta(5, 1, 80)
@@ -151,7 +151,7 @@ def test_the_likely_doubt_is_that_of_a_search_of_all(added):
     )
 
 
-def test_doubt_bounds_what_a_sensor_outweighs_and_names_no_other_label():
+def test_outliers_bound_what_a_sensor_outweighs_and_name_no_other_label():
     """With labels equally many: (1 - e) p + e / labels, by definition."""
     scores = np.random.default_rng(8).normal(scale=30, size=(50, 6))
     labels = np.array([0, 0, 1, 1, 2, 2])
@@ -164,7 +164,7 @@ def test_doubt_bounds_what_a_sensor_outweighs_and_names_no_other_label():
     np.testing.assert_allclose(softened, 0.94 * plain + 0.06 / 3, rtol=1e-9)
 
 
-def test_doubts_of_each_template():
+def test_outlier_fractions_of_each_template():
     """log((1 - e) p + e) with p relative to its mean over labels; 1 leaves nothing."""
     scores = np.random.default_rng(8).normal(size=(5, 4))
     outlier_fractions = np.array([0.0, 0.2, 1.0, 1.0])
@@ -178,7 +178,7 @@ def test_doubts_of_each_template():
             with_outliers(scores, [0, 0, 1, 1], outlier_fraction=wrong)
 
 
-# Sharpness and outlier fraction of scores together
+# Inverse temperature and outlier fraction of scores together
 
 
 def mistaken(samples, share, seed, distance=3.0):
@@ -192,7 +192,7 @@ def mistaken(samples, share, seed, distance=3.0):
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
 @pytest.mark.parametrize("share", [0.05, 0.3])
-def test_sharpness_and_doubt_are_found_together(scale, share):
+def test_inverse_temperature_and_outlier_fraction_are_found_together(scale, share):
     """The outlier fraction is the share of mistakes, of 4,000 looks: within four standard errors.
 
     The inverse temperature scatters by some 5 % (found by repeating).

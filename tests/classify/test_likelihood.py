@@ -121,7 +121,7 @@ def test_probabilities_are_the_frequencies_of_the_model(frames):
 def test_templates_left_out_are_as_if_never_given():
     means, floor, dense = templates()
     X = means + 0.3
-    # Nugget and floor have their units from all templates given.
+    # Diagonal loading and floor have their units from all templates given.
     known = GaussianTemplates(floor_sigma=0.0, diagonal_loading=0.0)
     classifier = clone(known).fit(means, lower_band(dense), LABELS, floor)
     fewer = clone(known).fit(means[1:], lower_band(dense[1:]), LABELS[1:], floor)

@@ -1,4 +1,4 @@
-"""ClassifierGroup measured profiles: every classifier as the library has it, and who is asked."""
+"""Names of measured profiles: every classifier as the library has it, and ships not asked for."""
 
 import warnings
 
@@ -40,7 +40,7 @@ def signatures():
 
 
 def training_views(name, **changes):
-    """The lesson of a classifier, with few epochs."""
+    """What a classifier is trained with, of few epochs."""
     choices = read()
     names = (setting for setting in EXPERIMENT.declared if setting.key.startswith("classifier."))
     given = {setting.name: choices[setting][0] for setting in names}
@@ -66,10 +66,10 @@ def named(signatures, name, valid=ALL, unknown=None, **changes):
     """What a classifier calls signatures that it learned the synthetic ones of."""
     known = signatures[:, :, LEARNED]
     learned = classifier.training_views(SHIPS, ASPECTS, unknown, None, None, ())
-    pupil = namer(training_views(name, **changes), known, valid, learned, ASPECTS, Fixed())
+    trained = namer(training_views(name, **changes), known, valid, learned, ASPECTS, Fixed())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return measured(pupil, signatures, valid)
+        return measured(trained, signatures, valid)
 
 
 @pytest.mark.filterwarnings(f"ignore::{ConvergenceWarning.__module__}.ConvergenceWarning")
@@ -82,7 +82,7 @@ def test_answers_are_those_of_the_library(signatures, name, vigilance):
     labels, group = aspect_bins(np.array(ASPECTS))
     classes = ship * len(labels) + np.tile(group, len(SHIPS))
     vectors = profile_vector(signatures[:, :, LEARNED].reshape(-1, BINS))
-    pupil = {
+    trained = {
         "acn": AdaptiveClusteringNetwork(vigilance=vigilance, learning_rate=0.1),
         "mnn": GainAnnealedNetwork(
             epochs=60, learning_rate=0.015, tolerance=0.35, scaling="common", random_state=11
@@ -93,7 +93,7 @@ def test_answers_are_those_of_the_library(signatures, name, vigilance):
     for kind in range(len(KINDS)):
         asked = ship < 2 if kind == MEASURED else ship < len(SHIPS)
         seen = profile_vector(signatures[:, :, kind].reshape(-1, BINS)[asked])
-        told = pupil.predict(seen)
+        told = trained.predict(seen)
         right = told == (classes if name == "mnn" else ship)[asked]
         told = told // len(labels) if name == "mnn" else told
         ours = {one: values[kind].reshape(-1) for one, values in answers.items()}

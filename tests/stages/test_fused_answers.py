@@ -137,7 +137,7 @@ def test_by_hand(unknown):
     cell, (templates, seen) = made(noise=5.0), maps()
     scores = compared(cell, templates, seen, unknown=unknown)
     cosines = similarity_by_hand(templates, seen)
-    # `test_naming_by_likelihood` holds these against densities.
+    # `test_likelihood_answers` holds these against densities.
     logs = np.full((len(GAINS), REPLICATES, len(FRAMES), VIEWS, VIEWS), np.nan)
     logs[..., training_views] = scores[0].swapaxes(0, 1)
     for m, phase in np.ndindex(len(LOOKS), PHASES):
