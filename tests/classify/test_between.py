@@ -82,7 +82,7 @@ def fresh(count=120, frames=16, noise=0.5):
 
 
 def test_probabilities_at_fresh_aspects_are_not_too_sure():
-    """Negative log-likelihood of the true label: smaller than with exact templates, and no more than claimed.
+    """Negative log-likelihoods: smaller than with exact templates, and no more than claimed.
 
     Of 360 answers the share that is wrong is below the mean claim plus 3 standard errors.
     """
