@@ -45,16 +45,3 @@ def test_a_fit_marks_the_value_nearest_to_the_source():
 def test_table_1_follows_from_one_contrast():
     _, _, printed, found = reproduction.sensor()
     assert (printed, found) == ("0.76 K, 58.0; 0.27 K, 7.2", "0.76 K, 57.5; 0.27 K, 7.2")
-
-
-def test_a_tolerance_is_judged_by_what_it_was_not_fitted_to():
-    small = (
-        *("classifier=mnn", "grid.ship=[duncan,texas]", "grid.aspect=[0,3,30,33,60,63]"),
-        *("grid.frame_count=[8,16]", "grid.replicate=2", "seed=[0,1]", "classifier.mnn.epochs=5"),
-    )
-    report = fits.tolerance(small, (0.1, 0.35))
-    assert [row["value"] for row in report.rows] == ["0.1", "0.35 (default)"]
-    assert [column.key for column in report.columns][1:] == [
-        *("training, fitted", "16 frames", "8 frames", "training [%]", "16 frames [%]")
-    ]
-    assert sum("*" in row["training, fitted"] for row in report.rows) == 1

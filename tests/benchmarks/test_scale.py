@@ -23,18 +23,3 @@ def test_every_kind_has_a_sweep_of_the_least_number_of_views():
     assert kinds == {scale.LEARNED, scale.RANDOM}
     with pytest.raises(SystemExit):
         command.main(["scale", "--most", str(scale.LEAST_VIEWS - 1)])
-
-
-def test_a_small_sweep_has_all_figures(monkeypatch):
-    monkeypatch.setattr(scale, "SHIPS", ("duncan", "texas"))
-    monkeypatch.setattr(scale, "STEPS", (45.0,))
-    monkeypatch.setattr(scale, "DRAWN", ())
-    coarse = (*scale.SCENE, "render.pixel=1", "cluster=inline")
-    report = scale.measure(most=10, scene=coarse)
-    [row] = report.rows
-    assert set(row) == {column.key for column in report.columns}
-    assert row["views"] == 6 and row["files"] > 20
-    shares = [row[key] for key in ("extent", "averages", "matching", "others")]
-    assert min(shares) > 0 and sum(shares) == pytest.approx(100)
-    assert row["cpu_ms"] > 0
-    assert row["driver_mib"] > 50

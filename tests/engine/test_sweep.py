@@ -95,18 +95,6 @@ def test_values_alone_and_in_company_are_equal():
     assert company(SPRINGS, choices, most=5) == {"noisy": 6, "answers": 6}
 
 
-@stage(Output("sum", label="sum"), uses=(Few,), along=(Few.size,), group=Group("poor"))
-def sociable(size):
-    """A sum over the company."""
-    return np.full(len(size), sum(size))
-
-
-def test_a_value_that_depends_on_its_company_is_found():
-    poor = of(sociable)
-    with pytest.raises(AssertionError, match="sociable size=1: sum depends on its company"):
-        company(poor, read_choices(poor.declared, {}))
-
-
 def test_what_was_measured_is_kept_and_says_so(tmp_path):
     run_few([timed], tmp_path / "a.zarr", tmp_path / "cache")
     first = opened(tmp_path / "a.zarr", "timed")

@@ -98,29 +98,25 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     truths = [np.pad(values, wide) for values in (truth.intensity, truth.infrared)]
     row, column, _ = places(scan, irar.Correction(), estimate=estimate)
     spots = row - window.bottom, column - window.left
-    lean = irar.tilts([whole.intensity, whole.infrared], truths, places=spots)
-    active, passive = (
-        irar.tilts(image, truth_, places=spots)
-        for image, truth_ in zip((whole.intensity, whole.infrared), truths, strict=True)
-    )
+    pair = whole.intensity, whole.infrared
+    tilts = {
+        "": irar.tilts([*pair], truths, places=spots),
+        "intensity_": irar.tilts(pair[0], truths[0], places=spots),
+        "infrared_": irar.tilts(pair[1], truths[1], places=spots),
+    }
     clean = irar.correct(
         passed.noiseless(), irar.Correction(), estimate=estimate, window=window
     ).infrared
     row, column, _ = places(passed.noiseless(), irar.Correction(), estimate=estimate)
-    noiseless = irar.tilts(clean, truths[1], places=(row - window.bottom, column - window.left))
-    for name, value in (
-        ("mast_tilt", lean.mast),
-        ("waterline_tilt", lean.waterline),
-        ("mast_tilt_error", lean.mast_error),
-        ("waterline_tilt_error", lean.waterline_error),
-        ("intensity_mast_tilt", active.mast),
-        ("intensity_waterline_tilt", active.waterline),
-        ("infrared_mast_tilt", passive.mast),
-        ("infrared_waterline_tilt", passive.waterline),
-        ("noiseless_mast_tilt", noiseless.mast),
-        ("noiseless_waterline_tilt", noiseless.waterline),
-    ):
-        assert float(ours[name]) == pytest.approx(value, rel=1e-5), name
+    spots = row - window.bottom, column - window.left
+    tilts["noiseless_"] = irar.tilts(clean, truths[1], places=spots)
+    for channel, tilt in tilts.items():
+        for name in ("mast", "waterline"):
+            stored = float(ours[f"{channel}{name}_tilt"])
+            assert stored == pytest.approx(getattr(tilt, name), rel=1e-5), (channel, name)
+    for name in ("mast", "waterline"):
+        error = getattr(tilts[""], f"{name}_error")
+        assert float(ours[f"{name}_tilt_error"]) == pytest.approx(error, rel=1e-5), name
 
     drawn = range_image(
         mesh, aspect=175.0, depression=6.7, pixel=1.5, roll=0.0, slant_range=3000.0, engine="embree"
@@ -146,19 +142,12 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     offset = told[0].hangar - told[1].hangar
     assert float(ours.hangar_spike_offset) == pytest.approx(offset, abs=1e-5)
     for k, marks in enumerate(told):
-        for name, value in (
-            ("stern_to_hangar", marks.stern),
-            ("stern_to_bridge", marks.stern_to_bridge),
-            ("transom_ratio", marks.transom.height),
-            ("transom_energy", marks.transom.energy),
-            ("mast_position", marks.mast.offset),
-            ("mast_ratio", marks.mast.height),
-            ("mast_energy", marks.mast.energy),
-            ("forward_position", marks.forward.offset),
-            ("forward_ratio", marks.forward.height),
-            ("forward_energy", marks.forward.energy),
-            ("deck_spikes", len(marks.deck_spikes)),
-        ):
+        wanted = {"stern_to_hangar": marks.stern, "stern_to_bridge": marks.stern_to_bridge}
+        for name in ("transom", "mast", "forward"):
+            peak = getattr(marks, name)
+            wanted |= {f"{name}_ratio": peak.height, f"{name}_energy": peak.energy}
+            wanted |= {f"{name}_position": peak.offset} if name != "transom" else {}
+        for name, value in (wanted | {"deck_spikes": len(marks.deck_spikes)}).items():
             assert float(ours[name][k]) == pytest.approx(value, rel=1e-4, nan_ok=True), name
 
     seen = irar.measured_extent(fine, estimate, slant_range=100e3)

@@ -113,13 +113,6 @@ def test_it_has_axes_names_ships_and_is_reported(store):
     assert [float(row["share"]) for row in rows if float(row["scatter_m"]) == 0] == [1, 1]
 
 
-def test_it_extends_and_is_found_again(store, capsys):
-    assert ran(*SWEEP, "toy.echoes=[1,4,9]", modules=MODULES) == 0
-    # Of depths, of answers for all ships and aspects together, and of the sizes of three ships.
-    assert f"{12 + 2} cells computed, {24 + 4 + 3} reused, 0 failed" in capsys.readouterr().err
-    assert opened(store, "toy").echoes.values.tolist() == [1, 4, 9]
-
-
 def test_it_stands_beside_the_others(folder, results, capsys):
     both = (*SWEEP, "sensor=[range,toy]", "classifier.name=[acn,toy]", "render.pixel=1")
     assert ran(*both, "grid.frame_count=2", f"cache={results}", modules=MODULES) == 0
@@ -139,8 +132,3 @@ def test_it_is_described_and_checked_like_the_others(capsys):
     }.items():
         assert ran(*SWEEP, overrides, modules=MODULES) == 2
         assert said in capsys.readouterr().err
-
-
-def test_without_it_nobody_knows_it(capsys):
-    assert ran("sensor=toy") == 2
-    assert "must be one of range, infrared, irar, run_time, scan, both" in capsys.readouterr().err
